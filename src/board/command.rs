@@ -1,0 +1,372 @@
+//! Every command of the protocol table as a typed value, and the way to and from its bytes.
+
+use std::fmt;
+
+use super::frame::{self, Frame, Payload};
+use super::number::{Displacement, OutOfRange, PulseWidth, ServoIndex, Speed, TiltPulseWidth, TurnRate};
+
+/// What the host can say to the board. Each variant is one row of the protocol table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Function 0x01: mode and controller gains.
+    Pid(Mode, Gains),
+    /// Function 0x02, length 4: pan and tilt servo (1 and 2) in one frame.
+    Servos {
+        /// Pulse width of servo 1, horizontal.
+        pan: PulseWidth,
+        /// Pulse width of servo 2, vertical.
+        tilt: TiltPulseWidth,
+    },
+    /// Function 0x02, length 3: one servo.
+    Servo {
+        /// Which one.
+        index: ServoIndex,
+        /// Its pulse width.
+        pulse: PulseWidth,
+    },
+    /// Function 0x03, kind 0x01: speed of the whole robot. All zero is the stop.
+    Rocker {
+        /// To the right.
+        x: Speed,
+        /// Forward.
+        y: Speed,
+        /// Clockwise.
+        z: TurnRate,
+    },
+    /// Function 0x03, kind 0x02: each wheel. A front right, B rear right, C rear left, D front left.
+    Wheels([Speed; 4]),
+    /// Function 0x03, kind 0x03: drive while the board keeps the heading.
+    YawHold {
+        /// To the right.
+        x: Speed,
+        /// Forward.
+        y: Speed,
+    },
+    /// Function 0x03, kind 0x04: a displacement; needs [`Mode::Position`].
+    Move {
+        /// To the right.
+        x: Displacement,
+        /// Forward.
+        y: Displacement,
+        /// Clockwise.
+        z: Displacement,
+    },
+    /// Function 0x04: the buzzer, on or off.
+    Buzzer(bool),
+    /// Function 0x05: ask for board data.
+    Request(Query),
+    /// Any function with any payload; not interpreted.
+    Raw {
+        /// The function byte.
+        function: u8,
+        /// The payload.
+        payload: Payload,
+    },
+}
+
+/// What the board controls: speeds or positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Speed mode, 0.
+    Speed,
+    /// Position mode, 1; `move` needs it.
+    Position,
+}
+
+/// Controller gains, each 0-255 (protocol row 0x01).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gains {
+    /// Speed P and I.
+    pub speed: [u8; 2],
+    /// Position P, I and D.
+    pub position: [u8; 3],
+    /// Yaw P, I and D.
+    pub yaw: [u8; 3],
+}
+
+/// What can be asked of the board (protocol row 0x05).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Query(u8);
+
+/// Names of the requests; the index is the byte on the wire.
+const QUERIES: [&str; 10] = [
+    "report-start",
+    "encoder-1",
+    "encoder-2",
+    "encoder-3",
+    "encoder-4",
+    "voltage",
+    "pitch",
+    "roll",
+    "yaw",
+    "report-stop",
+];
+
+impl Query {
+    /// Every request's name.
+    pub const NAMES: &[&str] = &QUERIES;
+
+    /// The request with this name.
+    pub fn named(name: &str) -> Option<Query> {
+        let at = QUERIES.iter().position(|&query| query == name)?;
+        u8::try_from(at).ok().map(Query)
+    }
+
+    fn from_wire(byte: u8) -> Option<Query> {
+        (usize::from(byte) < QUERIES.len()).then_some(Query(byte))
+    }
+
+    /// The name, as scripts write it.
+    pub fn name(self) -> &'static str {
+        QUERIES.get(usize::from(self.0)).copied().unwrap_or_default()
+    }
+}
+
+impl Mode {
+    /// The mode with this name.
+    pub fn named(name: &str) -> Option<Mode> {
+        match name {
+            "speed" => Some(Mode::Speed),
+            "position" => Some(Mode::Position),
+            _ => None,
+        }
+    }
+
+    /// The name, as scripts write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Mode::Speed => "speed",
+            Mode::Position => "position",
+        }
+    }
+}
+
+/// A frame that is whole but says nothing that the protocol table knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotACommand {
+    /// No row has this function, kind and length.
+    #[error("no command has this function and length")]
+    Unknown,
+    /// A value is outside its range.
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
+    /// The values are fine, but the frame is not the one that carries them (a wrong direction byte, say).
+    #[error("the bytes are not those that carry this command")]
+    Inconsistent,
+}
+
+mod function {
+    pub(super) const PID: u8 = 0x01;
+    pub(super) const SERVO: u8 = 0x02;
+    pub(super) const DRIVE: u8 = 0x03;
+    pub(super) const BUZZER: u8 = 0x04;
+    pub(super) const REQUEST: u8 = 0x05;
+}
+
+mod kind {
+    pub(super) const ROCKER: u8 = 0x01;
+    pub(super) const WHEELS: u8 = 0x02;
+    pub(super) const YAW_HOLD: u8 = 0x03;
+    pub(super) const MOVE: u8 = 0x04;
+}
+
+/// Direction bits of rocker, yaw hold and move, as the vendor's driver sets them.
+mod direction {
+    pub(super) const X_NEGATIVE: u8 = 0b100;
+    pub(super) const Y_NEGATIVE: u8 = 0b010;
+    pub(super) const Z_NOT_NEGATIVE: u8 = 0b001;
+}
+
+/// The payload length that a function of the protocol table has; `None` for functions it does not know.
+pub(super) fn known_lengths(function: u8) -> Option<&'static [u8]> {
+    match function {
+        function::PID => Some(&[9]),
+        function::SERVO => Some(&[3, 4]),
+        function::DRIVE => Some(&[8]),
+        function::BUZZER | function::REQUEST => Some(&[1]),
+        _ => None,
+    }
+}
+
+impl Command {
+    /// The all-zero rocker: the drive stops.
+    pub const STOP: Command = Command::Rocker { x: Speed::ZERO, y: Speed::ZERO, z: TurnRate::ZERO };
+
+    /// Appends the frame that carries this command.
+    pub fn encode(&self, out: &mut Vec<u8>) {
+        match self {
+            Command::Pid(mode, gains) => {
+                let mode = match mode {
+                    Mode::Speed => 0,
+                    Mode::Position => 1,
+                };
+                let [sp, si] = gains.speed;
+                let [pp, pi, pd] = gains.position;
+                let [yp, yi, yd] = gains.yaw;
+                frame::emit(out, function::PID, &[mode, sp, si, pp, pi, pd, yp, yi, yd]);
+            }
+            Command::Servos { pan, tilt } => {
+                let [pan_high, pan_low] = pan.magnitude();
+                let [tilt_high, tilt_low] = tilt.magnitude();
+                frame::emit(out, function::SERVO, &[pan_high, pan_low, tilt_high, tilt_low]);
+            }
+            Command::Servo { index, pulse } => {
+                let [_, index] = index.magnitude();
+                let [high, low] = pulse.magnitude();
+                frame::emit(out, function::SERVO, &[index, high, low]);
+            }
+            Command::Rocker { x, y, z } => {
+                let magnitudes = [x.magnitude(), y.magnitude(), z.magnitude()];
+                let signs = direction_of(x.is_negative(), y.is_negative(), z.is_negative());
+                emit_drive(out, kind::ROCKER, magnitudes, signs);
+            }
+            Command::Move { x, y, z } => {
+                let magnitudes = [x.magnitude(), y.magnitude(), z.magnitude()];
+                let signs = direction_of(x.is_negative(), y.is_negative(), z.is_negative());
+                emit_drive(out, kind::MOVE, magnitudes, signs);
+            }
+            Command::YawHold { x, y } => {
+                // The z bit is always 0 here, so z counts as negative.
+                let signs = direction_of(x.is_negative(), y.is_negative(), true);
+                let magnitudes = [x.magnitude(), y.magnitude(), [0, 0]];
+                emit_drive(out, kind::YAW_HOLD, magnitudes, signs);
+            }
+            Command::Wheels(wheels) => {
+                let [a, b, c, d] = wheels.map(|wheel| wheel.magnitude()[1]);
+                let bits = wheels.iter().zip([1, 2, 4, 8]);
+                let signs = bits.filter(|(wheel, _)| wheel.is_negative()).fold(0, |signs, (_, bit)| signs | bit);
+                emit_drive(out, kind::WHEELS, [[a, b], [c, d], [0, 0]], signs);
+            }
+            Command::Buzzer(on) => frame::emit(out, function::BUZZER, &[u8::from(*on)]),
+            Command::Request(query) => frame::emit(out, function::REQUEST, &[query.0]),
+            Command::Raw { function, payload } => frame::emit(out, *function, payload.bytes()),
+        }
+    }
+
+    /// The frame that carries this command, in a vector of its own.
+    pub fn to_frame(&self) -> Vec<u8> {
+        let mut out = Vec::with_capacity(13);
+        self.encode(&mut out);
+        out
+    }
+
+    /// Reads a frame. Strict: what it accepts, [`encode`](Self::encode) gives back byte for byte.
+    pub fn decode(frame: Frame<'_>) -> Result<Command, NotACommand> {
+        let command = Self::read(frame)?;
+        if command.to_frame() == frame.bytes() { Ok(command) } else { Err(NotACommand::Inconsistent) }
+    }
+
+    /// Reads a frame that is known to be whole, whatever it says: what is no command becomes [`Command::Raw`].
+    pub fn decode_or_raw(frame: Frame<'_>) -> Command {
+        Self::decode(frame).unwrap_or_else(|_| Command::Raw { function: frame.function(), payload: Payload::of(frame) })
+    }
+
+    fn read(frame: Frame<'_>) -> Result<Command, NotACommand> {
+        Ok(match (frame.function(), frame.payload()) {
+            (function::PID, &[mode, sp, si, pp, pi, pd, yp, yi, yd]) => {
+                let mode = match mode {
+                    0 => Mode::Speed,
+                    1 => Mode::Position,
+                    _ => return Err(NotACommand::Unknown),
+                };
+                let gains = Gains { speed: [sp, si], position: [pp, pi, pd], yaw: [yp, yi, yd] };
+                Command::Pid(mode, gains)
+            }
+            (function::SERVO, &[ph, pl, th, tl]) => Command::Servos {
+                pan: PulseWidth::from_wire([ph, pl], false)?,
+                tilt: TiltPulseWidth::from_wire([th, tl], false)?,
+            },
+            (function::SERVO, &[index, high, low]) => Command::Servo {
+                index: ServoIndex::from_wire([0, index], false)?,
+                pulse: PulseWidth::from_wire([high, low], false)?,
+            },
+            (function::DRIVE, &[kind, xh, xl, yh, yl, zh, zl, signs]) => {
+                let x = ([xh, xl], signs & direction::X_NEGATIVE != 0);
+                let y = ([yh, yl], signs & direction::Y_NEGATIVE != 0);
+                let z = ([zh, zl], signs & direction::Z_NOT_NEGATIVE == 0);
+                match kind {
+                    kind::ROCKER => Command::Rocker {
+                        x: Speed::from_wire(x.0, x.1)?,
+                        y: Speed::from_wire(y.0, y.1)?,
+                        z: TurnRate::from_wire(z.0, z.1)?,
+                    },
+                    kind::MOVE => Command::Move {
+                        x: Displacement::from_wire(x.0, x.1)?,
+                        y: Displacement::from_wire(y.0, y.1)?,
+                        z: Displacement::from_wire(z.0, z.1)?,
+                    },
+                    kind::YAW_HOLD => {
+                        Command::YawHold { x: Speed::from_wire(x.0, x.1)?, y: Speed::from_wire(y.0, y.1)? }
+                    }
+                    kind::WHEELS => {
+                        let wheel = |byte, bit| Speed::from_wire([0, byte], signs & bit != 0);
+                        Command::Wheels([wheel(xh, 1)?, wheel(xl, 2)?, wheel(yh, 4)?, wheel(yl, 8)?])
+                    }
+                    _ => return Err(NotACommand::Unknown),
+                }
+            }
+            (function::BUZZER, &[on @ (0 | 1)]) => Command::Buzzer(on == 1),
+            (function::REQUEST, &[query]) => Command::Request(Query::from_wire(query).ok_or(NotACommand::Unknown)?),
+            _ => return Err(NotACommand::Unknown),
+        })
+    }
+
+    /// Whether it is a command to the drive. A raw frame with the drive's function is one.
+    pub fn is_drive(&self) -> bool {
+        match self {
+            Command::Rocker { .. } | Command::Wheels(_) | Command::YawHold { .. } | Command::Move { .. } => true,
+            Command::Raw { function, .. } => *function == function::DRIVE,
+            _ => false,
+        }
+    }
+
+    /// Whether it makes the robot drive on until the next drive command: a rocker, wheels or yaw hold that is not zero.
+    pub fn keeps_driving(&self) -> bool {
+        match self {
+            Command::Rocker { x, y, z } => !(x.is_zero() && y.is_zero() && z.is_zero()),
+            Command::Wheels(wheels) => !wheels.iter().all(|wheel| wheel.is_zero()),
+            Command::YawHold { x, y } => !(x.is_zero() && y.is_zero()),
+            _ => false,
+        }
+    }
+}
+
+fn direction_of(x_negative: bool, y_negative: bool, z_negative: bool) -> u8 {
+    let bit = |set: bool, bit: u8| if set { bit } else { 0 };
+    bit(x_negative, direction::X_NEGATIVE)
+        | bit(y_negative, direction::Y_NEGATIVE)
+        | bit(!z_negative, direction::Z_NOT_NEGATIVE)
+}
+
+fn emit_drive(out: &mut Vec<u8>, kind: u8, magnitudes: [[u8; 2]; 3], signs: u8) {
+    let [[xh, xl], [yh, yl], [zh, zl]] = magnitudes;
+    frame::emit(out, function::DRIVE, &[kind, xh, xl, yh, yl, zh, zl, signs]);
+}
+
+/// The canonical notation: what a script would say to send exactly this frame.
+impl fmt::Display for Command {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Command::Pid(mode, gains) => {
+                let [sp, si] = gains.speed;
+                let [pp, pi, pd] = gains.position;
+                let [yp, yi, yd] = gains.yaw;
+                let mode = mode.name();
+                write!(f, "pid {mode} speed={sp},{si} position={pp},{pi},{pd} yaw={yp},{yi},{yd}")
+            }
+            Command::Servos { pan, tilt } => write!(f, "servos {pan} {tilt}"),
+            Command::Servo { index, pulse } => write!(f, "servo {index} {pulse}"),
+            stop if *stop == Command::STOP => f.write_str("stop"),
+            Command::Rocker { x, y, z } => write!(f, "rocker x={x} y={y} z={z}"),
+            Command::Wheels([a, b, c, d]) => write!(f, "wheels {a} {b} {c} {d}"),
+            Command::YawHold { x, y } => write!(f, "yawhold x={x} y={y}"),
+            Command::Move { x, y, z } => write!(f, "move x={x} y={y} z={z}"),
+            Command::Buzzer(on) => write!(f, "buzzer {}", if *on { "on" } else { "off" }),
+            Command::Request(query) => write!(f, "request {}", query.name()),
+            Command::Raw { function, payload } => {
+                write!(f, "raw 0x{function:02X}")?;
+                payload.bytes().iter().try_for_each(|byte| write!(f, " 0x{byte:02X}"))
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! What the board was last told.
+
+use super::command::{Command, Mode};
+use super::number::{PulseWidth, ServoIndex};
+
+/// The last value of each thing, as far as commands said. A raw frame is not interpreted, but one with the drive's
+/// function makes the drive unknown.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct State {
+    servos: [Option<PulseWidth>; 4],
+    drive: Option<Command>,
+    buzzer: Option<bool>,
+    mode: Option<Mode>,
+}
+
+impl State {
+    /// Takes in one command.
+    pub fn apply(&mut self, command: &Command) {
+        match command {
+            Command::Pid(mode, _) => self.mode = Some(*mode),
+            Command::Servos { pan, tilt } => {
+                let [first, second, ..] = &mut self.servos;
+                *first = Some(*pan);
+                *second = PulseWidth::new(tilt.get()).ok();
+            }
+            Command::Servo { index, pulse } => {
+                let slot = usize::try_from(index.get() - 1).unwrap_or_default();
+                if let Some(servo) = self.servos.get_mut(slot) {
+                    *servo = Some(*pulse);
+                }
+            }
+            Command::Buzzer(on) => self.buzzer = Some(*on),
+            Command::Raw { .. } if command.is_drive() => self.drive = None,
+            drive if drive.is_drive() => self.drive = Some(drive.clone()),
+            _ => {}
+        }
+    }
+
+    /// The pulse width of a servo, if it was ever told one.
+    pub fn servo(&self, index: ServoIndex) -> Option<PulseWidth> {
+        let slot = usize::try_from(index.get() - 1).ok()?;
+        self.servos.get(slot).copied().flatten()
+    }
+
+    /// The last drive command.
+    pub fn drive(&self) -> Option<&Command> {
+        self.drive.as_ref()
+    }
+
+    /// Whether the buzzer is on, if it was ever told.
+    pub fn buzzer(&self) -> Option<bool> {
+        self.buzzer
+    }
+
+    /// The mode of the last `pid`.
+    pub fn mode(&self) -> Option<Mode> {
+        self.mode
+    }
+
+    /// Whether nothing moves and nothing sounds: the drive does not keep driving and the buzzer is not on.
+    pub fn at_rest(&self) -> bool {
+        !self.drive.as_ref().is_some_and(Command::keeps_driving) && self.buzzer != Some(true)
+    }
+}

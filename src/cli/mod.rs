@@ -1,0 +1,132 @@
+//! Arguments in, exit codes out; one file a command.
+
+mod check;
+mod exit;
+mod play;
+mod render;
+mod screen;
+
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+use motionseq::Compiled;
+use motionseq::source::{Source, SourceError};
+use motionseq::timeline::{Limits, Timeline};
+
+use exit::Exit;
+use screen::{Color, Screen, Volume};
+
+/// Timed motion scripts for the Yahboom Raspblock: check them, see their bytes, play them.
+#[derive(Debug, Parser)]
+#[command(version, arg_required_else_help = true, max_term_width = 100)]
+#[command(
+    after_help = "Example:\n  motionseq play scripts/hello.motion     rehearse on a virtual board, no robot needed"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    output: Output,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Check(check::Check),
+    Render(render::Render),
+    Play(play::Play),
+}
+
+/// How messages look.
+#[derive(Debug, Args)]
+struct Output {
+    /// Color messages
+    #[arg(long, global = true, value_enum, default_value_t = Color::Auto, value_name = "WHEN")]
+    color: Color,
+    /// Say nothing but errors
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Say more
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
+}
+
+/// A script to compile.
+#[derive(Debug, Args)]
+struct Script {
+    /// The script, or `-` for standard input
+    file: PathBuf,
+    #[command(flatten)]
+    options: Options,
+}
+
+/// How scripts are compiled.
+#[derive(Clone, Copy, Debug, Args)]
+struct Options {
+    /// Allow a script to send so many frames
+    #[arg(long, value_name = "N", default_value_t = Limits::default().events)]
+    max_events: usize,
+}
+
+/// Runs the program.
+pub(crate) fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no mistakes; a closed terminal is no reason to panic.
+            let _ = error.print();
+            return if error.use_stderr() { Exit::Usage.into() } else { Exit::Ok.into() };
+        }
+    };
+    let volume = match (cli.output.quiet, cli.output.verbose) {
+        (true, _) => Volume::Quiet,
+        (_, true) => Volume::Verbose,
+        _ => Volume::Normal,
+    };
+    let screen = Screen::new(cli.output.color, volume);
+    let exit = match cli.command {
+        Command::Check(check) => check.run(&screen),
+        Command::Render(render) => render.run(&screen),
+        Command::Play(play) => play.run(&screen),
+    };
+    exit.into()
+}
+
+impl Script {
+    /// Reads and compiles the script and shows what is wrong with it.
+    fn compile(&self, screen: &Screen) -> Result<(Source, Timeline), Exit> {
+        let source = read(&self.file, screen)?;
+        let compiled = self.options.compile(&source, screen);
+        match compiled.timeline {
+            Some(timeline) => Ok((source, timeline)),
+            None => Err(Exit::Script),
+        }
+    }
+}
+
+impl Options {
+    fn compile(self, source: &Source, screen: &Screen) -> Compiled {
+        let compiled = motionseq::compile(source, Limits { events: self.max_events });
+        screen.diagnostics(source, &compiled.diagnostics);
+        compiled
+    }
+}
+
+/// Reads a script and shows why it cannot be read.
+fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
+    let source =
+        if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Source::read(path) };
+    source.map_err(|error| {
+        match &error {
+            SourceError::Unreadable { .. } => screen.error(&error.to_string()),
+            SourceError::Invalid(invalid) => {
+                let (source, diagnostic) = &**invalid;
+                let mut diagnostics = motionseq::diagnostic::Diagnostics::default();
+                diagnostics.push(diagnostic.clone());
+                screen.diagnostics(source, &diagnostics);
+            }
+        }
+        Exit::Script
+    })
+}

@@ -1,0 +1,331 @@
+//! `motionseq play`: sends a script to a board, in time.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use motionseq::board::{Report, State};
+use motionseq::link::{OpenError, Pty, Recorder, Serial};
+use motionseq::playback::{Cause, Notice, Outcome, Player, Signals, Stop, drive};
+use motionseq::sim::{Received, VirtualBoard, serve};
+use motionseq::source::Source;
+use motionseq::timeline::{Seconds, Timeline};
+use rtrb::{Consumer, RingBuffer};
+
+use super::Script;
+use super::exit::Exit;
+use super::screen::{Screen, plural};
+
+/// Play a script on a board, or on a virtual one
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n\nCtrl-C stops the robot."
+)]
+pub(super) struct Play {
+    #[command(flatten)]
+    script: Script,
+    /// The serial port of the board; without it a virtual board takes the frames
+    #[arg(long, env = "MOTIONSEQ_PORT", value_name = "PATH")]
+    port: Option<PathBuf>,
+    /// Write the exact bytes that the port was given to this file
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+}
+
+/// A frame later than this ends the run: on a real port, and on the virtual board.
+const MAX_LATE: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
+/// How often the screen and the recording are brought up to date.
+const UPDATE: Duration = Duration::from_millis(40);
+/// Room for notices and recorded bytes between two updates. The line carries 11,520 bytes a second.
+const NOTICES: usize = 16 * 1024;
+const BYTES: usize = 256 * 1024;
+
+impl Play {
+    /// Compiles the script, opens the port, plays, and says how it went.
+    pub(super) fn run(&self, screen: &Screen) -> Exit {
+        match self.try_run(screen) {
+            Ok(exit) | Err(exit) => exit,
+        }
+    }
+
+    fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
+        let (source, timeline) = self.script.compile(screen)?;
+        let recording = match &self.record {
+            None => None,
+            Some(path) => Some(File::create(path).map_err(|error| {
+                screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
+                Exit::Usage
+            })?),
+        };
+        let signals = Signals::catch().map_err(|error| system(screen, &error))?;
+        let port = Port::open(self.port.as_deref(), timeline.baud, screen)?;
+        let real = self.port.is_some();
+
+        let (bytes_in, bytes_out) = RingBuffer::new(BYTES);
+        let mut link = Recorder::new(port.link, bytes_in);
+        let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
+        let [on_port, on_virtual] = MAX_LATE;
+        let max_late = if real { on_port } else { on_virtual };
+        let mut player = Player::new(&timeline, u64::try_from(max_late.as_nanos()).unwrap_or(u64::MAX));
+
+        let news = News::new(&timeline, screen);
+        let (outcome, written, report) = thread::scope(|scope| {
+            let writer = scope.spawn(|| news.run(notices_out, bytes_out, recording));
+            let outcome = drive(&mut player, &mut link, &signals, |notice| {
+                // Where the screen cannot follow, it misses something; the motion does not wait.
+                let _ = notices_in.push(notice);
+            });
+            let lost = link.lost();
+            // Both rings end, which ends the writer; the closed port ends the virtual board.
+            drop(link);
+            drop(notices_in);
+            let (written, report) = writer.join().unwrap_or((Ok(()), None));
+            let written = match lost {
+                0 => written,
+                _ => written.and(Err(io::Error::other(format!("{lost} bytes did not fit the buffer")))),
+            };
+            (outcome, written, report)
+        });
+        if let (Err(error), Some(path)) = (&written, &self.record) {
+            screen.error(&format!("{} is not complete: {error}", path.display()));
+        }
+        summary(screen, &outcome, report);
+        if let Some(board) = port.board {
+            match board.join() {
+                Ok(Ok(received)) => board_summary(screen, &received),
+                Ok(Err(error)) => screen.error(&format!("the virtual board failed: {error}")),
+                Err(_) => screen.error("the virtual board failed"),
+            }
+        }
+        Ok(ending(screen, &source, &outcome))
+    }
+}
+
+/// An open port, and the virtual board behind it if there is one.
+struct Port {
+    link: Serial,
+    board: Option<JoinHandle<io::Result<Received>>>,
+}
+
+impl Port {
+    fn open(path: Option<&Path>, baud: u32, screen: &Screen) -> Result<Self, Exit> {
+        if let Some(path) = path {
+            let link = Serial::open(path, baud).map_err(|error| refused(screen, path, &error))?;
+            return Ok(Port { link, board: None });
+        }
+        let pty = Pty::open().map_err(|error| system(screen, &error))?;
+        // By its path, so that a rehearsal takes the way of the real thing.
+        let link = Serial::open(pty.path(), baud).map_err(|error| refused(screen, pty.path(), &error))?;
+        screen.note("no --port given: playing on the built-in virtual board");
+        let board = serve(VirtualBoard::new(), pty, baud).map_err(|error| system(screen, &error))?;
+        Ok(Port { link, board: Some(board) })
+    }
+}
+
+fn system(screen: &Screen, error: &io::Error) -> Exit {
+    screen.error(&format!("cannot play: {error}; nothing was sent"));
+    Exit::Port
+}
+
+/// Says why a port cannot be opened, and what to do.
+fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
+    let help = match error {
+        OpenError::Missing => {
+            "look for it with `ls /dev/tty* /dev/serial*`; on a Raspberry Pi it is usually /dev/serial0"
+        }
+        OpenError::InUse => "close that program, or wait until it has ended",
+        OpenError::Forbidden => "run `sudo usermod -aG dialout $USER`, then log out and in again",
+        OpenError::NotAPort => "name the device that the board hangs on, usually /dev/serial0",
+        OpenError::Other(_) => "check the cable and the port",
+    };
+    screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));
+    match error {
+        OpenError::InUse => Exit::InUse,
+        _ => Exit::Port,
+    }
+}
+
+/// The thread that writes: the progress line, `say` lines, the recording. Motion never waits for it.
+struct News<'a> {
+    timeline: &'a Timeline,
+    screen: &'a Screen,
+}
+
+impl<'a> News<'a> {
+    fn new(timeline: &'a Timeline, screen: &'a Screen) -> Self {
+        News { timeline, screen }
+    }
+
+    /// Writes until both rings have ended and are empty.
+    fn run(
+        &self,
+        mut notices: Consumer<Notice>,
+        mut bytes: Consumer<u8>,
+        recording: Option<File>,
+    ) -> (io::Result<()>, Option<Report>) {
+        let progress = self.progress();
+        let mut recording = recording.map(BufWriter::new);
+        let mut written = Ok(());
+        let mut report = None;
+        loop {
+            let last = notices.is_abandoned() && bytes.is_abandoned();
+            while let Ok(notice) = notices.pop() {
+                match notice {
+                    Notice::Say { cue } => self.say(cue, progress.as_ref()),
+                    Notice::Report(newest) => report = Some(newest),
+                    Notice::Sent { event, .. } => self.advance(event, progress.as_ref()),
+                    Notice::Dropped { event } => {
+                        if let Some(event) = self.timeline.events().get(event) {
+                            self.line(
+                                &format!("dropped at {} s: {}", Seconds(event.at_us), event.command),
+                                progress.as_ref(),
+                            );
+                        }
+                    }
+                }
+            }
+            if let (Some(file), Ok(chunk)) = (&mut recording, bytes.read_chunk(bytes.slots())) {
+                let (first, second) = chunk.as_slices();
+                let result = file.write_all(first).and_then(|()| file.write_all(second));
+                written = written.and(result);
+                chunk.commit_all();
+            } else if let Ok(chunk) = bytes.read_chunk(bytes.slots()) {
+                chunk.commit_all();
+            }
+            if last {
+                break;
+            }
+            thread::park_timeout(UPDATE);
+        }
+        if let Some(mut file) = recording {
+            written = written.and(file.flush());
+        }
+        if let Some(progress) = progress {
+            progress.finish_and_clear();
+        }
+        (written, report)
+    }
+
+    fn progress(&self) -> Option<ProgressBar> {
+        if !self.screen.is_live() {
+            return None;
+        }
+        let bar = ProgressBar::with_draw_target(Some(self.timeline.end_us), ProgressDrawTarget::stderr_with_hz(20));
+        let style = ProgressStyle::with_template("{msg} {bar:30} ").ok()?;
+        bar.set_style(style.progress_chars("=> "));
+        Some(bar)
+    }
+
+    fn advance(&self, event: usize, progress: Option<&ProgressBar>) {
+        let Some(event) = self.timeline.events().get(event) else {
+            return;
+        };
+        if self.screen.is_verbose() {
+            self.line(&format!("{} s: {}", Seconds(event.at_us), event.command), progress);
+        }
+        let Some(bar) = progress else {
+            return;
+        };
+        bar.set_position(event.at_us);
+        bar.set_message(format!("{} / {} s", Seconds(event.at_us), Seconds(self.timeline.end_us)));
+    }
+
+    fn say(&self, cue: usize, progress: Option<&ProgressBar>) {
+        if let Some(cue) = self.timeline.cues.get(cue) {
+            let text = motionseq::diagnostic::escaped(&cue.text);
+            self.line(&format!("{} s: {text}", Seconds(cue.at_us)), progress);
+        }
+    }
+
+    fn line(&self, line: &str, progress: Option<&ProgressBar>) {
+        match progress {
+            Some(bar) => bar.suspend(|| self.screen.note(line)),
+            None => self.screen.note(line),
+        }
+    }
+}
+
+fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
+    let frames = plural(outcome.sent, "frame");
+    let worst = outcome.worst_late / 1_000;
+    let dropped = match outcome.dropped {
+        0 => String::new(),
+        count => format!(", {count} dropped"),
+    };
+    screen.note(&format!(
+        "sent {frames}{dropped} in {} s; the latest was {}.{:03} ms late",
+        Seconds(outcome.at_us),
+        worst / 1_000,
+        worst % 1_000
+    ));
+    if let Some(Report { pitch, roll, yaw, voltage }) = report {
+        screen.note(&format!("last report of the board: pitch {pitch}°, roll {roll}°, yaw {yaw}°, {voltage} V"));
+    }
+}
+
+fn board_summary(screen: &Screen, received: &Received) {
+    let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
+    screen.note(&format!(
+        "the virtual board received {frames} ({} bytes); {}",
+        received.bytes,
+        described(&received.state)
+    ));
+    if let Some((at, fault)) = received.first_fault {
+        let more = received.not_understood;
+        screen.note(&format!(
+            "it could not use {more} frames and {} bytes; the first at byte {at}: {fault}",
+            received.skipped
+        ));
+    }
+}
+
+/// What a board was last told, in words.
+fn described(state: &State) -> String {
+    let drive = match state.drive() {
+        Some(drive) if drive.keeps_driving() => format!("the drive runs: {drive}"),
+        _ => "the drive stands".into(),
+    };
+    let buzzer = if state.buzzer() == Some(true) { "the buzzer is on" } else { "the buzzer is off" };
+    let servos = (1..=4).filter_map(|index| {
+        let servo = state.servo(motionseq::board::ServoIndex::new(index).ok()?)?;
+        Some(format!(", servo {index} at {servo} µs"))
+    });
+    format!("{drive}, {buzzer}{}", servos.collect::<String>())
+}
+
+/// The exit code, and for an early end the one line that says what happened.
+fn ending(screen: &Screen, source: &Source, outcome: &Outcome) -> Exit {
+    let (cause, exit) = match outcome.cause {
+        Cause::Finished => return Exit::Ok,
+        Cause::Signal(signal) => (signal_name(signal), Exit::Signal(signal)),
+        Cause::Lost(None) => ("the port hung up".into(), Exit::Port),
+        Cause::Lost(Some(error)) => {
+            (format!("the port was lost ({})", io::Error::from_raw_os_error(error)), Exit::Port)
+        }
+        Cause::Stalled => ("the port stopped taking bytes".into(), Exit::Stalled),
+        Cause::Late(late) => (format!("a frame was {} ms late", late / 1_000_000), Exit::Late),
+    };
+    let place = match outcome.place {
+        Some(span) => format!(" at {}:{}", source.name(), source.line(span.start)),
+        None => String::new(),
+    };
+    let stop = match outcome.stop {
+        Stop::NotSent => "stop: NOT SENT - cut the power",
+        Stop::Sent | Stop::NotNeeded => "stop: sent",
+    };
+    screen.error(&format!("{cause}{place}, {} s into the script; {stop}", Seconds(outcome.at_us)));
+    exit
+}
+
+fn signal_name(signal: i32) -> String {
+    match signal {
+        1 => "the terminal was closed (SIGHUP)".into(),
+        2 => "stopped by Ctrl-C".into(),
+        15 => "asked to terminate (SIGTERM)".into(),
+        other => format!("stopped by signal {other}"),
+    }
+}

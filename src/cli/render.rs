@@ -1,0 +1,73 @@
+//! `motionseq render`: what would be sent, without sending it.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use motionseq::timeline::{Timeline, write_bin, write_hex, write_listing};
+
+use super::Script;
+use super::exit::Exit;
+use super::screen::Screen;
+
+/// Print the frames that a script sends, without sending them
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin"
+)]
+pub(super) struct Render {
+    #[command(flatten)]
+    script: Script,
+    /// How frames are written
+    #[arg(long, value_enum, default_value_t = Format::Listing)]
+    format: Format,
+    /// Write to this file instead of standard output
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    /// Seconds, frame and command, separated by TABs
+    Listing,
+    /// Seconds and frame, separated by a TAB
+    Hex,
+    /// The bytes, one frame after another
+    Bin,
+}
+
+impl Render {
+    /// Compiles the script and writes its frames.
+    pub(super) fn run(&self, screen: &Screen) -> Exit {
+        let timeline = match self.script.compile(screen) {
+            Ok((_, timeline)) => timeline,
+            Err(exit) => return exit,
+        };
+        let written = match &self.output {
+            None => self.write(&timeline, io::stdout().lock()),
+            Some(path) => File::create(path).and_then(|file| self.write(&timeline, file)),
+        };
+        match written {
+            Ok(()) => Exit::Ok,
+            // Whoever read it has seen enough.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
+            Err(error) => {
+                let target = self.output.as_deref().unwrap_or(Path::new("standard output"));
+                screen.error(&format!("cannot write {}: {error}", target.display()));
+                Exit::Usage
+            }
+        }
+    }
+
+    fn write(&self, timeline: &Timeline, out: impl Write) -> io::Result<()> {
+        let mut out = BufWriter::with_capacity(64 * 1024, out);
+        let events = timeline.events();
+        match self.format {
+            Format::Listing => write_listing(events, &mut out)?,
+            Format::Hex => write_hex(events, &mut out)?,
+            Format::Bin => write_bin(events, &mut out)?,
+        }
+        out.flush()
+    }
+}

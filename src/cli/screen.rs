@@ -1,0 +1,125 @@
+//! Everything that goes to standard error. A closed or full one changes nothing.
+
+use std::fmt::Write as _;
+use std::io::{self, IsTerminal, Write as _};
+
+use clap::ValueEnum;
+use miette::{GraphicalReportHandler, GraphicalTheme};
+use motionseq::diagnostic::{Attached, Diagnostics, Printable, escaped};
+use motionseq::source::Source;
+
+/// When messages have colors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Color {
+    /// On a terminal, unless `NO_COLOR` is set
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// Standard error, and how much is said there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Screen {
+    color: bool,
+    volume: Volume,
+    terminal: bool,
+}
+
+/// How much is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Volume {
+    Quiet,
+    Normal,
+    Verbose,
+}
+
+/// Width of messages where there is no terminal.
+const WIDTH: usize = 80;
+
+impl Screen {
+    pub(super) fn new(color: Color, volume: Volume) -> Self {
+        let terminal = io::stderr().is_terminal();
+        let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+        let color = match color {
+            Color::Always => true,
+            Color::Never => false,
+            Color::Auto => terminal && !dumb && !set("NO_COLOR"),
+        };
+        Screen { color, volume, terminal: terminal && !dumb }
+    }
+
+    /// Whether a line can be drawn over and over.
+    pub(super) fn is_live(&self) -> bool {
+        self.terminal && self.volume != Volume::Quiet
+    }
+
+    pub(super) fn is_verbose(&self) -> bool {
+        self.volume == Volume::Verbose
+    }
+
+    /// A line of news, kept back by `-q`.
+    pub(super) fn note(&self, line: &str) {
+        if self.volume != Volume::Quiet {
+            print(&format!("{line}\n"));
+        }
+    }
+
+    /// What went wrong outside of a script: said even with `-q`.
+    pub(super) fn error(&self, line: &str) {
+        let word = if self.color { "\u{1b}[31;1merror\u{1b}[0m" } else { "error" };
+        print(&format!("{word}: {}\n", escaped(line)));
+    }
+
+    /// Every error and warning of a script, and a line that counts them.
+    pub(super) fn diagnostics(&self, source: &Source, diagnostics: &Diagnostics) {
+        let printable = Printable::new(source);
+        let theme = if self.color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
+        let handler = GraphicalReportHandler::new_themed(theme).with_width(self.width()).with_links(false);
+        let mut text = String::new();
+        for diagnostic in diagnostics.sorted() {
+            if self.volume == Volume::Quiet && !diagnostic.is_error() {
+                continue;
+            }
+            let attached = Attached { diagnostic, source: &printable };
+            // Writing to a string does not fail.
+            let _ = handler.render_report(&mut text, &attached);
+            text.push('\n');
+        }
+        if diagnostics.left_out() > 0 {
+            let _ = writeln!(text, "{} more are not shown", diagnostics.left_out());
+        }
+        print(&text);
+        if diagnostics.errors() + diagnostics.warnings() > 0 {
+            self.note(&format!("{}: {}", escaped(source.name()), count(diagnostics)));
+        }
+    }
+
+    fn width(&self) -> usize {
+        let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
+        size.map_or(WIDTH, |size| usize::from(size.ws_col).clamp(40, 120))
+    }
+}
+
+/// Where standard error is closed or full there is nobody to tell.
+fn print(text: &str) {
+    let _ = io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// `2 errors, 1 warning`.
+fn count(diagnostics: &Diagnostics) -> String {
+    let of = |count: usize, word: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {word}")),
+        _ => Some(format!("{count} {word}s")),
+    };
+    let parts = [of(diagnostics.errors(), "error"), of(diagnostics.warnings(), "warning")];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// `22 frames`, `1 frame`.
+pub(super) fn plural(count: usize, word: &str) -> String {
+    if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
+}

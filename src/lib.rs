@@ -1,0 +1,68 @@
+//! A scriptable motion sequencer for the Yahboom Raspblock: timed scripts in, exact frames out.
+//!
+//! Data flows one way: **text → syntax → program → timeline → playback → link**.
+//!
+//! - [`source`] holds a script's text, [`diagnostic`] what is wrong with it.
+//! - [`syntax`] reads text into a tree; [`program`] gives its words meaning and its commands exact times; [`timeline`] lays
+//!   them out as sorted frames in whole microseconds.
+//! - [`board`] is the wire: typed commands and their frames. It knows neither times nor ports.
+//!
+//! ```
+//! use motionseq::source::Source;
+//!
+//! let source = Source::new("hello.motion", "at 0.5s servo 1 1500; rocker x=10 z=50\nat 1.5s stop\n");
+//! let compiled = motionseq::compile(&source, motionseq::timeline::Limits::default());
+//! let timeline = compiled.timeline.expect("the script has no errors");
+//!
+//! let first = &timeline.events()[0];
+//! assert_eq!(first.at_us, 500_000);
+//! assert_eq!(first.command.to_string(), "servo 1 1500");
+//! assert_eq!(first.command.to_frame(), [0xFF, 0xFE, 0x02, 0x03, 0x01, 0x05, 0xDC, 0xE7]);
+//! ```
+
+#[cfg(not(target_os = "linux"))]
+compile_error!("motionseq runs on Linux only: it needs Linux's clocks, ptys and serial ports");
+
+pub mod board;
+pub mod diagnostic;
+pub mod link;
+pub mod playback;
+pub mod program;
+pub mod sim;
+pub mod source;
+pub mod syntax;
+pub mod timeline;
+
+use diagnostic::Diagnostics;
+use source::Source;
+use timeline::{Limits, Timeline};
+
+/// What became of a script.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// Its timeline; `None` where there is any error.
+    pub timeline: Option<Timeline>,
+    /// Its errors and warnings.
+    pub diagnostics: Diagnostics,
+}
+
+/// Compiles a script: the same text gives the same bytes on every machine.
+pub fn compile(source: &Source, limits: Limits) -> Compiled {
+    let mut diagnostics = Diagnostics::default();
+    let timeline = stages(source, limits, &mut diagnostics);
+    Compiled { timeline: timeline.filter(|_| !diagnostics.has_errors()), diagnostics }
+}
+
+fn stages(source: &Source, limits: Limits, diagnostics: &mut Diagnostics) -> Option<Timeline> {
+    let ast = syntax::parse(source, diagnostics)?;
+    let readable = !diagnostics.has_errors();
+    let program = program::program(&ast, diagnostics);
+    if !diagnostics.has_errors() {
+        return Some(timeline::timeline(program, limits, diagnostics));
+    }
+    // All errors at once, but no clash that is only there because something else is missing.
+    if readable && program.times_known {
+        timeline::clashes(&program, diagnostics);
+    }
+    None
+}

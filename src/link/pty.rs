@@ -1,0 +1,53 @@
+//! A pseudo-terminal: the far end of a port that another program, or this one, opens by its path.
+
+use std::ffi::OsString;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+
+use rustix::pty::OpenptFlags;
+use rustix::termios::OptionalActions;
+
+/// The board's end of a port.
+#[derive(Debug)]
+pub struct Pty {
+    far: OwnedFd,
+    path: PathBuf,
+}
+
+impl Pty {
+    /// Makes a pseudo-terminal. It is raw from the start: otherwise a 0x04 byte would be taken for the end of the file, and
+    /// every byte would be echoed.
+    pub fn open() -> io::Result<Self> {
+        let far = rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        rustix::pty::grantpt(&far)?;
+        rustix::pty::unlockpt(&far)?;
+        let mut line = rustix::termios::tcgetattr(&far)?;
+        line.make_raw();
+        rustix::termios::tcsetattr(&far, OptionalActions::Now, &line)?;
+        let path = rustix::pty::ptsname(&far, Vec::new())?;
+        let path = PathBuf::from(OsString::from_vec(path.into_bytes()));
+        Ok(Pty { far, path })
+    }
+
+    /// The path that a program opens as its serial port.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Reads what the program wrote. Zero bytes, or the error that Linux gives instead, mean that it has closed its end and
+    /// everything was read.
+    pub fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        match rustix::io::read(&self.far, buffer) {
+            Err(rustix::io::Errno::IO) => Ok(0),
+            other => Ok(other?),
+        }
+    }
+}
+
+impl AsFd for Pty {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.far.as_fd()
+    }
+}

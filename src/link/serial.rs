@@ -1,0 +1,107 @@
+//! A serial port. This is the only file that knows serialport.
+//!
+//! serialport opens the port and sets the line up; bytes go through a descriptor of our own, because its `write` blocks
+//! whatever its timeout says (measured: 64 KiB with a timeout of 100 ms blocked until the other end closed).
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::Path;
+use std::time::Duration;
+
+use rustix::fs::{FlockOperation, Mode, OFlags};
+use rustix::io::Errno;
+use rustix::termios::QueueSelector;
+
+use super::Link;
+
+/// An open serial port that nobody else can open.
+#[derive(Debug)]
+pub struct Serial {
+    port: OwnedFd,
+}
+
+/// Why a port cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// There is nothing with this name.
+    #[error("there is no such port")]
+    Missing,
+    /// Another program has it.
+    #[error("another program uses it")]
+    InUse,
+    /// This user may not open it.
+    #[error("permission denied")]
+    Forbidden,
+    /// It is a file, a folder or another device.
+    #[error("it is not a serial port")]
+    NotAPort,
+    /// Anything else.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl Serial {
+    /// Opens a port at `baud` bits a second, 8N1, no flow control.
+    ///
+    /// The first thing done is to lock a descriptor of our own, so a port in use is refused with
+    /// [`OpenError::InUse`] before anything of it is changed. serialport locks its own descriptor too (`flock`, since
+    /// 4.7), which would run into an exclusive lock of ours. So ours is exclusive while we try, shared while serialport
+    /// opens with a shared lock of its own, and exclusive again once its descriptor is closed: a second player asks for
+    /// an exclusive lock first, and never gets it.
+    pub fn open(path: &Path, baud: u32) -> Result<Self, OpenError> {
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let port = rustix::fs::open(path, flags, Mode::empty()).map_err(open_error)?;
+        if !rustix::termios::isatty(&port) {
+            return Err(OpenError::NotAPort);
+        }
+        lock(&port, FlockOperation::NonBlockingLockExclusive)?;
+        lock(&port, FlockOperation::NonBlockingLockShared)?;
+        let name = path.to_str().ok_or(OpenError::NotAPort)?;
+        let set_up = serialport::new(name, baud)
+            .exclusive(false)
+            .timeout(Duration::from_millis(50))
+            .open_native()
+            .map_err(|error| OpenError::Other(error.to_string()))?;
+        // The line keeps its settings while any descriptor is open, and ours is.
+        drop(set_up);
+        lock(&port, FlockOperation::NonBlockingLockExclusive)?;
+        // A courtesy to programs that do not lock; it does not bind root.
+        let _ = rustix::termios::ioctl_tiocexcl(&port);
+        Ok(Serial { port })
+    }
+}
+
+fn lock(port: &OwnedFd, operation: FlockOperation) -> Result<(), OpenError> {
+    rustix::fs::flock(port, operation).map_err(|error| match error {
+        Errno::WOULDBLOCK => OpenError::InUse,
+        other => OpenError::Other(other.to_string()),
+    })
+}
+
+fn open_error(error: Errno) -> OpenError {
+    match error {
+        Errno::NOENT | Errno::NODEV | Errno::NXIO => OpenError::Missing,
+        Errno::BUSY => OpenError::InUse,
+        Errno::ACCESS | Errno::PERM => OpenError::Forbidden,
+        Errno::ISDIR | Errno::NOTDIR => OpenError::NotAPort,
+        other => OpenError::Other(io::Error::from(other).to_string()),
+    }
+}
+
+impl Link for Serial {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        Ok(rustix::io::write(&self.port, bytes)?)
+    }
+
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        Ok(rustix::io::read(&self.port, buffer)?)
+    }
+
+    fn discard(&mut self) -> io::Result<()> {
+        Ok(rustix::termios::tcflush(&self.port, QueueSelector::OFlush)?)
+    }
+
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.port.as_fd()
+    }
+}

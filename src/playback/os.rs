@@ -1,0 +1,98 @@
+//! The system calls of playback: clock, waiting, signals.
+
+use std::io::{self, Read};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::io::Errno;
+use rustix::thread::{ClockId, clock_nanosleep_absolute};
+use rustix::time::clock_gettime;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+/// Nanoseconds on the monotonic clock.
+pub(super) fn monotonic() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    let nanos = now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec);
+    u64::try_from(nanos).unwrap_or(0)
+}
+
+fn timespec(nanos: u64) -> Timespec {
+    let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
+    Timespec { tv_sec: part(nanos / 1_000_000_000), tv_nsec: part(nanos % 1_000_000_000) }
+}
+
+/// Sleeps until an absolute time on the monotonic clock; a signal ends the sleep early.
+pub(super) fn sleep_until(nanos: u64) {
+    let _ = clock_nanosleep_absolute(ClockId::Monotonic, &timespec(nanos));
+}
+
+/// What woke a wait.
+pub(super) struct Woken {
+    pub(super) signal: bool,
+    pub(super) readable: bool,
+    pub(super) hung_up: bool,
+}
+
+/// Waits for the port or a signal, at most so many nanoseconds. A wait that a signal handler interrupts ends with nothing
+/// woken.
+pub(super) fn wait(port: BorrowedFd<'_>, signals: &Signals, writable: bool, timeout: u64) -> io::Result<Woken> {
+    let interest = if writable { PollFlags::IN | PollFlags::OUT } else { PollFlags::IN };
+    let mut waits = [PollFd::from_borrowed_fd(port, interest), PollFd::new(&signals.pipe, PollFlags::IN)];
+    match rustix::event::poll(&mut waits, Some(&timespec(timeout))) {
+        Ok(_) | Err(Errno::INTR) => {}
+        Err(error) => return Err(error.into()),
+    }
+    let [port, signal] = &waits;
+    Ok(Woken {
+        signal: signal.revents().contains(PollFlags::IN),
+        readable: port.revents().contains(PollFlags::IN),
+        hung_up: port.revents().intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL),
+    })
+}
+
+/// The signals that end a run: Ctrl-C, a request to terminate, a closed terminal.
+#[derive(Debug)]
+pub struct Signals {
+    pipe: UnixStream,
+    last: Arc<AtomicUsize>,
+}
+
+impl Signals {
+    /// Catches them from now on, for the whole process.
+    pub fn catch() -> io::Result<Self> {
+        let (pipe, sender) = UnixStream::pair()?;
+        pipe.set_nonblocking(true)?;
+        let last = Arc::new(AtomicUsize::new(0));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            // In this order, so that the number is there when the pipe wakes somebody.
+            let number = usize::try_from(signal).unwrap_or(0);
+            signal_hook::flag::register_usize(signal, Arc::clone(&last), number)?;
+            signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
+        }
+        Ok(Signals { pipe, last })
+    }
+
+    /// The last signal that came; empties the pipe.
+    pub(super) fn take(&self) -> Option<i32> {
+        let mut buffer = [0; 64];
+        while matches!((&self.pipe).read(&mut buffer), Ok(count) if count > 0) {}
+        self.pending()
+    }
+
+    /// The last signal that came, without a system call. What it leaves in the pipe only wakes the next wait.
+    pub(super) fn pending(&self) -> Option<i32> {
+        match self.last.swap(0, Ordering::AcqRel) {
+            0 => None,
+            signal => i32::try_from(signal).ok(),
+        }
+    }
+}
+
+impl AsFd for Signals {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.pipe.as_fd()
+    }
+}

@@ -1,0 +1,381 @@
+//! What stands behind a command's name, taken piece by piece. Every mistake in it is reported, not only the first.
+
+use crate::board::Ranged;
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::source::Span;
+use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
+
+use super::commands::Row;
+use super::suggest::{list, suggest};
+use super::time::Time;
+use super::value::{self, Quantity, is_unit};
+
+/// The words that change how a command runs, each with one argument behind it.
+const MODIFIERS: &[&str] = &["for", "over", "ease", "within"];
+
+/// The arguments of one command that are not taken yet.
+pub(super) struct Arguments<'a, 's> {
+    /// The command's row in the table.
+    pub(super) row: &'static Row,
+    /// The command itself.
+    pub(super) command: &'a Command<'s>,
+    pub(super) diagnostics: &'a mut Diagnostics,
+    positional: std::vec::IntoIter<&'a Argument<'s>>,
+    named: Vec<&'a Argument<'s>>,
+    modifiers: Vec<(Name<'s>, &'a Argument<'s>)>,
+    missing_reported: bool,
+}
+
+impl<'a, 's> Arguments<'a, 's> {
+    /// Sorts the arguments; `None` where they cannot be, which is reported.
+    pub(super) fn new(row: &'static Row, command: &'a Command<'s>, diagnostics: &'a mut Diagnostics) -> Option<Self> {
+        if let Some(block) = &command.block {
+            diagnostics.push(
+                Diagnostic::new(
+                    Code::Arguments,
+                    Span { end: block.span.start + 1, ..block.span },
+                    format!("`{}` takes no block", row.name),
+                )
+                .help("end the line before the `{`"),
+            );
+            return None;
+        }
+        let mut positional: Vec<&Argument<'_>> = Vec::new();
+        let mut named: Vec<&Argument<'_>> = Vec::new();
+        let mut modifiers: Vec<(Name<'_>, &Argument<'_>)> = Vec::new();
+        let mut rest = command.arguments.iter();
+        while let Some(argument) = rest.next() {
+            let word = bare_word(argument);
+            if let Some(word) = word.filter(|word| MODIFIERS.contains(&word.text)) {
+                let Some(operand) = rest.next() else {
+                    let example = if word.text == "ease" { "ease in-out-sine" } else { "for 2s" };
+                    diagnostics.push(
+                        Diagnostic::new(
+                            Code::Arguments,
+                            word.span,
+                            format!("something is missing behind `{}`", word.text),
+                        )
+                        .help(format!("for example `{example}`")),
+                    );
+                    return None;
+                };
+                if modifiers.iter().any(|(name, _)| name.text == word.text) {
+                    diagnostics.push(Diagnostic::new(
+                        Code::Arguments,
+                        word.span,
+                        format!("`{}` stands here twice", word.text),
+                    ));
+                    return None;
+                }
+                modifiers.push((word, operand));
+                continue;
+            }
+            if let (Some(unit), Some(before)) =
+                (word.filter(|word| is_unit(word.text)), positional.last().or(named.last()))
+                && lacks_unit(&before.item)
+            {
+                diagnostics.push(blank_before_unit(before.span, unit));
+                return None;
+            }
+            match argument.name {
+                None => positional.push(argument),
+                Some(name) => {
+                    if named.iter().any(|other| other.name.is_some_and(|other| other.text == name.text)) {
+                        diagnostics.push(Diagnostic::new(
+                            Code::Arguments,
+                            argument.span,
+                            format!("`{}` is given twice", name.text),
+                        ));
+                        return None;
+                    }
+                    named.push(argument);
+                }
+            }
+        }
+        Some(Arguments {
+            row,
+            command,
+            diagnostics,
+            positional: positional.into_iter(),
+            named,
+            modifiers,
+            missing_reported: false,
+        })
+    }
+
+    /// Reports everything that was not taken. `None` where there was anything.
+    pub(super) fn finish(self) -> Option<()> {
+        let mut clean = !self.missing_reported;
+        let usage = format!("write `{}`, for example `{}`", self.row.usage, self.row.example);
+        for argument in self.positional {
+            clean = false;
+            let diagnostic =
+                Diagnostic::new(Code::Arguments, argument.span, format!("`{}` takes no more arguments", self.row.name));
+            self.diagnostics.push(
+                match bare_word(argument).and_then(|word| suggest(word.text, MODIFIERS.iter().copied())) {
+                    Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
+                    None => diagnostic.help(usage.clone()),
+                },
+            );
+        }
+        for argument in self.named {
+            clean = false;
+            let name = argument.name.map_or("", |name| name.text);
+            self.diagnostics.push(
+                Diagnostic::new(Code::Arguments, argument.span, format!("`{}` has no `{name}=`", self.row.name))
+                    .help(usage.clone()),
+            );
+        }
+        for (word, operand) in self.modifiers {
+            clean = false;
+            let span = word.span.to(operand.span);
+            self.diagnostics.push(match word.text {
+                "over" if self.row.moves => value::not_yet(span, "a move with `over`"),
+                "for" | "over" | "ease" | "within" => {
+                    Diagnostic::new(Code::Arguments, span, format!("`{}` takes no `{}`", self.row.name, word.text))
+                        .help(match word.text {
+                            "for" => "give the time a line of its own: `wait 2s`".to_owned(),
+                            _ => usage.clone(),
+                        })
+                }
+                _ => continue,
+            });
+        }
+        clean.then_some(())
+    }
+
+    /// The next argument without a name. Where none is left, that is reported once a command.
+    pub(super) fn next(&mut self) -> Option<Value<'s>> {
+        let Some(argument) = self.positional.next() else {
+            if !self.missing_reported {
+                self.missing_reported = true;
+                self.diagnostics.push(
+                    Diagnostic::new(
+                        Code::Arguments,
+                        self.command.span,
+                        format!("`{}` needs more than this", self.row.name),
+                    )
+                    .help(format!("write `{}`, for example `{}`", self.row.usage, self.row.example)),
+                );
+            }
+            return None;
+        };
+        self.one(argument)
+    }
+
+    /// Whether arguments without a name are left.
+    pub(super) fn more(&self) -> bool {
+        !self.positional.as_slice().is_empty()
+    }
+
+    /// The argument with this name, if it is given.
+    pub(super) fn named(&mut self, name: &str) -> Option<&'a Argument<'s>> {
+        let at = self.named.iter().position(|argument| argument.name.is_some_and(|given| given.text == name))?;
+        Some(self.named.remove(at))
+    }
+
+    /// The time behind `for`: `Ok(None)` where there is none, `Err` where it is wrong, which is reported.
+    pub(super) fn hold(&mut self) -> Result<Option<Time>, ()> {
+        let Some(at) = self.modifiers.iter().position(|(word, _)| word.text == "for") else {
+            return Ok(None);
+        };
+        let (word, operand) = self.modifiers.remove(at);
+        let value = self.one(operand).ok_or(())?;
+        let time = time(value, self.diagnostics).ok_or(())?;
+        if time <= Time::ZERO {
+            self.diagnostics.push(
+                Diagnostic::new(Code::OutOfRange, word.span.to(value.span), "`for` needs a time above zero")
+                    .help("leave the command out, or write `stop`"),
+            );
+            return Err(());
+        }
+        Ok(Some(time))
+    }
+
+    /// The single value of an argument; arrows, ranges and lists are reported.
+    pub(super) fn one(&mut self, argument: &Argument<'s>) -> Option<Value<'s>> {
+        let diagnostic = match &argument.item {
+            Item::One(value) => return Some(*value),
+            Item::Arrow(..) => value::not_yet(argument.span, "a move from one value to another"),
+            Item::Range(..) => Diagnostic::new(Code::Arguments, argument.span, "one value is needed here, not a range"),
+            Item::List(..) => Diagnostic::new(Code::Arguments, argument.span, "one value is needed here, not a list")
+                .help("arguments stand behind each other with a blank between them, not a comma"),
+            Item::Comparison(sign) => Diagnostic::new(
+                Code::Arguments,
+                argument.span,
+                format!("`{}` compares, and nothing is compared here", sign.text),
+            ),
+        };
+        self.diagnostics.push(diagnostic);
+        None
+    }
+
+    /// A bare number in the range of `Ranged`, rounded to a whole one. `what` names it in messages.
+    pub(super) fn ranged<const MIN: i32, const MAX: i32>(
+        &mut self,
+        value: Value<'s>,
+        what: &str,
+    ) -> Option<Ranged<MIN, MAX>> {
+        let number = self.number(value, what)?;
+        self.in_range(number, value.span, what, "")
+    }
+
+    /// A whole number in the range of `Ranged`: an index, a count or a byte is never rounded.
+    pub(super) fn whole<const MIN: i32, const MAX: i32>(
+        &mut self,
+        value: Value<'s>,
+        what: &str,
+    ) -> Option<Ranged<MIN, MAX>> {
+        let number = self.number(value, what)?;
+        if number.fract() != 0.0 {
+            self.diagnostics.push(
+                Diagnostic::new(Code::NotWhole, value.span, format!("a {what} is a whole number"))
+                    .help(format!("write one from {MIN} to {MAX}")),
+            );
+            return None;
+        }
+        self.in_range(number, value.span, what, "")
+    }
+
+    /// A byte: whole, 0-255 or 0x00-0xFF.
+    pub(super) fn byte(&mut self, value: Value<'s>, what: &str) -> Option<u8> {
+        let byte: Ranged<0, 255> = self.whole(value, what)?;
+        u8::try_from(byte.get()).ok()
+    }
+
+    /// A pulse width: a bare number of microseconds, a time, or an angle from 0 to 180 degrees on 500-2500.
+    pub(super) fn pulse<const MIN: i32, const MAX: i32>(
+        &mut self,
+        value: Value<'s>,
+        what: &str,
+        why: &str,
+    ) -> Option<Ranged<MIN, MAX>> {
+        let micros = match value::read(value, self.diagnostics)? {
+            Quantity::Number(micros) => micros,
+            // A pulse width is far below 2^53 ns wherever it is in range.
+            #[expect(clippy::cast_precision_loss, reason = "exact in range")]
+            Quantity::Time(time) => time.nanos() as f64 / 1_000.0,
+            Quantity::Degrees(degrees) if (0.0..=180.0).contains(&degrees) => 500.0 + degrees / 180.0 * 2_000.0,
+            Quantity::Degrees(_) => {
+                self.diagnostics.push(
+                    Diagnostic::new(Code::OutOfRange, value.span, "a servo turns from 0 to 180 degrees")
+                        .help("write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`"),
+                );
+                return None;
+            }
+            other => {
+                self.wrong_unit(
+                    value.span,
+                    what,
+                    other,
+                    "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`",
+                );
+                return None;
+            }
+        };
+        self.in_range(micros, value.span, what, why)
+    }
+
+    /// A word out of `words`.
+    pub(super) fn word(&mut self, value: Value<'s>, words: &[&'static str]) -> Option<&'static str> {
+        let found = match value.kind {
+            ValueKind::Word(word) if !value.negative => word,
+            _ => "",
+        };
+        if let Some(word) = words.iter().find(|&&word| word == found) {
+            return Some(word);
+        }
+        let help = match suggest(found, words.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("write one of {}", list(words.iter().copied())),
+        };
+        self.diagnostics.push(
+            Diagnostic::new(Code::Arguments, value.span, format!("`{}` does not know this", self.row.name)).help(help),
+        );
+        None
+    }
+
+    fn number(&mut self, value: Value<'s>, what: &str) -> Option<f64> {
+        match value::read(value, self.diagnostics)? {
+            Quantity::Number(number) => Some(number),
+            other => {
+                self.wrong_unit(value.span, what, other, "write the bare number");
+                None
+            }
+        }
+    }
+
+    fn wrong_unit(&mut self, span: Span, what: &str, found: Quantity, help: &str) {
+        self.diagnostics.push(
+            Diagnostic::new(Code::Unit, span, format!("a {what} is needed here, not {}", found.kind())).help(help),
+        );
+    }
+
+    fn in_range<const MIN: i32, const MAX: i32>(
+        &mut self,
+        number: f64,
+        span: Span,
+        what: &str,
+        why: &str,
+    ) -> Option<Ranged<MIN, MAX>> {
+        let checked = value::round(number).and_then(|number| Ranged::new(number).ok());
+        if checked.is_none() {
+            let because = if why.is_empty() { String::new() } else { format!("; {why}") };
+            self.diagnostics.push(
+                Diagnostic::new(
+                    Code::OutOfRange,
+                    span,
+                    format!("a {what} is from {MIN} to {MAX}, and {number} is outside"),
+                )
+                .help(format!("write a value from {MIN} to {MAX}{because}")),
+            );
+        }
+        checked
+    }
+}
+
+/// An argument that is nothing but a word.
+fn bare_word<'s>(argument: &Argument<'s>) -> Option<Name<'s>> {
+    match argument.item {
+        Item::One(Value { kind: ValueKind::Word(text), negative: false, span }) if argument.name.is_none() => {
+            Some(Name { text, span })
+        }
+        _ => None,
+    }
+}
+
+fn lacks_unit(item: &Item<'_>) -> bool {
+    matches!(item, Item::One(value) if is_bare_number(*value))
+}
+
+/// Whether a value is a number with no unit.
+pub(super) fn is_bare_number(value: Value<'_>) -> bool {
+    matches!(value.kind, ValueKind::Number(NumberShape::Plain, text) if text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.'))
+}
+
+/// `1 s` instead of `1s`.
+pub(super) fn blank_before_unit(number: Span, unit: Name<'_>) -> Diagnostic {
+    Diagnostic::new(Code::Unit, number.to(unit.span), format!("no blank stands between a number and `{}`", unit.text))
+        .help(format!("write them together, such as `1{}`", unit.text))
+}
+
+/// Reads a time; anything else is reported.
+pub(super) fn time(value: Value<'_>, diagnostics: &mut Diagnostics) -> Option<Time> {
+    match value::read(value, diagnostics)? {
+        Quantity::Time(time) => Some(time),
+        Quantity::Number(number) => {
+            diagnostics.push(
+                Diagnostic::new(Code::Unit, value.span, format!("a time needs a unit, and {number} has none"))
+                    .help(format!("write `{number}s` for seconds or `{number}ms` for milliseconds")),
+            );
+            None
+        }
+        other => {
+            diagnostics.push(
+                Diagnostic::new(Code::Unit, value.span, format!("a time is needed here, not {}", other.kind()))
+                    .help("write a time such as `0.5s`, `250ms` or `1m30s`"),
+            );
+            None
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Numbers and their units.
+
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::source::Span;
+use crate::syntax::{NumberShape, Value, ValueKind};
+
+use super::suggest::{list, suggest};
+use super::time::Time;
+
+/// A number with what it measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Quantity {
+    /// A bare number.
+    Number(f64),
+    /// A time.
+    Time(Time),
+    /// An angle in degrees.
+    Degrees(f64),
+    /// Volts.
+    Volts(f64),
+    /// Beats a minute.
+    Tempo(f64),
+    /// Hertz.
+    Hertz(f64),
+}
+
+impl Quantity {
+    /// What it is, for messages.
+    pub(super) fn kind(self) -> &'static str {
+        match self {
+            Quantity::Number(_) => "a number without a unit",
+            Quantity::Time(_) => "a time",
+            Quantity::Degrees(_) => "an angle",
+            Quantity::Volts(_) => "a voltage",
+            Quantity::Tempo(_) => "a tempo",
+            Quantity::Hertz(_) => "a frequency",
+        }
+    }
+
+    fn negated(self) -> Quantity {
+        match self {
+            Quantity::Number(x) => Quantity::Number(-x),
+            Quantity::Time(time) => Quantity::Time(Time::ZERO.minus(time)),
+            Quantity::Degrees(x) => Quantity::Degrees(-x),
+            Quantity::Volts(x) => Quantity::Volts(-x),
+            Quantity::Tempo(x) => Quantity::Tempo(-x),
+            Quantity::Hertz(x) => Quantity::Hertz(-x),
+        }
+    }
+}
+
+/// One row of the table of units.
+#[derive(Debug)]
+pub struct Unit {
+    /// How it is written, right behind the number.
+    pub name: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
+    /// Whether it is one that humantime reads.
+    is_time: bool,
+    /// How a number of them is kept. Times are read by humantime.
+    make: fn(f64) -> Quantity,
+}
+
+/// Every unit, times from the longest to the shortest.
+pub const UNITS: &[Unit] = &[
+    time("h", "hours"),
+    time("min", "minutes"),
+    time("m", "minutes"),
+    time("s", "seconds"),
+    time("ms", "milliseconds"),
+    time("us", "microseconds"),
+    unit("deg", "degrees", Quantity::Degrees),
+    unit("V", "volts", Quantity::Volts),
+    unit("bpm", "beats a minute", Quantity::Tempo),
+    unit("hz", "times a second", Quantity::Hertz),
+];
+
+const fn unit(name: &'static str, meaning: &'static str, make: fn(f64) -> Quantity) -> Unit {
+    Unit { name, meaning, is_time: false, make }
+}
+
+const fn time(name: &'static str, meaning: &'static str) -> Unit {
+    Unit { name, meaning, is_time: true, make: Quantity::Number }
+}
+
+/// Whether this word is a unit, which would have to stand right behind its number.
+pub(super) fn is_unit(word: &str) -> bool {
+    UNITS.iter().any(|unit| unit.name == word)
+}
+
+/// Reads a value that must be a number of some kind; `None` where it is none, which is reported.
+pub(super) fn read(value: Value<'_>, diagnostics: &mut Diagnostics) -> Option<Quantity> {
+    let read = match value.kind {
+        ValueKind::Number(shape, text) => number(shape, text, value.span),
+        ValueKind::Text(_) => Err(Diagnostic::new(Code::Arguments, value.span, "a number is needed here, not a text")),
+        ValueKind::Word(word) => {
+            Err(Diagnostic::new(Code::Arguments, value.span, format!("a number is needed here, not the word `{word}`"))
+                .help("names for values are not in this version of motionseq; write the number itself"))
+        }
+        ValueKind::Call(_) | ValueKind::Paren => Err(not_yet(value.span, "a calculation")),
+    };
+    match read {
+        Ok(quantity) if value.negative => Some(quantity.negated()),
+        Ok(quantity) => Some(quantity),
+        Err(diagnostic) => {
+            diagnostics.push(diagnostic);
+            None
+        }
+    }
+}
+
+/// What the language has and this version does not.
+pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
+    Diagnostic::new(
+        Code::NotYet,
+        span,
+        format!("{what} belongs to the language, but this version of motionseq cannot run it yet"),
+    )
+    .help("write the plain commands and times instead, or update motionseq")
+}
+
+fn number(shape: NumberShape, text: &str, span: Span) -> Result<Quantity, Diagnostic> {
+    let wrong = |message: String| Diagnostic::new(Code::Number, span, message);
+    match shape {
+        NumberShape::Hex => {
+            let digits = text.strip_prefix("0x").unwrap_or(text);
+            match u32::from_str_radix(digits, 16) {
+                Ok(number) => Ok(Quantity::Number(f64::from(number))),
+                Err(_) => Err(wrong(format!("`{text}` is not a hexadecimal number"))),
+            }
+        }
+        NumberShape::Duration => duration(text, span),
+        NumberShape::Plain => plain(text, span),
+        NumberShape::Beats => Err(not_yet(span, "a time in beats or bars")),
+        NumberShape::Ratio => {
+            Err(wrong(format!("`{text}` is a division, not a number")).help("write the number that comes out"))
+        }
+        NumberShape::Odd => Err(odd(text, span)),
+    }
+}
+
+/// A number with letters behind it, or none.
+fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
+    let digits_end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
+    let Ok(number) = digits.parse::<f64>() else {
+        return Err(Diagnostic::new(Code::Number, span, format!("`{digits}` is not a number")));
+    };
+    if name.is_empty() {
+        return Ok(Quantity::Number(number));
+    }
+    if let Some(unit) = UNITS.iter().find(|unit| unit.name == name && !unit.is_time) {
+        return Ok((unit.make)(number));
+    }
+    let names = || UNITS.iter().map(|unit| unit.name);
+    let help = match name {
+        "µs" | "μs" | "usec" => format!("write microseconds as `{digits}us`"),
+        "ns" | "nsec" | "nanos" => "times are sent in whole microseconds: write `us` or longer".into(),
+        "d" | "day" | "days" | "w" | "week" | "weeks" | "M" | "month" | "months" | "y" | "year" | "years" => {
+            "a script is at most 24 hours long; write hours as `h`".into()
+        }
+        "sec" | "secs" | "second" | "seconds" | "S" => format!("write seconds as `{digits}s`"),
+        "msec" | "millis" => format!("write milliseconds as `{digits}ms`"),
+        "mins" | "minute" | "minutes" => format!("write minutes as `{digits}min`"),
+        "hr" | "hrs" | "hour" | "hours" | "H" => format!("write hours as `{digits}h`"),
+        "beat" | "beats" | "bar" | "bars" => format!("a blank stands before it: `{digits} {name}`"),
+        _ => match suggest(name, names()) {
+            Some(near) => format!("did you mean `{digits}{near}`?"),
+            None => format!("the units are {}", list(names())),
+        },
+    };
+    Err(Diagnostic::new(Code::Unit, span, format!("`{name}` is not a unit")).help(help))
+}
+
+/// A time. humantime reads it; its looser spellings are ruled out by the grammar before, its order here.
+fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
+    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
+    let ranks = text.split(is_digit).filter(|name| !name.is_empty()).map(|name| match name {
+        "h" => 4,
+        "min" | "m" => 3,
+        "s" => 2,
+        "ms" => 1,
+        _ => 0,
+    });
+    if !ranks.clone().zip(ranks.skip(1)).all(|(left, right)| left > right) {
+        return Err(Diagnostic::new(
+            Code::Number,
+            span,
+            format!("the units of `{text}` do not fall from long to short"),
+        )
+        .help("write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`"));
+    }
+    humantime::parse_duration(text).ok().and_then(Time::from_duration).map(Quantity::Time).ok_or_else(|| {
+        Diagnostic::new(Code::Number, span, format!("`{text}` is too long or too fine to be read exactly"))
+            .help("write it in a shorter unit, such as `ms` or `us`; a script is at most 24 hours long")
+    })
+}
+
+/// What is wrong with something that starts with a digit and is no number.
+fn odd(text: &str, span: Span) -> Diagnostic {
+    let digits = text.bytes().take_while(u8::is_ascii_digit).count();
+    let help = if text.bytes().all(|byte| byte.is_ascii_hexdigit() || byte == b'x') && text.starts_with("0x") {
+        "a hexadecimal number has at most eight digits, such as `0x1F`"
+    } else if digits > 15 || text.split('.').nth(1).is_some_and(|rest| rest.len() > 15) {
+        "a number has at most 15 digits before and behind its point"
+    } else if text.contains(['e', 'E']) {
+        "write the number out: exponents such as `1e3` are not read"
+    } else if text.matches('.').count() > 1 {
+        "a number has one point"
+    } else {
+        "a number is digits, perhaps with one point, and a unit right behind: `1500us`, `0.5s`, `1m30s`"
+    };
+    let shown: String = text.chars().take(40).collect();
+    Diagnostic::new(Code::Number, span, format!("`{shown}` is not a number")).help(help)
+}
+
+/// The whole number nearest to `number`, halves away from zero; `None` far outside of what anything here needs.
+pub(super) fn round(number: f64) -> Option<i32> {
+    let rounded = number.round();
+    #[expect(clippy::cast_possible_truncation, reason = "in range and whole")]
+    (rounded.abs() <= f64::from(i32::MAX)).then_some(rounded as i32)
+}

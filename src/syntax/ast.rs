@@ -1,0 +1,190 @@
+//! The tree of a script: what stands where, with no meaning yet. Names and numbers are slices of the source.
+
+use crate::source::Span;
+
+/// A whole script.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Ast<'s> {
+    /// Its lines, as a block without braces.
+    pub body: Block<'s>,
+}
+
+/// Lines that run one after the other.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Block<'s> {
+    /// The lines, in the order written.
+    pub lines: Vec<Line<'s>>,
+    /// From the opening to the closing brace.
+    pub span: Span,
+}
+
+/// One line: parts joined by `;` that start together.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Line<'s> {
+    /// `at T` or `+D`, which covers the whole line.
+    pub start: Option<Start<'s>>,
+    /// The parts, in the order written. Empty only where the line was broken and said so.
+    pub parts: Vec<Part<'s>>,
+    /// From the first to the last part.
+    pub span: Span,
+}
+
+/// When a line starts.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Start<'s> {
+    /// `at T`: at a moment, whatever came before.
+    At(Moment<'s>),
+    /// `+D`: so long after what came before.
+    After(Value<'s>),
+}
+
+/// The moment of an `at`: where it counts from, and times added or taken away.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Moment<'s> {
+    /// What it counts from.
+    pub origin: Origin<'s>,
+    /// Times behind it, each with whether it is taken away.
+    pub offsets: Vec<(bool, Value<'s>)>,
+    /// From the origin to the last offset.
+    pub span: Span,
+}
+
+/// What a moment counts from.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Origin<'s> {
+    /// A time from the start of the block, or a mark's name.
+    Value(Value<'s>),
+    /// `bar N beat M`.
+    Bar(Span),
+}
+
+/// One statement of a line.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Part<'s> {
+    /// The robots it is said to; empty for all.
+    pub robots: Vec<Name<'s>>,
+    /// What is done.
+    pub statement: Statement<'s>,
+}
+
+/// What is done.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Statement<'s> {
+    /// Words and arguments, perhaps with a block.
+    Command(Command<'s>),
+    /// A bare block.
+    Block(Block<'s>),
+    /// A statement of the language that this version reads but does not run.
+    Later(Later<'s>),
+}
+
+impl Statement<'_> {
+    /// Where it stands.
+    pub fn span(&self) -> Span {
+        match self {
+            Statement::Command(command) => command.span,
+            Statement::Block(block) => block.span,
+            Statement::Later(later) => later.span,
+        }
+    }
+}
+
+/// `def`, `let`, `if` or a call.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Later<'s> {
+    /// What it is called in messages.
+    pub what: &'s str,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// A word, its arguments, perhaps a block.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Command<'s> {
+    /// The first word.
+    pub head: Name<'s>,
+    /// What stands behind it, in the order written.
+    pub arguments: Vec<Argument<'s>>,
+    /// The block behind it.
+    pub block: Option<Block<'s>>,
+    /// From the head to the last argument or the closing brace.
+    pub span: Span,
+}
+
+/// A word with its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Name<'s> {
+    /// The word.
+    pub text: &'s str,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// One argument.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Argument<'s> {
+    /// The name in `NAME=ARG`.
+    pub name: Option<Name<'s>>,
+    /// The value or values.
+    pub item: Item<'s>,
+    /// From the name or the first value to the last.
+    pub span: Span,
+}
+
+/// The values of an argument.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Item<'s> {
+    /// One value.
+    One(Value<'s>),
+    /// `A -> B`.
+    Arrow(Value<'s>, Value<'s>),
+    /// `A..B`.
+    Range(Value<'s>, Value<'s>),
+    /// `A,B,…`.
+    List(Vec<Value<'s>>),
+    /// A comparison sign, for `expect`.
+    Comparison(Name<'s>),
+}
+
+/// One value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Value<'s> {
+    /// Whether a minus stands right before it.
+    pub negative: bool,
+    /// What it is.
+    pub kind: ValueKind<'s>,
+    /// With its minus.
+    pub span: Span,
+}
+
+/// What a value is, before it has a meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValueKind<'s> {
+    /// A number with its unit.
+    Number(NumberShape, &'s str),
+    /// A text, as written, with its quotation marks.
+    Text(&'s str),
+    /// A word or a name.
+    Word(&'s str),
+    /// A call; the name is given.
+    Call(&'s str),
+    /// An expression in parentheses.
+    Paren,
+}
+
+/// The shape of a number, as the grammar found it. Its digits are bounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NumberShape {
+    /// `0x1F`.
+    Hex,
+    /// One or more numbers with time units: `1m30s`.
+    Duration,
+    /// A number, perhaps with letters behind it: `90deg`.
+    Plain,
+    /// A number of beats or bars.
+    Beats,
+    /// `3/4`.
+    Ratio,
+    /// Anything else that starts with a digit.
+    Odd,
+}

@@ -1,0 +1,93 @@
+//! Two commands that want one thing at the same time.
+//!
+//! `for` occupies its thing for as long as it holds, anything else for an instant. Ends that touch are no overlap if the
+//! one that starts there is also written later. Two instants at one time clash; an instant and a hold that starts there do
+//! not, if the instant is written first.
+
+use super::listing::Seconds;
+use super::{THINGS, thing_name, things};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::program::{Action, Step};
+use crate::source::Span;
+
+/// When a command occupies its things, in microseconds.
+#[derive(Clone, Copy)]
+struct Occupied {
+    start: u64,
+    end: u64,
+    order: usize,
+    span: Span,
+}
+
+impl Occupied {
+    fn is_instant(self) -> bool {
+        self.start == self.end
+    }
+
+    /// Whether `next`, which starts later or is written later at the same time, runs into this.
+    fn clashes_with(self, next: Occupied) -> bool {
+        if self.end != next.start {
+            return self.end > next.start;
+        }
+        match (self.is_instant(), next.is_instant()) {
+            (true, true) => true,
+            (true, false) => false,
+            (false, _) => next.order < self.order,
+        }
+    }
+}
+
+/// Reports every command that runs into one before it.
+pub(super) fn check(steps: &[Step], diagnostics: &mut Diagnostics) {
+    let mut sorted: Vec<(usize, &Step)> = steps.iter().enumerate().collect();
+    sorted.sort_by_key(|&(order, step)| (step.at.micros(), order));
+    // Of each thing, the command that occupies it longest so far.
+    let mut occupied: [Option<Occupied>; THINGS] = [None; THINGS];
+    for (order, step) in sorted {
+        let Action::Send(command, hold) = &step.action else {
+            continue;
+        };
+        let start = step.at.micros();
+        let end = hold.map_or(start, |hold| step.at.plus(hold).micros());
+        let next = Occupied { start, end, order, span: step.span };
+        let mut reported = false;
+        for thing in things(command) {
+            let Some(slot) = occupied.get_mut(thing) else {
+                continue;
+            };
+            match *slot {
+                Some(last) if last.clashes_with(next) => {
+                    if !reported {
+                        diagnostics.push(clash(thing, last, next));
+                    }
+                    reported = true;
+                    if next.end > last.end {
+                        *slot = Some(next);
+                    }
+                }
+                _ => *slot = Some(next),
+            }
+        }
+    }
+}
+
+fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
+    let thing = thing_name(thing);
+    let at = Seconds(second.start);
+    if first.is_instant() {
+        return Diagnostic::new(Code::Clash, second.span, format!("{thing} is told two things at {at} s"))
+            .label("this")
+            .related(first.span, "and this")
+            .help("keep one of the two, or let some time pass between them");
+    }
+    let end = Seconds(first.end);
+    let message = format!("{thing} is busy until {end} s, and this starts at {at} s");
+    let diagnostic = Diagnostic::new(Code::Clash, second.span, message)
+        .label("starts too early")
+        .related(first.span, "still running");
+    if first.end == second.start {
+        diagnostic.help("what starts when another ends is written below it: swap the two lines")
+    } else {
+        diagnostic.help(format!("start it at {end} s or later, or make the other one shorter"))
+    }
+}

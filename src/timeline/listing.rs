@@ -1,0 +1,49 @@
+//! A timeline as text or bytes. Nothing is aligned, so that a change touches only its own lines.
+
+use std::fmt;
+use std::io::{self, Write};
+
+use super::Event;
+use crate::board::Frame;
+
+/// Microseconds, shown as seconds with six decimals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seconds(pub u64);
+
+impl fmt::Display for Seconds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{:06}", self.0 / 1_000_000, self.0 % 1_000_000)
+    }
+}
+
+/// One line a frame, TAB-separated: seconds, the frame in hex, the command, and what it is where that is no plain command.
+pub fn write_listing(events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    each(events, |event, frame| {
+        write!(out, "{}\t{frame}\t{}", Seconds(event.at_us), event.command)?;
+        match event.kind.word() {
+            Some(word) => writeln!(out, "\t{word}"),
+            None => writeln!(out),
+        }
+    })
+}
+
+/// One line a frame: seconds, TAB, the frame in hex.
+pub fn write_hex(events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    each(events, |event, frame| writeln!(out, "{}\t{frame}", Seconds(event.at_us)))
+}
+
+/// The bytes of the frames, one after another: exactly what the port is given.
+pub fn write_bin(events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    each(events, |_, frame| out.write_all(frame.bytes()))
+}
+
+fn each(events: &[Event], mut write: impl FnMut(&Event, Frame<'_>) -> io::Result<()>) -> io::Result<()> {
+    let mut bytes = Vec::new();
+    for event in events {
+        bytes.clear();
+        event.encode(&mut bytes);
+        let frame = Frame::new(&bytes).map_err(io::Error::other)?;
+        write(event, frame)?;
+    }
+    Ok(())
+}
