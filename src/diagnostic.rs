@@ -113,25 +113,18 @@ pub struct Diagnostic {
     /// Other places that belong to it.
     pub related: Vec<Related>,
     /// What to write instead.
-    pub help: Option<String>,
+    pub help: String,
 }
 
 impl Diagnostic {
-    /// A diagnostic with the words that say what is wrong.
-    pub fn new(code: Code, span: Span, message: impl Into<String>) -> Self {
-        Diagnostic { code, span, message: message.into(), label: None, related: Vec::new(), help: None }
+    /// A diagnostic with the words that say what is wrong, and those that say what to write instead.
+    pub fn new(code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
+        Diagnostic { code, span, message: message.into(), label: None, related: Vec::new(), help: help.into() }
     }
 
     /// Whether it stops the script from compiling.
     pub fn is_error(&self) -> bool {
         self.code.severity() == Severity::Error
-    }
-
-    /// Adds what to write instead.
-    #[must_use]
-    pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
-        self
     }
 
     /// Adds a word or two that stand at the place itself.
@@ -344,8 +337,7 @@ impl miette::Diagnostic for Attached<'_> {
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        let help = self.diagnostic.help.as_deref()?;
-        Some(Box::new(escaped(help)))
+        Some(Box::new(escaped(&self.diagnostic.help)))
     }
 
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {

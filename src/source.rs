@@ -103,8 +103,8 @@ impl Source {
                     Code::NotUtf8,
                     Span::new(at, at + '\u{FFFD}'.len_utf8()),
                     format!("the byte 0x{byte:02X} is not UTF-8 text"),
-                )
-                .help("save the file as UTF-8 in your editor; a script is plain text");
+                    "save the file as UTF-8 in your editor; a script is plain text",
+                );
                 Err(SourceError::Invalid(Box::new((Source { name, text }, diagnostic))))
             }
         }
@@ -149,8 +149,12 @@ pub enum SourceError {
 }
 
 fn too_large(name: String) -> SourceError {
-    let diagnostic = Diagnostic::new(Code::SourceTooLarge, Span::default(), "the script is larger than 64 MiB")
-        .help("split it into several scripts; nothing of it was read");
+    let diagnostic = Diagnostic::new(
+        Code::SourceTooLarge,
+        Span::default(),
+        "the script is larger than 64 MiB",
+        "split it into several scripts; nothing of it was read",
+    );
     SourceError::Invalid(Box::new((Source::new(name, ""), diagnostic)))
 }
 

@@ -30,14 +30,12 @@ impl<'a, 's> Arguments<'a, 's> {
     /// Sorts the arguments; `None` where they cannot be, which is reported.
     pub(super) fn new(row: &'static Row, command: &'a Command<'s>, diagnostics: &'a mut Diagnostics) -> Option<Self> {
         if let Some(block) = &command.block {
-            diagnostics.push(
-                Diagnostic::new(
-                    Code::Arguments,
-                    Span { end: block.span.start + 1, ..block.span },
-                    format!("`{}` takes no block", row.name),
-                )
-                .help("end the line before the `{`"),
-            );
+            diagnostics.push(Diagnostic::new(
+                Code::Arguments,
+                Span { end: block.span.start + 1, ..block.span },
+                format!("`{}` takes no block", row.name),
+                "end the line before the `{`",
+            ));
             return None;
         }
         let mut positional: Vec<&Argument<'_>> = Vec::new();
@@ -49,14 +47,12 @@ impl<'a, 's> Arguments<'a, 's> {
             if let Some(word) = word.filter(|word| MODIFIERS.contains(&word.text)) {
                 let Some(operand) = rest.next() else {
                     let example = if word.text == "ease" { "ease in-out-sine" } else { "for 2s" };
-                    diagnostics.push(
-                        Diagnostic::new(
-                            Code::Arguments,
-                            word.span,
-                            format!("something is missing behind `{}`", word.text),
-                        )
-                        .help(format!("for example `{example}`")),
-                    );
+                    diagnostics.push(Diagnostic::new(
+                        Code::Arguments,
+                        word.span,
+                        format!("something is missing behind `{}`", word.text),
+                        format!("for example `{example}`"),
+                    ));
                     return None;
                 };
                 if modifiers.iter().any(|(name, _)| name.text == word.text) {
@@ -64,6 +60,7 @@ impl<'a, 's> Arguments<'a, 's> {
                         Code::Arguments,
                         word.span,
                         format!("`{}` stands here twice", word.text),
+                        "keep one of the two",
                     ));
                     return None;
                 }
@@ -74,7 +71,10 @@ impl<'a, 's> Arguments<'a, 's> {
                 (word.filter(|word| is_unit(word.text)), positional.last().or(named.last()))
                 && lacks_unit(&before.item)
             {
-                diagnostics.push(blank_before_unit(before.span, unit));
+                let Item::One(Value { kind: ValueKind::Number(_, number), .. }) = before.item else {
+                    continue;
+                };
+                diagnostics.push(blank_before_unit(number, before.span, unit));
                 return None;
             }
             match argument.name {
@@ -85,6 +85,7 @@ impl<'a, 's> Arguments<'a, 's> {
                             Code::Arguments,
                             argument.span,
                             format!("`{}` is given twice", name.text),
+                            "keep one of the two",
                         ));
                         return None;
                     }
@@ -106,61 +107,73 @@ impl<'a, 's> Arguments<'a, 's> {
     /// Reports everything that was not taken. `None` where there was anything.
     pub(super) fn finish(self) -> Option<()> {
         let mut clean = !self.missing_reported;
-        let usage = format!("write `{}`, for example `{}`", self.row.usage, self.row.example);
-        for argument in self.positional {
+        let usage = self.usage();
+        // The first one too many is enough: the others often belong to it.
+        if let Some(argument) = self.positional.as_slice().first() {
             clean = false;
-            let diagnostic =
-                Diagnostic::new(Code::Arguments, argument.span, format!("`{}` takes no more arguments", self.row.name));
-            self.diagnostics.push(
-                match bare_word(argument).and_then(|word| suggest(word.text, MODIFIERS.iter().copied())) {
-                    Some(near) => diagnostic.help(format!("did you mean `{near}`?")),
-                    None => diagnostic.help(usage.clone()),
-                },
-            );
+            let near = bare_word(argument).and_then(|word| suggest(word.text, MODIFIERS.iter().copied()));
+            self.diagnostics.push(Diagnostic::new(
+                Code::Arguments,
+                argument.span,
+                format!("`{}` takes no more arguments", self.row.name),
+                near.map_or(usage.clone(), |near| format!("did you mean `{near}`?")),
+            ));
         }
         for argument in self.named {
             clean = false;
             let name = argument.name.map_or("", |name| name.text);
-            self.diagnostics.push(
-                Diagnostic::new(Code::Arguments, argument.span, format!("`{}` has no `{name}=`", self.row.name))
-                    .help(usage.clone()),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::Arguments,
+                argument.span,
+                format!("`{}` has no `{name}=`", self.row.name),
+                usage.clone(),
+            ));
         }
         for (word, operand) in self.modifiers {
             clean = false;
             let span = word.span.to(operand.span);
             self.diagnostics.push(match word.text {
                 "over" if self.row.moves => value::not_yet(span, "a move with `over`"),
-                "for" | "over" | "ease" | "within" => {
-                    Diagnostic::new(Code::Arguments, span, format!("`{}` takes no `{}`", self.row.name, word.text))
-                        .help(match word.text {
-                            "for" => "give the time a line of its own: `wait 2s`".to_owned(),
-                            _ => usage.clone(),
-                        })
-                }
-                _ => continue,
+                taken => Diagnostic::new(
+                    Code::Arguments,
+                    span,
+                    format!("`{}` takes no `{taken}`", self.row.name),
+                    match taken {
+                        "for" => "give the time a line of its own: `wait 2s`".to_owned(),
+                        _ => usage.clone(),
+                    },
+                ),
             });
         }
         clean.then_some(())
     }
 
-    /// The next argument without a name. Where none is left, that is reported once a command.
+    /// The next argument without a name. Where none is left, that is reported.
     pub(super) fn next(&mut self) -> Option<Value<'s>> {
-        let Some(argument) = self.positional.next() else {
-            if !self.missing_reported {
-                self.missing_reported = true;
-                self.diagnostics.push(
-                    Diagnostic::new(
-                        Code::Arguments,
-                        self.command.span,
-                        format!("`{}` needs more than this", self.row.name),
-                    )
-                    .help(format!("write `{}`, for example `{}`", self.row.usage, self.row.example)),
-                );
-            }
-            return None;
-        };
-        self.one(argument)
+        if let Some(argument) = self.positional.next() {
+            return self.one(argument);
+        }
+        self.missing();
+        None
+    }
+
+    /// Reports, once a command, that something is missing.
+    pub(super) fn missing(&mut self) {
+        if self.missing_reported {
+            return;
+        }
+        self.missing_reported = true;
+        self.diagnostics.push(Diagnostic::new(
+            Code::Arguments,
+            self.command.span,
+            format!("`{}` needs more than this", self.row.name),
+            self.usage(),
+        ));
+    }
+
+    /// How the command is written.
+    pub(super) fn usage(&self) -> String {
+        format!("write `{}`, for example `{}`", self.row.usage, self.row.example)
     }
 
     /// Whether arguments without a name are left.
@@ -183,10 +196,12 @@ impl<'a, 's> Arguments<'a, 's> {
         let value = self.one(operand).ok_or(())?;
         let time = time(value, self.diagnostics).ok_or(())?;
         if time <= Time::ZERO {
-            self.diagnostics.push(
-                Diagnostic::new(Code::OutOfRange, word.span.to(value.span), "`for` needs a time above zero")
-                    .help("leave the command out, or write `stop`"),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::OutOfRange,
+                word.span.to(value.span),
+                "`for` needs a time above zero",
+                "leave the command out, or write `stop`",
+            ));
             return Err(());
         }
         Ok(Some(time))
@@ -197,13 +212,20 @@ impl<'a, 's> Arguments<'a, 's> {
         let diagnostic = match &argument.item {
             Item::One(value) => return Some(*value),
             Item::Arrow(..) => value::not_yet(argument.span, "a move from one value to another"),
-            Item::Range(..) => Diagnostic::new(Code::Arguments, argument.span, "one value is needed here, not a range"),
-            Item::List(..) => Diagnostic::new(Code::Arguments, argument.span, "one value is needed here, not a list")
-                .help("arguments stand behind each other with a blank between them, not a comma"),
+            Item::Range(..) => {
+                Diagnostic::new(Code::Arguments, argument.span, "one value is needed here, not a range", self.usage())
+            }
+            Item::List(..) => Diagnostic::new(
+                Code::Arguments,
+                argument.span,
+                "one value is needed here, not a list",
+                "arguments stand behind each other with a blank between them, not a comma",
+            ),
             Item::Comparison(sign) => Diagnostic::new(
                 Code::Arguments,
                 argument.span,
                 format!("`{}` compares, and nothing is compared here", sign.text),
+                self.usage(),
             ),
         };
         self.diagnostics.push(diagnostic);
@@ -217,7 +239,7 @@ impl<'a, 's> Arguments<'a, 's> {
         what: &str,
     ) -> Option<Ranged<MIN, MAX>> {
         let number = self.number(value, what)?;
-        self.in_range(number, value.span, what, "")
+        self.in_range(number, value.span, what, ["", ""])
     }
 
     /// A whole number in the range of `Ranged`: an index, a count or a byte is never rounded.
@@ -228,13 +250,15 @@ impl<'a, 's> Arguments<'a, 's> {
     ) -> Option<Ranged<MIN, MAX>> {
         let number = self.number(value, what)?;
         if number.fract() != 0.0 {
-            self.diagnostics.push(
-                Diagnostic::new(Code::NotWhole, value.span, format!("a {what} is a whole number"))
-                    .help(format!("write one from {MIN} to {MAX}")),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::NotWhole,
+                value.span,
+                format!("{what} is a whole number"),
+                format!("write one from {MIN} to {MAX}"),
+            ));
             return None;
         }
-        self.in_range(number, value.span, what, "")
+        self.in_range(number, value.span, what, ["", ""])
     }
 
     /// A byte: whole, 0-255 or 0x00-0xFF.
@@ -257,10 +281,12 @@ impl<'a, 's> Arguments<'a, 's> {
             Quantity::Time(time) => time.nanos() as f64 / 1_000.0,
             Quantity::Degrees(degrees) if (0.0..=180.0).contains(&degrees) => 500.0 + degrees / 180.0 * 2_000.0,
             Quantity::Degrees(_) => {
-                self.diagnostics.push(
-                    Diagnostic::new(Code::OutOfRange, value.span, "a servo turns from 0 to 180 degrees")
-                        .help("write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`"),
-                );
+                self.diagnostics.push(Diagnostic::new(
+                    Code::OutOfRange,
+                    value.span,
+                    "a servo turns from 0 to 180 degrees",
+                    "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`",
+                ));
                 return None;
             }
             other => {
@@ -273,14 +299,14 @@ impl<'a, 's> Arguments<'a, 's> {
                 return None;
             }
         };
-        self.in_range(micros, value.span, what, why)
+        self.in_range(micros, value.span, what, [" µs", why])
     }
 
     /// A word out of `words`.
     pub(super) fn word(&mut self, value: Value<'s>, words: &[&'static str]) -> Option<&'static str> {
         let found = match value.kind {
-            ValueKind::Word(word) if !value.negative => word,
-            _ => "",
+            ValueKind::Word(word) | ValueKind::Text(word) | ValueKind::Number(_, word) if !value.negative => word,
+            _ => "this",
         };
         if let Some(word) = words.iter().find(|&&word| word == found) {
             return Some(word);
@@ -289,9 +315,12 @@ impl<'a, 's> Arguments<'a, 's> {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("write one of {}", list(words.iter().copied())),
         };
-        self.diagnostics.push(
-            Diagnostic::new(Code::Arguments, value.span, format!("`{}` does not know this", self.row.name)).help(help),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::Arguments,
+            value.span,
+            format!("`{}` does not know `{found}`", self.row.name),
+            help,
+        ));
         None
     }
 
@@ -306,9 +335,12 @@ impl<'a, 's> Arguments<'a, 's> {
     }
 
     fn wrong_unit(&mut self, span: Span, what: &str, found: Quantity, help: &str) {
-        self.diagnostics.push(
-            Diagnostic::new(Code::Unit, span, format!("a {what} is needed here, not {}", found.kind())).help(help),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::Unit,
+            span,
+            format!("{what} is needed here, not {}", found.kind()),
+            help,
+        ));
     }
 
     fn in_range<const MIN: i32, const MAX: i32>(
@@ -316,19 +348,17 @@ impl<'a, 's> Arguments<'a, 's> {
         number: f64,
         span: Span,
         what: &str,
-        why: &str,
+        [unit, why]: [&str; 2],
     ) -> Option<Ranged<MIN, MAX>> {
         let checked = value::round(number).and_then(|number| Ranged::new(number).ok());
         if checked.is_none() {
             let because = if why.is_empty() { String::new() } else { format!("; {why}") };
-            self.diagnostics.push(
-                Diagnostic::new(
-                    Code::OutOfRange,
-                    span,
-                    format!("a {what} is from {MIN} to {MAX}, and {number} is outside"),
-                )
-                .help(format!("write a value from {MIN} to {MAX}{because}")),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::OutOfRange,
+                span,
+                format!("{what} is from {MIN} to {MAX}{unit}, and {number} is outside"),
+                format!("write a value from {MIN} to {MAX}{because}"),
+            ));
         }
         checked
     }
@@ -354,9 +384,13 @@ pub(super) fn is_bare_number(value: Value<'_>) -> bool {
 }
 
 /// `1 s` instead of `1s`.
-pub(super) fn blank_before_unit(number: Span, unit: Name<'_>) -> Diagnostic {
-    Diagnostic::new(Code::Unit, number.to(unit.span), format!("no blank stands between a number and `{}`", unit.text))
-        .help(format!("write them together, such as `1{}`", unit.text))
+pub(super) fn blank_before_unit(number: &str, span: Span, unit: Name<'_>) -> Diagnostic {
+    Diagnostic::new(
+        Code::Unit,
+        span.to(unit.span),
+        format!("no blank stands between a number and `{}`", unit.text),
+        format!("write them together: `{number}{}`", unit.text),
+    )
 }
 
 /// Reads a time; anything else is reported.
@@ -364,17 +398,21 @@ pub(super) fn time(value: Value<'_>, diagnostics: &mut Diagnostics) -> Option<Ti
     match value::read(value, diagnostics)? {
         Quantity::Time(time) => Some(time),
         Quantity::Number(number) => {
-            diagnostics.push(
-                Diagnostic::new(Code::Unit, value.span, format!("a time needs a unit, and {number} has none"))
-                    .help(format!("write `{number}s` for seconds or `{number}ms` for milliseconds")),
-            );
+            diagnostics.push(Diagnostic::new(
+                Code::Unit,
+                value.span,
+                format!("a time needs a unit, and {number} has none"),
+                format!("write `{number}s` for seconds or `{number}ms` for milliseconds"),
+            ));
             None
         }
         other => {
-            diagnostics.push(
-                Diagnostic::new(Code::Unit, value.span, format!("a time is needed here, not {}", other.kind()))
-                    .help("write a time such as `0.5s`, `250ms` or `1m30s`"),
-            );
+            diagnostics.push(Diagnostic::new(
+                Code::Unit,
+                value.span,
+                format!("a time is needed here, not {}", other.kind()),
+                "write a time such as `0.5s`, `250ms` or `1m30s`",
+            ));
             None
         }
     }

@@ -132,35 +132,33 @@ const TILT_LIMIT: &str = "a tilt servo driven further is damaged";
 
 fn servo(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
     let index = args.next()?;
-    let index = args.whole(index, "servo number");
+    let index = args.whole(index, "a servo number");
     let pulse = args.next()?;
     let span = pulse.span;
-    let pulse = args.pulse(pulse, "pulse width", "");
+    let pulse = args.pulse(pulse, "a pulse width", "");
     let (index, pulse): (board::ServoIndex, board::PulseWidth) = (index?, pulse?);
     if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX {
-        args.diagnostics.push(
-            Diagnostic::new(
-                Code::TiltRange,
-                span,
-                format!("servo 2 is the tilt servo, and does not survive {pulse} µs"),
-            )
-            .help(format!("stay at or below {} unless another servo is connected there", TiltPulseWidth::MAX)),
-        );
+        args.diagnostics.push(Diagnostic::new(
+            Code::TiltRange,
+            span,
+            format!("servo 2 is the tilt servo, and does not survive {pulse} µs"),
+            format!("stay at or below {} unless another servo is connected there", TiltPulseWidth::MAX),
+        ));
     }
     Some(board::Command::Servo { index, pulse })
 }
 
 fn servos(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
     let pan = args.next()?;
-    let pan = args.pulse(pan, "pan pulse width", "");
+    let pan = args.pulse(pan, "the pan pulse width", "");
     let tilt = args.next()?;
-    let tilt = args.pulse(tilt, "tilt pulse width", TILT_LIMIT);
+    let tilt = args.pulse(tilt, "the tilt pulse width", TILT_LIMIT);
     Some(board::Command::Servos { pan: pan?, tilt: tilt? })
 }
 
 fn rocker(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
     let [x, y] = speeds(args);
-    let z = axis(args, "z", "turning speed z");
+    let z = axis(args, "z", "the turning speed z");
     no_axis(args)?;
     Some(board::Command::Rocker { x: x?, y: y?, z: z? })
 }
@@ -172,15 +170,15 @@ fn yaw_hold(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
 }
 
 fn displace(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
-    let x = axis(args, "x", "displacement x");
-    let y = axis(args, "y", "displacement y");
-    let z = axis(args, "z", "displacement z");
+    let x = axis(args, "x", "the displacement x");
+    let y = axis(args, "y", "the displacement y");
+    let z = axis(args, "z", "the displacement z");
     no_axis(args)?;
     Some(board::Command::Move { x: x?, y: y?, z: z? })
 }
 
 fn speeds(args: &mut Arguments<'_, '_>) -> [Option<Speed>; 2] {
-    [axis(args, "x", "speed x"), axis(args, "y", "speed y")]
+    [axis(args, "x", "the speed x"), axis(args, "y", "the speed y")]
 }
 
 /// One axis; left out it is 0.
@@ -207,10 +205,12 @@ fn no_axis(args: &mut Arguments<'_, '_>) -> Option<()> {
     // Reports that more is needed where nothing was given.
     let value = args.next()?;
     let row = args.row;
-    args.diagnostics.push(
-        Diagnostic::new(Code::Arguments, value.span, format!("`{}` wants each value with its axis", row.name))
-            .help(format!("write `{}`, for example `{}`", row.usage, row.example)),
-    );
+    args.diagnostics.push(Diagnostic::new(
+        Code::Arguments,
+        value.span,
+        format!("`{}` wants each value with its axis", row.name),
+        format!("write `{}`, for example `{}`", row.usage, row.example),
+    ));
     // The rest of them would only repeat it.
     while args.more() {
         args.next();
@@ -223,8 +223,12 @@ fn wheels(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
         let value = args.next()?;
         args.ranged(value, what)
     };
-    let [a, b, c, d] =
-        [wheel("speed of wheel A"), wheel("speed of wheel B"), wheel("speed of wheel C"), wheel("speed of wheel D")];
+    let [a, b, c, d] = [
+        wheel("the speed of wheel A"),
+        wheel("the speed of wheel B"),
+        wheel("the speed of wheel C"),
+        wheel("the speed of wheel D"),
+    ];
     Some(board::Command::Wheels([a?, b?, c?, d?]))
 }
 
@@ -253,11 +257,7 @@ fn pid(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
 fn gains<const N: usize>(args: &mut Arguments<'_, '_>, name: &'static str) -> Option<[u8; N]> {
     let letters = if N == 2 { "P,I" } else { "P,I,D" };
     let Some(argument) = args.named(name) else {
-        let row = args.row;
-        args.diagnostics.push(
-            Diagnostic::new(Code::Arguments, args.command.span, format!("`pid` needs `{name}={letters}`"))
-                .help(format!("for example `{}`", row.example)),
-        );
+        args.missing();
         return None;
     };
     let values: &[Value<'_>] = match &argument.item {
@@ -265,12 +265,14 @@ fn gains<const N: usize>(args: &mut Arguments<'_, '_>, name: &'static str) -> Op
         Item::One(value) => std::slice::from_ref(value),
         _ => &[],
     };
-    let bytes: Vec<u8> = values.iter().filter_map(|value| args.byte(*value, "gain")).collect();
+    let bytes: Vec<u8> = values.iter().filter_map(|value| args.byte(*value, "a gain")).collect();
     if values.len() != N {
-        args.diagnostics.push(
-            Diagnostic::new(Code::Arguments, argument.span, format!("`{name}` has {N} gains"))
-                .help(format!("write `{name}={letters}`, each 0 to 255")),
-        );
+        args.diagnostics.push(Diagnostic::new(
+            Code::Arguments,
+            argument.span,
+            format!("`{name}` has {N} gains"),
+            format!("write `{name}={letters}`, each 0 to 255"),
+        ));
     }
     bytes.try_into().ok()
 }
@@ -283,47 +285,45 @@ fn request(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
 
 fn raw(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
     let function = args.next()?;
-    let function = args.byte(function, "function byte");
+    let function = args.byte(function, "the function byte");
     let mut payload = Vec::new();
     let mut complete = true;
     while args.more() {
-        let byte = args.next().and_then(|value| args.byte(value, "payload byte"));
+        let byte = args.next().and_then(|value| args.byte(value, "a payload byte"));
         complete &= byte.is_some();
         payload.extend(byte);
     }
     let length = payload.len();
     let Some(payload) = Payload::new(payload) else {
-        args.diagnostics.push(
-            Diagnostic::new(
-                Code::OutOfRange,
-                args.command.span,
-                format!("a frame carries at most {MAX_PAYLOAD} bytes, and these are {length}"),
-            )
-            .help("split it into several frames"),
-        );
+        args.diagnostics.push(Diagnostic::new(
+            Code::OutOfRange,
+            args.command.span,
+            format!("a frame carries at most {MAX_PAYLOAD} bytes, and these are {length}"),
+            "split it into several frames",
+        ));
         return None;
     };
-    args.diagnostics.push(
-        Diagnostic::new(Code::RawFrame, args.command.span, "nothing checks what this frame makes the robot do")
-            .help("use the command that sends it, if there is one"),
-    );
+    args.diagnostics.push(Diagnostic::new(
+        Code::RawFrame,
+        args.command.span,
+        "nothing checks what this frame makes the robot do",
+        "use the command that sends it, if there is one",
+    ));
     complete.then_some(board::Command::Raw { function: function?, payload })
 }
 
 fn language(args: &mut Arguments<'_, '_>, _: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let version: Ranged<0, { i32::MAX }> = args.whole(value, "version of the language")?;
+    let version: Ranged<0, { i32::MAX }> = args.whole(value, "the version of the language")?;
     if version.get() == 1 {
         return Some(());
     }
-    args.diagnostics.push(
-        Diagnostic::new(
-            Code::LanguageVersion,
-            value.span,
-            format!("this motionseq reads version 1 of the language, not {version}"),
-        )
-        .help("update motionseq, or write `language 1` if the script was written for it"),
-    );
+    args.diagnostics.push(Diagnostic::new(
+        Code::LanguageVersion,
+        value.span,
+        format!("this motionseq reads version 1 of the language, not {version}"),
+        "update motionseq, or write `language 1` if the script was written for it",
+    ));
     None
 }
 
@@ -332,17 +332,21 @@ fn rate(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> {
     match value::read(value, args.diagnostics)? {
         Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => settings.rate = rate,
         Quantity::Hertz(_) => {
-            args.diagnostics.push(
-                Diagnostic::new(Code::OutOfRange, value.span, "a rate is from 1 to 200 hz")
-                    .help("write a rate such as `rate 50hz`"),
-            );
+            args.diagnostics.push(Diagnostic::new(
+                Code::OutOfRange,
+                value.span,
+                "a rate is from 1 to 200 hz",
+                "write a rate such as `rate 50hz`",
+            ));
             return None;
         }
         other => {
-            args.diagnostics.push(
-                Diagnostic::new(Code::Unit, value.span, format!("a frequency is needed here, not {}", other.kind()))
-                    .help("write a rate such as `rate 50hz`"),
-            );
+            args.diagnostics.push(Diagnostic::new(
+                Code::Unit,
+                value.span,
+                format!("a frequency is needed here, not {}", other.kind()),
+                "write a rate such as `rate 50hz`",
+            ));
             return None;
         }
     }
@@ -358,10 +362,12 @@ fn refresh(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> 
     }
     let interval = arguments::time(value, args.diagnostics)?;
     if !(Time::from_millis(10)..=Time::from_millis(1_000)).contains(&interval) {
-        args.diagnostics.push(
-            Diagnostic::new(Code::OutOfRange, value.span, "a refresh interval is from 10 ms to 1 s")
-                .help("write an interval such as `refresh 50ms`, or `refresh off`"),
-        );
+        args.diagnostics.push(Diagnostic::new(
+            Code::OutOfRange,
+            value.span,
+            "a refresh interval is from 10 ms to 1 s",
+            "write an interval such as `refresh 50ms`, or `refresh off`",
+        ));
         return None;
     }
     settings.refresh = Some(interval);
@@ -370,7 +376,7 @@ fn refresh(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> 
 
 fn baud(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let baud: Ranged<1_200, 4_000_000> = args.whole(value, "line speed")?;
+    let baud: Ranged<1_200, 4_000_000> = args.whole(value, "the speed of the line")?;
     settings.baud = u32::try_from(baud.get()).ok()?;
     Some(())
 }
@@ -379,10 +385,12 @@ fn baud(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> {
 pub(super) fn say(args: &mut Arguments<'_, '_>) -> Option<String> {
     let value = args.next()?;
     let ValueKind::Text(quoted) = value.kind else {
-        args.diagnostics.push(
-            Diagnostic::new(Code::Arguments, value.span, "`say` needs a text")
-                .help("write it between quotation marks: `say \"here I go\"`"),
-        );
+        args.diagnostics.push(Diagnostic::new(
+            Code::Arguments,
+            value.span,
+            "`say` needs a text",
+            "write it between quotation marks: `say \"here I go\"`",
+        ));
         return None;
     };
     let inner = quoted.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(quoted);
@@ -394,14 +402,12 @@ pub(super) fn say(args: &mut Arguments<'_, '_>) -> Option<String> {
                 if let Some(escaped @ ('"' | '\\')) = chars.next() {
                     text.push(escaped);
                 } else {
-                    args.diagnostics.push(
-                        Diagnostic::new(
-                            Code::Arguments,
-                            value.span,
-                            "a `\\` in a text stands before `\"` or `\\` only",
-                        )
-                        .help("write `\\\\` for a backslash"),
-                    );
+                    args.diagnostics.push(Diagnostic::new(
+                        Code::Arguments,
+                        value.span,
+                        "a `\\` in a text stands before `\"` or `\\` only",
+                        "write `\\\\` for a backslash",
+                    ));
                     return None;
                 }
             }

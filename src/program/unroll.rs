@@ -24,10 +24,12 @@ pub(super) fn unroll(ast: &Ast<'_>, diagnostics: &mut Diagnostics) -> Program {
     let end = unroll.block(&ast.body, Time::ZERO, 0);
     let Unroll { settings, steps, begun, times_known, .. } = unroll;
     if !begun && !diagnostics.has_errors() {
-        diagnostics.push(
-            Diagnostic::new(Code::EmptyScript, Span::new(0, 0), "the script does nothing")
-                .help("write a command, such as `servo 1 1500`"),
-        );
+        diagnostics.push(Diagnostic::new(
+            Code::EmptyScript,
+            Span::new(0, 0),
+            "the script does nothing",
+            "write a command, such as `servo 1 1500`",
+        ));
     }
     Program { settings, steps, end, times_known }
 }
@@ -107,10 +109,12 @@ impl Unroll<'_> {
             }
             Origin::Value(value) => match value.kind {
                 ValueKind::Word(word) if commands::find(word).is_some() => {
-                    self.diagnostics.push(
-                        Diagnostic::new(Code::StartTime, value.span, "`at` needs a time before the command")
-                            .help(format!("for example `at 0.5s {word} …`")),
-                    );
+                    self.diagnostics.push(Diagnostic::new(
+                        Code::StartTime,
+                        value.span,
+                        "`at` needs a time before the command",
+                        format!("for example `at 0.5s {word} …`"),
+                    ));
                     return None;
                 }
                 ValueKind::Word(_) => {
@@ -139,27 +143,33 @@ impl Unroll<'_> {
         let Some(Part { statement: Statement::Command(Command { head, .. }), .. }) = line.parts.first() else {
             return Some(());
         };
-        if is_bare_number(value) && is_unit(head.text) {
-            self.diagnostics.push(blank_before_unit(value.span, *head));
-            return None;
+        match value.kind {
+            ValueKind::Number(_, number) if is_bare_number(value) && is_unit(head.text) => {
+                self.diagnostics.push(blank_before_unit(number, value.span, *head));
+                None
+            }
+            _ => Some(()),
         }
-        Some(())
     }
 
     fn before_start(&mut self, span: Span) {
-        self.diagnostics.push(
-            Diagnostic::new(Code::StartTime, span, "nothing starts before its own block")
-                .help("write a time from `0s` on"),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::StartTime,
+            span,
+            "nothing starts before its own block",
+            "write a time from `0s` on",
+        ));
     }
 
     fn check_length(&mut self, end: Time, span: Span) {
         if end > Time::LONGEST && !self.too_long {
             self.too_long = true;
-            self.diagnostics.push(
-                Diagnostic::new(Code::TooLong, span, format!("the script is {end} long here"))
-                    .help("a script is at most 24 hours long"),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::TooLong,
+                span,
+                format!("the script is {end} long here"),
+                "a script is at most 24 hours long",
+            ));
         }
     }
 
@@ -189,11 +199,12 @@ impl Unroll<'_> {
             return None;
         }
         if joined && matches!(row.build, Build::Wait) {
-            self.diagnostics.push(
-                Diagnostic::new(Code::Joined, command.span, "`wait` cannot be joined to other commands").help(
-                    "give it a line of its own; what `;` joins starts together and takes as long as its longest part",
-                ),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::Joined,
+                command.span,
+                "`wait` cannot be joined to other commands",
+                "give it a line of its own; what `;` joins starts together and takes as long as its longest part",
+            ));
             return None;
         }
         let mut args = Arguments::new(row, command, self.diagnostics)?;
@@ -209,10 +220,12 @@ impl Unroll<'_> {
                     return Some(end);
                 };
                 if sent == board::Command::Buzzer(false) && hold.is_some() {
-                    self.diagnostics.push(
-                        Diagnostic::new(Code::Arguments, command.span, "`buzzer off` takes no `for`")
-                            .help("give the time a line of its own: `wait 2s`"),
-                    );
+                    self.diagnostics.push(Diagnostic::new(
+                        Code::Arguments,
+                        command.span,
+                        "`buzzer off` takes no `for`",
+                        "give the time a line of its own: `wait 2s`",
+                    ));
                     return None;
                 }
                 self.push(start, command.span, Action::Send(sent, hold));
@@ -222,10 +235,12 @@ impl Unroll<'_> {
                 let value = args.next()?;
                 let time = arguments::time(value, args.diagnostics)?;
                 if time < Time::ZERO {
-                    args.diagnostics.push(
-                        Diagnostic::new(Code::OutOfRange, value.span, "time cannot be taken back with `wait`")
-                            .help("write `at TIME` to start a line at an earlier time"),
-                    );
+                    args.diagnostics.push(Diagnostic::new(
+                        Code::OutOfRange,
+                        value.span,
+                        "time cannot be taken back with `wait`",
+                        "write `at TIME` to start a line at an earlier time",
+                    ));
                     return None;
                 }
                 args.finish()?;
@@ -256,9 +271,12 @@ impl Unroll<'_> {
             }
             _ => format!("the commands are {}", list(runnable())),
         };
-        self.diagnostics.push(
-            Diagnostic::new(Code::UnknownWord, command.head.span, format!("there is no command `{word}`")).help(help),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::UnknownWord,
+            command.head.span,
+            format!("there is no command `{word}`"),
+            help,
+        ));
     }
 
     /// Whether this part is a setting: `Some(true)` if it stands where it may, `Some(false)` if not, which is reported.
@@ -267,8 +285,7 @@ impl Unroll<'_> {
             return None;
         };
         let row = SETTINGS.iter().find(|row| row.name == command.head.text)?;
-        let wrong =
-            |message: String, help: &str| Diagnostic::new(Code::SettingPlace, command.head.span, message).help(help);
+        let wrong = |message: String, help: &str| Diagnostic::new(Code::SettingPlace, command.head.span, message, help);
         let name = row.name;
         let diagnostic = if let Build::Later = row.build {
             not_yet(command.head.span, &format!("the setting `{name}`"))

@@ -93,11 +93,18 @@ pub(super) fn is_unit(word: &str) -> bool {
 pub(super) fn read(value: Value<'_>, diagnostics: &mut Diagnostics) -> Option<Quantity> {
     let read = match value.kind {
         ValueKind::Number(shape, text) => number(shape, text, value.span),
-        ValueKind::Text(_) => Err(Diagnostic::new(Code::Arguments, value.span, "a number is needed here, not a text")),
-        ValueKind::Word(word) => {
-            Err(Diagnostic::new(Code::Arguments, value.span, format!("a number is needed here, not the word `{word}`"))
-                .help("names for values are not in this version of motionseq; write the number itself"))
-        }
+        ValueKind::Text(_) => Err(Diagnostic::new(
+            Code::Arguments,
+            value.span,
+            "a number is needed here, not a text",
+            "take the quotation marks away",
+        )),
+        ValueKind::Word(word) => Err(Diagnostic::new(
+            Code::Arguments,
+            value.span,
+            format!("a number is needed here, not the word `{word}`"),
+            "names for values are not in this version of motionseq; write the number itself",
+        )),
         ValueKind::Call(_) | ValueKind::Paren => Err(not_yet(value.span, "a calculation")),
     };
     match read {
@@ -116,26 +123,27 @@ pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
         Code::NotYet,
         span,
         format!("{what} belongs to the language, but this version of motionseq cannot run it yet"),
+        "write the plain commands and times instead, or update motionseq",
     )
-    .help("write the plain commands and times instead, or update motionseq")
 }
 
 fn number(shape: NumberShape, text: &str, span: Span) -> Result<Quantity, Diagnostic> {
-    let wrong = |message: String| Diagnostic::new(Code::Number, span, message);
     match shape {
         NumberShape::Hex => {
             let digits = text.strip_prefix("0x").unwrap_or(text);
-            match u32::from_str_radix(digits, 16) {
-                Ok(number) => Ok(Quantity::Number(f64::from(number))),
-                Err(_) => Err(wrong(format!("`{text}` is not a hexadecimal number"))),
-            }
+            u32::from_str_radix(digits, 16)
+                .map(|number| Quantity::Number(f64::from(number)))
+                .map_err(|_| odd(text, span))
         }
         NumberShape::Duration => duration(text, span),
         NumberShape::Plain => plain(text, span),
         NumberShape::Beats => Err(not_yet(span, "a time in beats or bars")),
-        NumberShape::Ratio => {
-            Err(wrong(format!("`{text}` is a division, not a number")).help("write the number that comes out"))
-        }
+        NumberShape::Ratio => Err(Diagnostic::new(
+            Code::Number,
+            span,
+            format!("`{text}` is a division, not a number"),
+            "write the number that comes out",
+        )),
         NumberShape::Odd => Err(odd(text, span)),
     }
 }
@@ -145,7 +153,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     let digits_end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
     let Ok(number) = digits.parse::<f64>() else {
-        return Err(Diagnostic::new(Code::Number, span, format!("`{digits}` is not a number")));
+        return Err(odd(text, span));
     };
     if name.is_empty() {
         return Ok(Quantity::Number(number));
@@ -170,7 +178,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
             None => format!("the units are {}", list(names())),
         },
     };
-    Err(Diagnostic::new(Code::Unit, span, format!("`{name}` is not a unit")).help(help))
+    Err(Diagnostic::new(Code::Unit, span, format!("`{name}` is not a unit"), help))
 }
 
 /// A time. humantime reads it; its looser spellings are ruled out by the grammar before, its order here.
@@ -188,12 +196,16 @@ fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
             Code::Number,
             span,
             format!("the units of `{text}` do not fall from long to short"),
-        )
-        .help("write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`"));
+            "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`",
+        ));
     }
     humantime::parse_duration(text).ok().and_then(Time::from_duration).map(Quantity::Time).ok_or_else(|| {
-        Diagnostic::new(Code::Number, span, format!("`{text}` is too long or too fine to be read exactly"))
-            .help("write it in a shorter unit, such as `ms` or `us`; a script is at most 24 hours long")
+        Diagnostic::new(
+            Code::Number,
+            span,
+            format!("`{text}` is too long or too fine to be read exactly"),
+            "write it in a shorter unit, such as `ms` or `us`; a script is at most 24 hours long",
+        )
     })
 }
 
@@ -212,7 +224,7 @@ fn odd(text: &str, span: Span) -> Diagnostic {
         "a number is digits, perhaps with one point, and a unit right behind: `1500us`, `0.5s`, `1m30s`"
     };
     let shown: String = text.chars().take(40).collect();
-    Diagnostic::new(Code::Number, span, format!("`{shown}` is not a number")).help(help)
+    Diagnostic::new(Code::Number, span, format!("`{shown}` is not a number"), help)
 }
 
 /// The whole number nearest to `number`, halves away from zero; `None` far outside of what anything here needs.

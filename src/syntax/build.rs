@@ -69,16 +69,35 @@ impl<'s> Builder<'s, '_> {
                     started = self.start(child);
                     if let (Some((_, span)), true) = (&started, place > 0) {
                         let message = "a start time covers the whole line, so it stands first in it";
-                        self.diagnostics.push(
-                            Diagnostic::new(Code::Joined, *span, message).help("give this command a line of its own"),
-                        );
+                        self.diagnostics.push(Diagnostic::new(
+                            Code::Joined,
+                            *span,
+                            message,
+                            "give this command a line of its own",
+                        ));
                         started = None;
                     }
                 }
                 Rule::robots => robots = child.into_inner().map(|name| self.name(&name)).collect(),
                 _ => {
                     described = true;
-                    let Some(statement) = child.into_inner().next().and_then(|inner| self.statement(inner)) else {
+                    let Some(inner) = child.into_inner().next() else {
+                        continue;
+                    };
+                    if let (Some((Start::At(moment), _)), Rule::stray) = (&started, inner.as_rule())
+                        && let Origin::Value(Value { kind: ValueKind::Word(word), span, .. }) = moment.origin
+                    {
+                        // `at servo 1 1500`: the command was read as the name of a mark.
+                        self.diagnostics.push(Diagnostic::new(
+                            Code::StartTime,
+                            span,
+                            "`at` needs a time before the command",
+                            format!("for example `at 0.5s {word} …`"),
+                        ));
+                        started = None;
+                        continue;
+                    }
+                    let Some(statement) = self.statement(inner) else {
                         continue;
                     };
                     let span = statement.span();
@@ -99,10 +118,12 @@ impl<'s> Builder<'s, '_> {
         }
         if let (Some((_, span)), false) = (started, described) {
             let written = self.source.slice(span);
-            self.diagnostics.push(
-                Diagnostic::new(Code::StartTime, span, "a start time is given, but no command")
-                    .help(format!("write the command on the same line: `{written} stop`")),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::StartTime,
+                span,
+                "a start time is given, but no command",
+                format!("write the command on the same line: `{written} stop`"),
+            ));
         }
     }
 
@@ -191,25 +212,24 @@ impl<'s> Builder<'s, '_> {
                 if arguments.len() == 1 && block.is_none() {
                     return Some(Statement::Later(Later { what: name, span }));
                 }
-                self.diagnostics.push(
-                    Diagnostic::new(
-                        Code::Syntax,
-                        span,
-                        format!("`{written}` is a call, and nothing stands behind a call"),
-                    )
-                    .help(format!("for a command, put a blank behind its name: `{name} …`")),
-                );
+                self.diagnostics.push(Diagnostic::new(
+                    Code::Syntax,
+                    span,
+                    format!("`{written}` is a call, and nothing stands behind a call"),
+                    format!("for a command, put a blank behind its name: `{name} …`"),
+                ));
             }
             Item::One(Value { kind: ValueKind::Number(NumberShape::Duration | NumberShape::Beats, _), .. }) => {
                 self.diagnostics.push(
-                    Diagnostic::new(Code::Syntax, first.span, "a line starts with a word, not with a time")
-                        .help(format!("write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`")),
+                    Diagnostic::new(Code::Syntax, first.span, "a line starts with a word, not with a time", format!("write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`")),
                 );
             }
-            _ => self.diagnostics.push(
-                Diagnostic::new(Code::Syntax, first.span, "a line starts with the name of a command")
-                    .help("write one command a line, such as `servo 1 1500`"),
-            ),
+            _ => self.diagnostics.push(Diagnostic::new(
+                Code::Syntax,
+                first.span,
+                "a line starts with the name of a command",
+                "write one command a line, such as `servo 1 1500`",
+            )),
         }
         None
     }
@@ -250,10 +270,12 @@ impl<'s> Builder<'s, '_> {
             let last = arguments.last().map_or(sum, |last| last.span);
             let whole = sum.to(last);
             let written = self.source.slice(whole);
-            self.diagnostics.push(
-                Diagnostic::new(Code::Syntax, whole, "a calculation as an argument needs parentheses around it")
-                    .help(format!("write `({written})`")),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::Syntax,
+                whole,
+                "a calculation as an argument needs parentheses around it",
+                format!("write `({written})`"),
+            ));
         }
         (arguments, block, readable)
     }
@@ -364,10 +386,12 @@ impl<'s> Builder<'s, '_> {
 
     fn no_blank(&mut self, left: Span, right: Span) {
         let (first, second) = (self.source.slice(left), self.source.slice(right));
-        self.diagnostics.push(
-            Diagnostic::new(Code::Syntax, left.to(right), "a blank is missing between two arguments")
-                .help(format!("write `{first} {second}`, or `({first}{second})` for a calculation")),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::Syntax,
+            left.to(right),
+            "a blank is missing between two arguments",
+            format!("write `{first} {second}`, or `({first}{second})` for a calculation"),
+        ));
     }
 
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
@@ -378,20 +402,24 @@ impl<'s> Builder<'s, '_> {
             Some(rest) => Span::new(rest.len(), rest.len() + 1),
             None => Span::new(at, at + 1),
         };
-        self.diagnostics.push(
-            Diagnostic::new(Code::EmptyPlace, span, "`;` joins two commands, but one is missing here")
-                .help("take the `;` away; a line ends by itself"),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::EmptyPlace,
+            span,
+            "`;` joins two commands, but one is missing here",
+            "take the `;` away; a line ends by itself",
+        ));
     }
 
     fn behind(&mut self, pair: &Pair<'_, Rule>) {
         let text = pair.as_str().trim_end();
         let start = pair.as_span().start();
         let span = Span::new(start, start + text.len());
-        self.diagnostics.push(
-            Diagnostic::new(Code::Syntax, span, "a block ends its statement, but something stands behind it")
-                .help("put it on a line of its own, or a `;` before it to start both together"),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::Syntax,
+            span,
+            "a block ends its statement, but something stands behind it",
+            "put it on a line of its own, or a `;` before it to start both together",
+        ));
     }
 
     fn junk(&mut self, pair: &Pair<'_, Rule>) {
@@ -411,6 +439,6 @@ impl<'s> Builder<'s, '_> {
             '–' | '−' | '—' => "write the minus sign of your keyboard, `-`",
             _ => "take it away; an argument is a number with its unit, a word, or a calculation in parentheses",
         };
-        self.diagnostics.push(Diagnostic::new(Code::Syntax, span, format!("`{first}` cannot be read here")).help(help));
+        self.diagnostics.push(Diagnostic::new(Code::Syntax, span, format!("`{first}` cannot be read here"), help));
     }
 }

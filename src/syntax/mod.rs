@@ -38,10 +38,12 @@ pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<As
                 pest::error::InputLocation::Pos(at) => Span::new(at, at + 1),
                 pest::error::InputLocation::Span((start, end)) => Span::new(start, end),
             };
-            diagnostics.push(
-                Diagnostic::new(Code::Syntax, at, "this cannot be read")
-                    .help("write one command a line, such as `servo 1 1500`"),
-            );
+            diagnostics.push(Diagnostic::new(
+                Code::Syntax,
+                at,
+                "this cannot be read",
+                "write one command a line, such as `servo 1 1500`",
+            ));
             None
         }
     }

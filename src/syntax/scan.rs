@@ -23,8 +23,8 @@ struct Scan<'s, 'd> {
     open: Vec<(u8, usize)>,
     /// How many of them are `(`.
     parens: usize,
-    /// Ranges that the grammar sees as blanks.
-    blanks: Vec<(usize, usize)>,
+    /// Ranges that the grammar sees as blanks, the last byte of each as this one.
+    blanks: Vec<(usize, usize, char)>,
     paired: bool,
     diagnostics: &'d mut Diagnostics,
 }
@@ -35,7 +35,7 @@ impl<'s> Scan<'s, '_> {
         let mut at = 0;
         if self.text.starts_with('\u{FEFF}') {
             at = '\u{FEFF}'.len_utf8();
-            self.blanks.push((0, at));
+            self.blanks.push((0, at, ' '));
         }
         while let Some(&byte) = bytes.get(at) {
             at = match byte {
@@ -50,13 +50,13 @@ impl<'s> Scan<'s, '_> {
                 b'\n' => {
                     if self.parens > 0 {
                         let from = if at > 0 && bytes.get(at - 1) == Some(&b'\r') { at - 1 } else { at };
-                        self.blanks.push((from, at + 1));
+                        self.blanks.push((from, at + 1, ' '));
                     }
                     at + 1
                 }
                 _ if is_hidden(byte) => {
                     let end = self.hidden(at);
-                    self.blanks.push((at, end));
+                    self.blanks.push((at, end, ' '));
                     end
                 }
                 _ => at + 1,
@@ -74,7 +74,7 @@ impl<'s> Scan<'s, '_> {
             self.hidden(from + at);
         }
         if self.parens > 0 {
-            self.blanks.push((from, from + line.len()));
+            self.blanks.push((from, from + line.len(), ' '));
         }
         from + line.len()
     }
@@ -93,15 +93,16 @@ impl<'s> Scan<'s, '_> {
                 _ => {}
             }
         }
-        self.paired = false;
-        self.diagnostics.push(
-            Diagnostic::new(
-                Code::Unclosed,
-                Span::new(from, from + line.len()),
-                "this text has no closing quotation mark",
-            )
-            .help("end it with `\"` on the same line; inside a text write `\\\"` for a quotation mark"),
-        );
+        // The grammar sees an empty text, so that the rest of the script is still read.
+        if line.len() > 1 {
+            self.blanks.push((from + 1, from + line.len(), '"'));
+        }
+        self.diagnostics.push(Diagnostic::new(
+            Code::Unclosed,
+            Span::new(from, from + line.len()),
+            "this text has no closing quotation mark",
+            "end it with `\"` on the same line; inside a text write `\\\"` for a quotation mark",
+        ));
         from + line.len()
     }
 
@@ -117,14 +118,12 @@ impl<'s> Scan<'s, '_> {
         if self.open.len() == MAX_NESTING {
             self.paired = false;
             self.open.clear();
-            self.diagnostics.push(
-                Diagnostic::new(
-                    Code::Nesting,
-                    Span::new(at, at + 1),
-                    format!("brackets are nested more than {MAX_NESTING} deep here"),
-                )
-                .help("take inner blocks out; the rest of the script was not read"),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::Nesting,
+                Span::new(at, at + 1),
+                format!("brackets are nested more than {MAX_NESTING} deep here"),
+                "take inner blocks out; the rest of the script was not read",
+            ));
             return None;
         }
         self.open.push((bracket, at));
@@ -139,10 +138,12 @@ impl<'s> Scan<'s, '_> {
         let Some(partner) = self.open.iter().rposition(|&(open, _)| open == opening) else {
             self.paired = false;
             let name = char::from(bracket);
-            self.diagnostics.push(
-                Diagnostic::new(Code::Unopened, Span::new(at, at + 1), format!("this `{name}` closes nothing"))
-                    .help(format!("take it away, or put a `{}` where it should begin", char::from(opening))),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::Unopened,
+                Span::new(at, at + 1),
+                format!("this `{name}` closes nothing"),
+                format!("take it away, or put a `{}` where it should begin", char::from(opening)),
+            ));
             return at + 1;
         };
         // What was opened behind the partner was never closed.
@@ -163,10 +164,13 @@ impl<'s> Scan<'s, '_> {
         self.paired = false;
         let closing = if bracket == b'(' { ')' } else { '}' };
         let open = char::from(bracket);
-        let diagnostic =
-            Diagnostic::new(Code::Unclosed, Span::new(from, from + 1), format!("this `{open}` is never closed"))
-                .label("opened here")
-                .help(format!("put a `{closing}` where it should end"));
+        let diagnostic = Diagnostic::new(
+            Code::Unclosed,
+            Span::new(from, from + 1),
+            format!("this `{open}` is never closed"),
+            format!("put a `{closing}` where it should end"),
+        )
+        .label("opened here");
         self.diagnostics.push(match noticed {
             Some(at) => diagnostic.related(Span::new(at, at + 1), format!("a `{closing}` is missing before this")),
             None => diagnostic,
@@ -183,10 +187,12 @@ impl<'s> Scan<'s, '_> {
             b'\r' => "a carriage return without a line feed".to_owned(),
             _ => format!("the control character U+{byte:04X}"),
         };
-        self.diagnostics.push(
-            Diagnostic::new(Code::ControlCharacter, Span::new(from, from + length), format!("{name} stands here"))
-                .help("delete it; a script is plain text"),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::ControlCharacter,
+            Span::new(from, from + length),
+            format!("{name} stands here"),
+            "delete it; a script is plain text",
+        ));
         from + length
     }
 }
@@ -197,15 +203,16 @@ fn is_hidden(byte: u8) -> bool {
 }
 
 /// A copy of `text` with these ranges made blank, or `text` itself where there are none.
-fn blank_out<'s>(text: &'s str, ranges: &[(usize, usize)]) -> Cow<'s, str> {
+fn blank_out<'s>(text: &'s str, ranges: &[(usize, usize, char)]) -> Cow<'s, str> {
     if ranges.is_empty() {
         return Cow::Borrowed(text);
     }
     let mut out = String::with_capacity(text.len());
     let mut done = 0;
-    for &(start, end) in ranges {
+    for &(start, end, last) in ranges {
         out.push_str(text.get(done..start).unwrap_or_default());
-        out.extend(std::iter::repeat_n(' ', end - start));
+        out.extend(std::iter::repeat_n(' ', end - start - 1));
+        out.push(last);
         done = end;
     }
     out.push_str(text.get(done..).unwrap_or_default());

@@ -75,19 +75,23 @@ fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
     let thing = thing_name(thing);
     let at = Seconds(second.start);
     if first.is_instant() {
-        return Diagnostic::new(Code::Clash, second.span, format!("{thing} is told two things at {at} s"))
-            .label("this")
-            .related(first.span, "and this")
-            .help("keep one of the two, or let some time pass between them");
+        return Diagnostic::new(
+            Code::Clash,
+            second.span,
+            format!("{thing} is told two things at {at} s"),
+            "keep one of the two, or let some time pass between them",
+        )
+        .label("this")
+        .related(first.span, "and this");
     }
     let end = Seconds(first.end);
-    let message = format!("{thing} is busy until {end} s, and this starts at {at} s");
-    let diagnostic = Diagnostic::new(Code::Clash, second.span, message)
-        .label("starts too early")
-        .related(first.span, "still running");
-    if first.end == second.start {
-        diagnostic.help("what starts when another ends is written below it: swap the two lines")
+    let help = if first.end == second.start {
+        "what starts when another ends is written below it: swap the two lines".to_owned()
     } else {
-        diagnostic.help(format!("start it at {end} s or later, or make the other one shorter"))
-    }
+        format!("start it at {end} s or later, or make the other one shorter")
+    };
+    let message = format!("{thing} is busy until {end} s, and this starts at {at} s");
+    Diagnostic::new(Code::Clash, second.span, message, help)
+        .label("starts too early")
+        .related(first.span, "still running")
 }

@@ -95,10 +95,12 @@ impl Lay<'_> {
         if let Command::Move { .. } = command
             && self.state.mode() != Some(Mode::Position)
         {
-            self.diagnostics.push(
-                Diagnostic::new(Code::MoveMode, point.span, "`move` needs the board in position mode")
-                    .help("put this line before it: `pid position speed=200,150 position=20,0,20 yaw=12,2,5`"),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::MoveMode,
+                point.span,
+                "`move` needs the board in position mode",
+                "put this line before it: `pid position speed=200,150 position=20,0,20 yaw=12,2,5`",
+            ));
         }
         if command.is_drive() {
             self.release(point.at);
@@ -156,10 +158,12 @@ impl Lay<'_> {
     }
 
     fn left_running(&mut self, span: Span, message: &str, command: &str) {
-        self.diagnostics.push(
-            Diagnostic::new(Code::LeftRunning, span, message)
-                .help(format!("end the script with `{command}`; motionseq sends it at the end in any case")),
-        );
+        self.diagnostics.push(Diagnostic::new(
+            Code::LeftRunning,
+            span,
+            message,
+            format!("end the script with `{command}`; motionseq sends it at the end in any case"),
+        ));
     }
 
     /// Whether so many more frames are allowed; where not, that is reported once.
@@ -169,10 +173,12 @@ impl Lay<'_> {
         if !room && !self.full {
             self.full = true;
             let limit = self.limits.events;
-            self.diagnostics.push(
-                Diagnostic::new(Code::TooManyEvents, span, format!("the script sends more than {limit} frames"))
-                    .help("make it shorter or the refresh interval longer, or allow more with `--max-events`"),
-            );
+            self.diagnostics.push(Diagnostic::new(
+                Code::TooManyEvents,
+                span,
+                format!("the script sends more than {limit} frames"),
+                "make it shorter or the refresh interval longer, or allow more with `--max-events`",
+            ));
         }
         room
     }
