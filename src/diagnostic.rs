@@ -248,29 +248,34 @@ impl<'s> Printable<'s> {
 
 /// Control characters, and those that change the direction of text.
 fn is_hidden(c: char) -> bool {
-    (c.is_control() && !matches!(c, '\n' | '\r' | '\t'))
+    (c.is_control() && !matches!(c, '\n' | '\t'))
         || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
 }
 
-/// Replaces hidden characters by visible ones of the same length in bytes.
+/// Replaces hidden characters by visible ones of the same length in bytes. A carriage return belongs to its line feed.
 fn printable(text: &str) -> Cow<'_, str> {
     if !text.contains(is_hidden) {
         return Cow::Borrowed(text);
     }
-    let visible = |c: char| match (is_hidden(c), c.len_utf8()) {
-        (false, _) => c,
-        (true, 1) => '?',
-        (true, 2) => '\u{BF}',
-        (true, _) => '\u{FFFD}',
-    };
-    Cow::Owned(text.chars().map(visible).collect())
+    let mut out = String::with_capacity(text.len());
+    let mut chars = text.chars().peekable();
+    while let Some(c) = chars.next() {
+        let hidden = is_hidden(c) && !(c == '\r' && chars.peek() == Some(&'\n'));
+        out.push(match (hidden, c.len_utf8()) {
+            (false, _) => c,
+            (true, 1) => '?',
+            (true, 2) => '\u{BF}',
+            (true, _) => '\u{FFFD}',
+        });
+    }
+    Cow::Owned(out)
 }
 
 /// Text for a message: every character that could move a terminal's cursor is escaped, but line breaks stay.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
-        if is_hidden(c) || c == '\r' {
+        if is_hidden(c) {
             out.extend(c.escape_default());
         } else {
             out.push(c);

@@ -23,7 +23,8 @@ pub(super) struct Arguments<'a, 's> {
     positional: std::vec::IntoIter<&'a Argument<'s>>,
     named: Vec<&'a Argument<'s>>,
     modifiers: Vec<(Name<'s>, &'a Argument<'s>)>,
-    missing_reported: bool,
+    /// Whether it was reported that something is missing.
+    incomplete: bool,
 }
 
 impl<'a, 's> Arguments<'a, 's> {
@@ -100,13 +101,13 @@ impl<'a, 's> Arguments<'a, 's> {
             positional: positional.into_iter(),
             named,
             modifiers,
-            missing_reported: false,
+            incomplete: false,
         })
     }
 
     /// Reports everything that was not taken. `None` where there was anything.
     pub(super) fn finish(self) -> Option<()> {
-        let mut clean = !self.missing_reported;
+        let mut clean = !self.incomplete;
         let usage = self.usage();
         // The first one too many is enough: the others often belong to it.
         if let Some(argument) = self.positional.as_slice().first() {
@@ -150,19 +151,22 @@ impl<'a, 's> Arguments<'a, 's> {
 
     /// The next argument without a name. Where none is left, that is reported.
     pub(super) fn next(&mut self) -> Option<Value<'s>> {
-        if let Some(argument) = self.positional.next() {
-            return self.one(argument);
-        }
-        self.missing();
-        None
+        let Some(argument) = self.positional.next() else {
+            self.missing();
+            return None;
+        };
+        let value = self.one(argument);
+        // What is missing behind a wrong argument is often in it.
+        self.incomplete |= value.is_none();
+        value
     }
 
     /// Reports, once a command, that something is missing.
     pub(super) fn missing(&mut self) {
-        if self.missing_reported {
+        if self.incomplete {
             return;
         }
-        self.missing_reported = true;
+        self.incomplete = true;
         self.diagnostics.push(Diagnostic::new(
             Code::Arguments,
             self.command.span,
@@ -173,6 +177,9 @@ impl<'a, 's> Arguments<'a, 's> {
 
     /// How the command is written.
     pub(super) fn usage(&self) -> String {
+        if self.row.usage == self.row.example {
+            return format!("write `{}`", self.row.usage);
+        }
         format!("write `{}`, for example `{}`", self.row.usage, self.row.example)
     }
 

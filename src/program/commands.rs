@@ -303,13 +303,14 @@ fn raw(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
         ));
         return None;
     };
+    let function = function.filter(|_| complete)?;
     args.diagnostics.push(Diagnostic::new(
         Code::RawFrame,
         args.command.span,
         "nothing checks what this frame makes the robot do",
         "use the command that sends it, if there is one",
     ));
-    complete.then_some(board::Command::Raw { function: function?, payload })
+    Some(board::Command::Raw { function, payload })
 }
 
 fn language(args: &mut Arguments<'_, '_>, _: &mut Settings) -> Option<()> {

@@ -263,12 +263,18 @@ impl Unroll<'_> {
     fn unknown(&mut self, command: &Command<'_>) {
         let word = command.head.text;
         let names = || COMMANDS.iter().chain(SETTINGS).map(|row| row.name);
+        if word == "at" {
+            self.diagnostics.push(Diagnostic::new(
+                Code::StartTime,
+                command.head.span,
+                "a line has one start time, and this is a second one",
+                "keep one of the two, or add them up: `at 1s + 2s stop`",
+            ));
+            return;
+        }
         let help = match (suggest(word, names()), word) {
             (Some(near), _) => format!("did you mean `{near}`?"),
             (None, "sleep" | "delay" | "pause") => "did you mean `wait`?".into(),
-            _ if !command.arguments.is_empty() || word.len() < 3 => {
-                format!("the commands are {}", list(runnable()))
-            }
             _ => format!("the commands are {}", list(runnable())),
         };
         self.diagnostics.push(Diagnostic::new(

@@ -12,7 +12,7 @@ use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Source, Span};
 
 pub(super) fn build<'s>(source: &'s Source, pairs: Pairs<'_, Rule>, diagnostics: &mut Diagnostics) -> Ast<'s> {
-    let mut builder = Builder { source, diagnostics };
+    let mut builder = Builder { source, diagnostics, empty_at: None };
     let lines = pairs
         .flat_map(Pair::into_inner)
         .filter(|pair| pair.as_rule() == Rule::line)
@@ -25,6 +25,8 @@ pub(super) fn build<'s>(source: &'s Source, pairs: Pairs<'_, Rule>, diagnostics:
 struct Builder<'s, 'd> {
     source: &'s Source,
     diagnostics: &'d mut Diagnostics,
+    /// The last `;` that was reported to join nothing.
+    empty_at: Option<usize>,
 }
 
 /// The place of a pair that is atomic or ends in a bracket. Other rules may have swallowed blanks and comments behind
@@ -116,12 +118,15 @@ impl<'s> Builder<'s, '_> {
                 }
             }
         }
-        if let (Some((_, span)), false) = (started, described) {
-            let written = self.source.slice(span);
+        if let (Some((start, span)), false) = (started, described) {
+            let written = match start {
+                Start::At(Moment { origin: Origin::Value(Value { kind: ValueKind::Word(_), .. }), .. }) => "at 0.5s",
+                _ => self.source.slice(span),
+            };
             self.diagnostics.push(Diagnostic::new(
                 Code::StartTime,
                 span,
-                "a start time is given, but no command",
+                "a start time and a command stand together, and one of them is missing",
                 format!("write the command on the same line: `{written} stop`"),
             ));
         }
@@ -293,8 +298,16 @@ impl<'s> Builder<'s, '_> {
                 let start = inner.as_span().start();
                 let sign = inner.as_str().trim_end();
                 let span = Span::new(start, start + sign.len());
+                if sign == "->" {
+                    self.junk(&inner);
+                    return None;
+                }
                 if matches!(sign, "+" | "-" | "*" | "/" | "%") {
-                    let from = before.map_or(span, |before| before.span.to(span));
+                    let Some(before) = before else {
+                        self.junk(&inner);
+                        return None;
+                    };
+                    let from = before.span.to(span);
                     *sum = Some(sum.map_or(from, |sum| sum.to(span)));
                     return None;
                 }
@@ -395,16 +408,22 @@ impl<'s> Builder<'s, '_> {
     }
 
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
-        // The place has no width; show the `;` beside it.
+        // The place has no width; show the `;` behind it, or else the one before it.
         let at = pair.as_span().start();
-        let before = self.source.text().get(..at).unwrap_or_default();
-        let span = match before.trim_end().strip_suffix(';') {
-            Some(rest) => Span::new(rest.len(), rest.len() + 1),
-            None => Span::new(at, at + 1),
+        let (before, behind) = self.source.text().split_at_checked(at).unwrap_or_default();
+        let blanks = behind.len() - behind.trim_start_matches([' ', '\t']).len();
+        let at = if behind.get(blanks..).is_some_and(|rest| rest.starts_with(';')) {
+            at + blanks
+        } else {
+            before.trim_end().len().saturating_sub(1)
         };
+        // A lone `;` has an empty place on both sides.
+        if self.empty_at.replace(at) == Some(at) {
+            return;
+        }
         self.diagnostics.push(Diagnostic::new(
             Code::EmptyPlace,
-            span,
+            Span::new(at, at + 1),
             "`;` joins two commands, but one is missing here",
             "take the `;` away; a line ends by itself",
         ));
@@ -426,6 +445,10 @@ impl<'s> Builder<'s, '_> {
         let start = pair.as_span().start();
         let text = pair.as_str().trim_end();
         let first = text.chars().next().unwrap_or(' ');
+        if first == '"' {
+            // A text without its end, which the scan has reported.
+            return;
+        }
         // Point at the first character; the rest may be fine.
         let span = Span::new(start, start + first.len_utf8());
         let help = match first {
@@ -435,6 +458,7 @@ impl<'s> Builder<'s, '_> {
             ',' => "arguments stand behind each other with a blank between them: `wheels 8 -8 -8 8`",
             '=' => "write a named argument as NAME=VALUE, such as `x=10`",
             ':' => "a `:` only stands behind the names of robots at the start of a line",
+            '+' => "a line starts with the name of a command, `at TIME` or `+TIME`",
             '-' if text.starts_with("->") => "an arrow stands between two values, such as `0 -> 12`",
             '–' | '−' | '—' => "write the minus sign of your keyboard, `-`",
             _ => "take it away; an argument is a number with its unit, a word, or a calculation in parentheses",

@@ -1,0 +1,261 @@
+//! The wire: what the vendor's driver sends, both ways, and what a damaged stream still gives.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use motionseq::board::{
+    Command, Decoder, Frame, FrameError, Hundredths, Item, NotACommand, Report, ReportDecoder, ReportItem,
+};
+use motionseq::source::Source;
+use motionseq::timeline::Limits;
+use proptest::prelude::*;
+
+/// The vendor's frames: one command and its bytes a line.
+fn vectors() -> Vec<(&'static str, Vec<u8>)> {
+    include_str!("vectors/raspblock.tsv")
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| {
+            let (command, frame) = line.split_once('\t').unwrap();
+            (command, hex(frame))
+        })
+        .collect()
+}
+
+fn hex(text: &str) -> Vec<u8> {
+    text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+}
+
+/// The command as a script of its own. A move needs its mode first.
+fn compiled(command: &str) -> Command {
+    let mode = if command.starts_with("move") { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
+    let source = Source::new("vector", format!("{mode}{command}\n"));
+    let compiled = motionseq::compile(&source, Limits::default());
+    let events =
+        compiled.timeline.unwrap_or_else(|| panic!("{command}: {:?}", compiled.diagnostics)).tracks.remove(0).events;
+    events[usize::from(!mode.is_empty())].command.clone()
+}
+
+#[test]
+fn every_vector_passes_both_ways() {
+    let vectors = vectors();
+    assert_eq!(vectors.len(), 295);
+    for (text, bytes) in vectors {
+        let frame = Frame::new(&bytes).unwrap();
+        let decoded = Command::decode(frame).unwrap();
+        assert_eq!(decoded.to_frame(), bytes, "{text} encodes");
+        // The canonical notation calls an all-zero rocker `stop`.
+        let notation = if text == "rocker x=0 y=0 z=0" { "stop" } else { text };
+        assert_eq!(decoded.to_string(), notation, "the frame decodes");
+        assert_eq!(compiled(text), decoded, "{text} compiles");
+    }
+}
+
+/// `rocker x=10 z=50`, from the protocol table by hand: X 10 = 00 0A, Z 50 = 00 32, Z not negative sets bit 0;
+/// 03 + 08 + 01 + 0A + 32 + 01 = 49.
+static ROCKER: [u8; 13] = [0xFF, 0xFE, 0x03, 0x08, 0x01, 0x00, 0x0A, 0x00, 0x00, 0x00, 0x32, 0x01, 0x49];
+
+#[test]
+fn a_frame_is_taken_apart() {
+    let frame = Frame::new(&ROCKER).unwrap();
+    assert_eq!(frame.function(), 0x03);
+    assert_eq!(frame.payload(), &ROCKER[4..12]);
+    assert_eq!(frame.to_string(), "FF FE 03 08 01 00 0A 00 00 00 32 01 49");
+}
+
+#[test]
+fn a_frame_is_put_together() {
+    assert_eq!(compiled("rocker x=10 z=50").to_frame(), ROCKER);
+}
+
+#[test]
+fn a_frame_that_is_none_says_why() {
+    let mut wrong = ROCKER;
+    wrong[12] = 0x48;
+    assert_eq!(Frame::new(&wrong), Err(FrameError::Checksum { expected: 0x49, found: 0x48 }));
+    assert_eq!(Frame::new(&ROCKER[..12]), Err(FrameError::Length));
+    assert_eq!(Frame::new(&ROCKER[1..]), Err(FrameError::NoHeader));
+    assert_eq!(Frame::new(&[0xFF, 0xFE]), Err(FrameError::Length));
+    assert_eq!(Frame::new(&[]), Err(FrameError::NoHeader));
+}
+
+/// A frame around a payload, with the right checksum.
+fn framed(function: u8, payload: &[u8]) -> Vec<u8> {
+    let mut frame = vec![0xFF, 0xFE, function, u8::try_from(payload.len()).unwrap()];
+    frame.extend_from_slice(payload);
+    let sum = frame[2..].iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+    frame.push(sum);
+    frame
+}
+
+#[test]
+fn what_no_correct_client_sends_is_refused() {
+    let decode = |function, payload: &[u8]| Command::decode(Frame::new(&framed(function, payload)).unwrap());
+    // Out of range: a servo at 499, a tilt at 1951, a wheel at 26.
+    assert!(matches!(decode(0x02, &[1, 0x01, 0xF3]), Err(NotACommand::OutOfRange(_))));
+    assert!(matches!(decode(0x02, &[0x05, 0xDC, 0x07, 0x9F]), Err(NotACommand::OutOfRange(_))));
+    assert!(matches!(decode(0x03, &[2, 26, 0, 0, 0, 0, 0, 0]), Err(NotACommand::OutOfRange(_))));
+    // A direction byte that the driver never sets: zero and negative, or bits that mean nothing.
+    assert_eq!(decode(0x03, &[1, 0, 0, 0, 0, 0, 0, 0b101]), Err(NotACommand::Inconsistent));
+    assert_eq!(decode(0x03, &[1, 0, 1, 0, 0, 0, 0, 0x81]), Err(NotACommand::Inconsistent));
+    // Yaw hold has no z.
+    assert_eq!(decode(0x03, &[3, 0, 1, 0, 0, 0, 7, 0]), Err(NotACommand::Inconsistent));
+    // Unknown kinds, modes, requests and functions.
+    assert_eq!(decode(0x03, &[5, 0, 0, 0, 0, 0, 0, 1]), Err(NotACommand::Unknown));
+    assert_eq!(decode(0x01, &[2, 0, 0, 0, 0, 0, 0, 0, 0]), Err(NotACommand::Unknown));
+    assert_eq!(decode(0x04, &[2]), Err(NotACommand::Unknown));
+    assert_eq!(decode(0x05, &[10]), Err(NotACommand::Unknown));
+    assert_eq!(decode(0x09, &[]), Err(NotACommand::Unknown));
+}
+
+/// Everything a decoder says of a stream, however it is cut: frames as hex, skipped bytes with their place.
+fn decoded(chunks: &[&[u8]]) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut decoder = Decoder::new();
+    let mut take = |item: Item<'_>| {
+        found.push(match item {
+            Item::Frame(frame) => frame.to_string(),
+            Item::Skipped { at, bytes, why } => format!("{} at {at}: {why}", bytes.len()),
+        });
+    };
+    for chunk in chunks {
+        decoder.feed(chunk, &mut take);
+    }
+    decoder.finish(&mut take);
+    found
+}
+
+const ROCKER_HEX: &str = "FF FE 03 08 01 00 0A 00 00 00 32 01 49";
+
+#[test]
+fn the_decoder_goes_on_after_noise() {
+    let stream = [&[0x00, 0xFF, 0x13][..], &ROCKER, &[0xFE], &ROCKER].concat();
+    assert_eq!(
+        decoded(&[&stream]),
+        ["3 at 0: no frame starts here", ROCKER_HEX, "1 at 16: no frame starts here", ROCKER_HEX]
+    );
+}
+
+#[test]
+fn the_decoder_finds_the_frame_behind_a_cut_one() {
+    // The cut frame claims the first bytes of the whole one; its checksum tells.
+    let stream = [&ROCKER[..7], &ROCKER].concat();
+    let found = decoded(&[&stream]);
+    assert_eq!(found, ["7 at 0: checksum 0x00 instead of 0x1F", ROCKER_HEX]);
+}
+
+#[test]
+fn the_decoder_finds_the_frame_behind_a_bad_checksum() {
+    let mut bad = ROCKER;
+    bad[12] = 0;
+    assert_eq!(decoded(&[&bad, &ROCKER]), ["13 at 0: checksum 0x00 instead of 0x49", ROCKER_HEX]);
+}
+
+#[test]
+fn a_length_that_no_command_has_holds_nothing_up() {
+    // A stop must not wait for 255 bytes that never come.
+    let stream = [&[0xFF, 0xFE, 0x03, 0xFF][..], &ROCKER].concat();
+    let mut decoder = Decoder::new();
+    let mut frames = 0;
+    decoder.feed(&stream, |item| frames += usize::from(matches!(item, Item::Frame(_))));
+    assert_eq!(frames, 1);
+    assert_eq!(decoded(&[&stream])[0], "4 at 0: function 0x03 has no payload of 255 bytes");
+}
+
+#[test]
+fn a_stream_that_ends_inside_a_frame_is_cut() {
+    assert_eq!(decoded(&[&ROCKER, &ROCKER[..5]]), [ROCKER_HEX, "5 at 13: the stream ends inside a frame"]);
+    // A whole frame inside what looked like a longer one is not lost.
+    let stream = [&[0xFF, 0xFE, 0x40, 0xF0][..], &ROCKER].concat();
+    assert_eq!(decoded(&[&stream]), ["4 at 0: the stream ends inside a frame", ROCKER_HEX]);
+}
+
+/// The frames of a stream, and the places of every byte that was skipped.
+fn found(chunks: &[&[u8]]) -> (Vec<Vec<u8>>, Vec<u64>) {
+    let (mut frames, mut skipped) = (Vec::new(), Vec::new());
+    let mut decoder = Decoder::new();
+    let mut take = |item: Item<'_>| match item {
+        Item::Frame(frame) => frames.push(frame.bytes().to_vec()),
+        Item::Skipped { at, bytes, .. } => skipped.extend(at..at + bytes.len() as u64),
+    };
+    for chunk in chunks {
+        decoder.feed(chunk, &mut take);
+    }
+    decoder.finish(&mut take);
+    (frames, skipped)
+}
+
+proptest! {
+    /// However a stream of frames and noise is cut into reads, what is found is the same, and every byte is accounted for.
+    #[test]
+    fn reads_do_not_matter(parts in prop::collection::vec((0..295_usize, prop::collection::vec(any::<u8>(), 0..6)), 1..12), cut in 1..40_usize) {
+        let vectors = vectors();
+        let stream: Vec<u8> = parts.iter().flat_map(|(at, noise)| [noise.clone(), vectors[*at].1.clone()].concat()).collect();
+        let whole = found(&[&stream]);
+        let pieces: Vec<&[u8]> = stream.chunks(cut).collect();
+        prop_assert_eq!(&whole, &found(&pieces));
+        let frames: usize = whole.0.iter().map(Vec::len).sum();
+        prop_assert_eq!(frames + whole.1.len(), stream.len());
+    }
+
+    /// Any whole frame either decodes to a command that encodes to the same bytes, or is refused.
+    #[test]
+    fn decoding_loses_nothing(function in 0..7_u8, payload in prop::collection::vec(any::<u8>(), 0..10)) {
+        let bytes = framed(function, &payload);
+        let frame = Frame::new(&bytes).unwrap();
+        if let Ok(command) = Command::decode(frame) {
+            prop_assert_eq!(command.to_frame(), bytes.clone());
+        }
+        prop_assert_eq!(Command::decode_or_raw(frame).to_frame(), bytes);
+    }
+}
+
+/// Every report in a stream, and how many were malformed.
+fn reports(chunks: &[&[u8]]) -> (Vec<Report>, usize) {
+    let (mut found, mut malformed) = (Vec::new(), 0);
+    let mut decoder = ReportDecoder::new();
+    for chunk in chunks {
+        decoder.feed(chunk, |item| match item {
+            ReportItem::Report(report) => found.push(report),
+            ReportItem::Malformed => malformed += 1,
+        });
+    }
+    (found, malformed)
+}
+
+const REPORT: Report =
+    Report { pitch: Hundredths(-120), roll: Hundredths(35), yaw: Hundredths(9000), voltage: Hundredths(1187) };
+
+#[test]
+fn a_report_is_read_however_it_comes() {
+    let line = b"{A-120:35:9000:1187}#";
+    assert_eq!(REPORT.to_string().as_bytes(), line);
+    assert_eq!(reports(&[line]), (vec![REPORT], 0));
+    for cut in 0..line.len() {
+        assert_eq!(reports(&[&line[..cut], &line[cut..]]), (vec![REPORT], 0), "cut at {cut}");
+    }
+    assert_eq!(reports(&[&[&line[..], line].concat()]), (vec![REPORT; 2], 0));
+    assert_eq!(reports(&[b"\xFF\x00}#noise", line, b"###\n"]), (vec![REPORT], 0));
+    assert_eq!(REPORT.pitch.to_string(), "-1.20");
+    assert_eq!(Hundredths(-5).to_string(), "-0.05");
+}
+
+#[test]
+fn a_malformed_report_is_none() {
+    for line in [
+        "{A1:2:3}#",
+        "{A1:2:3:4:5}#",
+        "{A1:2:x:4}#",
+        "{A1::3:4}#",
+        "{A1:2:3:4#",
+        "{B1:2:3:4}#",
+        "{A+1:2:3:4}#",
+        "{A1:2:3:99999999999}#",
+        "{}#",
+        "{A 1:2:3:4}#",
+    ] {
+        assert_eq!(reports(&[line.as_bytes()]), (vec![], 1), "{line}");
+    }
+    // One that was cut gives way to the next; one without an end holds nothing up.
+    assert_eq!(reports(&[b"{A1:2:{A-120:35:9000:1187}#"]), (vec![REPORT], 1));
+    let endless = [b"{A".as_slice(), &[b'1'; 1000], b"{A-120:35:9000:1187}#"].concat();
+    assert_eq!(reports(&[&endless]), (vec![REPORT], 1));
+}

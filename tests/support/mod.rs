@@ -1,0 +1,73 @@
+//! What several test binaries share.
+#![allow(dead_code, reason = "no test binary uses all of it")]
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use miette::{GraphicalReportHandler, GraphicalTheme};
+use motionseq::diagnostic::{Attached, Diagnostics, Printable};
+use motionseq::source::{Source, SourceError};
+use motionseq::timeline::{Limits, write_listing};
+
+/// A script's listing and its messages, as they are pinned.
+pub(crate) fn listing_and_messages(path: &Path) -> String {
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let source = match Source::read(path) {
+        Ok(source) => Source::new(name, source.text()),
+        Err(SourceError::Invalid(invalid)) => {
+            let mut diagnostics = Diagnostics::default();
+            diagnostics.push(invalid.1.clone());
+            return messages(&Source::new(name, invalid.0.text()), &diagnostics);
+        }
+        Err(error) => return error.to_string(),
+    };
+    let compiled = motionseq::compile(&source, Limits::default());
+    let mut text = Vec::new();
+    if let Some(timeline) = &compiled.timeline {
+        write_listing(timeline.events(), &mut text).unwrap();
+    }
+    let mut text = String::from_utf8(text).unwrap();
+    text.push_str(&messages(&source, &compiled.diagnostics));
+    text
+}
+
+/// Every message of a script, without color, 80 wide.
+pub(crate) fn messages(source: &Source, diagnostics: &Diagnostics) -> String {
+    let printable = Printable::new(source);
+    let handler =
+        GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_width(80).with_links(false);
+    let mut text = String::new();
+    for diagnostic in diagnostics.sorted() {
+        assert!(!diagnostic.help.is_empty(), "{diagnostic:?} says nothing that helps");
+        handler.render_report(&mut text, &Attached { diagnostic, source: &printable }).unwrap();
+        text.push('\n');
+    }
+    text
+}
+
+/// The built program, run from the project's root, without what a user may have set.
+pub(crate) fn motionseq(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_motionseq"));
+    command
+        .args(args)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .env_remove("MOTIONSEQ_PORT")
+        .env_remove("NO_COLOR")
+        .stdin(Stdio::null());
+    command
+}
+
+/// Runs the program to its end.
+pub(crate) fn run(args: &[&str]) -> Output {
+    motionseq(args).output().unwrap()
+}
+
+/// Standard error as text.
+pub(crate) fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// Standard output as text.
+pub(crate) fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
