@@ -1,0 +1,241 @@
+//! The program, run as a user runs it: `check`, `render`, and every file that is no script.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+use support::{motionseq, run, stderr, stdout};
+
+/// A folder of its own for one test, removed at the end.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("motionseq-{name}-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        Scratch(folder)
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.join(name).to_str().unwrap().to_owned()
+    }
+
+    fn file(&self, name: &str, content: &[u8]) -> String {
+        fs::write(self.0.join(name), content).unwrap();
+        self.path(name)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("it ended by itself")
+}
+
+/// Runs the program with at most 128 MiB of memory.
+fn run_small(args: &[&str]) -> Output {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "ulimit -v 131072; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_motionseq")]).args(args);
+    shell.current_dir(env!("CARGO_MANIFEST_DIR")).stdin(Stdio::null()).output().unwrap()
+}
+
+const HELLO: &str = "scripts/hello.motion";
+
+#[test]
+fn render_prints_the_listing() {
+    let output = run(&["render", HELLO]);
+    let text = stdout(&output);
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 22);
+    assert_eq!(lines[0], "0.500000\tFF FE 02 03 01 05 DC E7\tservo 1 1500");
+    assert_eq!(lines[1], "0.500000\tFF FE 03 08 01 00 0A 00 00 00 32 01 49\trocker x=10 y=0 z=50");
+    assert_eq!(lines[2], "0.550000\tFF FE 03 08 01 00 0A 00 00 00 32 01 49\trocker x=10 y=0 z=50\trefresh");
+    assert_eq!(lines[21], "1.500000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop");
+    assert_eq!((code(&output), stderr(&output).as_str()), (0, ""));
+}
+
+#[test]
+fn the_three_formats_say_the_same() {
+    let scratch = Scratch::new("formats");
+    let listing = stdout(&run(&["render", HELLO]));
+    let hex = stdout(&run(&["render", HELLO, "--format", "hex"]));
+    let columns: Vec<String> =
+        listing.lines().map(|line| line.split('\t').take(2).collect::<Vec<_>>().join("\t")).collect();
+    assert_eq!(hex.lines().collect::<Vec<_>>(), columns);
+    let bytes: Vec<u8> = columns
+        .iter()
+        .flat_map(|line| line.split('\t').nth(1).unwrap().split(' '))
+        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
+        .collect();
+    assert_eq!(run(&["render", HELLO, "--format", "bin"]).stdout, bytes);
+    let file = scratch.path("hello.bin");
+    assert_eq!(code(&run(&["render", HELLO, "--format", "bin", "-o", &file])), 0);
+    assert_eq!(fs::read(file).unwrap(), bytes);
+}
+
+#[test]
+fn check_counts_what_it_found() {
+    let scratch = Scratch::new("check");
+    let good = run(&["check", HELLO]);
+    assert_eq!((code(&good), stderr(&good).as_str()), (0, "scripts/hello.motion: ok, 22 frames in 1.500000 s\n"));
+    assert_eq!(stdout(&good), "");
+    let warning = scratch.file("warning.motion", b"rocker x=1\nwait 1s\n");
+    let bad = scratch.file("bad.motion", b"servoo 1 1500\nservo 1 9999\nrocker x=1\n");
+    // Every file is checked, whatever is wrong with one before it.
+    let all = run(&["check", &bad, &warning, HELLO]);
+    let text = stderr(&all);
+    assert_eq!(code(&all), 1);
+    for part in ["did you mean `servo`?", "bad.motion: 2 errors\n", "warning.motion: 1 warning\n", "hello.motion: ok"] {
+        assert!(text.contains(part), "{part} is not in:\n{text}");
+    }
+    assert_eq!(code(&run(&["check", &warning])), 0);
+    let denied = run(&["check", "--deny", "warnings", &warning]);
+    assert_eq!(code(&denied), 1);
+    assert!(stderr(&denied).contains("warnings are denied"));
+    // Quiet keeps warnings back, but never errors.
+    assert_eq!(stderr(&run(&["check", "-q", &warning])), "");
+    assert!(stderr(&run(&["check", "-q", &bad])).contains("servoo"));
+}
+
+#[test]
+fn a_script_comes_from_standard_input_too() {
+    let mut child = motionseq(&["render", "-"]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(b"servo 1 1500\n").unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(stdout(&output), "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n");
+}
+
+#[test]
+fn colors_are_asked_for() {
+    let scratch = Scratch::new("colors");
+    let bad = scratch.file("bad.motion", b"servoo\n");
+    let escapes = |args: &[&str]| stderr(&run(args)).contains('\u{1b}');
+    assert!(!escapes(&["check", &bad]), "no color in a pipe");
+    assert!(escapes(&["check", &bad, "--color", "always"]));
+    assert!(!escapes(&["check", &bad, "--color", "never"]));
+}
+
+#[test]
+fn a_wrong_command_line_is_exit_2() {
+    for args in [
+        &["fly"][..],
+        &["check"],
+        &["render"],
+        &["render", HELLO, "--format", "morse"],
+        &["check", HELLO, "--deny", "everything"],
+        &[],
+    ] {
+        let output = run(args);
+        assert_eq!(code(&output), 2, "{args:?}");
+        assert!(!output.stderr.is_empty(), "{args:?} says what is wrong");
+    }
+}
+
+#[test]
+fn help_shows_an_example_of_every_command() {
+    for command in ["check", "render", "play"] {
+        let help = stdout(&run(&[command, "--help"]));
+        assert!(help.contains(&format!("motionseq {command} scripts/hello.motion")), "{help}");
+    }
+    assert_eq!(stdout(&run(&["--version"])), format!("motionseq {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn what_is_no_script_is_refused_and_says_why() {
+    let scratch = Scratch::new("bad-files");
+    let fifo = scratch.path("fifo.motion");
+    assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let latin = scratch.file("latin.motion", b"servo 1 1500\nsay \"gr\xFC\xDF\"\n");
+    let huge = scratch.path("huge.motion");
+    File::create(&huge).unwrap().set_len(1 << 30).unwrap();
+    let brackets = scratch.file("brackets.motion", &vec![b'('; 3_000_000]);
+    let blocks = scratch.file("blocks.motion", &b"{ ".repeat(1_500_000));
+    let cases = [
+        (scratch.path("missing.motion"), "no such file or directory"),
+        (scratch.0.to_str().unwrap().to_owned(), "it is a folder"),
+        (fifo, "not a regular file"),
+        ("/dev/null".to_owned(), "not a regular file"),
+        (latin, "the byte 0xFC is not UTF-8 text"),
+        (huge, "larger than 64 MiB"),
+        (brackets, "nested more than 64 deep"),
+        (blocks, "nested more than 64 deep"),
+    ];
+    for (file, words) in cases {
+        for command in ["check", "render", "play"] {
+            let output = run_small(&[command, &file]);
+            let text = stderr(&output);
+            assert_eq!(code(&output), 1, "{command} {file}: {text}");
+            assert!(text.contains(words), "{command} {file}: {text}");
+            assert_eq!(stdout(&output), "");
+        }
+    }
+}
+
+#[test]
+fn hostile_scripts_stay_small() {
+    let scratch = Scratch::new("hostile");
+    let cases = [
+        ("nul.motion", vec![0; 100_000], "a NUL byte"),
+        ("long_line.motion", b"servo 1 1500 ".repeat(20_000), "takes no more arguments"),
+        ("many_errors.motion", b"servoo\n".repeat(10_000), "9500 more are not shown"),
+        ("far.motion", b"at 1000000000000000000000000000000s stop\n".to_vec(), "at most 15 digits"),
+        ("minus.motion", [&b"servo 1 "[..], &b"-".repeat(50_000), b"5\n"].concat(), "error"),
+        ("quotes.motion", b"\"".repeat(50_001), "no closing quotation mark"),
+        ("not.motion", [&b"if "[..], &b"not ".repeat(50_000), b"true { stop }\n"].concat(), "error"),
+    ];
+    for (name, content, words) in cases {
+        let file = scratch.file(name, &content);
+        let output = run_small(&["check", &file]);
+        let text = stderr(&output);
+        assert_eq!(code(&output), 1, "{name}: {}", &text[..text.len().min(2_000)]);
+        assert!(text.contains(words), "{name}: {}", &text[..text.len().min(2_000)]);
+        assert!(text.len() < 500_000, "{name} prints {} bytes", text.len());
+    }
+}
+
+#[test]
+fn more_events_than_allowed_are_counted_before_they_are_laid() {
+    let scratch = Scratch::new("events");
+    let day = scratch.file("day.motion", b"refresh 10ms\nrocker x=1 for 24h\n");
+    let output = run_small(&["check", "--max-events", "1000000", &day]);
+    assert_eq!(code(&output), 1);
+    assert!(stderr(&output).contains("sends more than 1000000 frames"));
+    let small = run(&["check", "--max-events", "22", HELLO]);
+    assert_eq!(code(&small), 0, "{}", stderr(&small));
+    assert_eq!(code(&run(&["check", "--max-events", "21", HELLO])), 1);
+}
+
+#[test]
+fn a_result_that_cannot_be_written_is_told() {
+    let full = || File::options().write(true).open("/dev/full").unwrap();
+    let output = motionseq(&["render", HELLO])
+        .stdout(full())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+        .wait_with_output()
+        .unwrap();
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("cannot write standard output"));
+    // Nobody is there to read the messages: no panic, and the same exit code.
+    let status = motionseq(&["check", HELLO]).stderr(full()).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    let output = run(&["render", HELLO, "-o", "/no/such/folder/x"]);
+    assert_eq!(code(&output), 2);
+}
+
+#[test]
+fn whoever_reads_a_listing_may_stop_early() {
+    let shell = format!("{} render scripts/wheels.motion | head -1", env!("CARGO_BIN_EXE_motionseq"));
+    let output = Command::new("sh").args(["-c", &shell]).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
+    assert_eq!(stdout(&output).lines().count(), 1);
+    assert_eq!(stderr(&output), "");
+}

@@ -1,0 +1,333 @@
+//! `play` over a pty, with the built program: the bytes that arrive, when, and how a run ends.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs::{self, File, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Output, Stdio};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use motionseq::board::{Command, Decoder, Item, State};
+use motionseq::link::{Pty, Serial};
+use rustix::process::{Pid, Signal, kill_process};
+use support::{motionseq, run, stderr};
+
+/// The frame of `stop` and `buzzer off`, by hand from the protocol table.
+const STOP: [u8; 13] = [0xFF, 0xFE, 0x03, 0x08, 1, 0, 0, 0, 0, 0, 0, 0x01, 0x0D];
+const BUZZER_OFF: [u8; 6] = [0xFF, 0xFE, 0x04, 0x01, 0x00, 0x05];
+
+/// A port with somebody at its far end who writes down what comes and when.
+struct FarEnd {
+    path: String,
+    reads: Receiver<(Instant, Vec<u8>)>,
+}
+
+impl FarEnd {
+    fn new() -> Self {
+        let pty = Pty::open().unwrap();
+        let path = pty.path().to_str().unwrap().to_owned();
+        let (sender, reads) = mpsc::channel();
+        thread::spawn(move || {
+            let mut buffer = [0; 4096];
+            // The test hangs the port up by dropping its end of the channel.
+            while let Ok(count @ 1..) = pty.read(&mut buffer) {
+                if sender.send((Instant::now(), buffer[..count].to_vec())).is_err() {
+                    break;
+                }
+            }
+        });
+        FarEnd { path, reads }
+    }
+
+    /// Waits for the first bytes of a run.
+    fn first(&self) -> Vec<u8> {
+        self.reads.recv_timeout(Duration::from_secs(20)).expect("the player sends something").1
+    }
+
+    /// Everything until the port is closed.
+    fn rest(&self) -> Vec<(Instant, Vec<u8>)> {
+        self.reads.iter().collect()
+    }
+}
+
+fn bytes(reads: &[(Instant, Vec<u8>)]) -> Vec<u8> {
+    reads.iter().flat_map(|(_, bytes)| bytes.clone()).collect()
+}
+
+fn rendered(script: &str) -> Vec<u8> {
+    run(&["render", script, "--format", "bin"]).stdout
+}
+
+fn start(args: &[&str]) -> Child {
+    motionseq(args).stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap()
+}
+
+fn end(child: Child) -> (i32, String) {
+    let output = child.wait_with_output().unwrap();
+    (output.status.code().expect("it ended by itself"), stderr(&output))
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("it ended by itself")
+}
+
+/// A script of a test, in a file of its own.
+fn script(name: &str, text: &str) -> String {
+    let path = std::env::temp_dir().join(format!("motionseq-play-{name}-{}.motion", std::process::id()));
+    fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn the_bytes_that_arrive_are_the_rendered_ones_and_none_is_early() {
+    let far = FarEnd::new();
+    let begin = Instant::now();
+    let child = start(&["play", "scripts/square.motion", "--port", &far.path]);
+    let (code, text) = end(child);
+    assert_eq!(code, 0, "{text}");
+    let reads = far.rest();
+    assert_eq!(bytes(&reads), rendered("scripts/square.motion"));
+
+    // Time 0 of the script was at `begin` or later, so no frame may arrive sooner after it than it is due.
+    let hex = String::from_utf8(run(&["render", "scripts/square.motion", "--format", "hex"]).stdout).unwrap();
+    let due: Vec<(f64, usize)> = hex
+        .lines()
+        .map(|line| line.split_once('\t').unwrap())
+        .map(|(at, frame)| (at.parse().unwrap(), frame.split(' ').count()))
+        .collect();
+    let mut frames = due.iter();
+    let (mut pending, mut last) = (0, 0.0);
+    for (when, read) in reads {
+        for _ in read {
+            if pending == 0 {
+                (last, pending) = *frames.next().unwrap();
+            }
+            pending -= 1;
+            assert!(when - begin >= Duration::from_secs_f64(last), "a frame due at {last} s is early");
+        }
+    }
+    assert!(frames.next().is_none());
+}
+
+#[test]
+fn the_built_in_board_receives_what_the_recording_holds() {
+    let record = std::env::temp_dir().join(format!("motionseq-record-{}.bin", std::process::id()));
+    let output = run(&["play", "scripts/hello.motion", "--record", record.to_str().unwrap()]);
+    let text = stderr(&output);
+    assert_eq!(code(&output), 0, "{text}");
+    assert_eq!(fs::read(&record).unwrap(), rendered("scripts/hello.motion"));
+    fs::remove_file(record).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "no --port given: playing on the built-in virtual board");
+    assert!(lines[1].starts_with("sent 22 frames in 1.5"), "{text}");
+    assert_eq!(
+        lines[2],
+        "the virtual board received 22 frames (281 bytes); the drive stands, the buzzer is off, servo 1 at 1500 µs"
+    );
+    assert_eq!(lines.len(), 3);
+    // Nothing of the progress line in a pipe.
+    assert!(!text.contains(['\r', '\u{1b}']));
+}
+
+#[test]
+fn said_lines_are_shown_and_quiet_is_quiet() {
+    let said = script("say", "say \"here \\\"I\\\" go\"\nservo 1 1500\n");
+    let text = stderr(&run(&["play", &said]));
+    assert!(text.contains("0.000000 s: here \"I\" go\n"), "{text}");
+    assert_eq!(stderr(&run(&["play", "-q", &said])), "");
+    assert!(stderr(&run(&["play", "-v", &said])).contains("0.000000 s: servo 1 1500\n"));
+}
+
+#[test]
+fn every_signal_stops_the_robot() {
+    let long = script("signal", "rocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n");
+    for (signal, number, words) in
+        [(Signal::INT, 2, "Ctrl-C"), (Signal::TERM, 15, "SIGTERM"), (Signal::HUP, 1, "SIGHUP")]
+    {
+        let far = FarEnd::new();
+        let child = start(&["play", &long, "--port", &far.path]);
+        let mut received = far.first();
+        kill_process(Pid::from_child(&child), signal).unwrap();
+        let (code, text) = end(child);
+        received.extend(bytes(&far.rest()));
+        assert_eq!(code, 128 + number, "{text}");
+        assert!(text.contains(words) && text.contains("motion:1, ") && text.contains("; stop: sent\n"), "{text}");
+        assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()), "{received:02X?}");
+        // Nothing moves after the first stop, and the board is at rest.
+        let mut state = State::default();
+        let mut stopped = false;
+        Decoder::new().feed(&received, |item| {
+            if let Item::Frame(frame) = item {
+                let command = Command::decode(frame).unwrap();
+                stopped |= command == Command::STOP;
+                assert!(!(stopped && command.keeps_driving()));
+                state.apply(&command);
+            }
+        });
+        assert!(state.at_rest());
+    }
+}
+
+#[test]
+fn a_signal_stops_the_built_in_board_too() {
+    let long = script("signal-virtual", "say \"on\"\nrocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n");
+    let mut child = start(&["play", &long]);
+    // It has begun when it says so.
+    let mut pipe = std::io::BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("s: on") {
+        assert!(std::io::BufRead::read_line(&mut pipe, &mut said).unwrap() > 0, "{said}");
+    }
+    kill_process(Pid::from_child(&child), Signal::INT).unwrap();
+    std::io::Read::read_to_string(&mut pipe, &mut said).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(said.contains("the drive stands, the buzzer is off"), "{said}");
+    assert!(said.contains("stop: sent"), "{said}");
+}
+
+#[test]
+fn a_port_that_goes_away_is_lost() {
+    let long = script("lost", "rocker x=10\nwait 1h\nstop\n");
+    let far = FarEnd::new();
+    let child = start(&["play", &long, "--port", &far.path]);
+    far.first();
+    drop(far);
+    let (code, text) = end(child);
+    assert_eq!(code, 3, "{text}");
+    assert!(text.contains("stop: NOT SENT - cut the power"), "{text}");
+}
+
+#[test]
+fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
+    // 200 frames of 260 bytes at once are more than a pty holds.
+    let raw = format!("raw 0x40 {}\n", "0 ".repeat(255));
+    let flood = script("stalled", &raw.repeat(200));
+    let pty = Pty::open().unwrap();
+    let path = pty.path().to_str().unwrap().to_owned();
+    let (code, text) = end(start(&["play", &flood, "--port", &path]));
+    assert_eq!(code, 6, "{text}");
+    assert!(text.contains("the port stopped taking bytes") && text.contains("; stop: sent\n"), "{text}");
+    let mut received = Vec::new();
+    let mut buffer = [0; 4096];
+    while let Ok(count @ 1..) = pty.read(&mut buffer) {
+        received.extend_from_slice(&buffer[..count]);
+    }
+    // What was queued was thrown away; the flush may have cut a frame, but not all three stops.
+    assert!(received.ends_with(&[&STOP[..], &STOP, &BUZZER_OFF].concat()));
+}
+
+#[test]
+fn a_port_in_use_is_left_alone() {
+    let far = FarEnd::new();
+    let owner = start(&["play", "scripts/hello.motion", "--port", &far.path]);
+    let mut received = far.first();
+    for _ in 0..3 {
+        let output = run(&["play", "scripts/hello.motion", "--port", &far.path]);
+        assert_eq!(code(&output), 5);
+        let text = stderr(&output);
+        assert!(text.contains("another program uses it; nothing was sent"), "{text}");
+    }
+    let (code, text) = end(owner);
+    assert_eq!(code, 0, "{text}");
+    received.extend(bytes(&far.rest()));
+    assert_eq!(received, rendered("scripts/hello.motion"));
+}
+
+#[test]
+fn of_players_that_start_together_exactly_one_wins() {
+    let short = script("race", "servo 1 1500\nwait 300ms\nservo 1 1600\n");
+    for _ in 0..5 {
+        let far = FarEnd::new();
+        let players: Vec<Child> = (0..4).map(|_| start(&["play", &short, "--port", &far.path])).collect();
+        let mut codes: Vec<i32> = players.into_iter().map(|player| end(player).0).collect();
+        codes.sort_unstable();
+        assert_eq!(codes, [0, 5, 5, 5]);
+        assert_eq!(bytes(&far.rest()), rendered(&short));
+    }
+}
+
+#[test]
+fn the_library_holds_its_port_alone() {
+    let pty = Pty::open().unwrap();
+    let first = Serial::open(pty.path(), 115_200).unwrap();
+    assert!(matches!(Serial::open(pty.path(), 115_200), Err(motionseq::link::OpenError::InUse)));
+    drop(first);
+    Serial::open(pty.path(), 115_200).unwrap();
+}
+
+#[test]
+fn a_port_that_cannot_be_opened_says_what_to_do() {
+    let file = script("no-port", "servo 1 1500\n");
+    for (port, words) in [
+        ("/dev/no-such-port", "there is no such port"),
+        ("/dev/null", "not a serial port"),
+        (file.as_str(), "not a serial port"),
+        ("/tmp", "not a serial port"),
+    ] {
+        let output = run(&["play", "scripts/hello.motion", "--port", port]);
+        let text = stderr(&output);
+        assert_eq!(code(&output), 3, "{text}");
+        assert!(text.contains(words) && text.contains("nothing was sent"), "{text}");
+        assert_eq!(text.lines().count(), 1, "one line: {text}");
+    }
+}
+
+#[test]
+fn a_forbidden_port_names_the_group() {
+    let pty = Pty::open().unwrap();
+    fs::set_permissions(pty.path(), Permissions::from_mode(0o000)).unwrap();
+    // Root may open anything, so somebody else tries, with a copy of the program that anybody may run.
+    let folder = PathBuf::from(format!("/tmp/motionseq-forbidden-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    let program = folder.join("motionseq");
+    fs::copy(env!("CARGO_BIN_EXE_motionseq"), &program).unwrap();
+    let script = folder.join("x.motion");
+    fs::write(&script, "servo 1 1500\n").unwrap();
+    fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(&folder, Permissions::from_mode(0o755)).unwrap();
+    let mut command = std::process::Command::new(&program);
+    command.current_dir("/").arg("play").arg(&script).arg("--port").arg(pty.path());
+    if rustix::process::geteuid().is_root() {
+        command.uid(65_534).gid(65_534);
+    }
+    let output = command.output().unwrap();
+    fs::remove_dir_all(folder).unwrap();
+    let text = stderr(&output);
+    assert_eq!(code(&output), 3, "{text}");
+    assert!(text.contains("usermod -aG dialout $USER`, then log out and in again"), "{text}");
+}
+
+#[test]
+fn the_port_may_come_from_the_environment() {
+    let far = FarEnd::new();
+    let status = motionseq(&["play", "-q", "scripts/hello.motion"]).env("MOTIONSEQ_PORT", &far.path).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(bytes(&far.rest()), rendered("scripts/hello.motion"));
+}
+
+#[test]
+fn output_that_goes_nowhere_does_not_stop_motion() {
+    let far = FarEnd::new();
+    let full = || File::options().write(true).open("/dev/full").unwrap();
+    let status = motionseq(&["play", "-v", "scripts/hello.motion", "--port", &far.path, "--record", "/dev/full"])
+        .stderr(full())
+        .stdout(full())
+        .status()
+        .unwrap();
+    assert_eq!(status.code(), Some(0));
+    assert_eq!(bytes(&far.rest()), rendered("scripts/hello.motion"));
+}
+
+#[test]
+fn a_script_that_does_not_compile_sends_nothing() {
+    let bad = script("bad", "servo 1 1500\nservo 1 9999\n");
+    let far = FarEnd::new();
+    let output = run(&["play", &bad, "--port", &far.path]);
+    assert_eq!(code(&output), 1);
+    assert!(far.reads.try_recv().is_err());
+}
