@@ -5,7 +5,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use crate::source::{Source, Span};
+use crate::source::{Source, SourceError, Span};
 
 /// How many diagnostics of one script are kept. The rest are only counted, so that a large broken file stays small.
 pub const MAX_KEPT: usize = 500;
@@ -120,6 +120,32 @@ impl Diagnostic {
     /// A diagnostic with the words that say what is wrong, and those that say what to write instead.
     pub fn new(code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
         Diagnostic { code, span, message: message.into(), label: None, related: Vec::new(), help: help.into() }
+    }
+
+    /// What is wrong with a file that was read but is no script, with the text to show it in. `None` for a file that
+    /// cannot be read, of which there is no text.
+    pub fn of_source(error: SourceError) -> Option<(Source, Diagnostic)> {
+        match error {
+            SourceError::Unreadable { .. } => None,
+            SourceError::TooLarge(name) => Some((
+                Source::new(name, ""),
+                Diagnostic::new(
+                    Code::SourceTooLarge,
+                    Span::default(),
+                    "the script is larger than 64 MiB",
+                    "split it into several scripts; nothing of it was read",
+                ),
+            )),
+            SourceError::NotUtf8 { lossy, at, byte } => Some((
+                lossy,
+                Diagnostic::new(
+                    Code::NotUtf8,
+                    Span::new(at, at + '\u{FFFD}'.len_utf8()),
+                    format!("the byte 0x{byte:02X} is not UTF-8 text"),
+                    "save the file as UTF-8 in your editor; a script is plain text",
+                ),
+            )),
+        }
     }
 
     /// Whether it stops the script from compiling.

@@ -7,8 +7,6 @@ use std::io::{self, Read};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
-use crate::diagnostic::{Code, Diagnostic};
-
 /// The longest script that is read, in bytes. Nothing beyond it is ever read.
 pub const MAX_SOURCE: u64 = 64 << 20;
 
@@ -56,7 +54,7 @@ impl Source {
     /// Reads a regular file.
     ///
     /// Never blocks and never reads more than [`MAX_SOURCE`] bytes: a pipe, a device or a folder is refused before
-    /// anything is read. Fails with [`SourceError::Unreadable`] or [`SourceError::Invalid`].
+    /// anything is read.
     pub fn read(path: &Path) -> Result<Self, SourceError> {
         let name = path.display().to_string();
         let unreadable = |error: &io::Error| SourceError::Unreadable { name: name.clone(), cause: describe(error) };
@@ -77,7 +75,7 @@ impl Source {
             });
         }
         if data.len() > MAX_SOURCE {
-            return Err(too_large(name));
+            return Err(SourceError::TooLarge(name));
         }
         Self::read_from(name, file)
     }
@@ -90,7 +88,7 @@ impl Source {
             return Err(SourceError::Unreadable { name, cause: describe(&error) });
         }
         if bytes.len() as u64 > MAX_SOURCE {
-            return Err(too_large(name));
+            return Err(SourceError::TooLarge(name));
         }
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Source { name, text }),
@@ -99,13 +97,7 @@ impl Source {
                 let at = error.utf8_error().valid_up_to();
                 let byte = error.as_bytes().get(at).copied().unwrap_or_default();
                 let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
-                let diagnostic = Diagnostic::new(
-                    Code::NotUtf8,
-                    Span::new(at, at + '\u{FFFD}'.len_utf8()),
-                    format!("the byte 0x{byte:02X} is not UTF-8 text"),
-                    "save the file as UTF-8 in your editor; a script is plain text",
-                );
-                Err(SourceError::Invalid(Box::new((Source { name, text }, diagnostic))))
+                Err(SourceError::NotUtf8 { lossy: Source { name, text }, at, byte })
             }
         }
     }
@@ -143,19 +135,19 @@ pub enum SourceError {
         /// Why, in words.
         cause: String,
     },
-    /// The file was read but is no text; the text shown has its bad bytes replaced.
-    #[error("{} is not text", .0.0.name())]
-    Invalid(Box<(Source, Diagnostic)>),
-}
-
-fn too_large(name: String) -> SourceError {
-    let diagnostic = Diagnostic::new(
-        Code::SourceTooLarge,
-        Span::default(),
-        "the script is larger than 64 MiB",
-        "split it into several scripts; nothing of it was read",
-    );
-    SourceError::Invalid(Box::new((Source::new(name, ""), diagnostic)))
+    /// It is larger than [`MAX_SOURCE`]; nothing of it was kept.
+    #[error("{0} is larger than 64 MiB")]
+    TooLarge(String),
+    /// It is no UTF-8 text.
+    #[error("{} is not UTF-8 text", lossy.name())]
+    NotUtf8 {
+        /// The text with its bad bytes replaced.
+        lossy: Source,
+        /// Offset of the first bad byte, which fits the replaced text too.
+        at: usize,
+        /// That byte.
+        byte: u8,
+    },
 }
 
 /// The system's words for an error, without the number that Rust adds.

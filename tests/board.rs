@@ -184,6 +184,8 @@ fn found(chunks: &[&[u8]]) -> (Vec<Vec<u8>>, Vec<u64>) {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     /// However a stream of frames and noise is cut into reads, what is found is the same, and every byte is accounted for.
     #[test]
     fn reads_do_not_matter(parts in prop::collection::vec((0..295_usize, prop::collection::vec(any::<u8>(), 0..6)), 1..12), cut in 1..40_usize) {

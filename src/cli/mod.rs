@@ -12,7 +12,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use motionseq::Compiled;
-use motionseq::source::{Source, SourceError};
+use motionseq::diagnostic::{Diagnostic, Diagnostics};
+use motionseq::source::Source;
 use motionseq::timeline::{Limits, Timeline};
 
 use exit::Exit;
@@ -118,13 +119,13 @@ fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
     let source =
         if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Source::read(path) };
     source.map_err(|error| {
-        match &error {
-            SourceError::Unreadable { .. } => screen.error(&error.to_string()),
-            SourceError::Invalid(invalid) => {
-                let (source, diagnostic) = &**invalid;
-                let mut diagnostics = motionseq::diagnostic::Diagnostics::default();
-                diagnostics.push(diagnostic.clone());
-                screen.diagnostics(source, &diagnostics);
+        let words = error.to_string();
+        match Diagnostic::of_source(error) {
+            None => screen.error(&words),
+            Some((source, diagnostic)) => {
+                let mut diagnostics = Diagnostics::default();
+                diagnostics.push(diagnostic);
+                screen.diagnostics(&source, &diagnostics);
             }
         }
         Exit::Script

@@ -1,6 +1,7 @@
 //! pest's pairs to the tree. What the grammar kept only for its message is reported here, and its statement left out, so
 //! that one mistake is one message.
 
+use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
@@ -11,39 +12,64 @@ use super::grammar::Rule;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Source, Span};
 
-pub(super) fn build<'s>(source: &'s Source, pairs: Pairs<'_, Rule>, diagnostics: &mut Diagnostics) -> Ast<'s> {
-    let mut builder = Builder { source, diagnostics, empty_at: None };
-    let lines = pairs
-        .flat_map(Pair::into_inner)
-        .filter(|pair| pair.as_rule() == Rule::line)
-        .filter_map(|line| builder.line(line))
-        .collect();
-    let span = Span::new(0, source.text().len());
-    Ast { body: Block { lines, span } }
-}
-
-struct Builder<'s, 'd> {
+pub(super) struct Builder<'s, 'd> {
     source: &'s Source,
     diagnostics: &'d mut Diagnostics,
+    /// Where the text that pest has read begins in the source.
+    offset: usize,
+    lines: Vec<Line<'s>>,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
 }
 
-/// The place of a pair that is atomic or ends in a bracket. Other rules may have swallowed blanks and comments behind
-/// them, so their places are put together from their children.
-fn span_of(pair: &Pair<'_, Rule>) -> Span {
-    Span::new(pair.as_span().start(), pair.as_span().end())
-}
+impl<'s, 'd> Builder<'s, 'd> {
+    pub(super) fn new(source: &'s Source, diagnostics: &'d mut Diagnostics) -> Self {
+        Builder { source, diagnostics, offset: 0, lines: Vec::new(), empty_at: None }
+    }
 
-impl<'s> Builder<'s, '_> {
+    /// Adds the lines of a piece of the script that begins at `offset`.
+    pub(super) fn add(&mut self, offset: usize, pairs: Pairs<'_, Rule>) {
+        self.offset = offset;
+        for pair in pairs.flat_map(Pair::into_inner) {
+            if pair.as_rule() == Rule::line {
+                let line = self.line(pair);
+                self.lines.extend(line);
+            }
+        }
+    }
+
+    /// A piece that the grammar cannot read at all, which a script that passed the scan should never have.
+    pub(super) fn unreadable(&mut self, offset: usize, error: &pest::error::Error<Rule>) {
+        let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
+        self.diagnostics.push(Diagnostic::new(
+            Code::Syntax,
+            Span::new(offset + at, offset + at + 1),
+            "this cannot be read",
+            "write one command a line, such as `servo 1 1500`",
+        ));
+    }
+
+    /// The whole script.
+    pub(super) fn finish(self) -> Ast<'s> {
+        let span = Span::new(0, self.source.text().len());
+        Ast { body: Block { lines: self.lines, span } }
+    }
+
+    /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
+    /// swallowed a comment, so their places are put together from their children.
+    fn span(&self, pair: &Pair<'_, Rule>) -> Span {
+        let start = self.offset + pair.as_span().start();
+        Span::new(start, start + pair.as_str().trim_end().len())
+    }
+
     fn name(&self, pair: &Pair<'_, Rule>) -> Name<'s> {
-        let span = span_of(pair);
+        let span = self.span(pair);
         Name { text: self.source.slice(span), span }
     }
 
     /// The recursion over blocks is bounded by the depth of brackets, which the scan has checked.
     fn block(&mut self, pair: Pair<'_, Rule>) -> Block<'s> {
-        let span = span_of(&pair);
+        let span = self.span(&pair);
         let lines = pair.into_inner().filter_map(|line| self.line(line)).collect();
         Block { lines, span }
     }
@@ -118,7 +144,15 @@ impl<'s> Builder<'s, '_> {
                 }
             }
         }
-        if let (Some((start, span)), false) = (started, described) {
+        if let (Some(robot), false) = (robots.last(), described) {
+            let written = self.source.slice(robot.span);
+            self.diagnostics.push(Diagnostic::new(
+                Code::Syntax,
+                robot.span,
+                "a robot is named, but no command",
+                format!("write the command on the same line: `{written}: stop`"),
+            ));
+        } else if let (Some((start, span)), false) = (started, described) {
             let written = match start {
                 Start::At(Moment { origin: Origin::Value(Value { kind: ValueKind::Word(_), .. }), .. }) => "at 0.5s",
                 _ => self.source.slice(span),
@@ -133,7 +167,7 @@ impl<'s> Builder<'s, '_> {
     }
 
     fn start(&mut self, pair: Pair<'_, Rule>) -> Option<(Start<'s>, Span)> {
-        let from = span_of(&pair);
+        let from = self.span(&pair);
         let inner = pair.into_inner().next()?;
         if inner.as_rule() == Rule::after {
             let value = self.value(inner.into_inner().find(|pair| pair.as_rule() == Rule::time)?)?;
@@ -150,9 +184,7 @@ impl<'s> Builder<'s, '_> {
         let mut parts = pair.into_inner();
         let first = parts.next()?;
         let (origin, mut span) = if first.as_rule() == Rule::bar {
-            let text = first.as_str().trim_end();
-            let from = first.as_span().start();
-            let span = Span::new(from, from + text.len());
+            let span = self.span(&first);
             (Origin::Bar(span), span)
         } else {
             let value = self.value(first)?;
@@ -185,7 +217,7 @@ impl<'s> Builder<'s, '_> {
                     Rule::let_ => "let",
                     _ => "if",
                 };
-                let start = pair.as_span().start();
+                let start = self.offset + pair.as_span().start();
                 let span = Span::new(start, start + what.len());
                 Some(Statement::Later(Later { what, span }))
             }
@@ -295,9 +327,8 @@ impl<'s> Builder<'s, '_> {
         let inner = pair.into_inner().next()?;
         match inner.as_rule() {
             Rule::operator => {
-                let start = inner.as_span().start();
-                let sign = inner.as_str().trim_end();
-                let span = Span::new(start, start + sign.len());
+                let span = self.span(&inner);
+                let sign = self.source.slice(span);
                 if sign == "->" {
                     self.junk(&inner);
                     return None;
@@ -311,8 +342,7 @@ impl<'s> Builder<'s, '_> {
                     *sum = Some(sum.map_or(from, |sum| sum.to(span)));
                     return None;
                 }
-                let text = self.source.slice(span);
-                Some(Argument { name: None, item: Item::Comparison(Name { text, span }), span })
+                Some(Argument { name: None, item: Item::Comparison(Name { text: sign, span }), span })
             }
             Rule::pair => {
                 let mut parts = inner.into_inner();
@@ -353,7 +383,7 @@ impl<'s> Builder<'s, '_> {
     fn value(&mut self, pair: Pair<'_, Rule>) -> Option<Value<'s>> {
         let mut negative = None;
         for inner in pair.into_inner() {
-            let mut span = span_of(&inner);
+            let mut span = self.span(&inner);
             let text = self.source.slice(span);
             let kind = match inner.as_rule() {
                 Rule::sign => {
@@ -386,7 +416,7 @@ impl<'s> Builder<'s, '_> {
 
     fn number(&mut self, pair: Pair<'_, Rule>) -> Option<ValueKind<'s>> {
         let inner = pair.into_inner().next()?;
-        let span = span_of(&inner);
+        let span = self.span(&inner);
         let text = self.source.slice(span);
         let shape = match inner.as_rule() {
             Rule::hex => NumberShape::Hex,
@@ -409,7 +439,7 @@ impl<'s> Builder<'s, '_> {
 
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
         // The place has no width; show the `;` behind it, or else the one before it.
-        let at = pair.as_span().start();
+        let at = self.offset + pair.as_span().start();
         let (before, behind) = self.source.text().split_at_checked(at).unwrap_or_default();
         let blanks = behind.len() - behind.trim_start_matches([' ', '\t']).len();
         let at = if behind.get(blanks..).is_some_and(|rest| rest.starts_with(';')) {
@@ -430,19 +460,22 @@ impl<'s> Builder<'s, '_> {
     }
 
     fn behind(&mut self, pair: &Pair<'_, Rule>) {
-        let text = pair.as_str().trim_end();
-        let start = pair.as_span().start();
-        let span = Span::new(start, start + text.len());
+        let span = self.span(pair);
+        let help = if self.source.slice(span).starts_with("else") {
+            "put the `{` on the line of its `else`"
+        } else {
+            "put it on a line of its own, or a `;` before it to start both together"
+        };
         self.diagnostics.push(Diagnostic::new(
             Code::Syntax,
             span,
             "a block ends its statement, but something stands behind it",
-            "put it on a line of its own, or a `;` before it to start both together",
+            help,
         ));
     }
 
     fn junk(&mut self, pair: &Pair<'_, Rule>) {
-        let start = pair.as_span().start();
+        let start = self.offset + pair.as_span().start();
         let text = pair.as_str().trim_end();
         let first = text.chars().next().unwrap_or(' ');
         if first == '"' {

@@ -16,8 +16,8 @@ pub use scan::MAX_NESTING;
 
 use pest::Parser as _;
 
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::source::{Source, Span};
+use crate::diagnostic::Diagnostics;
+use crate::source::Source;
 
 /// The derived parser; its `Rule` type must be at least as visible as itself, so it has a module of its own.
 mod grammar {
@@ -30,21 +30,13 @@ mod grammar {
 
 /// Reads a whole script. `None` where its brackets do not pair, so that nothing else can be said of it.
 pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Ast<'s>> {
-    let text = scan::scan(source.text(), diagnostics)?;
-    match grammar::Grammar::parse(grammar::Rule::script, &text) {
-        Ok(pairs) => Some(build::build(source, pairs, diagnostics)),
-        Err(error) => {
-            let at = match error.location {
-                pest::error::InputLocation::Pos(at) => Span::new(at, at + 1),
-                pest::error::InputLocation::Span((start, end)) => Span::new(start, end),
-            };
-            diagnostics.push(Diagnostic::new(
-                Code::Syntax,
-                at,
-                "this cannot be read",
-                "write one command a line, such as `servo 1 1500`",
-            ));
-            None
+    let scanned = scan::scan(source.text(), diagnostics)?;
+    let mut builder = build::Builder::new(source, diagnostics);
+    for (offset, piece) in scanned.pieces() {
+        match grammar::Grammar::parse(grammar::Rule::script, piece) {
+            Ok(pairs) => builder.add(offset, pairs),
+            Err(error) => builder.unreadable(offset, &error),
         }
     }
+    Some(builder.finish())
 }

@@ -9,12 +9,33 @@ use crate::source::Span;
 /// How deep brackets may be nested.
 pub const MAX_NESTING: usize = 64;
 
-/// The text as the grammar reads it, of the same length; `None` where the brackets do not pair.
-pub(super) fn scan<'s>(text: &'s str, diagnostics: &mut Diagnostics) -> Option<Cow<'s, str>> {
-    let mut scan = Scan { text, open: Vec::new(), parens: 0, blanks: Vec::new(), paired: true, diagnostics };
+/// The least bytes of a piece that the grammar reads at once. What pest keeps of a text is many times as long as the text,
+/// so a long script is read in pieces.
+const PIECE: usize = 16 * 1024;
+
+/// The text as the grammar reads it, of the same length.
+pub(super) struct Scanned<'s> {
+    text: Cow<'s, str>,
+    /// Ends of lines, outside of all brackets, where the text may be cut into pieces.
+    cuts: Vec<usize>,
+}
+
+impl Scanned<'_> {
+    /// Pieces of whole lines, each with its offset.
+    pub(super) fn pieces(&self) -> impl Iterator<Item = (usize, &str)> {
+        let starts = std::iter::once(0).chain(self.cuts.iter().copied());
+        let ends = self.cuts.iter().copied().chain([self.text.len()]);
+        starts.zip(ends).filter_map(|(start, end)| Some((start, self.text.get(start..end)?)))
+    }
+}
+
+/// Scans a script; `None` where its brackets do not pair.
+pub(super) fn scan<'s>(text: &'s str, diagnostics: &mut Diagnostics) -> Option<Scanned<'s>> {
+    let mut scan =
+        Scan { text, open: Vec::new(), parens: 0, blanks: Vec::new(), cuts: Vec::new(), paired: true, diagnostics };
     scan.run();
-    let Scan { blanks, paired, .. } = scan;
-    paired.then(|| blank_out(text, &blanks))
+    let Scan { blanks, cuts, paired, .. } = scan;
+    paired.then(|| Scanned { text: blank_out(text, &blanks), cuts })
 }
 
 struct Scan<'s, 'd> {
@@ -25,6 +46,7 @@ struct Scan<'s, 'd> {
     parens: usize,
     /// Ranges that the grammar sees as blanks, the last byte of each as this one.
     blanks: Vec<(usize, usize, char)>,
+    cuts: Vec<usize>,
     paired: bool,
     diagnostics: &'d mut Diagnostics,
 }
@@ -52,6 +74,7 @@ impl<'s> Scan<'s, '_> {
                         let from = if at > 0 && bytes.get(at - 1) == Some(&b'\r') { at - 1 } else { at };
                         self.blanks.push((from, at + 1, ' '));
                     }
+                    self.cut(at + 1);
                     at + 1
                 }
                 _ if is_hidden(byte) => {
@@ -64,6 +87,16 @@ impl<'s> Scan<'s, '_> {
         }
         while let Some((bracket, from)) = self.open.pop() {
             self.unclosed(bracket, from, None);
+        }
+    }
+
+    /// Cuts behind a line, if the piece is long enough. `else` belongs to the line before it, and so may a comment.
+    fn cut(&mut self, at: usize) {
+        let last = self.cuts.last().copied().unwrap_or(0);
+        let long_enough = self.open.is_empty() && at - last >= PIECE;
+        let next = || self.text.get(at..).unwrap_or_default().trim_start();
+        if long_enough && !next().starts_with("else") && !next().starts_with('#') {
+            self.cuts.push(at);
         }
     }
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use miette::{GraphicalReportHandler, GraphicalTheme};
-use motionseq::diagnostic::{Attached, Diagnostics, Printable};
-use motionseq::source::{Source, SourceError};
+use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
+use motionseq::source::Source;
 use motionseq::timeline::{Limits, write_listing};
 
 /// A script's listing and its messages, as they are pinned.
@@ -14,12 +14,12 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
     let name = path.file_name().unwrap().to_str().unwrap();
     let source = match Source::read(path) {
         Ok(source) => Source::new(name, source.text()),
-        Err(SourceError::Invalid(invalid)) => {
+        Err(error) => {
+            let (source, diagnostic) = Diagnostic::of_source(error).unwrap();
             let mut diagnostics = Diagnostics::default();
-            diagnostics.push(invalid.1.clone());
-            return messages(&Source::new(name, invalid.0.text()), &diagnostics);
+            diagnostics.push(diagnostic);
+            return messages(&Source::new(name, source.text()), &diagnostics);
         }
-        Err(error) => return error.to_string(),
     };
     let compiled = motionseq::compile(&source, Limits::default());
     let mut text = Vec::new();

@@ -1,0 +1,172 @@
+//! What holds for every script, whatever is in it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use motionseq::board::{Command, Frame, State};
+use motionseq::source::{Source, Span};
+use motionseq::timeline::{Kind, Limits};
+use motionseq::{Compiled, compile};
+use proptest::prelude::*;
+
+fn compiled(text: &str) -> Compiled {
+    compile(&Source::new("test", text), Limits::default())
+}
+
+/// A line that compiles by itself.
+fn line() -> impl Strategy<Value = String> {
+    let time = prop_oneof![Just(0), 1..2_000_u32].prop_map(|ms| format!("{ms}ms"));
+    let command = prop_oneof![
+        (1..=4, 500..=2500).prop_map(|(n, pulse)| format!("servo {n} {pulse}")),
+        (500..=2500, 500..=1950).prop_map(|(pan, tilt)| format!("servos {pan} {tilt}")),
+        (-25..=25, -25..=25, -200..=200).prop_map(|(x, y, z)| format!("rocker x={x} y={y} z={z}")),
+        (-25..=25, -25..=25).prop_map(|(x, y)| format!("yawhold x={x} y={y}")),
+        (-25..=25, -25..=25, 1..2_000).prop_map(|(a, b, ms)| format!("wheels {a} {b} 0 1 for {ms}ms")),
+        Just("stop".to_owned()),
+        Just("buzzer on".to_owned()),
+        (1..2_000).prop_map(|ms| format!("buzzer on for {ms}ms")),
+        Just("request voltage".to_owned()),
+        Just("raw 0x40 1 2 3".to_owned()),
+        Just("say \"hello\"".to_owned()),
+    ];
+    let start = prop_oneof![
+        3 => time.clone().prop_map(|time| format!("wait {time}\n")),
+        1 => time.clone().prop_map(|time| format!("at {time} ")),
+        1 => time.prop_map(|time| format!("+{time} ")),
+    ];
+    (start, command).prop_map(|(start, command)| format!("{start}{command}\n"))
+}
+
+/// Text made of what the language is made of, mostly in the wrong order.
+fn soup() -> impl Strategy<Value = String> {
+    let word = prop::sample::select(vec![
+        "servo",
+        "rocker",
+        "at",
+        "wait",
+        "for",
+        "over",
+        "if",
+        "else",
+        "let",
+        "def",
+        "repeat",
+        "stop",
+        "say",
+        "x=",
+        "1500",
+        "-8",
+        "0.5s",
+        "1m30s",
+        "2 beats",
+        "bar 2",
+        "0x1F",
+        "90deg",
+        "9999999999999999999",
+        "->",
+        "..",
+        ",",
+        ";",
+        "{",
+        "}",
+        "(",
+        ")",
+        "+",
+        "-",
+        "*",
+        "/",
+        "=",
+        "==",
+        ":",
+        "\"text\"",
+        "\"",
+        "\\",
+        "# comment",
+        "\n",
+        "\r\n",
+        "\r",
+        "\t",
+        "\0",
+        "\u{1b}",
+        "µs",
+        "\u{202e}",
+        "é",
+        "@",
+        "not ",
+        "at 1s",
+        "raw",
+    ]);
+    prop::collection::vec((word, prop::bool::ANY), 0..60).prop_map(|words| {
+        words.into_iter().map(|(word, blank)| if blank { format!("{word} ") } else { word.to_owned() }).collect()
+    })
+}
+
+/// Moves every span of a result.
+fn moved(span: Span, by: u32) -> Span {
+    if span == Span::default() { span } else { Span { start: span.start + by, end: span.end + by } }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever compiles is sorted, in range, refreshed only while it drives, and ends at rest.
+    #[test]
+    fn timelines_are_sound(lines in prop::collection::vec(line(), 1..20)) {
+        let text = lines.concat();
+        let result = compiled(&text);
+        prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
+        if let Some(timeline) = result.timeline {
+            let events = timeline.events();
+            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.kind)));
+            prop_assert!(events.iter().all(|event| event.at_us <= timeline.end_us));
+            let mut state = State::default();
+            for event in events {
+                let bytes = event.command.to_frame();
+                prop_assert_eq!(Command::decode_or_raw(Frame::new(&bytes).unwrap()), event.command.clone());
+                if event.kind == Kind::Refresh {
+                    prop_assert_eq!(state.drive(), Some(&event.command), "a refresh repeats what was sent last");
+                    prop_assert!(event.command.keeps_driving());
+                }
+                state.apply(&event.command);
+                prop_assert!(!text.get(event.span.range()).unwrap().is_empty());
+            }
+            prop_assert!(state.at_rest());
+        }
+    }
+
+    /// Nothing panics, and every message points into the text and helps.
+    #[test]
+    fn any_text_gets_an_answer(text in soup()) {
+        let result = compiled(&text);
+        prop_assert_eq!(result.timeline.is_none(), result.diagnostics.has_errors());
+        for diagnostic in result.diagnostics.sorted() {
+            prop_assert!(diagnostic.span.end as usize <= text.len() + 1, "{diagnostic:?}");
+            prop_assert!(!diagnostic.help.is_empty() && !diagnostic.message.is_empty());
+            prop_assert!(diagnostic.message != "this cannot be read", "the grammar and the scan disagree");
+        }
+    }
+
+    /// A long script is read in pieces, which nobody notices: behind a long comment everything is the same, further down.
+    #[test]
+    fn where_a_script_is_cut_does_not_matter(text in soup(), length in 16_000..17_000_usize) {
+        prop_assume!(!text.starts_with('\r'));
+        let comment = format!("#{}\n", "-".repeat(length));
+        let by = u32::try_from(comment.len()).unwrap();
+        let here = compiled(&text);
+        let there = compiled(&format!("{comment}{text}"));
+        let spans = |result: &Compiled, by: u32| -> Vec<_> {
+            result.diagnostics.sorted().into_iter().map(|diagnostic| (diagnostic.code, moved(diagnostic.span, by), diagnostic.message.clone())).collect()
+        };
+        prop_assert_eq!(spans(&here, by), spans(&there, 0));
+    }
+}
+
+#[test]
+fn an_else_is_never_cut_off() {
+    for length in 16_300..16_400 {
+        let text = format!("#{}\nif a {{ stop }}\n\n# why\n  else {{ stop }}\n", "-".repeat(length));
+        let result = compiled(&text);
+        let messages: Vec<_> =
+            result.diagnostics.sorted().iter().map(|diagnostic| diagnostic.message.clone()).collect();
+        assert_eq!(messages.len(), 1, "{messages:?}");
+        assert!(messages.iter().all(|message| message.starts_with("`if`")), "{messages:?}");
+    }
+}
