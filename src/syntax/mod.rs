@@ -1,7 +1,7 @@
 //! Text to [`Ast`]. pest stops here: nothing of it leaves this room.
 //!
-//! Three steps: [`scan`] pairs the brackets and bounds their depth, the grammar in `grammar/motion.pest` reads the text,
-//! and `build` turns pest's pairs into the tree. Every mistake found on the way becomes a diagnostic; the tree holds what
+//! Three steps: the scan pairs the brackets and bounds their depth, the grammar in `grammar/motion.pest` reads the text,
+//! and the builder turns pest's pairs into the tree. Every mistake found on the way becomes a diagnostic; the tree holds what
 //! could be read.
 
 mod ast;

@@ -79,7 +79,7 @@ fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
             Code::Clash,
             second.span,
             format!("{thing} is told two things at {at} s"),
-            "keep one of the two, or let some time pass between them",
+            "keep one of the two, or let time pass between them, such as `wait 0.5s`: a plain command takes no time",
         )
         .label("this")
         .related(first.span, "and this");

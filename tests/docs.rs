@@ -1,0 +1,197 @@
+//! What the documents say is so: every example in them runs, and every list is complete.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs;
+use std::process::Command;
+
+use motionseq::program::{COMMANDS, SETTINGS, UNITS};
+use motionseq::source::Source;
+use motionseq::timeline::Limits;
+
+/// The fenced blocks of a document: what stands behind the fence, the line it begins at, and the text.
+fn blocks(document: &str) -> Vec<(String, usize, String)> {
+    let text = fs::read_to_string(document).unwrap();
+    let mut found = Vec::new();
+    let mut open: Option<(String, usize, String)> = None;
+    for (number, line) in text.lines().enumerate() {
+        match (line.strip_prefix("```"), &mut open) {
+            (Some(kind), None) => open = Some((kind.to_owned(), number + 1, String::new())),
+            (Some(_), Some(_)) => found.extend(open.take()),
+            (None, Some((_, _, block))) => {
+                block.push_str(line);
+                block.push('\n');
+            }
+            (None, None) => {}
+        }
+    }
+    assert!(open.is_none(), "{document} has a block that never ends");
+    found
+}
+
+const DOCUMENTS: &[&str] = &["README.md", "docs/language.md"];
+
+#[test]
+fn every_script_in_the_documents_compiles_as_it_says() {
+    let mut seen = 0;
+    for document in DOCUMENTS {
+        for (kind, line, text) in blocks(document) {
+            let compiles = match kind.as_str() {
+                "motion" => true,
+                "motion-error" => false,
+                _ => continue,
+            };
+            seen += 1;
+            let source = Source::new(*document, text);
+            let result = motionseq::compile(&source, Limits::default());
+            let messages = support::messages(&source, &result.diagnostics);
+            assert_eq!(result.timeline.is_some(), compiles, "{document}:{line}\n{messages}");
+        }
+    }
+    assert!(seen > 5);
+}
+
+/// Whether a line of output is the one that the document shows; `[..]` stands for anything.
+fn fits(shown: &str, line: &str) -> bool {
+    let mut rest = line;
+    let mut parts = shown.split("[..]");
+    let Some(tail) = rest.strip_prefix(parts.next().unwrap()) else { return false };
+    rest = tail;
+    let parts: Vec<&str> = parts.collect();
+    for (at, part) in parts.iter().enumerate() {
+        let found =
+            if at + 1 == parts.len() { rest.ends_with(part).then(|| rest.len() - part.len()) } else { rest.find(part) };
+        let Some(found) = found else { return false };
+        rest = rest.get(found + part.len()..).unwrap();
+    }
+    rest.is_empty()
+}
+
+#[test]
+fn every_console_block_shows_what_happens() {
+    let program = std::path::Path::new(env!("CARGO_BIN_EXE_motionseq")).parent().unwrap().to_str().unwrap();
+    let path = format!("{program}:{}", std::env::var("PATH").unwrap());
+    let mut seen = 0;
+    for document in DOCUMENTS {
+        for (kind, line, text) in blocks(document) {
+            if kind != "console" {
+                continue;
+            }
+            seen += 1;
+            let (command, shown) = text.strip_prefix("$ ").unwrap().split_once('\n').unwrap();
+            let output = Command::new("sh")
+                .args(["-c", &format!("{{ {command}; }} 2>&1")])
+                .env("PATH", &path)
+                .env_remove("MOTIONSEQ_PORT")
+                .current_dir(env!("CARGO_MANIFEST_DIR"))
+                .output()
+                .unwrap();
+            let printed = support::stdout(&output);
+            let shown: Vec<&str> = shown.trim_end().lines().collect();
+            let printed: Vec<&str> = printed.trim_end().lines().collect();
+            let same =
+                shown.len() == printed.len() && shown.iter().zip(&printed).all(|(shown, line)| fits(shown, line));
+            assert!(
+                same,
+                "{document}:{line} shows\n{}\nbut `{command}` prints\n{}",
+                shown.join("\n"),
+                printed.join("\n")
+            );
+        }
+    }
+    assert_eq!(seen, 3);
+}
+
+#[test]
+fn patterns_fit_only_what_they_should() {
+    assert!(
+        fits("a [..] c", "a b c")
+            && fits("[..]", "")
+            && fits("plain", "plain")
+            && fits("1.[..] s; [..] late", "1.5 s; 0 late")
+    );
+    assert!(!fits("a [..] c", "a b d") && !fits("plain", "plainer") && !fits("[..]x", "y"));
+}
+
+#[test]
+fn the_readme_begins_with_two_commands_that_work() {
+    let (_, _, text) = blocks("README.md").into_iter().find(|(kind, _, _)| kind == "sh").unwrap();
+    assert_eq!(text, "cargo run --release -- play scripts/hello.motion\ncargo test\n");
+    // The gate runs the very same test command.
+    assert!(fs::read_to_string(".ci/run").unwrap().lines().any(|line| line == "cargo test"));
+}
+
+#[test]
+fn every_word_that_runs_is_in_the_reference() {
+    let text = fs::read_to_string("docs/language.md").unwrap();
+    for row in COMMANDS.iter().chain(SETTINGS).filter(|row| !row.usage.is_empty()) {
+        assert!(text.contains(&format!("\n| `{}", row.name)), "docs/language.md has no row for `{}`", row.name);
+        // The example of each row is one that works.
+        let mode = if row.name == "move" { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
+        let end = if SETTINGS.iter().any(|setting| setting.name == row.name) { "\nstop" } else { "" };
+        let source = Source::new("example", format!("{mode}{}{end}\n", row.example));
+        assert!(
+            motionseq::compile(&source, Limits::default()).timeline.is_some(),
+            "the example of `{}` does not compile",
+            row.name
+        );
+    }
+    for unit in UNITS {
+        assert!(!unit.meaning.is_empty());
+    }
+}
+
+#[test]
+fn every_script_is_in_the_readme() {
+    let text = fs::read_to_string("README.md").unwrap();
+    for entry in fs::read_dir("scripts").unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        assert!(text.contains(&format!("| `{name}` |")), "README.md has no row for {name}");
+    }
+}
+
+#[test]
+fn the_first_script_is_the_one_in_the_folder() {
+    let (_, _, shown) = blocks("README.md").into_iter().find(|(kind, _, _)| kind == "motion").unwrap();
+    let lines = |text: &str| text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(lines(&shown), lines(&fs::read_to_string("scripts/hello.motion").unwrap()));
+}
+
+#[test]
+fn every_crate_and_its_licence_is_listed() {
+    let output = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--locked",
+            "-e",
+            "normal",
+            "--prefix",
+            "none",
+            "--format",
+            "{p}|{l}",
+            "--target",
+            "x86_64-unknown-linux-gnu",
+        ])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let mut used: Vec<String> = support::stdout(&output)
+        .lines()
+        .filter(|line| !line.starts_with("motionseq "))
+        .map(|line| {
+            let (name, licence) = line.trim_end_matches(" (*)").split_once('|').unwrap();
+            format!("| {} | {licence} |", name.split(' ').next().unwrap())
+        })
+        .collect();
+    used.sort();
+    used.dedup();
+    assert!(used.len() > 20, "{}", support::stderr(&output));
+    let text = fs::read_to_string("THIRD-PARTY.md").unwrap();
+    let listed: Vec<String> = text
+        .lines()
+        .filter(|line| line.starts_with("| ") && !line.starts_with("| crate "))
+        .map(str::to_owned)
+        .collect();
+    assert_eq!(listed, used, "THIRD-PARTY.md is not what `cargo tree` says");
+}
