@@ -240,8 +240,8 @@ fn a_port_in_use_is_left_alone() {
 
 #[test]
 fn of_players_that_start_together_exactly_one_wins() {
-    let short = script("race", "servo 1 1500\nwait 300ms\nservo 1 1600\n");
-    for _ in 0..5 {
+    let short = script("race", "servo 1 1500\nwait 200ms\nservo 1 1600\n");
+    for _ in 0..10 {
         let far = FarEnd::new();
         let players: Vec<Child> = (0..4).map(|_| start(&["play", &short, "--port", &far.path])).collect();
         let mut codes: Vec<i32> = players.into_iter().map(|player| end(player).0).collect();
@@ -258,6 +258,18 @@ fn the_library_holds_its_port_alone() {
     assert!(matches!(Serial::open(pty.path(), 115_200), Err(motionseq::link::OpenError::InUse)));
     drop(first);
     Serial::open(pty.path(), 115_200).unwrap();
+}
+
+#[test]
+fn a_pty_is_raw_before_anybody_sets_it_up() {
+    let pty = Pty::open().unwrap();
+    let mut port = File::options().read(true).write(true).open(pty.path()).unwrap();
+    // End-of-file, line ends and interrupt would all be changed or swallowed by a terminal.
+    let all = [0x04, b'\r', b'\n', 0x03, 0xFF, 0x00];
+    std::io::Write::write_all(&mut port, &all).unwrap();
+    let mut buffer = [0; 64];
+    let count = pty.read(&mut buffer).unwrap();
+    assert_eq!(buffer[..count], all);
 }
 
 #[test]

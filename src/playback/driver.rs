@@ -24,6 +24,10 @@ pub fn drive(
     let mut reports = ReportDecoder::new();
     let mut input = Input::Tick;
     loop {
+        if input == Input::Tick {
+            // Also where one write follows another, and before the first.
+            input = signals.pending().map_or(Input::Tick, Input::Signal);
+        }
         let now = os::monotonic().saturating_sub(start);
         let order = player.poll(now, input, &mut notices);
         if let Some(outcome) = player.outcome() {
@@ -77,7 +81,7 @@ fn wait(
         let left = deadline.saturating_sub(os::monotonic());
         if left <= CLOSE && !writable {
             os::sleep_until(deadline);
-            return signals.pending().map_or(Input::Tick, Input::Signal);
+            return Input::Tick;
         }
         let timeout = if writable { left } else { left - CLOSE };
         let woken = match os::wait(link.descriptor(), signals, writable, timeout) {
