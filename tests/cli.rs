@@ -85,7 +85,7 @@ fn the_three_formats_say_the_same() {
 fn check_counts_what_it_found() {
     let scratch = Scratch::new("check");
     let good = run(&["check", HELLO]);
-    assert_eq!((code(&good), stderr(&good).as_str()), (0, "scripts/hello.motion: ok, 22 frames in 1.500000 s\n"));
+    assert_eq!((code(&good), stderr(&good).as_str()), (0, "scripts/hello.motion: ok, 22 frames in 1.500 s\n"));
     assert_eq!(stdout(&good), "");
     let warning = scratch.file("warning.motion", b"rocker x=1\nwait 1s\n");
     let bad = scratch.file("bad.motion", b"servoo 1 1500\nservo 1 9999\nrocker x=1\n");

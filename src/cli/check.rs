@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use motionseq::timeline::Seconds;
 
 use super::exit::Exit;
-use super::screen::{Screen, plural};
+use super::screen::{Screen, plural, seconds};
 use super::{Options, read};
 
 /// Check scripts: show every error and warning, send nothing
@@ -45,7 +44,7 @@ impl Check {
             match compiled.timeline {
                 Some(timeline) if !denied => {
                     let frames = plural(timeline.events().len(), "frame");
-                    screen.note(&format!("{}: ok, {frames} in {} s", source.name(), Seconds(timeline.end_us)));
+                    screen.note(&format!("{}: ok, {frames} in {} s", source.name(), seconds(timeline.end_us)));
                 }
                 Some(_) => {
                     screen.error(&format!("{}: warnings are denied", source.name()));

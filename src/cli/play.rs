@@ -4,21 +4,21 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use motionseq::board::{Report, State};
+use motionseq::diagnostic::escaped;
 use motionseq::link::{OpenError, Pty, Recorder, Serial};
 use motionseq::playback::{Cause, Notice, Outcome, Player, Signals, Stop, drive};
 use motionseq::sim::{Received, VirtualBoard, serve};
 use motionseq::source::Source;
-use motionseq::timeline::{Seconds, Timeline};
+use motionseq::timeline::Timeline;
 use rtrb::{Consumer, RingBuffer};
 
 use super::Script;
 use super::exit::Exit;
-use super::screen::{Screen, plural};
+use super::screen::{Screen, plural, seconds};
 
 /// Play a script on a board, or on a virtual one
 #[derive(Debug, Args)]
@@ -153,99 +153,80 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
 struct News<'a> {
     timeline: &'a Timeline,
     screen: &'a Screen,
+    report: Option<Report>,
 }
 
 impl<'a> News<'a> {
     fn new(timeline: &'a Timeline, screen: &'a Screen) -> Self {
-        News { timeline, screen }
+        News { timeline, screen, report: None }
     }
 
-    /// Writes until both rings have ended and are empty.
+    /// Writes until both rings have ended and are empty. Gives the board's last report, and whether the recording is whole.
     fn run(
-        &self,
+        mut self,
         mut notices: Consumer<Notice>,
         mut bytes: Consumer<u8>,
         recording: Option<File>,
     ) -> (io::Result<()>, Option<Report>) {
-        let progress = self.progress();
+        let begin = Instant::now();
         let mut recording = recording.map(BufWriter::new);
         let mut written = Ok(());
-        let mut report = None;
         loop {
+            // Looked at before the rings are emptied, so that nothing is left in them at the end.
             let last = notices.is_abandoned() && bytes.is_abandoned();
             while let Ok(notice) = notices.pop() {
-                match notice {
-                    Notice::Say { cue } => self.say(cue, progress.as_ref()),
-                    Notice::Report(newest) => report = Some(newest),
-                    Notice::Sent { event, .. } => self.advance(event, progress.as_ref()),
-                    Notice::Dropped { event } => {
-                        if let Some(event) = self.timeline.events().get(event) {
-                            self.line(
-                                &format!("dropped at {} s: {}", Seconds(event.at_us), event.command),
-                                progress.as_ref(),
-                            );
-                        }
-                    }
-                }
+                self.tell(notice);
             }
-            if let (Some(file), Ok(chunk)) = (&mut recording, bytes.read_chunk(bytes.slots())) {
-                let (first, second) = chunk.as_slices();
-                let result = file.write_all(first).and_then(|()| file.write_all(second));
-                written = written.and(result);
-                chunk.commit_all();
-            } else if let Ok(chunk) = bytes.read_chunk(bytes.slots()) {
+            if let Ok(chunk) = bytes.read_chunk(bytes.slots()) {
+                if let Some(file) = &mut recording {
+                    let (first, second) = chunk.as_slices();
+                    written = written.and_then(|()| file.write_all(first)).and_then(|()| file.write_all(second));
+                }
                 chunk.commit_all();
             }
             if last {
                 break;
             }
+            self.screen.live(&self.progress(begin.elapsed()));
             thread::park_timeout(UPDATE);
         }
+        self.screen.live("");
         if let Some(mut file) = recording {
-            written = written.and(file.flush());
+            written = written.and_then(|()| file.flush());
         }
-        if let Some(progress) = progress {
-            progress.finish_and_clear();
-        }
-        (written, report)
+        (written, self.report)
     }
 
-    fn progress(&self) -> Option<ProgressBar> {
-        if !self.screen.is_live() {
-            return None;
-        }
-        let bar = ProgressBar::with_draw_target(Some(self.timeline.end_us), ProgressDrawTarget::stderr_with_hz(20));
-        let style = ProgressStyle::with_template("{msg} {bar:30} ").ok()?;
-        bar.set_style(style.progress_chars("=> "));
-        Some(bar)
-    }
-
-    fn advance(&self, event: usize, progress: Option<&ProgressBar>) {
-        let Some(event) = self.timeline.events().get(event) else {
-            return;
-        };
-        if self.screen.is_verbose() {
-            self.line(&format!("{} s: {}", Seconds(event.at_us), event.command), progress);
-        }
-        let Some(bar) = progress else {
-            return;
-        };
-        bar.set_position(event.at_us);
-        bar.set_message(format!("{} / {} s", Seconds(event.at_us), Seconds(self.timeline.end_us)));
-    }
-
-    fn say(&self, cue: usize, progress: Option<&ProgressBar>) {
-        if let Some(cue) = self.timeline.cues.get(cue) {
-            let text = motionseq::diagnostic::escaped(&cue.text);
-            self.line(&format!("{} s: {text}", Seconds(cue.at_us)), progress);
+    fn tell(&mut self, notice: Notice) {
+        match notice {
+            Notice::Say { cue } => {
+                if let Some(cue) = self.timeline.cues.get(cue) {
+                    self.screen.note(&format!("{} s: {}", seconds(cue.at_us), escaped(&cue.text)));
+                }
+            }
+            Notice::Report(newest) => self.report = Some(newest),
+            Notice::Sent { event, .. } if self.screen.is_verbose() => self.frame("", event),
+            Notice::Sent { .. } => {}
+            Notice::Dropped { event } => self.frame(" dropped", event),
         }
     }
 
-    fn line(&self, line: &str, progress: Option<&ProgressBar>) {
-        match progress {
-            Some(bar) => bar.suspend(|| self.screen.note(line)),
-            None => self.screen.note(line),
+    /// A line about one frame.
+    fn frame(&self, what: &str, event: usize) {
+        if let Some(event) = self.timeline.events().get(event) {
+            self.screen.note(&format!("{} s{what}: {}", seconds(event.at_us), event.command));
         }
+    }
+
+    /// `1.2 / 3.0 s ████░░░░░░`.
+    fn progress(&self, elapsed: Duration) -> String {
+        // The bar gives way to the numbers on a narrow terminal.
+        let width = u64::try_from(self.screen.width().saturating_sub(30).min(30)).unwrap_or(0);
+        let end = self.timeline.end_us;
+        let now = u64::try_from(elapsed.as_micros()).unwrap_or(u64::MAX).min(end);
+        let done = now.saturating_mul(width).checked_div(end).unwrap_or(width);
+        let bar: String = (0..width).map(|place| if place < done { '█' } else { '░' }).collect();
+        format!("{} / {} s {bar}", seconds(now), seconds(end))
     }
 }
 
@@ -258,7 +239,7 @@ fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
     };
     screen.note(&format!(
         "sent {frames}{dropped} in {} s; the latest was {}.{:03} ms late",
-        Seconds(outcome.at_us),
+        seconds(outcome.at_us),
         worst / 1_000,
         worst % 1_000
     ));
@@ -317,7 +298,7 @@ fn ending(screen: &Screen, source: &Source, outcome: &Outcome) -> Exit {
         Stop::NotSent => "stop: NOT SENT - cut the power",
         Stop::Sent | Stop::NotNeeded => "stop: sent",
     };
-    screen.error(&format!("{cause}{place}, {} s into the script; {stop}", Seconds(outcome.at_us)));
+    screen.error(&format!("{cause}{place}, {} s into the script; {stop}", seconds(outcome.at_us)));
     exit
 }
 

@@ -52,7 +52,7 @@ impl Screen {
     }
 
     /// Whether a line can be drawn over and over.
-    pub(super) fn is_live(&self) -> bool {
+    fn is_live(&self) -> bool {
         self.terminal && self.volume != Volume::Quiet
     }
 
@@ -60,11 +60,26 @@ impl Screen {
         self.volume == Volume::Verbose
     }
 
-    /// A line of news, kept back by `-q`.
+    /// A line of news, kept back by `-q`. It takes the place of a live one.
     pub(super) fn note(&self, line: &str) {
         if self.volume != Volume::Quiet {
-            print(&format!("{line}\n"));
+            print(&format!("{}{line}\n", self.clearing()));
         }
+    }
+
+    /// Draws a line in the place of the last live one; nothing where lines cannot be drawn over.
+    ///
+    /// Not padded to the width of the terminal, as progress bars of indicatif are: the `^C` that a terminal echoes would
+    /// break such a line in two.
+    pub(super) fn live(&self, line: &str) {
+        if self.is_live() {
+            print(&format!("{}{line}", self.clearing()));
+        }
+    }
+
+    /// What clears a live line, if there can be one.
+    fn clearing(&self) -> &'static str {
+        if self.is_live() { "\r\x1b[K" } else { "" }
     }
 
     /// What went wrong outside of a script: said even with `-q`.
@@ -97,7 +112,8 @@ impl Screen {
         }
     }
 
-    fn width(&self) -> usize {
+    /// Columns that a line may fill.
+    pub(super) fn width(&self) -> usize {
         let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
         size.map_or(WIDTH, |size| usize::from(size.ws_col).clamp(40, 120))
     }
@@ -122,4 +138,9 @@ fn count(diagnostics: &Diagnostics) -> String {
 /// `22 frames`, `1 frame`.
 pub(super) fn plural(count: usize, word: &str) -> String {
     if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
+}
+
+/// Microseconds as seconds for people to read, to the millisecond.
+pub(super) fn seconds(micros: u64) -> String {
+    format!("{}.{:03}", micros / 1_000_000, micros / 1_000 % 1_000)
 }
