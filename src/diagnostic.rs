@@ -59,6 +59,7 @@ codes! {
     EmptyScript "empty-script" Error "The script does nothing.",
     Unclosed "unclosed" Error "A bracket or a quotation mark is opened and never closed.",
     Unopened "unopened" Error "A bracket is closed that was never opened.",
+    LineTooLong "line-too-long" Error "A line is longer than 64 KiB.",
     Nesting "nesting" Error "Brackets are nested too deep.",
     Syntax "syntax" Error "This cannot be read.",
     EmptyPlace "empty-place" Error "Nothing stands before or behind a `;`.",
@@ -297,17 +298,28 @@ fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// Text for a message: every character that could move a terminal's cursor is escaped, but line breaks stay.
+/// Text for one line of a message: every character that could move a terminal's cursor is escaped.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
-        if is_hidden(c) {
+        if is_hidden(c) || c == '\n' {
             out.extend(c.escape_default());
         } else {
             out.push(c);
         }
     }
     out
+}
+
+/// Words of a message, escaped, and cut where they quote something endless.
+fn short(text: &str) -> String {
+    const LONGEST: usize = 400;
+    let mut text = escaped(text);
+    if let Some((end, _)) = text.char_indices().nth(LONGEST) {
+        text.truncate(end);
+        text.push('…');
+    }
+    text
 }
 
 impl miette::SourceCode for Printable<'_> {
@@ -349,7 +361,7 @@ pub struct Attached<'a> {
 
 impl fmt::Display for Attached<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&escaped(&self.diagnostic.message))
+        f.write_str(&short(&self.diagnostic.message))
     }
 }
 
@@ -368,7 +380,7 @@ impl miette::Diagnostic for Attached<'_> {
     }
 
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(escaped(&self.diagnostic.help)))
+        Some(Box::new(short(&self.diagnostic.help)))
     }
 
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {

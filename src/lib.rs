@@ -24,6 +24,7 @@
 compile_error!("motionseq runs on Linux only: it needs Linux's clocks, ptys and serial ports");
 
 pub mod board;
+mod clock;
 pub mod diagnostic;
 pub mod link;
 pub mod playback;
@@ -62,7 +63,7 @@ fn stages(source: &Source, limits: Limits, diagnostics: &mut Diagnostics) -> Opt
     }
     // All errors at once, but no clash that is only there because something else is missing.
     if readable && program.times_known {
-        timeline::clashes(&program, diagnostics);
+        timeline::order(&program, diagnostics);
     }
     None
 }

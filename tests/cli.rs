@@ -100,6 +100,7 @@ fn check_counts_what_it_found() {
     let denied = run(&["check", "--deny", "warnings", &warning]);
     assert_eq!(code(&denied), 1);
     assert!(stderr(&denied).contains("warnings are denied"));
+    assert!(stderr(&run(&["check", "-q", "--deny", "warnings", &warning])).contains("left-running"));
     // Quiet keeps warnings back, but never errors.
     assert_eq!(stderr(&run(&["check", "-q", &warning])), "");
     assert!(stderr(&run(&["check", "-q", &bad])).contains("servoo"));
@@ -183,12 +184,20 @@ fn what_is_no_script_is_refused_and_says_why() {
 fn hostile_scripts_stay_small() {
     let scratch = Scratch::new("hostile");
     let cases = [
-        ("nul.motion", vec![0; 100_000], "a NUL byte"),
-        ("long_line.motion", b"servo 1 1500 ".repeat(20_000), "takes no more arguments"),
+        ("nul.motion", vec![0; 3_000_000], "a NUL byte"),
+        ("long_line.motion", b"servo 1 1500 ".repeat(5_000), "takes no more arguments"),
         ("many_errors.motion", b"servoo\n".repeat(10_000), "9500 more are not shown"),
         ("far.motion", b"at 1000000000000000000000000000000s stop\n".to_vec(), "at most 15 digits"),
         ("minus.motion", [&b"servo 1 "[..], &b"-".repeat(50_000), b"5\n"].concat(), "error"),
         ("quotes.motion", b"\"".repeat(50_001), "no closing quotation mark"),
+        ("texts.motion", [&b"say "[..], &b"\"\"".repeat(30_000), b"\n"].concat(), "blank is missing"),
+        (
+            "blank_lines.motion",
+            [&b"stop now\n"[..], &b"\n".repeat(1_000_000), b"# x"].concat(),
+            "takes no more arguments",
+        ),
+        ("long.motion", [&b"raw "[..], &b"1 ".repeat(1_000_000)].concat(), "longer than 64 KiB"),
+        ("word.motion", b"s".repeat(60_000), "there is no command"),
         ("not.motion", [&b"if "[..], &b"not ".repeat(50_000), b"true { stop }\n"].concat(), "error"),
     ];
     for (name, content, words) in cases {
@@ -230,6 +239,17 @@ fn a_result_that_cannot_be_written_is_told() {
     assert_eq!(status.code(), Some(0));
     let output = run(&["render", HELLO, "-o", "/no/such/folder/x"]);
     assert_eq!(code(&output), 2);
+}
+
+#[test]
+fn a_file_name_does_not_draw_on_the_terminal() {
+    let scratch = Scratch::new("names");
+    let evil = scratch.file("e\u{1b}[31mvil\nok.motion", b"servo 1 1500\n");
+    let text = stderr(&run(&["check", &evil]));
+    assert!(text.contains("e\\u{1b}[31mvil\\nok.motion: ok"), "{text}");
+    assert_eq!(text.lines().count(), 1);
+    let missing = stderr(&run(&["check", "no\u{1b}such\nfile"]));
+    assert!(missing.lines().count() == 1 && !missing.contains('\u{1b}'), "{missing}");
 }
 
 #[test]

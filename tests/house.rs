@@ -11,11 +11,12 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("diagnostic", &["source"]),
     ("syntax", &["source", "diagnostic"]),
     ("board", &[]),
+    ("clock", &[]),
     ("program", &["source", "diagnostic", "syntax", "board"]),
     ("timeline", &["source", "diagnostic", "program", "board"]),
     ("link", &["board"]),
-    ("playback", &["source", "timeline", "link", "board"]),
-    ("sim", &["board", "link"]),
+    ("playback", &["source", "timeline", "link", "board", "clock"]),
+    ("sim", &["board", "link", "clock"]),
 ];
 
 /// Words that stay in one place, and that place.
@@ -26,7 +27,9 @@ const AT_HOME: &[(&str, &str)] = &[
     ("humantime::", "src/program/value.rs"),
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),
-    ("clock_gettime", "src/playback/os.rs src/sim/served.rs"),
+    ("clock_gettime", "src/clock.rs"),
+    ("strsim::", "src/program/suggest.rs"),
+    ("rustix::", "src/clock.rs src/playback/os.rs src/link src/source.rs"),
     ("Instant::now", ""),
     ("thread::sleep", ""),
     ("println!", ""),

@@ -4,7 +4,10 @@
 mod support;
 
 use std::fs::{self, File, Permissions};
+use std::io::{self, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Output, Stdio};
@@ -13,7 +16,10 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use motionseq::board::{Command, Decoder, Item, State};
-use motionseq::link::{Pty, Serial};
+use motionseq::link::{Link, Pty, Serial};
+use motionseq::playback::{Cause, Player, Signals, Stop, drive};
+use motionseq::source::Source;
+use motionseq::timeline::Limits;
 use rustix::process::{Pid, Signal, kill_process};
 use support::{motionseq, run, stderr};
 
@@ -93,7 +99,8 @@ fn the_bytes_that_arrive_are_the_rendered_ones_and_none_is_early() {
     let reads = far.rest();
     assert_eq!(bytes(&reads), rendered("scripts/square.motion"));
 
-    // Time 0 of the script was at `begin` or later, so no frame may arrive sooner after it than it is due.
+    // Time 0 of the script was at `begin` or later, so no frame may arrive sooner after it than it is due. (What came
+    // together was due together: the far end takes every byte at once.)
     let hex = String::from_utf8(run(&["render", "scripts/square.motion", "--format", "hex"]).stdout).unwrap();
     let due: Vec<(f64, usize)> = hex
         .lines()
@@ -146,9 +153,13 @@ fn said_lines_are_shown_and_quiet_is_quiet() {
 #[test]
 fn every_signal_stops_the_robot() {
     let long = script("signal", "rocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n");
-    for (signal, number, words) in
-        [(Signal::INT, 2, "Ctrl-C"), (Signal::TERM, 15, "SIGTERM"), (Signal::HUP, 1, "SIGHUP")]
-    {
+    for (signal, number, words) in [
+        (Signal::INT, 2, "Ctrl-C"),
+        (Signal::TERM, 15, "SIGTERM"),
+        (Signal::HUP, 1, "SIGHUP"),
+        (Signal::QUIT, 3, "SIGQUIT"),
+        (Signal::TSTP, 20, "SIGTSTP"),
+    ] {
         let far = FarEnd::new();
         let child = start(&["play", &long, "--port", &far.path]);
         let mut received = far.first();
@@ -171,6 +182,114 @@ fn every_signal_stops_the_robot() {
         });
         assert!(state.at_rest());
     }
+}
+
+#[test]
+fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
+    let long = script("hole", "rocker x=10\nwait 1h\nstop\n");
+    let far = FarEnd::new();
+    let child = start(&["play", &long, "--port", &far.path]);
+    let mut received = far.first();
+    kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
+    // Asleep for longer than is allowed: until nothing has come for half a second.
+    while let Ok((_, read)) = far.reads.recv_timeout(Duration::from_millis(500)) {
+        received.extend(read);
+    }
+    kill_process(Pid::from_child(&child), Signal::CONT).unwrap();
+    let (code, text) = end(child);
+    received.extend(bytes(&far.rest()));
+    assert_eq!(code, 4, "{text}");
+    assert!(text.contains(" ms late at ") && text.contains("; stop: sent\n"), "{text}");
+    assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()));
+}
+
+#[test]
+fn a_recording_that_may_grow_no_further_does_not_stop_motion() {
+    let record = std::env::temp_dir().join(format!("motionseq-limit-{}.bin", std::process::id()));
+    let _ = fs::remove_file(&record);
+    let far = FarEnd::new();
+    // 1 block of 512 bytes; without care the system kills whoever writes more.
+    let shell = format!(
+        "ulimit -f 1; exec {} play scripts/square.motion --port {} --record {}",
+        env!("CARGO_BIN_EXE_motionseq"),
+        far.path,
+        record.display()
+    );
+    let output = std::process::Command::new("sh").args(["-c", &shell]).output().unwrap();
+    let text = stderr(&output);
+    assert_eq!(code(&output), 0, "{text}");
+    assert_eq!(bytes(&far.rest()), rendered("scripts/square.motion"));
+    assert!(text.contains("the recording is not complete"), "{text}");
+    fs::remove_file(record).unwrap();
+}
+
+#[test]
+fn a_recording_never_overwrites_the_script_and_a_refused_port_no_recording() {
+    let precious = script("precious", "servo 1 1500\n");
+    let output = run(&["play", &precious, "--record", &precious]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("it is the script itself; nothing was sent"));
+    let output = run(&["render", &precious, "-o", &precious]);
+    assert_eq!(code(&output), 2);
+    assert_eq!(fs::read_to_string(&precious).unwrap(), "servo 1 1500\n");
+    let earlier = script("earlier", "an earlier recording");
+    assert_eq!(code(&run(&["play", &precious, "--record", &earlier, "--port", "/dev/no-such-port"])), 3);
+    assert_eq!(fs::read_to_string(&earlier).unwrap(), "an earlier recording");
+}
+
+#[test]
+fn a_screen_that_takes_nothing_does_not_keep_the_program_alive() {
+    // 4,000 lines are more than a pipe holds, and nobody reads it.
+    let chatty = script("chatty", &"say \"a line that is long enough to fill a pipe sooner or later\"\n".repeat(4_000));
+    let far = FarEnd::new();
+    let mut child = start(&["play", "-v", &chatty, "--port", &far.path]);
+    let status = child.wait().unwrap();
+    assert_eq!(status.code(), Some(0));
+}
+
+#[test]
+fn a_report_of_the_board_is_shown() {
+    let pty = Pty::open().unwrap();
+    let asking = script("report", "request report-start\nwait 300ms\nrequest report-stop\n");
+    let child = start(&["play", &asking, "--port", pty.path().to_str().unwrap()]);
+    let mut buffer = [0; 64];
+    assert!(pty.read(&mut buffer).unwrap() > 0);
+    rustix::io::write(&pty, b"noise {A1:2:{A-120:35:9000:1187}#").unwrap();
+    let (code, text) = end(child);
+    assert_eq!(code, 0, "{text}");
+    assert!(text.contains("last report of the board: pitch -1.20°, roll 0.35°, yaw 90.00°, 11.87 V"), "{text}");
+}
+
+#[test]
+fn a_program_that_fails_still_stops_the_robot() {
+    /// A port whose third write panics.
+    struct Fragile(UnixStream, usize);
+    impl Link for Fragile {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.1 += 1;
+            assert!(self.1 != 3, "on purpose");
+            self.0.write(bytes)
+        }
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::WouldBlock.into())
+        }
+        fn discard(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+        fn descriptor(&self) -> BorrowedFd<'_> {
+            self.0.as_fd()
+        }
+    }
+    let source = Source::new("test", "rocker x=10\nwait 1h\nstop");
+    let timeline = motionseq::compile(&source, Limits::default()).timeline.unwrap();
+    let (near, mut far) = UnixStream::pair().unwrap();
+    let mut player = Player::new(&timeline, 1_000_000_000);
+    let signals = Signals::catch().unwrap();
+    let outcome = drive(&mut player, &mut Fragile(near, 0), &signals, |_| {});
+    assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));
+    let mut received = Vec::new();
+    far.read_to_end(&mut received).unwrap();
+    assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()));
 }
 
 #[test]

@@ -45,6 +45,7 @@ fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
             let robots = if robots.is_empty() { String::new() } else { format!("{}: ", robots.join(", ")) };
             match &part.statement {
                 Statement::Later(later) => out.push_str(&format!("{indent}  {robots}later `{}`\n", later.what)),
+                Statement::Call(call) => out.push_str(&format!("{indent}  {robots}call {}\n", call.text)),
                 Statement::Block(inner) => {
                     out.push_str(&format!("{indent}  {robots}block\n"));
                     self::block(inner, depth + 2, source, out);

@@ -39,7 +39,7 @@ impl Check {
                 exit = Exit::Script;
                 continue;
             };
-            let compiled = self.options.compile(&source, screen);
+            let compiled = self.options.compile(&source, screen, self.deny.is_some());
             let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
                 Some(timeline) if !denied => {

@@ -19,6 +19,8 @@ pub(super) enum Exit {
     InUse,
     /// The port stopped taking bytes.
     Stalled,
+    /// It failed, which is a bug. The code is the one of a Rust program that panics.
+    Failed,
     /// A signal ended it.
     Signal(i32),
 }
@@ -33,6 +35,7 @@ impl From<Exit> for ExitCode {
             Exit::Late => 4,
             Exit::InUse => 5,
             Exit::Stalled => 6,
+            Exit::Failed => 101,
             Exit::Signal(signal) => u8::try_from(signal).unwrap_or(0).saturating_add(128),
         })
     }

@@ -2,6 +2,7 @@
 
 mod check;
 mod exit;
+mod output;
 mod play;
 mod render;
 mod screen;
@@ -98,7 +99,7 @@ impl Script {
     /// Reads and compiles the script and shows what is wrong with it.
     fn compile(&self, screen: &Screen) -> Result<(Source, Timeline), Exit> {
         let source = read(&self.file, screen)?;
-        let compiled = self.options.compile(&source, screen);
+        let compiled = self.options.compile(&source, screen, false);
         match compiled.timeline {
             Some(timeline) => Ok((source, timeline)),
             None => Err(Exit::Script),
@@ -107,9 +108,10 @@ impl Script {
 }
 
 impl Options {
-    fn compile(self, source: &Source, screen: &Screen) -> Compiled {
+    /// Compiles a script and shows what is wrong with it.
+    fn compile(self, source: &Source, screen: &Screen, denied: bool) -> Compiled {
         let compiled = motionseq::compile(source, Limits { events: self.max_events });
-        screen.diagnostics(source, &compiled.diagnostics);
+        screen.diagnostics(source, &compiled.diagnostics, denied);
         compiled
     }
 }
@@ -125,7 +127,7 @@ fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
             Some((source, diagnostic)) => {
                 let mut diagnostics = Diagnostics::default();
                 diagnostics.push(diagnostic);
-                screen.diagnostics(&source, &diagnostics);
+                screen.diagnostics(&source, &diagnostics, false);
             }
         }
         Exit::Script

@@ -3,12 +3,12 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, mpsc};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use motionseq::board::{Report, State};
-use motionseq::diagnostic::escaped;
 use motionseq::link::{OpenError, Pty, Recorder, Serial};
 use motionseq::playback::{Cause, Notice, Outcome, Player, Signals, Stop, drive};
 use motionseq::sim::{Received, VirtualBoard, serve};
@@ -18,18 +18,19 @@ use rtrb::{Consumer, RingBuffer};
 
 use super::Script;
 use super::exit::Exit;
+use super::output;
 use super::screen::{Screen, plural, seconds};
 
 /// Play a script on a board, or on a virtual one
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n\nCtrl-C stops the robot."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n\nCtrl-C (or Ctrl-Z, or Ctrl-\\) stops the robot and ends."
 )]
 pub(super) struct Play {
     #[command(flatten)]
     script: Script,
-    /// The serial port of the board; without it a virtual board takes the frames
-    #[arg(long, env = "MOTIONSEQ_PORT", value_name = "PATH")]
+    /// The serial port of the board, or else what `MOTIONSEQ_PORT` names; without it a virtual board takes the frames
+    #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
     /// Write the exact bytes that the port was given to this file
     #[arg(long, value_name = "FILE")]
@@ -40,6 +41,8 @@ pub(super) struct Play {
 const MAX_LATE: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
 /// How often the screen and the recording are brought up to date.
 const UPDATE: Duration = Duration::from_millis(40);
+/// How long the end of a run waits for a screen or a file.
+const PATIENCE: Duration = Duration::from_secs(5);
 /// Room for notices and recorded bytes between two updates. The line carries 11,520 bytes a second.
 const NOTICES: usize = 16 * 1024;
 const BYTES: usize = 256 * 1024;
@@ -54,54 +57,107 @@ impl Play {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let (source, timeline) = self.script.compile(screen)?;
+        let refused = |path: &Path, error: &io::Error| {
+            screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
+            Exit::Usage
+        };
         let recording = match &self.record {
             None => None,
-            Some(path) => Some(File::create(path).map_err(|error| {
-                screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
-                Exit::Usage
-            })?),
+            Some(path) => {
+                let file = output::open(path, &self.script.file).map_err(|error| refused(path, &error))?;
+                Some((path.clone(), file))
+            }
         };
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
-        let port = Port::open(self.port.as_deref(), timeline.baud, screen)?;
-        let real = self.port.is_some();
-
-        let (bytes_in, bytes_out) = RingBuffer::new(BYTES);
-        let mut link = Recorder::new(port.link, bytes_in);
-        let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
+        let port = self.port.clone().or_else(|| std::env::var_os("MOTIONSEQ_PORT").map(PathBuf::from));
+        // A variable that is empty is one that is not set.
+        let port = port.filter(|port| !port.as_os_str().is_empty());
         let [on_port, on_virtual] = MAX_LATE;
-        let max_late = if real { on_port } else { on_virtual };
-        let mut player = Player::new(&timeline, u64::try_from(max_late.as_nanos()).unwrap_or(u64::MAX));
+        let max_late = if port.is_some() { on_port } else { on_virtual };
+        let port = Port::open(port.as_deref(), timeline.baud, screen)?;
+        if let Some((path, file)) = &recording {
+            output::begin(file).map_err(|error| refused(path, &error))?;
+        }
 
-        let news = News::new(&timeline, screen);
-        let (outcome, written, report) = thread::scope(|scope| {
-            let writer = scope.spawn(|| news.run(notices_out, bytes_out, recording));
-            let outcome = drive(&mut player, &mut link, &signals, |notice| {
-                // Where the screen cannot follow, it misses something; the motion does not wait.
-                let _ = notices_in.push(notice);
-            });
-            let lost = link.lost();
-            // Both rings end, which ends the writer; the closed port ends the virtual board.
-            drop(link);
-            drop(notices_in);
-            let (written, report) = writer.join().unwrap_or((Ok(()), None));
-            let written = match lost {
-                0 => written,
-                _ => written.and(Err(io::Error::other(format!("{lost} bytes did not fit the buffer")))),
-            };
-            (outcome, written, report)
+        let timeline = Arc::new(timeline);
+        let (bytes_in, bytes_out) = RingBuffer::new(BYTES);
+        let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
+        let mut link = Recorder::new(port.link, bytes_in);
+        let mut player = Player::new(&timeline, u64::try_from(max_late.as_nanos()).unwrap_or(u64::MAX));
+        let news = News { timeline: Arc::clone(&timeline), screen: *screen, recording, report: None };
+        let news = thread::Builder::new().name("news".into()).spawn(move || news.run(notices_out, bytes_out));
+        let news = news.map_err(|error| system(screen, &error))?;
+
+        let mut lost = Lost::default();
+        let outcome = drive(&mut player, &mut link, &signals, |notice| {
+            // Where the screen cannot follow, it misses something; the motion does not wait.
+            lost.notices += u64::from(notices_in.push(notice).is_err());
         });
-        if let (Err(error), Some(path)) = (&written, &self.record) {
-            screen.error(&format!("{} is not complete: {error}", path.display()));
+        lost.bytes = link.lost();
+        // Both rings end, which ends the news; the closed port ends the virtual board.
+        drop((link, notices_in));
+        let end = End { screen: *screen, source, outcome, lost, news, board: port.board };
+        Ok(end.tell())
+    }
+}
+
+/// What did not fit the rings.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lost {
+    notices: u64,
+    bytes: u64,
+}
+
+/// All that is left to do when nothing is sent any more: to say how it went.
+struct End {
+    screen: Screen,
+    source: Source,
+    outcome: Outcome,
+    lost: Lost,
+    news: JoinHandle<(io::Result<()>, Option<Report>)>,
+    board: Option<JoinHandle<io::Result<Received>>>,
+}
+
+impl End {
+    /// Says it, but waits no longer than [`PATIENCE`] for a screen or a file that takes nothing.
+    fn tell(self) -> Exit {
+        let exit = exit_code(&self.outcome);
+        let (done, finished) = mpsc::channel();
+        let told = thread::Builder::new().spawn(move || {
+            self.say();
+            let _ = done.send(());
+        });
+        if told.is_ok() {
+            let _ = finished.recv_timeout(PATIENCE);
         }
-        summary(screen, &outcome, report);
-        if let Some(board) = port.board {
-            match board.join() {
-                Ok(Ok(received)) => board_summary(screen, &received),
-                Ok(Err(error)) => screen.error(&format!("the virtual board failed: {error}")),
-                Err(_) => screen.error("the virtual board failed"),
-            }
+        exit
+    }
+
+    fn say(self) {
+        let End { screen, source, outcome, lost, news, board } = self;
+        let (written, report) =
+            news.join().unwrap_or_else(|_| (Err(io::Error::other("the thread that writes it failed")), None));
+        let written = match lost.bytes {
+            0 => written,
+            bytes => written.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),
+        };
+        if let Err(error) = written {
+            screen.error(&format!("the recording is not complete: {error}; the motion was not changed by that"));
         }
-        Ok(ending(screen, &source, &outcome))
+        if lost.notices > 0 {
+            screen.note(&format!(
+                "{} were not shown",
+                plural(usize::try_from(lost.notices).unwrap_or(usize::MAX), "line")
+            ));
+        }
+        summary(&screen, &outcome, report);
+        match board.map(JoinHandle::join) {
+            None => {}
+            Some(Ok(Ok(received))) => board_summary(&screen, &received),
+            Some(Ok(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
+            Some(Err(_)) => screen.error("the virtual board failed"),
+        }
+        early_end(&screen, &source, &outcome);
     }
 }
 
@@ -150,26 +206,18 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
 }
 
 /// The thread that writes: the progress line, `say` lines, the recording. Motion never waits for it.
-struct News<'a> {
-    timeline: &'a Timeline,
-    screen: &'a Screen,
+struct News {
+    timeline: Arc<Timeline>,
+    screen: Screen,
+    recording: Option<(PathBuf, File)>,
     report: Option<Report>,
 }
 
-impl<'a> News<'a> {
-    fn new(timeline: &'a Timeline, screen: &'a Screen) -> Self {
-        News { timeline, screen, report: None }
-    }
-
-    /// Writes until both rings have ended and are empty. Gives the board's last report, and whether the recording is whole.
-    fn run(
-        mut self,
-        mut notices: Consumer<Notice>,
-        mut bytes: Consumer<u8>,
-        recording: Option<File>,
-    ) -> (io::Result<()>, Option<Report>) {
+impl News {
+    /// Writes until both rings have ended and are empty. Gives whether the recording is whole, and the board's last report.
+    fn run(mut self, mut notices: Consumer<Notice>, mut bytes: Consumer<u8>) -> (io::Result<()>, Option<Report>) {
         let begin = Instant::now();
-        let mut recording = recording.map(BufWriter::new);
+        let mut recording = self.recording.take().map(|(_, file)| BufWriter::new(file));
         let mut written = Ok(());
         loop {
             // Looked at before the rings are emptied, so that nothing is left in them at the end.
@@ -201,7 +249,7 @@ impl<'a> News<'a> {
         match notice {
             Notice::Say { cue } => {
                 if let Some(cue) = self.timeline.cues.get(cue) {
-                    self.screen.note(&format!("{} s: {}", seconds(cue.at_us), escaped(&cue.text)));
+                    self.screen.note(&format!("{} s: {}", seconds(cue.at_us), cue.text));
                 }
             }
             Notice::Report(newest) => self.report = Some(newest),
@@ -214,7 +262,8 @@ impl<'a> News<'a> {
     /// A line about one frame.
     fn frame(&self, what: &str, event: usize) {
         if let Some(event) = self.timeline.events().get(event) {
-            self.screen.note(&format!("{} s{what}: {}", seconds(event.at_us), event.command));
+            let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
+            self.screen.note(&format!("{} s{what}: {}{kind}", seconds(event.at_us), event.command));
         }
     }
 
@@ -278,17 +327,27 @@ fn described(state: &State) -> String {
     format!("{drive}, {buzzer}{}", servos.collect::<String>())
 }
 
-/// The exit code, and for an early end the one line that says what happened.
-fn ending(screen: &Screen, source: &Source, outcome: &Outcome) -> Exit {
-    let (cause, exit) = match outcome.cause {
-        Cause::Finished => return Exit::Ok,
-        Cause::Signal(signal) => (signal_name(signal), Exit::Signal(signal)),
-        Cause::Lost(None) => ("the port hung up".into(), Exit::Port),
-        Cause::Lost(Some(error)) => {
-            (format!("the port was lost ({})", io::Error::from_raw_os_error(error)), Exit::Port)
-        }
-        Cause::Stalled => ("the port stopped taking bytes".into(), Exit::Stalled),
-        Cause::Late(late) => (format!("a frame was {} ms late", late / 1_000_000), Exit::Late),
+fn exit_code(outcome: &Outcome) -> Exit {
+    match outcome.cause {
+        Cause::Finished => Exit::Ok,
+        Cause::Signal(signal) => Exit::Signal(signal),
+        Cause::Lost(_) => Exit::Port,
+        Cause::Stalled => Exit::Stalled,
+        Cause::Late(_) => Exit::Late,
+        Cause::Panicked => Exit::Failed,
+    }
+}
+
+/// For an early end the one line that says what happened.
+fn early_end(screen: &Screen, source: &Source, outcome: &Outcome) {
+    let cause = match outcome.cause {
+        Cause::Finished => return,
+        Cause::Signal(signal) => signal_name(signal),
+        Cause::Lost(None) => "the port hung up".into(),
+        Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
+        Cause::Stalled => "the port stopped taking bytes".into(),
+        Cause::Late(late) => format!("a frame was {} ms late", late / 1_000_000),
+        Cause::Panicked => "motionseq failed, which is a bug".into(),
     };
     let place = match outcome.place {
         Some(span) => format!(" at {}:{}", source.name(), source.line(span.start)),
@@ -299,13 +358,14 @@ fn ending(screen: &Screen, source: &Source, outcome: &Outcome) -> Exit {
         Stop::Sent | Stop::NotNeeded => "stop: sent",
     };
     screen.error(&format!("{cause}{place}, {} s into the script; {stop}", seconds(outcome.at_us)));
-    exit
 }
 
 fn signal_name(signal: i32) -> String {
     match signal {
         1 => "the terminal was closed (SIGHUP)".into(),
         2 => "stopped by Ctrl-C".into(),
+        3 => "stopped by Ctrl-\\ (SIGQUIT)".into(),
+        20 => "stopped by Ctrl-Z (SIGTSTP)".into(),
         15 => "asked to terminate (SIGTERM)".into(),
         other => format!("stopped by signal {other}"),
     }

@@ -1,6 +1,5 @@
 //! `motionseq render`: what would be sent, without sending it.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -9,6 +8,7 @@ use motionseq::timeline::{Timeline, write_bin, write_hex, write_listing};
 
 use super::Script;
 use super::exit::Exit;
+use super::output;
 use super::screen::Screen;
 
 /// Print the frames that a script sends, without sending them
@@ -46,7 +46,10 @@ impl Render {
         };
         let written = match &self.output {
             None => self.write(&timeline, io::stdout().lock()),
-            Some(path) => File::create(path).and_then(|file| self.write(&timeline, file)),
+            Some(path) => output::open(path, &self.script.file).and_then(|file| {
+                output::begin(&file)?;
+                self.write(&timeline, file)
+            }),
         };
         match written {
             Ok(()) => Exit::Ok,

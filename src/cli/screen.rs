@@ -63,7 +63,7 @@ impl Screen {
     /// A line of news, kept back by `-q`. It takes the place of a live one.
     pub(super) fn note(&self, line: &str) {
         if self.volume != Volume::Quiet {
-            print(&format!("{}{line}\n", self.clearing()));
+            print(&format!("{}{}\n", self.clearing(), escaped(line)));
         }
     }
 
@@ -89,13 +89,15 @@ impl Screen {
     }
 
     /// Every error and warning of a script, and a line that counts them.
-    pub(super) fn diagnostics(&self, source: &Source, diagnostics: &Diagnostics) {
+    ///
+    /// `-q` keeps warnings back, unless they are why a command fails (`denied`).
+    pub(super) fn diagnostics(&self, source: &Source, diagnostics: &Diagnostics, denied: bool) {
         let printable = Printable::new(source);
         let theme = if self.color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
         let handler = GraphicalReportHandler::new_themed(theme).with_width(self.width()).with_links(false);
         let mut text = String::new();
         for diagnostic in diagnostics.sorted() {
-            if self.volume == Volume::Quiet && !diagnostic.is_error() {
+            if self.volume == Volume::Quiet && !diagnostic.is_error() && !denied {
                 continue;
             }
             let attached = Attached { diagnostic, source: &printable };
@@ -108,7 +110,7 @@ impl Screen {
         }
         print(&text);
         if diagnostics.errors() + diagnostics.warnings() > 0 {
-            self.note(&format!("{}: {}", escaped(source.name()), count(diagnostics)));
+            self.note(&format!("{}: {}", source.name(), count(diagnostics)));
         }
     }
 
@@ -126,13 +128,9 @@ fn print(text: &str) {
 
 /// `2 errors, 1 warning`.
 fn count(diagnostics: &Diagnostics) -> String {
-    let of = |count: usize, word: &str| match count {
-        0 => None,
-        1 => Some(format!("1 {word}")),
-        _ => Some(format!("{count} {word}s")),
-    };
-    let parts = [of(diagnostics.errors(), "error"), of(diagnostics.warnings(), "warning")];
-    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+    let parts = [(diagnostics.errors(), "error"), (diagnostics.warnings(), "warning")];
+    let parts = parts.into_iter().filter(|(count, _)| *count > 0).map(|(count, word)| plural(count, word));
+    parts.collect::<Vec<_>>().join(", ")
 }
 
 /// `22 frames`, `1 frame`.

@@ -4,14 +4,18 @@
 //! nothing drifts. It neither locks, logs nor prints.
 
 use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::os::{self, Signals};
 use super::player::{Input, Notice, Order, Outcome, Player};
 use crate::board::{ReportDecoder, ReportItem};
+use crate::clock;
 use crate::link::Link;
 
 /// How long before a deadline the loop stops looking at the port, in nanoseconds.
 const CLOSE: u64 = 1_000_000;
+/// How often the loop may panic before it is given up.
+const MAX_PANICS: usize = 10;
 
 /// Plays until the end, or until something ends it early. Time 0 of the script is now.
 pub fn drive(
@@ -20,16 +24,35 @@ pub fn drive(
     signals: &Signals,
     mut notices: impl FnMut(Notice),
 ) -> Outcome {
-    let start = os::monotonic();
-    let mut reports = ReportDecoder::new();
+    let start = clock::now();
     let mut input = Input::Tick;
+    // A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
+    for _ in 0..MAX_PANICS {
+        let run = AssertUnwindSafe(|| run(player, link, signals, start, input, &mut notices));
+        match catch_unwind(run) {
+            Ok(outcome) => return outcome,
+            Err(_) => input = Input::Panicked,
+        }
+    }
+    player.give_up(clock::now().saturating_sub(start))
+}
+
+fn run(
+    player: &mut Player<'_>,
+    link: &mut impl Link,
+    signals: &Signals,
+    start: u64,
+    mut input: Input,
+    notices: &mut impl FnMut(Notice),
+) -> Outcome {
+    let mut reports = ReportDecoder::new();
     loop {
         if input == Input::Tick {
             // Also where one write follows another, and before the first.
             input = signals.pending().map_or(Input::Tick, Input::Signal);
         }
-        let now = os::monotonic().saturating_sub(start);
-        let order = player.poll(now, input, &mut notices);
+        let now = clock::now().saturating_sub(start);
+        let order = player.poll(now, input, notices);
         if let Some(outcome) = player.outcome() {
             return outcome;
         }
@@ -52,7 +75,7 @@ pub fn drive(
                 wait(link, signals, start.saturating_add(until), writable, &mut reports, &mut heard)
             }
             Order::Pause { until } => {
-                os::sleep_until(start.saturating_add(until));
+                clock::sleep_until(start.saturating_add(until));
                 Input::Tick
             }
             Order::Done => Input::Tick,
@@ -78,9 +101,9 @@ fn wait(
     heard: &mut impl FnMut(ReportItem),
 ) -> Input {
     loop {
-        let left = deadline.saturating_sub(os::monotonic());
+        let left = deadline.saturating_sub(clock::now());
         if left <= CLOSE && !writable {
-            os::sleep_until(deadline);
+            clock::sleep_until(deadline);
             return Input::Tick;
         }
         let timeout = if writable { left } else { left - CLOSE };

@@ -1,33 +1,16 @@
-//! The system calls of playback: clock, waiting, signals.
+//! The system calls of playback: waiting and signals.
 
 use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::event::{PollFd, PollFlags};
 use rustix::io::Errno;
-use rustix::thread::{ClockId, clock_nanosleep_absolute};
-use rustix::time::clock_gettime;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGXFSZ};
 
-/// Nanoseconds on the monotonic clock.
-pub(super) fn monotonic() -> u64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    let nanos = now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec);
-    u64::try_from(nanos).unwrap_or(0)
-}
-
-fn timespec(nanos: u64) -> Timespec {
-    let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
-    Timespec { tv_sec: part(nanos / 1_000_000_000), tv_nsec: part(nanos % 1_000_000_000) }
-}
-
-/// Sleeps until an absolute time on the monotonic clock; a signal ends the sleep early.
-pub(super) fn sleep_until(nanos: u64) {
-    let _ = clock_nanosleep_absolute(ClockId::Monotonic, &timespec(nanos));
-}
+use crate::clock::timespec;
 
 /// What woke a wait.
 pub(super) struct Woken {
@@ -53,7 +36,7 @@ pub(super) fn wait(port: BorrowedFd<'_>, signals: &Signals, writable: bool, time
     })
 }
 
-/// The signals that end a run: Ctrl-C, a request to terminate, a closed terminal.
+/// The signals that end a run: Ctrl-C, Ctrl-\\, Ctrl-Z, a request to terminate, a closed terminal.
 #[derive(Debug)]
 pub struct Signals {
     pipe: UnixStream,
@@ -66,12 +49,15 @@ impl Signals {
         let (pipe, sender) = UnixStream::pair()?;
         pipe.set_nonblocking(true)?;
         let last = Arc::new(AtomicUsize::new(0));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        for signal in [SIGINT, SIGQUIT, SIGTERM, SIGHUP, SIGTSTP] {
             // In this order, so that the number is there when the pipe wakes somebody.
             let number = usize::try_from(signal).unwrap_or(0);
             signal_hook::flag::register_usize(signal, Arc::clone(&last), number)?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
         }
+        // A recording that grows past the limit of file sizes would kill the player while the robot drives. Caught, it is a
+        // write that fails.
+        signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))?;
         Ok(Signals { pipe, last })
     }
 

@@ -33,6 +33,8 @@ pub enum Input {
     HungUp,
     /// This process got a signal.
     Signal(i32),
+    /// Something panicked.
+    Panicked,
 }
 
 /// What to do next.
@@ -96,6 +98,8 @@ pub enum Cause {
     Stalled,
     /// A frame was later than allowed, by so many nanoseconds in all.
     Late(u64),
+    /// The program failed.
+    Panicked,
 }
 
 /// Whether the robot was stopped.
@@ -103,7 +107,7 @@ pub enum Cause {
 pub enum Stop {
     /// The run ended as the script says.
     NotNeeded,
-    /// The port took the stop frame.
+    /// The port took the stop frame, more than once.
     Sent,
     /// It did not: the robot may still be moving.
     NotSent,
@@ -167,6 +171,8 @@ struct Stopping {
     discarded: bool,
     /// How many of [`STOP_FRAMES`] were taken up.
     step: usize,
+    /// How many stops the port took whole.
+    whole: usize,
     /// When the next one is due.
     next_at: u64,
     give_up: u64,
@@ -216,11 +222,17 @@ impl<'t> Player<'t> {
         }
     }
 
+    /// Ends the run at once, for a driver that cannot go on.
+    pub(super) fn give_up(&mut self, now: u64) -> Outcome {
+        Outcome { stop: Stop::NotSent, ..self.outcome_now(Cause::Panicked, now) }
+    }
+
     fn play(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         match input {
             Input::Signal(signal) => return self.end_early(Cause::Signal(signal), now),
             Input::HungUp => return self.end_early(Cause::Lost(None), now),
             Input::Failed(error) => return self.end_early(Cause::Lost(error), now),
+            Input::Panicked => return self.end_early(Cause::Panicked, now),
             Input::Wrote(count) => self.wrote(count),
             Input::Blocked | Input::Tick => {}
         }
@@ -277,15 +289,17 @@ impl<'t> Player<'t> {
         let ready = rest.get(..is_due).unwrap_or_default();
         for (at, event) in ready.iter().enumerate() {
             let index = self.next;
+            let late = now - due(event);
+            // Also for a refresh that would be dropped: a robot that was not fed for so long may have stopped already, and
+            // must not start again by itself.
+            if late > self.max_late {
+                return Some(late);
+            }
             if event.kind == Kind::Refresh && ready.iter().skip(at + 1).any(|newer| newer.command.is_drive()) {
                 self.next += 1;
                 self.dropped += 1;
                 notices(Notice::Dropped { event: index });
                 continue;
-            }
-            let late = now - due(event);
-            if late > self.max_late {
-                return Some(late);
             }
             if self.out.is_empty() {
                 self.due = due(event);
@@ -326,8 +340,14 @@ impl<'t> Player<'t> {
     fn end_early(&mut self, cause: Cause, now: u64) -> Order {
         self.clear();
         let outcome = Outcome { stop: Stop::NotSent, ..self.outcome_now(cause, now) };
-        let stopping =
-            Stopping { outcome, discarded: false, step: 0, next_at: now, give_up: now.saturating_add(STOP_PATIENCE) };
+        let stopping = Stopping {
+            outcome,
+            discarded: false,
+            step: 0,
+            whole: 0,
+            next_at: now,
+            give_up: now.saturating_add(STOP_PATIENCE),
+        };
         self.stop(stopping, now, Input::Tick)
     }
 
@@ -342,11 +362,15 @@ impl<'t> Player<'t> {
         match input {
             Input::Wrote(count) => {
                 self.wrote(count);
-                if self.bytes().is_empty() && stopping.step > 0 {
+                if self.bytes().is_empty() && (1..STOP_FRAMES.len()).contains(&stopping.step) {
+                    stopping.whole += 1;
+                }
+                // The first may be lost behind a frame that was cut.
+                if stopping.whole > 1 {
                     stopping.outcome.stop = Stop::Sent;
                 }
             }
-            Input::Failed(_) | Input::HungUp => self.clear(),
+            Input::Failed(_) | Input::HungUp | Input::Panicked => self.clear(),
             Input::Blocked | Input::Signal(_) | Input::Tick => {}
         }
         let order = if now > stopping.give_up {

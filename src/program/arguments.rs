@@ -5,10 +5,10 @@ use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
 
-use super::commands::Row;
+use super::commands::{self, Row};
 use super::suggest::{list, suggest};
 use super::time::Time;
-use super::value::{self, Quantity, is_unit};
+use super::value::{self, Quantity};
 
 /// The words that change how a command runs, each with one argument behind it.
 const MODIFIERS: &[&str] = &["for", "over", "ease", "within"];
@@ -23,8 +23,10 @@ pub(super) struct Arguments<'a, 's> {
     positional: std::vec::IntoIter<&'a Argument<'s>>,
     named: Vec<&'a Argument<'s>>,
     modifiers: Vec<(Name<'s>, &'a Argument<'s>)>,
-    /// Whether it was reported that something is missing.
+    /// Whether something is missing.
     incomplete: bool,
+    /// How many errors there were before this command.
+    errors_before: usize,
 }
 
 impl<'a, 's> Arguments<'a, 's> {
@@ -68,14 +70,11 @@ impl<'a, 's> Arguments<'a, 's> {
                 modifiers.push((word, operand));
                 continue;
             }
-            if let (Some(unit), Some(before)) =
-                (word.filter(|word| is_unit(word.text)), positional.last().or(named.last()))
-                && lacks_unit(&before.item)
+            if let (Some(word), Some(before)) = (word, positional.last().or(named.last()))
+                && let Item::One(value) = before.item
+                && let Some(diagnostic) = blank_before_unit(value, word)
             {
-                let Item::One(Value { kind: ValueKind::Number(_, number), .. }) = before.item else {
-                    continue;
-                };
-                diagnostics.push(blank_before_unit(number, before.span, unit));
+                diagnostics.push(diagnostic);
                 return None;
             }
             match argument.name {
@@ -94,6 +93,7 @@ impl<'a, 's> Arguments<'a, 's> {
                 }
             }
         }
+        let errors_before = diagnostics.errors();
         Some(Arguments {
             row,
             command,
@@ -102,22 +102,25 @@ impl<'a, 's> Arguments<'a, 's> {
             named,
             modifiers,
             incomplete: false,
+            errors_before,
         })
     }
 
     /// Reports everything that was not taken. `None` where there was anything.
     pub(super) fn finish(self) -> Option<()> {
-        let mut clean = !self.incomplete;
+        if self.incomplete {
+            return None;
+        }
         let usage = self.usage();
+        let mut clean = true;
         // The first one too many is enough: the others often belong to it.
         if let Some(argument) = self.positional.as_slice().first() {
             clean = false;
-            let near = bare_word(argument).and_then(|word| suggest(word.text, MODIFIERS.iter().copied()));
             self.diagnostics.push(Diagnostic::new(
                 Code::Arguments,
                 argument.span,
                 format!("`{}` takes no more arguments", self.row.name),
-                near.map_or(usage.clone(), |near| format!("did you mean `{near}`?")),
+                self.meant(argument).unwrap_or_else(|| usage.clone()),
             ));
         }
         for argument in self.named {
@@ -139,8 +142,8 @@ impl<'a, 's> Arguments<'a, 's> {
                     Code::Arguments,
                     span,
                     format!("`{}` takes no `{taken}`", self.row.name),
-                    match taken {
-                        "for" => "give the time a line of its own: `wait 2s`".to_owned(),
+                    match (taken, number_text(operand)) {
+                        ("for", Some(time)) => format!("give the time a line of its own: `wait {time}`"),
                         _ => usage.clone(),
                     },
                 ),
@@ -149,24 +152,35 @@ impl<'a, 's> Arguments<'a, 's> {
         clean.then_some(())
     }
 
+    /// What an argument that is one too many may have been meant for.
+    fn meant(&self, argument: &Argument<'_>) -> Option<String> {
+        if let Some(time) = number_text(argument).filter(|text| self.row.holds && text.ends_with(['s', 'm', 'h'])) {
+            return Some(format!("write `for {time}` for how long it holds"));
+        }
+        let word = bare_word(argument)?.text;
+        if commands::find(word).is_some() {
+            return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
+        }
+        suggest(word, MODIFIERS.iter().copied()).map(|near| format!("did you mean `{near}`?"))
+    }
+
     /// The next argument without a name. Where none is left, that is reported.
     pub(super) fn next(&mut self) -> Option<Value<'s>> {
         let Some(argument) = self.positional.next() else {
             self.missing();
             return None;
         };
-        let value = self.one(argument);
-        // What is missing behind a wrong argument is often in it.
-        self.incomplete |= value.is_none();
-        value
+        self.one(argument)
     }
 
     /// Reports, once a command, that something is missing.
     pub(super) fn missing(&mut self) {
-        if self.incomplete {
+        let told = self.incomplete || self.diagnostics.errors() > self.errors_before;
+        self.incomplete = true;
+        // What is missing is often in what was wrong before.
+        if told {
             return;
         }
-        self.incomplete = true;
         self.diagnostics.push(Diagnostic::new(
             Code::Arguments,
             self.command.span,
@@ -177,10 +191,7 @@ impl<'a, 's> Arguments<'a, 's> {
 
     /// How the command is written.
     pub(super) fn usage(&self) -> String {
-        if self.row.usage == self.row.example {
-            return format!("write `{}`", self.row.usage);
-        }
-        format!("write `{}`, for example `{}`", self.row.usage, self.row.example)
+        self.row.how()
     }
 
     /// Whether arguments without a name are left.
@@ -222,11 +233,21 @@ impl<'a, 's> Arguments<'a, 's> {
             Item::Range(..) => {
                 Diagnostic::new(Code::Arguments, argument.span, "one value is needed here, not a range", self.usage())
             }
-            Item::List(..) => Diagnostic::new(
+            Item::List(list) => Diagnostic::new(
                 Code::Arguments,
                 argument.span,
                 "one value is needed here, not a list",
-                "arguments stand behind each other with a blank between them, not a comma",
+                match list.as_slice() {
+                    [
+                        Value { kind: ValueKind::Number(_, whole), .. },
+                        Value { kind: ValueKind::Number(_, rest), .. },
+                    ] if whole.bytes().all(|byte| byte.is_ascii_digit()) && argument.name.is_none() => {
+                        format!(
+                            "write a decimal point as `{whole}.{rest}`, or a blank between two arguments: `{whole} {rest}`"
+                        )
+                    }
+                    _ => "arguments stand behind each other with a blank between them, not a comma".to_owned(),
+                },
             ),
             Item::Comparison(sign) => Diagnostic::new(
                 Code::Arguments,
@@ -281,8 +302,14 @@ impl<'a, 's> Arguments<'a, 's> {
         what: &str,
         why: &str,
     ) -> Option<Ranged<MIN, MAX>> {
+        let mut why = why.to_owned();
         let micros = match value::read(value, self.diagnostics)? {
-            Quantity::Number(micros) => micros,
+            Quantity::Number(micros) => {
+                if (0.0..=180.0).contains(&micros) {
+                    why = format!("for an angle, write `{micros}deg`");
+                }
+                micros
+            }
             // A pulse width is far below 2^53 ns wherever it is in range.
             #[expect(clippy::cast_precision_loss, reason = "exact in range")]
             Quantity::Time(time) => time.nanos() as f64 / 1_000.0,
@@ -306,7 +333,7 @@ impl<'a, 's> Arguments<'a, 's> {
                 return None;
             }
         };
-        self.in_range(micros, value.span, what, [" µs", why])
+        self.in_range(micros, value.span, what, [" µs", &why])
     }
 
     /// A word out of `words`.
@@ -371,6 +398,14 @@ impl<'a, 's> Arguments<'a, 's> {
     }
 }
 
+/// The text of an argument that is nothing but a number.
+fn number_text<'s>(argument: &Argument<'s>) -> Option<&'s str> {
+    match argument.item {
+        Item::One(Value { kind: ValueKind::Number(_, text), .. }) if argument.name.is_none() => Some(text),
+        _ => None,
+    }
+}
+
 /// An argument that is nothing but a word.
 fn bare_word<'s>(argument: &Argument<'s>) -> Option<Name<'s>> {
     match argument.item {
@@ -381,23 +416,21 @@ fn bare_word<'s>(argument: &Argument<'s>) -> Option<Name<'s>> {
     }
 }
 
-fn lacks_unit(item: &Item<'_>) -> bool {
-    matches!(item, Item::One(value) if is_bare_number(*value))
-}
-
-/// Whether a value is a number with no unit.
-pub(super) fn is_bare_number(value: Value<'_>) -> bool {
-    matches!(value.kind, ValueKind::Number(NumberShape::Plain, text) if text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.'))
-}
-
-/// `1 s` instead of `1s`.
-pub(super) fn blank_before_unit(number: &str, span: Span, unit: Name<'_>) -> Diagnostic {
-    Diagnostic::new(
+/// `1 s` or `1 seconds` instead of `1s`.
+pub(super) fn blank_before_unit(value: Value<'_>, word: Name<'_>) -> Option<Diagnostic> {
+    let unit = value::unit_meant(word.text)?;
+    let ValueKind::Number(NumberShape::Plain, number) = value.kind else {
+        return None;
+    };
+    if !number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.') {
+        return None;
+    }
+    Some(Diagnostic::new(
         Code::Unit,
-        span.to(unit.span),
-        format!("no blank stands between a number and `{}`", unit.text),
-        format!("write them together: `{number}{}`", unit.text),
-    )
+        value.span.to(word.span),
+        format!("no blank stands between a number and `{}`", word.text),
+        format!("write them together: `{number}{unit}`"),
+    ))
 }
 
 /// Reads a time; anything else is reported.

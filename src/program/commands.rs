@@ -68,6 +68,14 @@ impl Row {
         Row { name, usage: "", example: "", holds: false, moves: false, build: Build::Later }
     }
 
+    /// How it is written, for messages.
+    pub(super) fn how(&self) -> String {
+        if self.usage == self.example {
+            return format!("write `{}`", self.usage);
+        }
+        format!("write `{}`, for example `{}`", self.usage, self.example)
+    }
+
     const fn holding(self) -> Row {
         Row { holds: true, ..self }
     }

@@ -1,15 +1,15 @@
 //! Walks the tree and gives every command its time.
 
-use super::arguments::{self, Arguments, blank_before_unit, is_bare_number};
+use super::arguments::{self, Arguments, blank_before_unit};
 use super::commands::{self, Build, COMMANDS, Row, SETTINGS};
 use super::suggest::{list, suggest};
 use super::time::Time;
-use super::value::{is_unit, not_yet};
+use super::value::not_yet;
 use super::{Action, Program, Settings, Step};
 use crate::board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::Span;
-use crate::syntax::{Ast, Block, Command, Line, Moment, Origin, Part, Start, Statement, ValueKind};
+use crate::syntax::{Ast, Block, Command, Line, Moment, Name, Origin, Part, Start, Statement, ValueKind};
 
 pub(super) fn unroll(ast: &Ast<'_>, diagnostics: &mut Diagnostics) -> Program {
     let mut unroll = Unroll {
@@ -143,12 +143,12 @@ impl Unroll<'_> {
         let Some(Part { statement: Statement::Command(Command { head, .. }), .. }) = line.parts.first() else {
             return Some(());
         };
-        match value.kind {
-            ValueKind::Number(_, number) if is_bare_number(value) && is_unit(head.text) => {
-                self.diagnostics.push(blank_before_unit(number, value.span, *head));
+        match blank_before_unit(value, *head) {
+            Some(diagnostic) => {
+                self.diagnostics.push(diagnostic);
                 None
             }
-            _ => Some(()),
+            None => Some(()),
         }
     }
 
@@ -167,8 +167,8 @@ impl Unroll<'_> {
             self.diagnostics.push(Diagnostic::new(
                 Code::TooLong,
                 span,
-                format!("the script is {end} long here"),
-                "a script is at most 24 hours long",
+                "the script reaches beyond 24 hours here",
+                "make it shorter; a script is at most 24 hours long",
             ));
         }
     }
@@ -181,6 +181,10 @@ impl Unroll<'_> {
         }
         match &part.statement {
             Statement::Block(block) => Some(self.block(block, start, depth + 1)),
+            Statement::Call(call) => {
+                self.call(*call);
+                None
+            }
             Statement::Later(later) => {
                 self.diagnostics.push(not_yet(later.span, &format!("`{}`", later.what)));
                 None
@@ -215,9 +219,9 @@ impl Unroll<'_> {
                 let complete = args.finish();
                 let hold = hold.ok()?;
                 let end = hold.map_or(start, |hold| start.plus(hold));
-                // A wrong value moves nothing behind it.
                 let (Some(sent), Some(())) = (sent, complete) else {
-                    return Some(end);
+                    // A wrong value moves nothing behind it, but after a wrong `pid` nobody knows the mode.
+                    return (row.name != "pid").then_some(end);
                 };
                 if sent == board::Command::Buzzer(false) && hold.is_some() {
                     self.diagnostics.push(Diagnostic::new(
@@ -260,9 +264,23 @@ impl Unroll<'_> {
         self.steps.push(Step { at, span, action });
     }
 
+    /// `servo(1, 1500)` is how other languages write it.
+    fn call(&mut self, call: Name<'_>) {
+        let name = call.text;
+        let diagnostic = match commands::find(name) {
+            Some(row) if !row.usage.is_empty() => Diagnostic::new(
+                Code::Syntax,
+                call.span,
+                format!("`{name}` is a command, and is written without parentheses and commas"),
+                row.how(),
+            ),
+            _ => Diagnostic::new(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), suggestion(name)),
+        };
+        self.diagnostics.push(diagnostic);
+    }
+
     fn unknown(&mut self, command: &Command<'_>) {
         let word = command.head.text;
-        let names = || COMMANDS.iter().chain(SETTINGS).map(|row| row.name);
         if word == "at" {
             self.diagnostics.push(Diagnostic::new(
                 Code::StartTime,
@@ -272,11 +290,7 @@ impl Unroll<'_> {
             ));
             return;
         }
-        let help = match (suggest(word, names()), word) {
-            (Some(near), _) => format!("did you mean `{near}`?"),
-            (None, "sleep" | "delay" | "pause") => "did you mean `wait`?".into(),
-            _ => format!("the commands are {}", list(runnable())),
-        };
+        let help = suggestion(word);
         self.diagnostics.push(Diagnostic::new(
             Code::UnknownWord,
             command.head.span,
@@ -335,4 +349,24 @@ impl Unroll<'_> {
 fn runnable() -> impl Iterator<Item = &'static str> {
     let runs = |row: &&Row| !matches!(row.build, Build::Later);
     COMMANDS.iter().filter(runs).map(|row| row.name)
+}
+
+/// What to write instead of a word that nothing is called.
+fn suggestion(word: &str) -> String {
+    // What other languages call it.
+    let elsewhere = match word {
+        "sleep" | "delay" | "pause" => Some("wait 0.5s"),
+        "print" | "echo" | "log" => Some("say \"here I go\""),
+        "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
+        "beep" => Some("buzzer on for 200ms"),
+        "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
+        _ => None,
+    };
+    if let Some(line) = elsewhere {
+        return format!("did you mean `{line}`?");
+    }
+    match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("the commands are {}", list(runnable())),
+    }
 }

@@ -84,9 +84,18 @@ const fn time(name: &'static str, meaning: &'static str) -> Unit {
     Unit { name, meaning, is_time: true, make: Quantity::Number }
 }
 
-/// Whether this word is a unit, which would have to stand right behind its number.
-pub(super) fn is_unit(word: &str) -> bool {
-    UNITS.iter().any(|unit| unit.name == word)
+/// The unit that this word is or was meant for, where it stands behind a blank.
+pub(super) fn unit_meant(word: &str) -> Option<&'static str> {
+    let unit = match word {
+        "sec" | "secs" | "second" | "seconds" => "s",
+        "msec" | "millis" | "milliseconds" => "ms",
+        "usec" | "micros" | "microseconds" => "us",
+        "mins" | "minute" | "minutes" => "min",
+        "hr" | "hrs" | "hour" | "hours" => "h",
+        "degree" | "degrees" => "deg",
+        other => other,
+    };
+    UNITS.iter().map(|unit| unit.name).find(|name| *name == unit)
 }
 
 /// Reads a value that must be a number of some kind; `None` where it is none, which is reported.
@@ -103,7 +112,10 @@ pub(super) fn read(value: Value<'_>, diagnostics: &mut Diagnostics) -> Option<Qu
             Code::Arguments,
             value.span,
             format!("a number is needed here, not the word `{word}`"),
-            "names for values are not in this version of motionseq; write the number itself",
+            match u8::from_str_radix(word, 16) {
+                Ok(byte) => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
+                Err(_) => "names for values are not in this version of motionseq; write the number itself".to_owned(),
+            },
         )),
         ValueKind::Call(_) | ValueKind::Paren => Err(not_yet(value.span, "a calculation")),
     };
@@ -158,6 +170,9 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     if name.is_empty() {
         return Ok(Quantity::Number(number));
     }
+    if digits == "0" && name.starts_with('x') {
+        return Err(odd(text, span));
+    }
     if let Some(unit) = UNITS.iter().find(|unit| unit.name == name && !unit.is_time) {
         return Ok((unit.make)(number));
     }
@@ -168,12 +183,10 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
         "d" | "day" | "days" | "w" | "week" | "weeks" | "M" | "month" | "months" | "y" | "year" | "years" => {
             "a script is at most 24 hours long; write hours as `h`".into()
         }
-        "sec" | "secs" | "second" | "seconds" | "S" => format!("write seconds as `{digits}s`"),
-        "msec" | "millis" => format!("write milliseconds as `{digits}ms`"),
-        "mins" | "minute" | "minutes" => format!("write minutes as `{digits}min`"),
-        "hr" | "hrs" | "hour" | "hours" | "H" => format!("write hours as `{digits}h`"),
+        "S" => format!("write seconds as `{digits}s`"),
+        "H" => format!("write hours as `{digits}h`"),
         "beat" | "beats" | "bar" | "bars" => format!("a blank stands before it: `{digits} {name}`"),
-        _ => match suggest(name, names()) {
+        _ => match unit_meant(name).or_else(|| suggest(name, names())) {
             Some(near) => format!("did you mean `{digits}{near}`?"),
             None => format!("the units are {}", list(names())),
         },
@@ -212,8 +225,8 @@ fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
 /// What is wrong with something that starts with a digit and is no number.
 fn odd(text: &str, span: Span) -> Diagnostic {
     let digits = text.bytes().take_while(u8::is_ascii_digit).count();
-    let help = if text.bytes().all(|byte| byte.is_ascii_hexdigit() || byte == b'x') && text.starts_with("0x") {
-        "a hexadecimal number has at most eight digits, such as `0x1F`"
+    let help = if text.starts_with("0x") {
+        "a hexadecimal number has one to eight digits from 0-9 and A-F, such as `0x1F`"
     } else if digits > 15 || text.split('.').nth(1).is_some_and(|rest| rest.len() > 15) {
         "a number has at most 15 digits before and behind its point"
     } else if text.contains(['e', 'E']) {

@@ -3,10 +3,8 @@
 use std::io;
 use std::thread::{self, JoinHandle};
 
-use rustix::thread::{ClockId, clock_nanosleep_absolute};
-use rustix::time::{Timespec, clock_gettime};
-
 use super::{Received, VirtualBoard};
+use crate::clock;
 use crate::link::Pty;
 
 /// Bits that a byte takes on the line: start, eight data bits, stop.
@@ -34,19 +32,8 @@ fn run(mut board: VirtualBoard, port: &Pty, baud: u32) -> io::Result<Received> {
             Err(error) => return Err(error),
         };
         board.receive(buffer.get(..taken).unwrap_or_default());
-        busy_until = now().max(busy_until) + nanos_a_byte * taken as u64;
-        sleep_until(busy_until);
+        busy_until = clock::now().max(busy_until) + nanos_a_byte * taken as u64;
+        // A signal may cut one sleep short; the next one makes up for it.
+        clock::sleep_until(busy_until);
     }
-}
-
-fn now() -> u64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    let nanos = now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec);
-    u64::try_from(nanos).unwrap_or(0)
-}
-
-fn sleep_until(nanos: u64) {
-    let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
-    let until = Timespec { tv_sec: part(nanos / 1_000_000_000), tv_nsec: part(nanos % 1_000_000_000) };
-    while clock_nanosleep_absolute(ClockId::Monotonic, &until) == Err(rustix::io::Errno::INTR) {}
 }

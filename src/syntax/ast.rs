@@ -49,6 +49,16 @@ pub struct Moment<'s> {
     pub span: Span,
 }
 
+impl<'s> Moment<'s> {
+    /// The word that it counts from, if it is one.
+    pub(super) fn word(&self) -> Option<Name<'s>> {
+        match self.origin {
+            Origin::Value(Value { kind: ValueKind::Word(text), span, .. }) => Some(Name { text, span }),
+            _ => None,
+        }
+    }
+}
+
 /// What a moment counts from.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Origin<'s> {
@@ -74,6 +84,8 @@ pub enum Statement<'s> {
     Command(Command<'s>),
     /// A bare block.
     Block(Block<'s>),
+    /// A call of a `def`, with the place of all of it.
+    Call(Name<'s>),
     /// A statement of the language that this version reads but does not run.
     Later(Later<'s>),
 }
@@ -84,12 +96,13 @@ impl Statement<'_> {
         match self {
             Statement::Command(command) => command.span,
             Statement::Block(block) => block.span,
+            Statement::Call(call) => call.span,
             Statement::Later(later) => later.span,
         }
     }
 }
 
-/// `def`, `let`, `if` or a call.
+/// `def`, `let` or `if`.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Later<'s> {
     /// What it is called in messages.
@@ -129,6 +142,23 @@ pub struct Argument<'s> {
     pub item: Item<'s>,
     /// From the name or the first value to the last.
     pub span: Span,
+}
+
+impl Argument<'_> {
+    /// The place of its last value.
+    pub(super) fn last_value(&self) -> Span {
+        match &self.item {
+            Item::One(value) | Item::Arrow(_, value) | Item::Range(_, value) => value.span,
+            Item::List(list) => list.last().map_or(self.span, |value| value.span),
+            Item::Comparison(sign) => sign.span,
+        }
+    }
+
+    /// Whether `next` stands right behind it, with no blank between two values.
+    pub(super) fn touches(&self, next: &Argument<'_>) -> bool {
+        let is_sign = |argument: &Argument<'_>| matches!(argument.item, Item::Comparison(_));
+        self.span.end == next.span.start && !is_sign(self) && !is_sign(next)
+    }
 }
 
 /// The values of an argument.

@@ -9,7 +9,8 @@ use super::ast::{
     ValueKind,
 };
 use super::grammar::Rule;
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use super::trouble;
+use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
 pub(super) struct Builder<'s, 'd> {
@@ -41,12 +42,7 @@ impl<'s, 'd> Builder<'s, 'd> {
     /// A piece that the grammar cannot read at all, which a script that passed the scan should never have.
     pub(super) fn unreadable(&mut self, offset: usize, error: &pest::error::Error<Rule>) {
         let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
-        self.diagnostics.push(Diagnostic::new(
-            Code::Syntax,
-            Span::new(offset + at, offset + at + 1),
-            "this cannot be read",
-            "write one command a line, such as `servo 1 1500`",
-        ));
+        self.diagnostics.push(trouble::beyond_the_grammar(offset + at));
     }
 
     /// The whole script.
@@ -90,79 +86,52 @@ impl<'s, 'd> Builder<'s, 'd> {
     fn part(&mut self, place: usize, pair: Pair<'_, Rule>, line: &mut Option<Line<'s>>) {
         let mut robots = Vec::new();
         let mut started: Option<(Start<'s>, Span)> = None;
-        let mut described = false;
+        let mut described = None;
         for child in pair.into_inner() {
             match child.as_rule() {
-                Rule::start => {
-                    started = self.start(child);
-                    if let (Some((_, span)), true) = (&started, place > 0) {
-                        let message = "a start time covers the whole line, so it stands first in it";
-                        self.diagnostics.push(Diagnostic::new(
-                            Code::Joined,
-                            *span,
-                            message,
-                            "give this command a line of its own",
-                        ));
-                        started = None;
-                    }
-                }
+                Rule::start => started = self.start(child),
                 Rule::robots => robots = child.into_inner().map(|name| self.name(&name)).collect(),
-                _ => {
-                    described = true;
-                    let Some(inner) = child.into_inner().next() else {
-                        continue;
-                    };
-                    if let (Some((Start::At(moment), _)), Rule::stray) = (&started, inner.as_rule())
-                        && let Origin::Value(Value { kind: ValueKind::Word(word), span, .. }) = moment.origin
-                    {
-                        // `at servo 1 1500`: the command was read as the name of a mark.
-                        self.diagnostics.push(Diagnostic::new(
-                            Code::StartTime,
-                            span,
-                            "`at` needs a time before the command",
-                            format!("for example `at 0.5s {word} …`"),
-                        ));
-                        started = None;
-                        continue;
-                    }
-                    let Some(statement) = self.statement(inner) else {
-                        continue;
-                    };
-                    let span = statement.span();
-                    let part = Part { robots: std::mem::take(&mut robots), statement };
-                    let start = started.take();
-                    let span = start.as_ref().map_or(span, |(_, start)| start.to(span));
-                    match line {
-                        Some(line) => {
-                            line.span = line.span.to(span);
-                            line.parts.push(part);
-                        }
-                        None => {
-                            *line = Some(Line { start: start.map(|(start, _)| start), parts: vec![part], span });
-                        }
-                    }
-                }
+                _ => described = child.into_inner().next(),
             }
         }
-        if let (Some(robot), false) = (robots.last(), described) {
-            let written = self.source.slice(robot.span);
-            self.diagnostics.push(Diagnostic::new(
-                Code::Syntax,
-                robot.span,
-                "a robot is named, but no command",
-                format!("write the command on the same line: `{written}: stop`"),
-            ));
-        } else if let (Some((start, span)), false) = (started, described) {
-            let written = match start {
-                Start::At(Moment { origin: Origin::Value(Value { kind: ValueKind::Word(_), .. }), .. }) => "at 0.5s",
+        if let (Some((_, span)), true) = (&started, place > 0) {
+            self.diagnostics.push(trouble::late_start(*span));
+            return;
+        }
+        let Some(described) = described else {
+            self.no_statement(robots.last(), started);
+            return;
+        };
+        if let (Some((Start::At(moment), _)), Rule::stray) = (&started, described.as_rule())
+            && let Some(word) = moment.word()
+        {
+            self.diagnostics.push(trouble::no_time(word.text, word.span));
+            return;
+        }
+        let Some(statement) = self.statement(described) else {
+            return;
+        };
+        let span = started.as_ref().map_or(statement.span(), |(_, start)| start.to(statement.span()));
+        let part = Part { robots, statement };
+        match line {
+            Some(line) => {
+                line.span = line.span.to(span);
+                line.parts.push(part);
+            }
+            None => *line = Some(Line { start: started.map(|(start, _)| start), parts: vec![part], span }),
+        }
+    }
+
+    /// A start time or robots, and nothing behind them.
+    fn no_statement(&mut self, robot: Option<&Name<'s>>, started: Option<(Start<'s>, Span)>) {
+        if let Some(robot) = robot {
+            self.diagnostics.push(trouble::no_command_for(robot.text, robot.span));
+        } else if let Some((start, span)) = started {
+            let written = match &start {
+                Start::At(moment) if moment.word().is_some() => "at 0.5s",
                 _ => self.source.slice(span),
             };
-            self.diagnostics.push(Diagnostic::new(
-                Code::StartTime,
-                span,
-                "a start time and a command stand together, and one of them is missing",
-                format!("write the command on the same line: `{written} stop`"),
-            ));
+            self.diagnostics.push(trouble::no_command(written, span));
         }
     }
 
@@ -244,30 +213,19 @@ impl<'s, 'd> Builder<'s, 'd> {
         }
         let first = arguments.first()?;
         let written = self.source.slice(first.span);
-        match first.item {
+        let trouble = match first.item {
             Item::One(Value { kind: ValueKind::Call(name), span, .. }) if first.name.is_none() => {
                 if arguments.len() == 1 && block.is_none() {
-                    return Some(Statement::Later(Later { what: name, span }));
+                    return Some(Statement::Call(Name { text: name, span }));
                 }
-                self.diagnostics.push(Diagnostic::new(
-                    Code::Syntax,
-                    span,
-                    format!("`{written}` is a call, and nothing stands behind a call"),
-                    format!("for a command, put a blank behind its name: `{name} …`"),
-                ));
+                trouble::behind_a_call(written, name, span)
             }
             Item::One(Value { kind: ValueKind::Number(NumberShape::Duration | NumberShape::Beats, _), .. }) => {
-                self.diagnostics.push(
-                    Diagnostic::new(Code::Syntax, first.span, "a line starts with a word, not with a time", format!("write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`")),
-                );
+                trouble::starts_with_time(written, first.span)
             }
-            _ => self.diagnostics.push(Diagnostic::new(
-                Code::Syntax,
-                first.span,
-                "a line starts with the name of a command",
-                "write one command a line, such as `servo 1 1500`",
-            )),
-        }
+            _ => trouble::starts_with_no_word(first.span),
+        };
+        self.diagnostics.push(trouble);
         None
     }
 
@@ -276,52 +234,51 @@ impl<'s, 'd> Builder<'s, 'd> {
         let mut arguments: Vec<Argument<'s>> = Vec::new();
         let mut block = None;
         let mut readable = true;
-        // From the first value of a sum that lacks its parentheses to its last operator.
-        let mut sum: Option<Span> = None;
+        let mut junk = false;
+        // A calculation that lacks its parentheses, from its first value on, and whether it ends in a sign.
+        let mut sum: Option<(Span, bool)> = None;
         for pair in pairs {
             match pair.as_rule() {
                 Rule::block => block = Some(self.block(pair)),
                 Rule::junk => {
-                    readable = false;
-                    self.junk(&pair);
+                    // One message for a statement: what stands behind is often part of the same mistake.
+                    if !junk {
+                        self.junk(&pair);
+                    }
+                    junk = true;
                 }
+                _ if junk => {}
                 _ => {
-                    let Some(argument) = self.argument(pair, &mut sum, arguments.last()) else {
+                    let last = arguments.last();
+                    let Some(argument) = self.argument(pair, &mut sum, &mut junk, last) else {
                         readable = false;
                         continue;
                     };
-                    if let Some(last) = arguments.last().filter(|_| sum.is_none())
-                        && last.span.end == argument.span.start
-                        && !matches!(argument.item, Item::Comparison(_))
-                        && !matches!(last.item, Item::Comparison(_))
-                    {
+                    if let Some((span, open @ true)) = &mut sum {
+                        *span = span.to(argument.span);
+                        *open = false;
+                    } else if let Some(last) = last.filter(|last| last.touches(&argument)) {
                         readable = false;
-                        self.no_blank(last.span, argument.span);
+                        let (first, second) = (self.source.slice(last.span), self.source.slice(argument.span));
+                        self.diagnostics.push(trouble::lacks_blank(first, second, last.span.to(argument.span)));
                     }
                     arguments.push(argument);
                 }
             }
         }
-        if let Some(sum) = sum {
+        if let Some((span, _)) = sum {
             readable = false;
-            let last = arguments.last().map_or(sum, |last| last.span);
-            let whole = sum.to(last);
-            let written = self.source.slice(whole);
-            self.diagnostics.push(Diagnostic::new(
-                Code::Syntax,
-                whole,
-                "a calculation as an argument needs parentheses around it",
-                format!("write `({written})`"),
-            ));
+            self.diagnostics.push(trouble::lacks_parentheses(self.source.slice(span), span));
         }
-        (arguments, block, readable)
+        (arguments, block, readable && !junk)
     }
 
     /// One argument. An arithmetic sign is none: it widens `sum`.
     fn argument(
         &mut self,
         pair: Pair<'_, Rule>,
-        sum: &mut Option<Span>,
+        sum: &mut Option<(Span, bool)>,
+        junk: &mut bool,
         before: Option<&Argument<'s>>,
     ) -> Option<Argument<'s>> {
         let inner = pair.into_inner().next()?;
@@ -331,15 +288,17 @@ impl<'s, 'd> Builder<'s, 'd> {
                 let sign = self.source.slice(span);
                 if sign == "->" {
                     self.junk(&inner);
+                    *junk = true;
                     return None;
                 }
                 if matches!(sign, "+" | "-" | "*" | "/" | "%") {
                     let Some(before) = before else {
                         self.junk(&inner);
+                        *junk = true;
                         return None;
                     };
-                    let from = before.span.to(span);
-                    *sum = Some(sum.map_or(from, |sum| sum.to(span)));
+                    let from = sum.map_or_else(|| before.last_value(), |(sum, _)| sum);
+                    *sum = Some((from.to(span), true));
                     return None;
                 }
                 Some(Argument { name: None, item: Item::Comparison(Name { text: sign, span }), span })
@@ -427,16 +386,6 @@ impl<'s, 'd> Builder<'s, 'd> {
         Some(ValueKind::Number(shape, text))
     }
 
-    fn no_blank(&mut self, left: Span, right: Span) {
-        let (first, second) = (self.source.slice(left), self.source.slice(right));
-        self.diagnostics.push(Diagnostic::new(
-            Code::Syntax,
-            left.to(right),
-            "a blank is missing between two arguments",
-            format!("write `{first} {second}`, or `({first}{second})` for a calculation"),
-        ));
-    }
-
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
         // The place has no width; show the `;` behind it, or else the one before it.
         let at = self.offset + pair.as_span().start();
@@ -451,51 +400,21 @@ impl<'s, 'd> Builder<'s, 'd> {
         if self.empty_at.replace(at) == Some(at) {
             return;
         }
-        self.diagnostics.push(Diagnostic::new(
-            Code::EmptyPlace,
-            Span::new(at, at + 1),
-            "`;` joins two commands, but one is missing here",
-            "take the `;` away; a line ends by itself",
-        ));
+        self.diagnostics.push(trouble::joins_nothing(Span::new(at, at + 1)));
     }
 
     fn behind(&mut self, pair: &Pair<'_, Rule>) {
         let span = self.span(pair);
-        let help = if self.source.slice(span).starts_with("else") {
-            "put the `{` on the line of its `else`"
-        } else {
-            "put it on a line of its own, or a `;` before it to start both together"
-        };
-        self.diagnostics.push(Diagnostic::new(
-            Code::Syntax,
-            span,
-            "a block ends its statement, but something stands behind it",
-            help,
-        ));
+        self.diagnostics.push(trouble::behind_a_block(self.source.slice(span), span));
     }
 
     fn junk(&mut self, pair: &Pair<'_, Rule>) {
-        let start = self.offset + pair.as_span().start();
-        let text = pair.as_str().trim_end();
-        let first = text.chars().next().unwrap_or(' ');
-        if first == '"' {
-            // A text without its end, which the scan has reported.
-            return;
+        let span = self.span(pair);
+        let text = self.source.slice(span);
+        // A quotation mark without its partner was reported by the scan.
+        if !text.starts_with('"') {
+            let before = self.source.text().get(..span.range().start).and_then(|text| text.chars().next_back());
+            self.diagnostics.push(trouble::unreadable(text, span.range().start, before));
         }
-        // Point at the first character; the rest may be fine.
-        let span = Span::new(start, start + first.len_utf8());
-        let help = match first {
-            '.' => "write digits on both sides of the point: `0.5`, not `.5` or `5.`",
-            '\'' | '`' | '“' | '”' | '„' => "write texts between plain quotation marks: `\"text\"`",
-            '/' => "a comment starts with `#`",
-            ',' => "arguments stand behind each other with a blank between them: `wheels 8 -8 -8 8`",
-            '=' => "write a named argument as NAME=VALUE, such as `x=10`",
-            ':' => "a `:` only stands behind the names of robots at the start of a line",
-            '+' => "a line starts with the name of a command, `at TIME` or `+TIME`",
-            '-' if text.starts_with("->") => "an arrow stands between two values, such as `0 -> 12`",
-            '–' | '−' | '—' => "write the minus sign of your keyboard, `-`",
-            _ => "take it away; an argument is a number with its unit, a word, or a calculation in parentheses",
-        };
-        self.diagnostics.push(Diagnostic::new(Code::Syntax, span, format!("`{first}` cannot be read here"), help));
     }
 }

@@ -7,12 +7,13 @@
 mod ast;
 mod build;
 mod scan;
+mod trouble;
 
 pub use ast::{
     Argument, Ast, Block, Command, Item, Later, Line, Moment, Name, NumberShape, Origin, Part, Start, Statement, Value,
     ValueKind,
 };
-pub use scan::MAX_NESTING;
+pub use scan::{MAX_LINE, MAX_NESTING};
 
 use pest::Parser as _;
 
@@ -28,7 +29,7 @@ mod grammar {
     pub(super) struct Grammar;
 }
 
-/// Reads a whole script. `None` where its brackets do not pair, so that nothing else can be said of it.
+/// Reads a whole script. `None` where a line is too long or its brackets are nested too deep, so that nothing else can be said of it.
 pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Ast<'s>> {
     let scanned = scan::scan(source.text(), diagnostics)?;
     let mut builder = build::Builder::new(source, diagnostics);

@@ -8,6 +8,8 @@ use crate::source::Span;
 
 /// How deep brackets may be nested.
 pub const MAX_NESTING: usize = 64;
+/// How long a line may be, in bytes. What pest keeps of a line is hundreds of times as long as the line.
+pub const MAX_LINE: usize = 64 * 1024;
 
 /// The least bytes of a piece that the grammar reads at once. What pest keeps of a text is many times as long as the text,
 /// so a long script is read in pieces.
@@ -29,13 +31,23 @@ impl Scanned<'_> {
     }
 }
 
-/// Scans a script; `None` where its brackets do not pair.
+/// Scans a script; `None` where a line is too long or its brackets are nested too deep. A bracket without a partner is reported, and blank for
+/// the grammar, so that the rest of the script is still read.
 pub(super) fn scan<'s>(text: &'s str, diagnostics: &mut Diagnostics) -> Option<Scanned<'s>> {
-    let mut scan =
-        Scan { text, open: Vec::new(), parens: 0, blanks: Vec::new(), cuts: Vec::new(), paired: true, diagnostics };
+    let mut scan = Scan {
+        text,
+        open: Vec::new(),
+        parens: 0,
+        blanks: Vec::new(),
+        cuts: Vec::new(),
+        cut: None,
+        beyond_reading: false,
+        diagnostics,
+    };
     scan.run();
-    let Scan { blanks, cuts, paired, .. } = scan;
-    paired.then(|| Scanned { text: blank_out(text, &blanks), cuts })
+    let Scan { mut blanks, cuts, beyond_reading, .. } = scan;
+    blanks.sort_unstable();
+    (!beyond_reading).then(|| Scanned { text: blank_out(text, &blanks), cuts })
 }
 
 struct Scan<'s, 'd> {
@@ -47,19 +59,29 @@ struct Scan<'s, 'd> {
     /// Ranges that the grammar sees as blanks, the last byte of each as this one.
     blanks: Vec<(usize, usize, char)>,
     cuts: Vec<usize>,
-    paired: bool,
+    /// Where the text may be cut, if what comes next allows it.
+    cut: Option<usize>,
+    beyond_reading: bool,
     diagnostics: &'d mut Diagnostics,
 }
 
 impl<'s> Scan<'s, '_> {
     fn run(&mut self) {
         let bytes = self.text.as_bytes();
+        let mut line = 0;
         let mut at = 0;
         if self.text.starts_with('\u{FEFF}') {
             at = '\u{FEFF}'.len_utf8();
             self.blanks.push((0, at, ' '));
         }
         while let Some(&byte) = bytes.get(at) {
+            if at - line > MAX_LINE {
+                self.line_too_long(line);
+                return;
+            }
+            if self.cut.is_some() && !byte.is_ascii_whitespace() {
+                self.line_begins(at);
+            }
             at = match byte {
                 b'#' => self.comment(at),
                 b'"' => self.string(at),
@@ -74,8 +96,9 @@ impl<'s> Scan<'s, '_> {
                         let from = if at > 0 && bytes.get(at - 1) == Some(&b'\r') { at - 1 } else { at };
                         self.blanks.push((from, at + 1, ' '));
                     }
-                    self.cut(at + 1);
-                    at + 1
+                    line = at + 1;
+                    self.line_ended(line);
+                    line
                 }
                 _ if is_hidden(byte) => {
                     let end = self.hidden(at);
@@ -90,13 +113,34 @@ impl<'s> Scan<'s, '_> {
         }
     }
 
-    /// Cuts behind a line, if the piece is long enough. `else` belongs to the line before it, and so may a comment.
-    fn cut(&mut self, at: usize) {
+    fn line_too_long(&mut self, from: usize) {
+        self.beyond_reading = true;
+        self.open.clear();
+        self.diagnostics.push(Diagnostic::new(
+            Code::LineTooLong,
+            Span::new(from, from + 1),
+            "this line is longer than 64 KiB",
+            "break it into several lines; the script was not read any further",
+        ));
+    }
+
+    /// Behind a line break outside of all brackets: the piece may be cut here, if it is long enough.
+    fn line_ended(&mut self, at: usize) {
         let last = self.cuts.last().copied().unwrap_or(0);
-        let long_enough = self.open.is_empty() && at - last >= PIECE;
-        let next = || self.text.get(at..).unwrap_or_default().trim_start();
-        if long_enough && !next().starts_with("else") && !next().starts_with('#') {
-            self.cuts.push(at);
+        if self.cut.is_none() && self.open.is_empty() && at - last >= PIECE {
+            self.cut = Some(at);
+        }
+    }
+
+    /// At the first thing in a line. The piece is cut before it, unless it is an `else`, which belongs to the block before,
+    /// or a comment, behind which an `else` may stand.
+    fn line_begins(&mut self, at: usize) {
+        let rest = self.text.get(at..).unwrap_or_default();
+        if let Some(cut) = self.cut.take()
+            && !rest.starts_with("else")
+            && !rest.starts_with('#')
+        {
+            self.cuts.push(cut);
         }
     }
 
@@ -112,31 +156,32 @@ impl<'s> Scan<'s, '_> {
         from + line.len()
     }
 
+    /// To behind the closing quotation mark, or to the end of the line.
     fn string(&mut self, from: usize) -> usize {
-        let line = self.rest_of_line(from);
-        if let Some(at) = line.bytes().position(is_hidden) {
-            self.hidden(from + at);
-        }
-        let mut escaped = false;
-        for (at, byte) in line.bytes().enumerate().skip(1) {
+        let mut at = from + 1;
+        while let Some(&byte) = self.text.as_bytes().get(at) {
             match byte {
-                _ if escaped => escaped = false,
-                b'\\' => escaped = true,
-                b'"' => return from + at + 1,
-                _ => {}
+                b'\n' => break,
+                b'\r' if self.text.as_bytes().get(at + 1) == Some(&b'\n') => break,
+                b'\\' if self.text.as_bytes().get(at + 1).is_some_and(|&next| !is_hidden(next) && next != b'\n') => {
+                    at += 2;
+                }
+                b'"' => return at + 1,
+                _ if is_hidden(byte) => at = self.hidden(at),
+                _ => at += 1,
             }
         }
         // The grammar sees an empty text, so that the rest of the script is still read.
-        if line.len() > 1 {
-            self.blanks.push((from + 1, from + line.len(), '"'));
+        if at > from + 1 {
+            self.blanks.push((from + 1, at, '"'));
         }
         self.diagnostics.push(Diagnostic::new(
             Code::Unclosed,
-            Span::new(from, from + line.len()),
+            Span::new(from, at),
             "this text has no closing quotation mark",
             "end it with `\"` on the same line; inside a text write `\\\"` for a quotation mark",
         ));
-        from + line.len()
+        at
     }
 
     /// From `from` to the end of its line, without the line break.
@@ -149,7 +194,7 @@ impl<'s> Scan<'s, '_> {
     /// `None` where the nesting is too deep to go on.
     fn opened(&mut self, bracket: u8, at: usize) -> Option<usize> {
         if self.open.len() == MAX_NESTING {
-            self.paired = false;
+            self.beyond_reading = true;
             self.open.clear();
             self.diagnostics.push(Diagnostic::new(
                 Code::Nesting,
@@ -169,7 +214,7 @@ impl<'s> Scan<'s, '_> {
     fn closed(&mut self, bracket: u8, at: usize) -> usize {
         let opening = if bracket == b')' { b'(' } else { b'{' };
         let Some(partner) = self.open.iter().rposition(|&(open, _)| open == opening) else {
-            self.paired = false;
+            self.blanks.push((at, at + 1, ' '));
             let name = char::from(bracket);
             self.diagnostics.push(Diagnostic::new(
                 Code::Unopened,
@@ -194,7 +239,7 @@ impl<'s> Scan<'s, '_> {
     }
 
     fn unclosed(&mut self, bracket: u8, from: usize, noticed: Option<usize>) {
-        self.paired = false;
+        self.blanks.push((from, from + 1, ' '));
         let closing = if bracket == b'(' { ')' } else { '}' };
         let open = char::from(bracket);
         let diagnostic = Diagnostic::new(

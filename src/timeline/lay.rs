@@ -1,7 +1,7 @@
 //! Lays the steps of a program out in time: ends of holds, refreshes, closing frames.
 
 use super::{Cue, Event, Kind, Limits, Timeline, Track, ending};
-use crate::board::{Command, Mode, State};
+use crate::board::{Command, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Program, Time};
 use crate::source::Span;
@@ -92,16 +92,6 @@ impl Lay<'_> {
             return;
         }
         let command = &point.command;
-        if let Command::Move { .. } = command
-            && self.state.mode() != Some(Mode::Position)
-        {
-            self.diagnostics.push(Diagnostic::new(
-                Code::MoveMode,
-                point.span,
-                "`move` needs the board in position mode",
-                "put this line before it: `pid position speed=200,150 position=20,0,20 yaw=12,2,5`",
-            ));
-        }
         if command.is_drive() {
             self.release(point.at);
             self.last_drive = point.span;

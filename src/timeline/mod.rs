@@ -3,9 +3,9 @@
 //! Here a hold becomes refreshes and an end, and what the script leaves running becomes closing frames. The order at one
 //! time: commands in script order, then refreshes, then closing frames.
 
-mod clash;
 mod lay;
 mod listing;
+mod order;
 
 use crate::board::{self, Command};
 use crate::diagnostic::Diagnostics;
@@ -111,13 +111,13 @@ impl Event {
 
 /// Lays a program out in time. Clashes and what else is wrong in the order of time is reported.
 pub fn timeline(program: Program, limits: Limits, diagnostics: &mut Diagnostics) -> Timeline {
-    clash::check(&program.steps, diagnostics);
+    order::check(&program.steps, diagnostics);
     lay::lay(program, limits, diagnostics)
 }
 
-/// Only looks for clashes, for a program that has other errors but whose times are right.
-pub fn clashes(program: &Program, diagnostics: &mut Diagnostics) {
-    clash::check(&program.steps, diagnostics);
+/// Only looks for what is wrong in the order of time, for a program that has other errors but whose times are right.
+pub fn order(program: &Program, diagnostics: &mut Diagnostics) {
+    order::check(&program.steps, diagnostics);
 }
 
 /// The things of a robot that do one thing at a time.

@@ -1,4 +1,5 @@
-//! Two commands that want one thing at the same time.
+//! What is wrong with the order in time: two commands that want one thing at the same time, and a `move` outside of
+//! position mode.
 //!
 //! `for` occupies its thing for as long as it holds, anything else for an instant. Ends that touch are no overlap if the
 //! one that starts there is also written later. Two instants at one time clash; an instant and a hold that starts there do
@@ -6,6 +7,7 @@
 
 use super::listing::Seconds;
 use super::{THINGS, thing_name, things};
+use crate::board::{Command, Mode};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Step};
 use crate::source::Span;
@@ -16,20 +18,18 @@ struct Occupied {
     start: u64,
     end: u64,
     order: usize,
+    /// Whether it has no `for`.
+    instant: bool,
     span: Span,
 }
 
 impl Occupied {
-    fn is_instant(self) -> bool {
-        self.start == self.end
-    }
-
     /// Whether `next`, which starts later or is written later at the same time, runs into this.
     fn clashes_with(self, next: Occupied) -> bool {
         if self.end != next.start {
             return self.end > next.start;
         }
-        match (self.is_instant(), next.is_instant()) {
+        match (self.instant, next.instant) {
             (true, true) => true,
             (true, false) => false,
             (false, _) => next.order < self.order,
@@ -37,19 +37,25 @@ impl Occupied {
     }
 }
 
-/// Reports every command that runs into one before it.
+/// Reports every command that runs into one before it, and every `move` whose last `pid` was not `pid position`.
 pub(super) fn check(steps: &[Step], diagnostics: &mut Diagnostics) {
     let mut sorted: Vec<(usize, &Step)> = steps.iter().enumerate().collect();
     sorted.sort_by_key(|&(order, step)| (step.at.micros(), order));
     // Of each thing, the command that occupies it longest so far.
     let mut occupied: [Option<Occupied>; THINGS] = [None; THINGS];
+    let mut mode = None;
     for (order, step) in sorted {
         let Action::Send(command, hold) = &step.action else {
             continue;
         };
+        match command {
+            Command::Pid(to, _) => mode = Some(*to),
+            Command::Move { .. } if mode != Some(Mode::Position) => diagnostics.push(move_mode(step.span)),
+            _ => {}
+        }
         let start = step.at.micros();
         let end = hold.map_or(start, |hold| step.at.plus(hold).micros());
-        let next = Occupied { start, end, order, span: step.span };
+        let next = Occupied { start, end, order, instant: hold.is_none(), span: step.span };
         let mut reported = false;
         for thing in things(command) {
             let Some(slot) = occupied.get_mut(thing) else {
@@ -71,10 +77,19 @@ pub(super) fn check(steps: &[Step], diagnostics: &mut Diagnostics) {
     }
 }
 
+fn move_mode(span: Span) -> Diagnostic {
+    Diagnostic::new(
+        Code::MoveMode,
+        span,
+        "`move` needs the board in position mode",
+        "put this line before it: `pid position speed=200,150 position=20,0,20 yaw=12,2,5`",
+    )
+}
+
 fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
     let thing = thing_name(thing);
     let at = Seconds(second.start);
-    if first.is_instant() {
+    if first.instant {
         return Diagnostic::new(
             Code::Clash,
             second.span,

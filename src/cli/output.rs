@@ -1,0 +1,30 @@
+//! Files that results are written to.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::Path;
+
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+
+/// Opens a file for a result that was made from `input`, and never `input` itself. What stands in it stays until
+/// [`begin`]. Never waits for the reader of a named pipe.
+pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
+    let file = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .custom_flags(OFlags::NONBLOCK.bits().cast_signed())
+        .open(path)?;
+    fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
+    let (of_file, of_input) = (file.metadata()?, input.metadata());
+    if of_input.is_ok_and(|of_input| (of_input.dev(), of_input.ino()) == (of_file.dev(), of_file.ino())) {
+        return Err(io::Error::other("it is the script itself"));
+    }
+    Ok(file)
+}
+
+/// Throws away what stood in the file before.
+pub(super) fn begin(file: &File) -> io::Result<()> {
+    if file.metadata()?.is_file() { file.set_len(0) } else { Ok(()) }
+}

@@ -1,0 +1,21 @@
+//! The monotonic clock, in nanoseconds. Only what runs in real time imports it: playback, and the virtual board's thread.
+
+use rustix::time::{ClockId, Timespec, clock_gettime};
+
+/// Now.
+pub(crate) fn now() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    let nanos = now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec);
+    u64::try_from(nanos).unwrap_or(0)
+}
+
+/// Sleeps until an absolute time, so that nothing drifts; a signal ends the sleep early.
+pub(crate) fn sleep_until(nanos: u64) {
+    let _ = rustix::thread::clock_nanosleep_absolute(ClockId::Monotonic, &timespec(nanos));
+}
+
+/// So many nanoseconds, as the system wants them.
+pub(crate) fn timespec(nanos: u64) -> Timespec {
+    let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
+    Timespec { tv_sec: part(nanos / 1_000_000_000), tv_nsec: part(nanos % 1_000_000_000) }
+}
