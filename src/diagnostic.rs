@@ -3,9 +3,10 @@
 //! No stage prints. Each one adds to a [`Diagnostics`]; whoever shows them attaches the source once, with [`Attached`].
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt;
 
-use crate::source::{Source, SourceError, Span};
+use crate::source::{Source, SourceError, Sources, Span};
 
 /// How many diagnostics of one script are kept. The rest are only counted, so that a large broken file stays small.
 pub const MAX_KEPT: usize = 500;
@@ -76,7 +77,19 @@ codes! {
     Joined "joined" Error "This cannot be joined to other commands with `;`.",
     StartTime "start-time" Error "A start time is missing, doubled or out of place.",
     TooLong "too-long" Error "The script is longer than 24 hours.",
+    TooManySteps "too-many-steps" Error "The script takes too many steps to unroll.",
+    UnknownName "unknown-name" Error "Nothing has this name here.",
+    Name "name" Error "A name is given twice, or cannot be a name.",
+    Arithmetic "arithmetic" Error "A calculation has no result.",
+    TopLevel "top-level" Error "A statement stands inside a block and may not.",
+    Recursion "recursion" Error "A phrase ends up calling itself.",
+    Use "use" Error "A file cannot be used.",
+    Abort "abort" Error "`on abort` holds what it cannot.",
+    Limit "limit" Error "A command breaks a limit of the script.",
+    Unused "unused" Warning "Nothing uses a name.",
+    WaitInTogether "wait-in-together" Warning "A `wait` delays nothing inside `together`.",
     // timeline
+    UnknownStart "unknown-start" Error "A move starts from a value that nobody knows.",
     Clash "clash" Error "Two commands want the same thing at the same time.",
     MoveMode "move-mode" Error "`move` needs the board in position mode.",
     TooManyEvents "too-many-events" Error "The script sends too many frames.",
@@ -173,6 +186,7 @@ impl Diagnostic {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
     kept: Vec<Diagnostic>,
+    seen: BTreeSet<(Code, Span)>,
     errors: usize,
     warnings: usize,
 }
@@ -180,6 +194,10 @@ pub struct Diagnostics {
 impl Diagnostics {
     /// Adds one. Beyond [`MAX_KEPT`] it is only counted, except that the first error is always kept.
     pub fn push(&mut self, diagnostic: Diagnostic) {
+        // A mistake inside a `repeat` or `def` is one mistake, however often it is run.
+        if !self.seen.insert((diagnostic.code, diagnostic.span)) {
+            return;
+        }
         let first_error = match diagnostic.code.severity() {
             Severity::Error => {
                 self.errors += 1;
@@ -227,6 +245,7 @@ impl Diagnostics {
 /// length, so offsets still fit, and lines are cut to a window around the place that is shown.
 #[derive(Debug)]
 pub struct Printable<'s> {
+    base: usize,
     name: String,
     text: Cow<'s, str>,
     lines: Vec<usize>,
@@ -241,7 +260,17 @@ impl<'s> Printable<'s> {
         let text = printable(source.text());
         let starts = text.bytes().enumerate().filter(|&(_, byte)| byte == b'\n');
         let lines = std::iter::once(0).chain(starts.map(|(at, _)| at + 1)).collect();
-        Printable { name: escaped(source.name()), text, lines }
+        Printable { base: source.base() as usize, name: escaped(source.name()), text, lines }
+    }
+
+    /// Prepares a script and the files that it uses.
+    pub fn all(sources: &'s Sources) -> Vec<Self> {
+        sources.iter().map(Printable::new).collect()
+    }
+
+    /// Whether a span is in this file.
+    fn holds(&self, span: Span) -> bool {
+        (self.base..=self.base + self.text.len()).contains(&span.range().start)
     }
 
     /// The index of the line that holds `offset`.
@@ -264,11 +293,12 @@ impl<'s> Printable<'s> {
 
     /// A span held inside its first line and the window.
     fn clip(&self, span: Span) -> miette::SourceSpan {
-        let start = self.floor(span.start as usize);
+        let local = |offset: u32| (offset as usize).saturating_sub(self.base);
+        let start = self.floor(local(span.start));
         let line_end = self.line_start(self.line_of(start) + 1);
         let rest = self.text.get(start..line_end).unwrap_or_default();
         let line_end = start + rest.trim_end_matches(['\n', '\r']).len();
-        let end = self.floor(span.end as usize).min(line_end).min(self.floor(start + WINDOW));
+        let end = self.floor(local(span.end)).min(line_end).min(self.floor(start + WINDOW));
         (start, end.saturating_sub(start)).into()
     }
 }
@@ -350,13 +380,35 @@ impl miette::SourceCode for Printable<'_> {
     }
 }
 
-/// A diagnostic with its source, as [`miette`] wants it.
+/// A diagnostic with its sources, as [`miette`] wants it.
 #[derive(Debug)]
 pub struct Attached<'a> {
-    /// What is shown.
-    pub diagnostic: &'a Diagnostic,
-    /// Where its spans point.
-    pub source: &'a Printable<'a>,
+    diagnostic: &'a Diagnostic,
+    source: Option<&'a Printable<'a>>,
+    /// Places in other files.
+    elsewhere: Vec<Elsewhere<'a>>,
+}
+
+/// A place that belongs to a diagnostic and is in another file.
+#[derive(Debug)]
+struct Elsewhere<'a> {
+    related: &'a Related,
+    source: &'a Printable<'a>,
+}
+
+impl<'a> Attached<'a> {
+    /// A diagnostic with the files that its spans point into.
+    pub fn new(diagnostic: &'a Diagnostic, sources: &'a [Printable<'a>]) -> Self {
+        let file = |span| sources.iter().find(|source| source.holds(span));
+        let source = file(diagnostic.span).or(sources.first());
+        let elsewhere = diagnostic
+            .related
+            .iter()
+            .filter(|related| !source.is_some_and(|source| source.holds(related.span)))
+            .filter_map(|related| Some(Elsewhere { related, source: file(related.span)? }))
+            .collect();
+        Attached { diagnostic, source, elsewhere }
+    }
 }
 
 impl fmt::Display for Attached<'_> {
@@ -384,17 +436,48 @@ impl miette::Diagnostic for Attached<'_> {
     }
 
     fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        self.source.map(|source| source as &dyn miette::SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
+        let source = self.source?;
+        let label = self.diagnostic.label.as_deref().map(escaped);
+        let primary = miette::LabeledSpan::new_primary_with_span(label, source.clip(self.diagnostic.span));
+        let here = self.diagnostic.related.iter().filter(|related| source.holds(related.span));
+        let related = here.map(|related| labeled(related, source));
+        Some(Box::new(std::iter::once(primary).chain(related)))
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
+        if self.elsewhere.is_empty() {
+            return None;
+        }
+        Some(Box::new(self.elsewhere.iter().map(|place| place as &dyn miette::Diagnostic)))
+    }
+}
+
+fn labeled(related: &Related, source: &Printable<'_>) -> miette::LabeledSpan {
+    miette::LabeledSpan::new_with_span(Some(escaped(&related.label)), source.clip(related.span))
+}
+
+impl fmt::Display for Elsewhere<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&escaped(&self.related.label))
+    }
+}
+
+impl std::error::Error for Elsewhere<'_> {}
+
+impl miette::Diagnostic for Elsewhere<'_> {
+    fn severity(&self) -> Option<miette::Severity> {
+        Some(miette::Severity::Advice)
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
         Some(self.source)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
-        let primary = miette::LabeledSpan::new_primary_with_span(
-            self.diagnostic.label.as_deref().map(escaped),
-            self.source.clip(self.diagnostic.span),
-        );
-        let related = self.diagnostic.related.iter().map(|related| {
-            miette::LabeledSpan::new_with_span(Some(escaped(&related.label)), self.source.clip(related.span))
-        });
-        Some(Box::new(std::iter::once(primary).chain(related)))
+        Some(Box::new(std::iter::once(labeled(self.related, self.source))))
     }
 }

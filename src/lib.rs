@@ -11,7 +11,7 @@
 //! use motionseq::source::Source;
 //!
 //! let source = Source::new("hello.motion", "at 0.5s servo 1 1500; rocker x=10 z=50\nat 1.5s stop\n");
-//! let compiled = motionseq::compile(&source, motionseq::timeline::Limits::default());
+//! let compiled = motionseq::compile(&source.into(), &motionseq::program::Options::default());
 //! let timeline = compiled.timeline.expect("the script has no errors");
 //!
 //! let first = &timeline.events()[0];
@@ -35,8 +35,9 @@ pub mod syntax;
 pub mod timeline;
 
 use diagnostic::Diagnostics;
-use source::Source;
-use timeline::{Limits, Timeline};
+use program::Options;
+use source::Sources;
+use timeline::Timeline;
 
 /// What became of a script.
 #[derive(Clone, Debug)]
@@ -47,21 +48,24 @@ pub struct Compiled {
     pub diagnostics: Diagnostics,
 }
 
-/// Compiles a script: the same text gives the same bytes on every machine.
-pub fn compile(source: &Source, limits: Limits) -> Compiled {
+/// Compiles a script: the same text gives the same bytes on every machine. Files that it uses are read on the way, and are
+/// in `sources` afterwards.
+pub fn compile(sources: &Sources, options: &Options) -> Compiled {
     let mut diagnostics = Diagnostics::default();
-    let timeline = stages(source, limits, &mut diagnostics);
+    let timeline = stages(sources, options, &mut diagnostics);
     Compiled { timeline: timeline.filter(|_| !diagnostics.has_errors()), diagnostics }
 }
 
-fn stages(source: &Source, limits: Limits, diagnostics: &mut Diagnostics) -> Option<Timeline> {
-    let ast = syntax::parse(source, diagnostics)?;
+fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Option<Timeline> {
+    let ast = syntax::parse(sources.main(), diagnostics)?;
     let readable = !diagnostics.has_errors();
-    let program = program::program(&ast, diagnostics);
+    let program = program::program(&ast, sources, options, diagnostics);
+    // The tree is large, and has told everything.
+    drop(ast);
     if !diagnostics.has_errors() {
-        return Some(timeline::timeline(program, limits, diagnostics));
+        return Some(timeline::timeline(program, options.events, diagnostics));
     }
-    // All errors at once, but no clash that is only there because something else is missing.
+    // All errors at once, but none that is only there because something else is missing.
     if readable && program.times_known {
         timeline::order(&program, diagnostics);
     }

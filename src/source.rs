@@ -1,16 +1,19 @@
-//! A script's text and places in it.
+//! The texts of a script and places in them.
 //!
-//! A [`Source`] is always valid UTF-8 of at most [`MAX_SOURCE`] bytes, so every offset fits a `u32`.
+//! A [`Source`] is always valid UTF-8 of at most [`MAX_SOURCE`] bytes. A script may use other files; each has a range of
+//! offsets of its own, so that a [`Span`] says which file it is in, and still is two `u32`.
 
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use elsa::FrozenVec;
 
 /// The longest script that is read, in bytes. Nothing beyond it is ever read.
 pub const MAX_SOURCE: u64 = 64 << 20;
 
-/// A half-open range of bytes, `start..end`, in a [`Source`].
+/// A half-open range of bytes, `start..end`, in one of [`Sources`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
     /// Offset of the first byte.
@@ -43,12 +46,95 @@ impl Span {
 pub struct Source {
     name: String,
     text: String,
+    /// The file it was read from, if it was one.
+    path: Option<PathBuf>,
+    /// The offset of its first byte.
+    base: u32,
 }
+
+/// A script and the files that it uses, in the order in which they were reached.
+pub struct Sources {
+    files: FrozenVec<Box<Source>>,
+}
+
+impl From<Source> for Sources {
+    fn from(main: Source) -> Self {
+        let files = FrozenVec::new();
+        files.push(Box::new(main));
+        Sources { files }
+    }
+}
+
+impl Sources {
+    /// The script itself.
+    pub fn main(&self) -> &Source {
+        // `From` has put it there.
+        self.files.get(0).unwrap_or(&EMPTY)
+    }
+
+    /// Every file, the script itself first.
+    pub fn iter(&self) -> impl Iterator<Item = &Source> {
+        self.files.iter()
+    }
+
+    /// Adds a file; `None` where all of them together are longer than 4 GiB.
+    pub fn add(&self, source: Source) -> Option<&Source> {
+        let last = self.files.iter().last().unwrap_or(&EMPTY);
+        // One byte between two files, so that the end of one is not the start of the next.
+        let base = last.end().checked_add(1)?;
+        u32::try_from(source.text.len()).ok()?.checked_add(base)?;
+        Some(self.files.push_get(Box::new(Source { base, ..source })))
+    }
+
+    /// The file that holds a span.
+    pub fn file(&self, span: Span) -> &Source {
+        self.files.iter().find(|file| (file.base..=file.end()).contains(&span.start)).unwrap_or(self.main())
+    }
+
+    /// The file that `name` means, said in `from`: relative to its folder, and inside the folder of the main script.
+    pub fn resolve(&self, from: &Source, name: &str) -> Result<PathBuf, UseError> {
+        let folder = |source: &Source| {
+            source
+                .path
+                .as_deref()
+                .and_then(Path::parent)
+                .map(|folder| if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder.to_owned() })
+        };
+        let here = folder(from).unwrap_or_else(|| PathBuf::from("."));
+        let root = folder(self.main()).unwrap_or_else(|| PathBuf::from("."));
+        if Path::new(name).is_absolute() {
+            return Err(UseError::Outside(name.to_owned()));
+        }
+        let missing = |error: io::Error| UseError::Missing { name: name.to_owned(), cause: describe(&error) };
+        // Links are followed first, so that none leads out.
+        let path = here.join(name).canonicalize().map_err(missing)?;
+        let root = root.canonicalize().map_err(missing)?;
+        if path.starts_with(&root) { Ok(path) } else { Err(UseError::Outside(name.to_owned())) }
+    }
+
+    /// What messages call a file: its path from the folder of the main script on, where that is known.
+    pub fn name_of(&self, path: &Path) -> String {
+        let main = self.main().path.as_deref().and_then(Path::parent);
+        let inside = main.and_then(|main| Some((main, path.strip_prefix(main.canonicalize().ok()?).ok()?.to_owned())));
+        match inside {
+            Some((main, inside)) => main.join(inside).display().to_string(),
+            None => path.display().to_string(),
+        }
+    }
+
+    /// `FILE:LINE` of a span.
+    pub fn place(&self, span: Span) -> String {
+        let file = self.file(span);
+        format!("{}:{}", file.name(), file.line(span.start))
+    }
+}
+
+static EMPTY: Source = Source { name: String::new(), text: String::new(), path: None, base: 0 };
 
 impl Source {
     /// A source from text in memory. `name` is what messages call it.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
-        Source { name: name.into(), text: text.into() }
+        Source { name: name.into(), text: text.into(), path: None, base: 0 }
     }
 
     /// Reads a regular file.
@@ -77,7 +163,8 @@ impl Source {
         if data.len() > MAX_SOURCE {
             return Err(SourceError::TooLarge(name));
         }
-        Self::read_from(name, file)
+        let source = Self::read_from(name, file)?;
+        Ok(Source { path: Some(path.to_owned()), ..source })
     }
 
     /// Reads text from `reader` to its end, at most [`MAX_SOURCE`] bytes of it.
@@ -91,15 +178,21 @@ impl Source {
             return Err(SourceError::TooLarge(name));
         }
         match String::from_utf8(bytes) {
-            Ok(text) => Ok(Source { name, text }),
+            Ok(text) => Ok(Source::new(name, text)),
             Err(error) => {
                 // Everything before the bad byte is unchanged by the lossy copy, so its offset still fits.
                 let at = error.utf8_error().valid_up_to();
                 let byte = error.as_bytes().get(at).copied().unwrap_or_default();
                 let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
-                Err(SourceError::NotUtf8 { lossy: Source { name, text }, at, byte })
+                Err(SourceError::NotUtf8 { lossy: Source::new(name, text), at, byte })
             }
         }
+    }
+
+    /// The same with another name.
+    #[must_use]
+    pub fn named(self, name: &str) -> Self {
+        Source { name: name.to_owned(), ..self }
     }
 
     /// What messages call this text: the path as it was given, or `-`.
@@ -112,16 +205,50 @@ impl Source {
         &self.text
     }
 
+    /// The file it was read from, if it was one.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
+    /// The offset of its first byte.
+    pub fn base(&self) -> u32 {
+        self.base
+    }
+
+    /// The offset behind its last byte.
+    fn end(&self) -> u32 {
+        self.base.saturating_add(u32::try_from(self.text.len()).unwrap_or(u32::MAX))
+    }
+
     /// The text of a span; empty where the span is not one of this source.
     pub fn slice(&self, span: Span) -> &str {
-        self.text.get(span.range()).unwrap_or_default()
+        let local = |offset: u32| offset.checked_sub(self.base).map(|offset| offset as usize);
+        let range = local(span.start).zip(local(span.end));
+        range.and_then(|(start, end)| self.text.get(start..end)).unwrap_or_default()
     }
 
     /// The number of the line, counted from 1, that holds the byte at `offset`.
     pub fn line(&self, offset: u32) -> usize {
-        let before = self.text.as_bytes().get(..offset as usize).unwrap_or(self.text.as_bytes());
+        let offset = offset.saturating_sub(self.base) as usize;
+        let before = self.text.as_bytes().get(..offset).unwrap_or(self.text.as_bytes());
         before.iter().filter(|&&byte| byte == b'\n').count() + 1
     }
+}
+
+/// Why a file cannot be used by another.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UseError {
+    /// It is not there.
+    #[error("{name} cannot be used: {cause}")]
+    Missing {
+        /// The name as it was given.
+        name: String,
+        /// Why, in words.
+        cause: String,
+    },
+    /// It lies outside of the folder of the main script.
+    #[error("{0} lies outside of the folder of the main script")]
+    Outside(String),
 }
 
 /// Why a file did not become a [`Source`].

@@ -4,8 +4,8 @@
 use motionseq::board::{
     Command, Decoder, Frame, FrameError, Hundredths, Item, NotACommand, Report, ReportDecoder, ReportItem,
 };
+use motionseq::program::Options;
 use motionseq::source::Source;
-use motionseq::timeline::Limits;
 use proptest::prelude::*;
 
 /// The vendor's frames: one command and its bytes a line.
@@ -28,7 +28,7 @@ fn hex(text: &str) -> Vec<u8> {
 fn compiled(command: &str) -> Command {
     let mode = if command.starts_with("move") { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
     let source = Source::new("vector", format!("{mode}{command}\n"));
-    let compiled = motionseq::compile(&source, Limits::default());
+    let compiled = motionseq::compile(&source.clone().into(), &Options::default());
     let events =
         compiled.timeline.unwrap_or_else(|| panic!("{command}: {:?}", compiled.diagnostics)).tracks.remove(0).events;
     events[usize::from(!mode.is_empty())].command.clone()

@@ -1,14 +1,21 @@
 //! What the documents say is so: every example in them runs, and every list is complete.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::string_slice,
+    clippy::format_collect
+)]
 
 mod support;
 
 use std::fs;
 use std::process::Command;
 
-use motionseq::program::{COMMANDS, SETTINGS, UNITS};
+use motionseq::program::{COMMANDS, Row, SETTINGS, UNITS};
+use motionseq::program::{CURVES, FUNCTIONS, Options};
 use motionseq::source::Source;
-use motionseq::timeline::Limits;
 
 /// The fenced blocks of a document: what stands behind the fence, the line it begins at, and the text.
 fn blocks(document: &str) -> Vec<(String, usize, String)> {
@@ -44,8 +51,8 @@ fn every_script_in_the_documents_compiles_as_it_says() {
             };
             seen += 1;
             let source = Source::new(*document, text);
-            let result = motionseq::compile(&source, Limits::default());
-            let messages = support::messages(&source, &result.diagnostics);
+            let result = motionseq::compile(&source.clone().into(), &Options::default());
+            let messages = support::messages(&source.clone().into(), &result.diagnostics);
             assert_eq!(result.timeline.is_some(), compiles, "{document}:{line}\n{messages}");
         }
     }
@@ -122,23 +129,63 @@ fn the_readme_begins_with_two_commands_that_work() {
     assert!(fs::read_to_string(".ci/run").unwrap().lines().any(|line| line == "cargo test"));
 }
 
+fn rows(table: &[Row]) -> String {
+    let runs = table.iter().filter(|row| !row.usage.is_empty());
+    let escape = |text: &str| text.replace('|', "\\|");
+    runs.map(|row| format!("| `{}` | {} | `{}` |\n", escape(row.usage), escape(row.meaning), escape(row.example)))
+        .collect()
+}
+
+/// The tables of the reference, printed from the code's own tables.
+fn tables() -> [(&'static str, String); 5] {
+    let commands = format!("| command | what it does | for example |\n|---|---|---|\n{}", rows(COMMANDS));
+    let settings = format!("| setting | what it does | for example |\n|---|---|---|\n{}", rows(SETTINGS));
+    let units = UNITS.iter().map(|unit| format!("| `{}` | {} |\n", unit.name, unit.meaning));
+    let units = format!("| unit | means |\n|---|---|\n{}", units.collect::<String>());
+    let curves = CURVES.iter().map(|curve| {
+        let name = curve.name;
+        format!("| `in-{name}` `out-{name}` `in-out-{name}` | {} |\n", curve.meaning)
+    });
+    let easings = format!(
+        "| easing | its curve |\n|---|---|\n| `linear` | straight; the default |\n{}",
+        curves.collect::<String>()
+    );
+    let functions = FUNCTIONS.iter().map(|function| format!("| `{}` | {} |\n", function.usage, function.meaning));
+    let functions = format!("| function | gives |\n|---|---|\n{}", functions.collect::<String>());
+    [("commands", commands), ("settings", settings), ("units", units), ("easings", easings), ("functions", functions)]
+}
+
+/// `UPDATE_DOCS=1 cargo test --test docs` writes the tables anew.
 #[test]
-fn every_word_that_runs_is_in_the_reference() {
-    let text = fs::read_to_string("docs/language.md").unwrap();
-    for row in COMMANDS.iter().chain(SETTINGS).filter(|row| !row.usage.is_empty()) {
-        assert!(text.contains(&format!("\n| `{}", row.name)), "docs/language.md has no row for `{}`", row.name);
-        // The example of each row is one that works.
-        let mode = if row.name == "move" { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
-        let end = if SETTINGS.iter().any(|setting| setting.name == row.name) { "\nstop" } else { "" };
-        let source = Source::new("example", format!("{mode}{}{end}\n", row.example));
-        assert!(
-            motionseq::compile(&source, Limits::default()).timeline.is_some(),
-            "the example of `{}` does not compile",
-            row.name
-        );
+fn the_tables_of_the_reference_are_those_of_the_code() {
+    let path = "docs/language.md";
+    let text = fs::read_to_string(path).unwrap();
+    let mut wanted = text.clone();
+    for (name, table) in tables() {
+        let begin = format!("<!-- table: {name} -->\n");
+        let from = wanted.find(&begin).unwrap_or_else(|| panic!("{path} has no table of {name}")) + begin.len();
+        let to = from + wanted[from..].find("<!-- end -->").unwrap();
+        wanted.replace_range(from..to, &format!("\n{table}\n"));
     }
-    for unit in UNITS {
-        assert!(!unit.meaning.is_empty());
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        fs::write(path, &wanted).unwrap();
+    }
+    assert_eq!(text, wanted, "run `UPDATE_DOCS=1 cargo test --test docs` and look at what changed");
+}
+
+#[test]
+fn the_example_of_every_word_works() {
+    for row in COMMANDS.iter().chain(SETTINGS).filter(|row| !row.usage.is_empty() && row.name != "use") {
+        let mode = if row.name == "move" { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
+        let example = row.example.replace('…', "servo 1 1500");
+        let source = Source::new("example", format!("{mode}{example}\nwait 1s\n"));
+        let compiled = motionseq::compile(&source.into(), &Options::default());
+        assert!(
+            compiled.timeline.is_some(),
+            "the example of `{}` does not compile: {:?}",
+            row.name,
+            compiled.diagnostics
+        );
     }
 }
 
@@ -146,7 +193,9 @@ fn every_word_that_runs_is_in_the_reference() {
 fn every_script_is_in_the_readme() {
     let text = fs::read_to_string("README.md").unwrap();
     for entry in fs::read_dir("scripts").unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
+        let entry = entry.unwrap();
+        let name = entry.file_name().into_string().unwrap();
+        let name = if entry.path().is_dir() { format!("{name}/") } else { name };
         assert!(text.contains(&format!("| `{name}` |")), "README.md has no row for {name}");
     }
 }
@@ -188,10 +237,14 @@ fn every_crate_and_its_licence_is_listed() {
     used.dedup();
     assert!(used.len() > 20, "{}", support::stderr(&output));
     let text = fs::read_to_string("THIRD-PARTY.md").unwrap();
-    let listed: Vec<String> = text
-        .lines()
-        .filter(|line| line.starts_with("| ") && !line.starts_with("| crate "))
-        .map(str::to_owned)
-        .collect();
-    assert_eq!(listed, used, "THIRD-PARTY.md is not what `cargo tree` says");
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        let head = text.split_inclusive("|---|---|\n").next().unwrap();
+        fs::write("THIRD-PARTY.md", format!("{head}{}\n", used.join("\n"))).unwrap();
+    }
+    let is_row = |line: &&str| line.starts_with("| ") && !line.starts_with("| crate ");
+    let listed: Vec<String> = text.lines().filter(is_row).map(str::to_owned).collect();
+    assert_eq!(
+        listed, used,
+        "THIRD-PARTY.md is not what `cargo tree` says; `UPDATE_DOCS=1 cargo test --test docs` writes it anew"
+    );
 }

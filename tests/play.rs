@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 use motionseq::board::{Command, Decoder, Item, State};
 use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::{Cause, Player, Signals, Stop, drive};
+use motionseq::program::Options;
 use motionseq::source::Source;
-use motionseq::timeline::Limits;
 use rustix::process::{Pid, Signal, kill_process};
 use support::{motionseq, run, stderr};
 
@@ -281,7 +281,7 @@ fn a_program_that_fails_still_stops_the_robot() {
         }
     }
     let source = Source::new("test", "rocker x=10\nwait 1h\nstop");
-    let timeline = motionseq::compile(&source, Limits::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&source.clone().into(), &Options::default()).timeline.unwrap();
     let (near, mut far) = UnixStream::pair().unwrap();
     let mut player = Player::new(&timeline, 1_000_000_000);
     let signals = Signals::catch().unwrap();

@@ -3,14 +3,20 @@
 
 use motionseq::board::{Command, Decoder, Item, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
+use motionseq::program::Options;
 use motionseq::source::Source;
-use motionseq::timeline::{Limits, Timeline, write_bin};
+use motionseq::timeline::{Timeline, write_bin};
 
 const MS: u64 = 1_000_000;
 const MAX_LATE: u64 = 50 * MS;
 
 fn timeline(script: &str) -> Timeline {
-    motionseq::compile(&Source::new("test", script), Limits::default()).timeline.expect("the script compiles")
+    motionseq::compile(&Source::new("test", script).into(), &Options::default()).timeline.expect("the script compiles")
+}
+
+/// A script that is shipped, with the files that it uses.
+fn shipped(path: &std::path::Path) -> Timeline {
+    motionseq::compile(&Source::read(path).unwrap().into(), &Options::default()).timeline.expect("the script compiles")
 }
 
 fn rendered(timeline: &Timeline) -> Vec<u8> {
@@ -125,7 +131,9 @@ fn assert_stopped<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>>(world: &W
     let end = &world.given[before..];
     let frames: Vec<String> =
         end.iter().flat_map(|(_, bytes)| commands(bytes)).map(|command| command.to_string()).collect();
-    assert_eq!(frames, ["stop", "stop", "stop", "buzzer off"]);
+    assert_eq!(frames[..4], ["stop", "stop", "stop", "buzzer off"]);
+    // Behind it only what the script's `on abort` says, which is never for the drive.
+    assert!(frames[4..].iter().all(|frame| frame.starts_with("servo") || frame.starts_with("buzzer")), "{frames:?}");
     assert_eq!(end[1].0 - end[0].0, 20 * MS);
     assert_eq!(end[2].0 - end[1].0, 20 * MS);
     let mut state = State::default();
@@ -137,8 +145,8 @@ fn assert_stopped<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>>(world: &W
 
 #[test]
 fn a_signal_at_any_frame_of_any_script_leaves_the_board_at_rest() {
-    for path in std::fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()) {
-        let timeline = timeline(&std::fs::read_to_string(&path).unwrap());
+    for path in std::fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()) {
+        let timeline = shipped(&path);
         let (all, _) = World::run(|_, _, _| None, &timeline);
         for cut in 0..all.given.len() {
             let mut sent = false;
@@ -275,4 +283,47 @@ fn a_write_that_fails_once_still_stops_the_robot() {
     assert_eq!((outcome.cause, outcome.stop), (Cause::Lost(Some(5)), Stop::Sent));
     let frames: Vec<String> = commands(&world.bytes()).iter().skip(3).map(ToString::to_string).collect();
     assert_eq!(frames, ["stop", "stop", "buzzer off"]);
+}
+
+#[test]
+fn on_abort_follows_the_stop_at_its_times() {
+    let script = "rocker x=10 for 1s\non abort { buzzer on for 200ms; servo 1 1000 -> 2000 over 40ms }";
+    let timeline = timeline(script);
+    let meddle = |now, order, given| {
+        (given == 1 && !matches!(order, Order::Write | Order::Discard)).then_some((now, Input::Signal(2)))
+    };
+    let (world, outcome) = World::run(meddle, &timeline);
+    assert_eq!(outcome.stop, Stop::Sent);
+    let sent: Vec<(u64, String)> = world
+        .given
+        .iter()
+        .flat_map(|(at, bytes)| commands(bytes).into_iter().map(move |command| (at / MS, command.to_string())))
+        .collect();
+    let sent: Vec<(u64, &str)> = sent.iter().map(|(at, command)| (*at, command.as_str())).collect();
+    assert_eq!(
+        sent,
+        [
+            (0, "rocker x=10 y=0 z=0"),
+            (0, "stop"),
+            (20, "stop"),
+            (40, "stop"),
+            (40, "buzzer off"),
+            (40, "buzzer on"),
+            (40, "servo 1 1000"),
+            (60, "servo 1 1500"),
+            (80, "servo 1 2000"),
+            (240, "buzzer off"),
+        ]
+    );
+    // A run that ends as it should sends nothing of it.
+    let (world, _) = World::run(|_, _, _| None, &timeline);
+    assert_eq!(world.bytes(), rendered(&timeline));
+}
+
+#[test]
+fn on_abort_does_not_follow_a_stop_that_was_not_sent() {
+    let timeline = timeline("rocker x=10 for 1s\non abort { buzzer on for 200ms }");
+    let meddle = |now, order, given| (given >= 1 && order == Order::Write).then_some((now, Input::Failed(Some(5))));
+    let (world, outcome) = World::run(meddle, &timeline);
+    assert_eq!((outcome.stop, world.given.len()), (Stop::NotSent, 1));
 }

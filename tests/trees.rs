@@ -5,7 +5,9 @@ mod support;
 
 use motionseq::diagnostic::Diagnostics;
 use motionseq::source::Source;
-use motionseq::syntax::{Argument, Block, Item, Line, Origin, Start, Statement, Value, ValueKind, parse};
+use motionseq::syntax::{
+    Argument, Block, Expression, Item, Line, NodeKind, Origin, Start, Statement, Value, ValueKind, parse,
+};
 
 #[test]
 fn trees() {
@@ -17,7 +19,7 @@ fn trees() {
             let ast = parse(&source, &mut diagnostics).unwrap();
             let mut tree = String::new();
             block(&ast.body, 0, &source, &mut tree);
-            insta::assert_snapshot!("trees", format!("{tree}\n{}", support::messages(&source, &diagnostics)));
+            insta::assert_snapshot!("trees", format!("{tree}\n{}", support::messages(&source.clone().into(), &diagnostics)));
         });
     });
 }
@@ -32,7 +34,8 @@ fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
             Some(Start::At(moment)) => {
                 let origin = match &moment.origin {
                     Origin::Value(origin) => value(origin),
-                    Origin::Bar(span) => format!("bar`{}`", source.slice(*span)),
+                    Origin::Bar(bar, None) => format!("bar {}", value(bar)),
+                    Origin::Bar(bar, Some(beat)) => format!("bar {} beat {}", value(bar), value(beat)),
                 };
                 let sign = |away: &bool| if *away { '-' } else { '+' };
                 let offsets = moment.offsets.iter().map(|(away, offset)| format!(" {} {}", sign(away), value(offset)));
@@ -44,8 +47,36 @@ fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
             let robots: Vec<_> = part.robots.iter().map(|robot| robot.text).collect();
             let robots = if robots.is_empty() { String::new() } else { format!("{}: ", robots.join(", ")) };
             match &part.statement {
-                Statement::Later(later) => out.push_str(&format!("{indent}  {robots}later `{}`\n", later.what)),
-                Statement::Call(call) => out.push_str(&format!("{indent}  {robots}call {}\n", call.text)),
+                Statement::Let(each) => {
+                    out.push_str(&format!("{indent}  {robots}let {} = {}\n", each.name.text, expression(&each.value)));
+                }
+                Statement::Def(def) => {
+                    let parameters = def.parameters.iter().map(|parameter| match &parameter.default {
+                        Some(default) => format!("{} = {}", parameter.name.text, expression(default)),
+                        None => parameter.name.text.to_owned(),
+                    });
+                    let parameters = parameters.collect::<Vec<_>>().join(", ");
+                    out.push_str(&format!("{indent}  {robots}def {}({parameters})\n", def.name.text));
+                    self::block(&def.body, depth + 2, source, out);
+                }
+                Statement::If(each) => {
+                    for (condition, inner) in &each.arms {
+                        out.push_str(&format!("{indent}  {robots}if {}\n", expression(condition)));
+                        self::block(inner, depth + 2, source, out);
+                    }
+                    if let Some(inner) = &each.otherwise {
+                        out.push_str(&format!("{indent}  {robots}else\n"));
+                        self::block(inner, depth + 2, source, out);
+                    }
+                }
+                Statement::Call(call) => {
+                    let given = call.arguments.iter().map(|given| {
+                        let name = given.name.map(|name| format!("{}=", name.text)).unwrap_or_default();
+                        format!("{name}{}", expression(&given.value))
+                    });
+                    let given = given.collect::<Vec<_>>().join(", ");
+                    out.push_str(&format!("{indent}  {robots}call {}({given})\n", call.name.text));
+                }
                 Statement::Block(inner) => {
                     out.push_str(&format!("{indent}  {robots}block\n"));
                     self::block(inner, depth + 2, source, out);
@@ -80,11 +111,23 @@ fn argument(argument: &Argument<'_>) -> String {
 
 fn value(value: &Value<'_>) -> String {
     let minus = if value.negative { "minus " } else { "" };
-    match value.kind {
+    match &value.kind {
         ValueKind::Number(shape, text) => format!("{minus}{shape:?}`{text}`"),
         ValueKind::Text(text) => format!("{minus}text{text}"),
         ValueKind::Word(text) => format!("{minus}word`{text}`"),
-        ValueKind::Call(name) => format!("{minus}call`{name}`"),
-        ValueKind::Paren => format!("{minus}parentheses"),
+        ValueKind::Expression(inner) => format!("{minus}({})", expression(inner)),
     }
+}
+
+/// The steps of a calculation, operands before their operator.
+fn expression(expression: &Expression<'_>) -> String {
+    let steps = expression.nodes.iter().map(|node| match node.kind {
+        NodeKind::Number(_, text) | NodeKind::Text(text) | NodeKind::Name(text) => text.to_owned(),
+        NodeKind::Negate => "negate".to_owned(),
+        NodeKind::Not => "not".to_owned(),
+        NodeKind::Binary(binary) => format!("{binary:?}"),
+        NodeKind::Skip(binary, over) => format!("{binary:?}?{over}"),
+        NodeKind::Call(name, count) => format!("{name}/{count}"),
+    });
+    steps.collect::<Vec<_>>().join(" ")
 }

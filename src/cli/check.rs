@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use motionseq::source::Sources;
 
 use super::exit::Exit;
 use super::screen::{Screen, plural, seconds};
@@ -39,15 +40,16 @@ impl Check {
                 exit = Exit::Script;
                 continue;
             };
-            let compiled = self.options.compile(&source, screen, self.deny.is_some());
+            let sources = Sources::from(source);
+            let compiled = self.options.compile(&sources, screen, self.deny.is_some());
             let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
                 Some(timeline) if !denied => {
                     let frames = plural(timeline.events().len(), "frame");
-                    screen.note(&format!("{}: ok, {frames} in {} s", source.name(), seconds(timeline.end_us)));
+                    screen.note(&format!("{}: ok, {frames} in {} s", sources.main().name(), seconds(timeline.end_us)));
                 }
                 Some(_) => {
-                    screen.error(&format!("{}: warnings are denied", source.name()));
+                    screen.error(&format!("{}: warnings are denied", sources.main().name()));
                     exit = Exit::Script;
                 }
                 None => exit = Exit::Script,

@@ -14,8 +14,8 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand};
 use motionseq::Compiled;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
-use motionseq::source::Source;
-use motionseq::timeline::{Limits, Timeline};
+use motionseq::source::{Source, Sources};
+use motionseq::timeline::Timeline;
 
 use exit::Exit;
 use screen::{Color, Screen, Volume};
@@ -64,11 +64,21 @@ struct Script {
 }
 
 /// How scripts are compiled.
-#[derive(Clone, Copy, Debug, Args)]
+#[derive(Clone, Debug, Args)]
 struct Options {
+    /// Replace the value of a top-level `let` of the script
+    #[arg(long, value_name = "NAME=VALUE", value_parser = name_and_value)]
+    set: Vec<(String, String)>,
     /// Allow a script to send so many frames
-    #[arg(long, value_name = "N", default_value_t = Limits::default().events)]
+    #[arg(long, value_name = "N", default_value_t = motionseq::program::Options::default().events)]
     max_events: usize,
+}
+
+fn name_and_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) => Ok((name.trim().to_owned(), value.trim().to_owned())),
+        None => Err("write it as NAME=VALUE".to_owned()),
+    }
 }
 
 /// Runs the program.
@@ -97,11 +107,11 @@ pub(crate) fn main() -> ExitCode {
 
 impl Script {
     /// Reads and compiles the script and shows what is wrong with it.
-    fn compile(&self, screen: &Screen) -> Result<(Source, Timeline), Exit> {
-        let source = read(&self.file, screen)?;
-        let compiled = self.options.compile(&source, screen, false);
+    fn compile(&self, screen: &Screen) -> Result<(Sources, Timeline), Exit> {
+        let sources = Sources::from(read(&self.file, screen)?);
+        let compiled = self.options.compile(&sources, screen, false);
         match compiled.timeline {
-            Some(timeline) => Ok((source, timeline)),
+            Some(timeline) => Ok((sources, timeline)),
             None => Err(Exit::Script),
         }
     }
@@ -109,9 +119,10 @@ impl Script {
 
 impl Options {
     /// Compiles a script and shows what is wrong with it.
-    fn compile(self, source: &Source, screen: &Screen, denied: bool) -> Compiled {
-        let compiled = motionseq::compile(source, Limits { events: self.max_events });
-        screen.diagnostics(source, &compiled.diagnostics, denied);
+    fn compile(&self, sources: &Sources, screen: &Screen, denied: bool) -> Compiled {
+        let options = motionseq::program::Options { events: self.max_events, set: self.set.clone() };
+        let compiled = motionseq::compile(sources, &options);
+        screen.diagnostics(sources, &compiled.diagnostics, denied);
         compiled
     }
 }
@@ -127,7 +138,7 @@ fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
             Some((source, diagnostic)) => {
                 let mut diagnostics = Diagnostics::default();
                 diagnostics.push(diagnostic);
-                screen.diagnostics(&source, &diagnostics, false);
+                screen.diagnostics(&source.into(), &diagnostics, false);
             }
         }
         Exit::Script

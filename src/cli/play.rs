@@ -12,7 +12,7 @@ use motionseq::board::{Report, State};
 use motionseq::link::{OpenError, Pty, Recorder, Serial};
 use motionseq::playback::{Cause, Notice, Outcome, Player, Signals, Stop, drive};
 use motionseq::sim::{Received, VirtualBoard, serve};
-use motionseq::source::Source;
+use motionseq::source::Sources;
 use motionseq::timeline::Timeline;
 use rtrb::{Consumer, RingBuffer};
 
@@ -56,7 +56,7 @@ impl Play {
     }
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (source, timeline) = self.script.compile(screen)?;
+        let (sources, timeline) = self.script.compile(screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
             Exit::Usage
@@ -96,7 +96,7 @@ impl Play {
         lost.bytes = link.lost();
         // Both rings end, which ends the news; the closed port ends the virtual board.
         drop((link, notices_in));
-        let end = End { screen: *screen, source, outcome, lost, news, board: port.board };
+        let end = End { screen: *screen, sources, outcome, lost, news, board: port.board };
         Ok(end.tell())
     }
 }
@@ -111,7 +111,7 @@ struct Lost {
 /// All that is left to do when nothing is sent any more: to say how it went.
 struct End {
     screen: Screen,
-    source: Source,
+    sources: Sources,
     outcome: Outcome,
     lost: Lost,
     news: JoinHandle<(io::Result<()>, Option<Report>)>,
@@ -134,7 +134,7 @@ impl End {
     }
 
     fn say(self) {
-        let End { screen, source, outcome, lost, news, board } = self;
+        let End { screen, sources, outcome, lost, news, board } = self;
         let (written, report) =
             news.join().unwrap_or_else(|_| (Err(io::Error::other("the thread that writes it failed")), None));
         let written = match lost.bytes {
@@ -157,7 +157,7 @@ impl End {
             Some(Ok(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
             Some(Err(_)) => screen.error("the virtual board failed"),
         }
-        early_end(&screen, &source, &outcome);
+        early_end(&screen, &sources, &outcome);
     }
 }
 
@@ -339,7 +339,7 @@ fn exit_code(outcome: &Outcome) -> Exit {
 }
 
 /// For an early end the one line that says what happened.
-fn early_end(screen: &Screen, source: &Source, outcome: &Outcome) {
+fn early_end(screen: &Screen, sources: &Sources, outcome: &Outcome) {
     let cause = match outcome.cause {
         Cause::Finished => return,
         Cause::Signal(signal) => signal_name(signal),
@@ -350,7 +350,7 @@ fn early_end(screen: &Screen, source: &Source, outcome: &Outcome) {
         Cause::Panicked => "motionseq failed, which is a bug".into(),
     };
     let place = match outcome.place {
-        Some(span) => format!(" at {}:{}", source.name(), source.line(span.start)),
+        Some(span) => format!(" at {}", sources.place(span)),
         None => String::new(),
     };
     let stop = match outcome.stop {

@@ -6,7 +6,7 @@ use std::io::{self, IsTerminal, Write as _};
 use clap::ValueEnum;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostics, Printable, escaped};
-use motionseq::source::Source;
+use motionseq::source::Sources;
 
 /// When messages have colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -91,8 +91,8 @@ impl Screen {
     /// Every error and warning of a script, and a line that counts them.
     ///
     /// `-q` keeps warnings back, unless they are why a command fails (`denied`).
-    pub(super) fn diagnostics(&self, source: &Source, diagnostics: &Diagnostics, denied: bool) {
-        let printable = Printable::new(source);
+    pub(super) fn diagnostics(&self, sources: &Sources, diagnostics: &Diagnostics, denied: bool) {
+        let printable = Printable::all(sources);
         let theme = if self.color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
         let handler = GraphicalReportHandler::new_themed(theme).with_width(self.width()).with_links(false);
         let mut text = String::new();
@@ -100,7 +100,7 @@ impl Screen {
             if self.volume == Volume::Quiet && !diagnostic.is_error() && !denied {
                 continue;
             }
-            let attached = Attached { diagnostic, source: &printable };
+            let attached = Attached::new(diagnostic, &printable);
             // Writing to a string does not fail.
             let _ = handler.render_report(&mut text, &attached);
             text.push('\n');
@@ -110,7 +110,7 @@ impl Screen {
         }
         print(&text);
         if diagnostics.errors() + diagnostics.warnings() > 0 {
-            self.note(&format!("{}: {}", source.name(), count(diagnostics)));
+            self.note(&format!("{}: {}", sources.main().name(), count(diagnostics)));
         }
     }
 

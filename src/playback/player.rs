@@ -14,7 +14,7 @@ const STOP_INTERVAL: u64 = 20 * MILLISECOND;
 /// How long the stop may take before it is given up, in nanoseconds.
 const STOP_PATIENCE: u64 = 500 * MILLISECOND;
 /// What every early end sends.
-const STOP_FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
+static STOP_FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
 /// The most bytes given to the port at once.
 const BATCH: usize = 16 * 1024;
 
@@ -136,6 +136,7 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Player<'t> {
     events: &'t [Event],
+    abort: &'t [Event],
     cues: &'t [crate::timeline::Cue],
     end: u64,
     max_late: u64,
@@ -169,8 +170,10 @@ struct Stopping {
     outcome: Outcome,
     /// Whether the queue was thrown away.
     discarded: bool,
-    /// How many of [`STOP_FRAMES`] were taken up.
+    /// How many of [`STOP_FRAMES`], and behind them of `on abort`, were taken up.
     step: usize,
+    /// When `on abort` began.
+    abort_from: u64,
     /// How many stops the port took whole.
     whole: usize,
     /// When the next one is due.
@@ -183,6 +186,7 @@ impl<'t> Player<'t> {
     pub fn new(timeline: &'t Timeline, max_late: u64) -> Self {
         Player {
             events: timeline.events(),
+            abort: timeline.abort(),
             cues: &timeline.cues,
             end: timeline.end_us.saturating_mul(1_000),
             max_late,
@@ -316,6 +320,29 @@ impl<'t> Player<'t> {
         None
     }
 
+    /// The next frame of the stop, or of `on abort` behind it, and when the one after it is due.
+    fn next_stop_frame(&self, stopping: &mut Stopping, now: u64) -> Option<&'t Command> {
+        let stop: Option<&'static Command> = STOP_FRAMES.get(stopping.step);
+        let frame = match stopping.abort_at() {
+            None => stop?,
+            Some(_) if stopping.outcome.stop != Stop::Sent => return None,
+            Some(at) => &self.abort.get(at)?.command,
+        };
+        stopping.step += 1;
+        let pause = if stopping.step + 1 < STOP_FRAMES.len() { STOP_INTERVAL } else { 0 };
+        stopping.next_at = now.saturating_add(pause);
+        if let Some(at) = stopping.abort_at() {
+            if at == 0 {
+                stopping.abort_from = now;
+            }
+            if let Some(next) = self.abort.get(at) {
+                stopping.next_at = stopping.abort_from.saturating_add(due(next));
+            }
+            stopping.give_up = stopping.next_at.saturating_add(STOP_PATIENCE);
+        }
+        Some(frame)
+    }
+
     fn outcome_now(&self, cause: Cause, now: u64) -> Outcome {
         let place = match cause {
             Cause::Late(_) => Some(self.next),
@@ -344,6 +371,7 @@ impl<'t> Player<'t> {
             outcome,
             discarded: false,
             step: 0,
+            abort_from: 0,
             whole: 0,
             next_at: now,
             give_up: now.saturating_add(STOP_PATIENCE),
@@ -373,6 +401,7 @@ impl<'t> Player<'t> {
             Input::Failed(_) | Input::HungUp | Input::Panicked => self.clear(),
             Input::Blocked | Input::Signal(_) | Input::Tick => {}
         }
+        // `on abort` follows only where the robot was stopped, and each of its frames has the patience of the stop.
         let order = if now > stopping.give_up {
             return self.done(stopping.outcome);
         } else if !self.bytes().is_empty() {
@@ -382,18 +411,21 @@ impl<'t> Player<'t> {
             }
         } else if now < stopping.next_at {
             Order::Pause { until: stopping.next_at }
-        } else if let Some(frame) = STOP_FRAMES.get(stopping.step) {
+        } else if let Some(frame) = self.next_stop_frame(&mut stopping, now) {
             frame.encode(&mut self.out);
-            stopping.step += 1;
-            // The buzzer's frame follows the last stop at once.
-            let pause = if stopping.step + 1 < STOP_FRAMES.len() { STOP_INTERVAL } else { 0 };
-            stopping.next_at = now.saturating_add(pause);
             Order::Write
         } else {
             return self.done(stopping.outcome);
         };
         self.phase = Phase::Stopping(stopping);
         order
+    }
+}
+
+impl Stopping {
+    /// Where in `on abort` it is, once the stop is done.
+    fn abort_at(&self) -> Option<usize> {
+        self.step.checked_sub(STOP_FRAMES.len())
     }
 }
 

@@ -1,13 +1,12 @@
 //! The one table of commands and settings. A new one is one row here and the function that reads its arguments.
 
-use crate::board::{self, Gains, MAX_PAYLOAD, Mode, Payload, Query, Ranged, Speed, TiltPulseWidth};
-use crate::diagnostic::{Code, Diagnostic};
-use crate::syntax::{Item, Value, ValueKind};
-
 use super::Settings;
-use super::arguments::{self, Arguments};
-use super::time::Time;
-use super::value::{self, Quantity};
+use super::arguments::Arguments;
+use super::motion::{Glide, Motion, Shape};
+use super::value::{self};
+use crate::board::{self, Gains, MAX_PAYLOAD, Mode, Payload, Query, Ranged, TiltPulseWidth};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::syntax::{Argument, Item, Value};
 
 /// One row of the table.
 #[derive(Debug)]
@@ -18,54 +17,61 @@ pub struct Row {
     pub usage: &'static str,
     /// A line that works.
     pub example: &'static str,
+    /// What it does, in a few words.
+    pub meaning: &'static str,
     /// Whether `for D` may stand behind it.
     pub holds: bool,
     /// Whether `over D` may stand behind it.
     pub moves: bool,
+    /// Whether a block stands behind it.
+    pub block: bool,
     /// What it does.
     pub(super) build: Build,
 }
+
+/// The arguments of a command, for the functions of the table.
+pub(super) type Args<'r, 'a, 's, 'd> = Arguments<'r, 'a, 's, 'd>;
 
 /// What a row does with its arguments.
 #[derive(Debug)]
 pub(super) enum Build {
     /// Makes one command to the board.
-    Send(fn(&mut Arguments<'_, '_>) -> Option<board::Command>),
+    Send(fn(&mut Args<'_, '_, '_, '_>) -> Option<board::Command>),
+    /// Makes a command that may go somewhere over a time.
+    Go(fn(&mut Args<'_, '_, '_, '_>) -> Option<Motion>),
     /// Changes a setting.
-    Set(fn(&mut Arguments<'_, '_>, &mut Settings) -> Option<()>),
+    Set(fn(&mut Args<'_, '_, '_, '_>, &mut Settings) -> Option<()>),
     /// Passes time.
     Wait,
     /// Writes a line on the screen.
     Say,
+    /// Names the moment.
+    Mark,
+    /// Runs its block several times.
+    Repeat,
+    /// Starts each statement of its block at the start.
+    Together,
+    /// Takes over the names of another file.
+    Use,
+    /// What is sent when something ends a run early.
+    Abort,
     /// The language has it; this version does not.
     Later,
 }
 
 impl Row {
-    const fn send(
+    pub(super) const fn new(
         name: &'static str,
         usage: &'static str,
         example: &'static str,
-        build: fn(&mut Arguments<'_, '_>) -> Option<board::Command>,
+        meaning: &'static str,
+        build: Build,
     ) -> Row {
-        Row { name, usage, example, holds: false, moves: false, build: Build::Send(build) }
+        Row { name, usage, example, meaning, holds: false, moves: false, block: false, build }
     }
 
-    const fn set(
-        name: &'static str,
-        usage: &'static str,
-        example: &'static str,
-        build: fn(&mut Arguments<'_, '_>, &mut Settings) -> Option<()>,
-    ) -> Row {
-        Row { name, usage, example, holds: false, moves: false, build: Build::Set(build) }
-    }
-
-    const fn other(name: &'static str, usage: &'static str, example: &'static str, build: Build) -> Row {
-        Row { name, usage, example, holds: false, moves: false, build }
-    }
-
-    const fn later(name: &'static str) -> Row {
-        Row { name, usage: "", example: "", holds: false, moves: false, build: Build::Later }
+    pub(super) const fn later(name: &'static str) -> Row {
+        Row::new(name, "", "", "", Build::Later)
     }
 
     /// How it is written, for messages.
@@ -83,118 +89,219 @@ impl Row {
     const fn moving(self) -> Row {
         Row { moves: true, ..self }
     }
+
+    const fn with_block(self) -> Row {
+        Row { block: true, ..self }
+    }
 }
 
 /// What a line may start with.
 pub const COMMANDS: &[Row] = &[
-    Row::send("servo", "servo N PULSE", "servo 1 1500", servo).moving(),
-    Row::send("servos", "servos PAN TILT", "servos 1500 1500", servos).moving(),
-    Row::send("rocker", "rocker x=RIGHT y=FORWARD z=CLOCKWISE", "rocker x=10 z=50", rocker).holding().moving(),
-    Row::send("yawhold", "yawhold x=RIGHT y=FORWARD", "yawhold y=10", yaw_hold).holding().moving(),
-    Row::send("wheels", "wheels A B C D", "wheels 8 -8 -8 8", wheels).holding().moving(),
-    Row::send("move", "move x=RIGHT y=FORWARD z=CLOCKWISE", "move y=100", displace),
-    Row::send("stop", "stop", "stop", stop),
-    Row::send("buzzer", "buzzer on|off", "buzzer on for 200ms", buzzer).holding(),
-    Row::send(
+    Row::new(
+        "servo",
+        "servo N PULSE",
+        "servo 1 1500",
+        "one servo, N 1-4, to a pulse width of 500-2500 µs",
+        Build::Go(servo),
+    )
+    .moving(),
+    Row::new(
+        "servos",
+        "servos PAN TILT",
+        "servos 1500 1500",
+        "servo 1 and 2 in one frame, 500-2500 and 500-1950 µs",
+        Build::Go(servos),
+    )
+    .moving(),
+    Row::new(
+        "rocker",
+        "rocker x=RIGHT y=FORWARD z=CLOCKWISE",
+        "rocker x=10 z=50",
+        "the whole robot's speed: x to the right and y forward -25..25, z clockwise -200..200; an axis left out is 0",
+        Build::Go(rocker),
+    )
+    .holding()
+    .moving(),
+    Row::new(
+        "yawhold",
+        "yawhold x=RIGHT y=FORWARD",
+        "yawhold y=10",
+        "the same, while the board keeps the heading",
+        Build::Go(yaw_hold),
+    )
+    .holding()
+    .moving(),
+    Row::new(
+        "wheels",
+        "wheels A B C D",
+        "wheels 8 -8 -8 8",
+        "each wheel -25..25: A front right, B rear right, C rear left, D front left",
+        Build::Go(wheels),
+    )
+    .holding()
+    .moving(),
+    Row::new(
+        "move",
+        "move x=RIGHT y=FORWARD z=CLOCKWISE",
+        "move y=100",
+        "a displacement, each -65535..65535; needs `pid position` before it",
+        Build::Send(displace),
+    ),
+    Row::new("stop", "stop", "stop", "the drive stops", Build::Send(stop)),
+    Row::new("buzzer", "buzzer on|off", "buzzer on for 200ms", "the buzzer", Build::Send(buzzer)).holding(),
+    Row::new(
         "pid",
         "pid speed|position speed=P,I position=P,I,D yaw=P,I,D",
         "pid speed speed=200,150 position=20,0,20 yaw=12,2,5",
-        pid,
+        "mode and controller gains, each 0-255",
+        Build::Send(pid),
     ),
-    Row::send("request", "request WHAT", "request voltage", request),
-    Row::send("raw", "raw FUNCTION BYTE BYTE …", "raw 0x04 0x01", raw),
-    Row::other("say", "say \"TEXT\"", "say \"here I go\"", Build::Say),
-    Row::other("wait", "wait TIME", "wait 0.5s", Build::Wait),
+    Row::new(
+        "request",
+        "request WHAT",
+        "request voltage",
+        "asks the board for data: report-start, report-stop, encoder-1 to encoder-4, voltage, pitch, roll, yaw",
+        Build::Send(request),
+    ),
+    Row::new(
+        "raw",
+        "raw FUNCTION BYTE BYTE …",
+        "raw 0x04 0x01",
+        "a frame of any function and payload, bytes 0-255; header, length and checksum are added",
+        Build::Send(raw),
+    ),
+    Row::new(
+        "say",
+        "say \"TEXT\"",
+        "say \"here I go\"",
+        "shows a line while playing; `{NAME}` puts in a value; sends nothing",
+        Build::Say,
+    ),
+    Row::new("wait", "wait TIME", "wait 0.5s", "passes time", Build::Wait),
+    Row::new("mark", "mark NAME", "mark bow", "names the moment, for `at` below it", Build::Mark),
+    Row::new(
+        "repeat",
+        "repeat N every TIME as NAME { … }",
+        "repeat 4 { buzzer on for 100ms }",
+        "runs its block N times",
+        Build::Repeat,
+    )
+    .with_block(),
+    Row::new(
+        "together",
+        "together { … }",
+        "together { servo 1 900; servo 2 900 }",
+        "starts each statement of its block at the start",
+        Build::Together,
+    )
+    .with_block(),
+    Row::new(
+        "use",
+        "use \"FILE\"",
+        "use \"lib/phrases.motion\"",
+        "takes over the `let`s and `def`s of another file",
+        Build::Use,
+    ),
+    Row::new(
+        "on",
+        "on abort { … }",
+        "on abort { servos 1500 1500 }",
+        "what is sent when something ends a run early, after the stop",
+        Build::Abort,
+    )
+    .with_block(),
     Row::later("expect"),
-    Row::later("mark"),
-    Row::later("repeat"),
-    Row::later("together"),
-    Row::later("on"),
-    Row::later("use"),
     Row::later("def"),
     Row::later("let"),
     Row::later("if"),
     Row::later("else"),
 ];
 
-/// What may stand before every command.
-pub const SETTINGS: &[Row] = &[
-    Row::set("language", "language 1", "language 1", language),
-    Row::set("rate", "rate FREQUENCY", "rate 50hz", rate),
-    Row::set("refresh", "refresh TIME|off", "refresh 50ms", refresh),
-    Row::set("baud", "baud SPEED", "baud 115200", baud),
-    Row::later("tempo"),
-    Row::later("meter"),
-    Row::later("seed"),
-    Row::later("limit"),
-    Row::later("robots"),
-];
-
 /// The row of a word.
 pub(super) fn find(name: &str) -> Option<&'static Row> {
-    COMMANDS.iter().chain(SETTINGS).find(|row| row.name == name)
+    COMMANDS.iter().chain(super::settings::SETTINGS).find(|row| row.name == name)
 }
 
 /// Why a tilt servo's range ends early.
 const TILT_LIMIT: &str = "a tilt servo driven further is damaged";
 
-fn servo(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
+fn servo(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
     let index = args.next()?;
     let index = args.whole(index, "a servo number");
-    let pulse = args.next()?;
-    let span = pulse.span;
-    let pulse = args.pulse(pulse, "a pulse width", "");
-    let (index, pulse): (board::ServoIndex, board::PulseWidth) = (index?, pulse?);
-    if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX {
-        args.diagnostics.push(Diagnostic::new(
+    let argument = args.next_argument()?;
+    let glide = pulse::<500, 2500>(args, argument, "a pulse width", "");
+    let (index, glide): (board::ServoIndex, Glide) = (index?, glide?);
+    let widest = glide.from.map_or(glide.to, |from| from.max(glide.to));
+    if index.get() == 2 && value::round(widest).is_some_and(|widest| widest > TiltPulseWidth::MAX) {
+        args.context.report(Diagnostic::new(
             Code::TiltRange,
-            span,
-            format!("servo 2 is the tilt servo, and does not survive {pulse} µs"),
+            argument.span,
+            format!("servo 2 is the tilt servo, and does not survive {} µs", libm::round(widest)),
             format!("stay at or below {} unless another servo is connected there", TiltPulseWidth::MAX),
         ));
     }
-    Some(board::Command::Servo { index, pulse })
+    Some(Motion { shape: Shape::Servo(index), values: vec![glide] })
 }
 
-fn servos(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
-    let pan = args.next()?;
-    let pan = args.pulse(pan, "the pan pulse width", "");
-    let tilt = args.next()?;
-    let tilt = args.pulse(tilt, "the tilt pulse width", TILT_LIMIT);
-    Some(board::Command::Servos { pan: pan?, tilt: tilt? })
+fn servos(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
+    let pan = args.next_argument()?;
+    let pan = pulse::<500, 2500>(args, pan, "the pan pulse width", "");
+    let tilt = args.next_argument()?;
+    let tilt = pulse::<500, 1950>(args, tilt, "the tilt pulse width", TILT_LIMIT);
+    Some(Motion { shape: Shape::Servos, values: vec![pan?, tilt?] })
 }
 
-fn rocker(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
-    let [x, y] = speeds(args);
-    let z = axis(args, "z", "the turning speed z");
+fn pulse<'a, 's, const MIN: i32, const MAX: i32>(
+    args: &mut Args<'_, 'a, 's, '_>,
+    argument: &'a Argument<'s>,
+    what: &str,
+    why: &str,
+) -> Option<Glide> {
+    args.glide::<MIN, MAX>(argument, |args, value| args.micros(value, what), what, [" µs", why])
+}
+
+fn rocker(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
+    let x = axis::<-25, 25>(args, "x", "the speed x");
+    let y = axis::<-25, 25>(args, "y", "the speed y");
+    let z = axis::<-200, 200>(args, "z", "the turning speed z");
     no_axis(args)?;
-    Some(board::Command::Rocker { x: x?, y: y?, z: z? })
+    Some(Motion { shape: Shape::Rocker, values: vec![x?, y?, z?] })
 }
 
-fn yaw_hold(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
-    let [x, y] = speeds(args);
+fn yaw_hold(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
+    let x = axis::<-25, 25>(args, "x", "the speed x");
+    let y = axis::<-25, 25>(args, "y", "the speed y");
     no_axis(args)?;
-    Some(board::Command::YawHold { x: x?, y: y? })
+    Some(Motion { shape: Shape::YawHold, values: vec![x?, y?] })
 }
 
-fn displace(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
-    let x = axis(args, "x", "the displacement x");
-    let y = axis(args, "y", "the displacement y");
-    let z = axis(args, "z", "the displacement z");
+fn wheels(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
+    let mut values = Vec::new();
+    for what in ["the speed of wheel A", "the speed of wheel B", "the speed of wheel C", "the speed of wheel D"] {
+        let argument = args.next_argument()?;
+        values.push(args.glide::<-25, 25>(argument, |args, value| args.number(value, what), what, ["", ""]));
+    }
+    Some(Motion { shape: Shape::Wheels, values: values.into_iter().collect::<Option<_>>()? })
+}
+
+/// One axis that may move; left out it is 0.
+fn axis<const MIN: i32, const MAX: i32>(args: &mut Args<'_, '_, '_, '_>, name: &str, what: &str) -> Option<Glide> {
+    match args.named(name) {
+        None => Some(Glide { from: None, to: 0.0 }),
+        Some(argument) => args.glide::<MIN, MAX>(argument, |args, value| args.number(value, what), what, ["", ""]),
+    }
+}
+
+fn displace(args: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
+    let x = displacement(args, "x", "the displacement x");
+    let y = displacement(args, "y", "the displacement y");
+    let z = displacement(args, "z", "the displacement z");
     no_axis(args)?;
     Some(board::Command::Move { x: x?, y: y?, z: z? })
 }
 
-fn speeds(args: &mut Arguments<'_, '_>) -> [Option<Speed>; 2] {
-    [axis(args, "x", "the speed x"), axis(args, "y", "the speed y")]
-}
-
-/// One axis; left out it is 0.
-fn axis<const MIN: i32, const MAX: i32>(
-    args: &mut Arguments<'_, '_>,
-    name: &str,
-    what: &str,
-) -> Option<Ranged<MIN, MAX>> {
+/// One axis of a displacement; left out it is 0.
+fn displacement(args: &mut Args<'_, '_, '_, '_>, name: &str, what: &str) -> Option<board::Displacement> {
     match args.named(name) {
         None => Ranged::new(0).ok(),
         Some(argument) => {
@@ -205,54 +312,35 @@ fn axis<const MIN: i32, const MAX: i32>(
 }
 
 /// An axis without its name, or no axis at all, is a mistake.
-fn no_axis(args: &mut Arguments<'_, '_>) -> Option<()> {
-    let named = args.command.arguments.iter().any(|argument| argument.name.is_some());
-    if named {
+fn no_axis(args: &mut Args<'_, '_, '_, '_>) -> Option<()> {
+    if args.command.arguments.iter().any(|argument| argument.name.is_some()) {
         return Some(());
     }
     // Reports that more is needed where nothing was given.
-    let value = args.next()?;
+    let argument = args.next_argument()?;
     let row = args.row;
-    args.diagnostics.push(Diagnostic::new(
-        Code::Arguments,
-        value.span,
-        format!("`{}` wants each value with its axis", row.name),
-        format!("write `{}`, for example `{}`", row.usage, row.example),
-    ));
+    let message = format!("`{}` wants each value with its axis", row.name);
+    args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, row.how()));
     // The rest of them would only repeat it.
     while args.more() {
-        args.next();
+        args.next_argument();
     }
     None
 }
 
-fn wheels(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
-    let mut wheel = |what| {
-        let value = args.next()?;
-        args.ranged(value, what)
-    };
-    let [a, b, c, d] = [
-        wheel("the speed of wheel A"),
-        wheel("the speed of wheel B"),
-        wheel("the speed of wheel C"),
-        wheel("the speed of wheel D"),
-    ];
-    Some(board::Command::Wheels([a?, b?, c?, d?]))
-}
-
 // The table wants a function that may fail.
 #[expect(clippy::unnecessary_wraps, reason = "the table's signature")]
-fn stop(_: &mut Arguments<'_, '_>) -> Option<board::Command> {
+fn stop(_: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
     Some(board::Command::STOP)
 }
 
-fn buzzer(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
+fn buzzer(args: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
     let value = args.next()?;
     let word = args.word(value, &["on", "off"])?;
     Some(board::Command::Buzzer(word == "on"))
 }
 
-fn pid(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
+fn pid(args: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
     let mode = args.next()?;
     let mode = args.word(mode, &["speed", "position"]).and_then(Mode::named);
     let speed = gains(args, "speed");
@@ -262,7 +350,7 @@ fn pid(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
 }
 
 /// A named list of exactly `N` gains, each a byte.
-fn gains<const N: usize>(args: &mut Arguments<'_, '_>, name: &'static str) -> Option<[u8; N]> {
+fn gains<const N: usize>(args: &mut Args<'_, '_, '_, '_>, name: &'static str) -> Option<[u8; N]> {
     let letters = if N == 2 { "P,I" } else { "P,I,D" };
     let Some(argument) = args.named(name) else {
         args.missing();
@@ -273,9 +361,9 @@ fn gains<const N: usize>(args: &mut Arguments<'_, '_>, name: &'static str) -> Op
         Item::One(value) => std::slice::from_ref(value),
         _ => &[],
     };
-    let bytes: Vec<u8> = values.iter().filter_map(|value| args.byte(*value, "a gain")).collect();
+    let bytes: Vec<u8> = values.iter().filter_map(|value| args.byte(value, "a gain")).collect();
     if values.len() != N {
-        args.diagnostics.push(Diagnostic::new(
+        args.context.report(Diagnostic::new(
             Code::Arguments,
             argument.span,
             format!("`{name}` has {N} gains"),
@@ -285,25 +373,28 @@ fn gains<const N: usize>(args: &mut Arguments<'_, '_>, name: &'static str) -> Op
     bytes.try_into().ok()
 }
 
-fn request(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
+fn request(args: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
     let value = args.next()?;
     let word = args.word(value, Query::NAMES)?;
     Query::named(word).map(board::Command::Request)
 }
 
-fn raw(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
+fn raw(args: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
     let function = args.next()?;
     let function = args.byte(function, "the function byte");
     let mut payload = Vec::new();
     let mut complete = true;
     while args.more() {
-        let byte = args.next().and_then(|value| args.byte(value, "a payload byte"));
+        let byte = match args.next() {
+            Some(value) => args.byte(value, "a payload byte"),
+            None => None,
+        };
         complete &= byte.is_some();
         payload.extend(byte);
     }
     let length = payload.len();
     let Some(payload) = Payload::new(payload) else {
-        args.diagnostics.push(Diagnostic::new(
+        args.context.report(Diagnostic::new(
             Code::OutOfRange,
             args.command.span,
             format!("a frame carries at most {MAX_PAYLOAD} bytes, and these are {length}"),
@@ -312,120 +403,11 @@ fn raw(args: &mut Arguments<'_, '_>) -> Option<board::Command> {
         return None;
     };
     let function = function.filter(|_| complete)?;
-    args.diagnostics.push(Diagnostic::new(
+    args.context.report(Diagnostic::new(
         Code::RawFrame,
         args.command.span,
         "nothing checks what this frame makes the robot do",
         "use the command that sends it, if there is one",
     ));
     Some(board::Command::Raw { function, payload })
-}
-
-fn language(args: &mut Arguments<'_, '_>, _: &mut Settings) -> Option<()> {
-    let value = args.next()?;
-    let version: Ranged<0, { i32::MAX }> = args.whole(value, "the version of the language")?;
-    if version.get() == 1 {
-        return Some(());
-    }
-    args.diagnostics.push(Diagnostic::new(
-        Code::LanguageVersion,
-        value.span,
-        format!("this motionseq reads version 1 of the language, not {version}"),
-        "update motionseq, or write `language 1` if the script was written for it",
-    ));
-    None
-}
-
-fn rate(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> {
-    let value = args.next()?;
-    match value::read(value, args.diagnostics)? {
-        Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => settings.rate = rate,
-        Quantity::Hertz(_) => {
-            args.diagnostics.push(Diagnostic::new(
-                Code::OutOfRange,
-                value.span,
-                "a rate is from 1 to 200 hz",
-                "write a rate such as `rate 50hz`",
-            ));
-            return None;
-        }
-        other => {
-            args.diagnostics.push(Diagnostic::new(
-                Code::Unit,
-                value.span,
-                format!("a frequency is needed here, not {}", other.kind()),
-                "write a rate such as `rate 50hz`",
-            ));
-            return None;
-        }
-    }
-    Some(())
-}
-
-fn refresh(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> {
-    let value = args.next()?;
-    if let ValueKind::Word(_) = value.kind {
-        args.word(value, &["off"])?;
-        settings.refresh = None;
-        return Some(());
-    }
-    let interval = arguments::time(value, args.diagnostics)?;
-    if !(Time::from_millis(10)..=Time::from_millis(1_000)).contains(&interval) {
-        args.diagnostics.push(Diagnostic::new(
-            Code::OutOfRange,
-            value.span,
-            "a refresh interval is from 10 ms to 1 s",
-            "write an interval such as `refresh 50ms`, or `refresh off`",
-        ));
-        return None;
-    }
-    settings.refresh = Some(interval);
-    Some(())
-}
-
-fn baud(args: &mut Arguments<'_, '_>, settings: &mut Settings) -> Option<()> {
-    let value = args.next()?;
-    let baud: Ranged<1_200, 4_000_000> = args.whole(value, "the speed of the line")?;
-    settings.baud = u32::try_from(baud.get()).ok()?;
-    Some(())
-}
-
-/// The words of a `say`, with its escapes undone.
-pub(super) fn say(args: &mut Arguments<'_, '_>) -> Option<String> {
-    let value = args.next()?;
-    let ValueKind::Text(quoted) = value.kind else {
-        args.diagnostics.push(Diagnostic::new(
-            Code::Arguments,
-            value.span,
-            "`say` needs a text",
-            "write it between quotation marks: `say \"here I go\"`",
-        ));
-        return None;
-    };
-    let inner = quoted.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(quoted);
-    let mut text = String::with_capacity(inner.len());
-    let mut chars = inner.chars();
-    while let Some(c) = chars.next() {
-        match c {
-            '\\' => {
-                if let Some(escaped @ ('"' | '\\')) = chars.next() {
-                    text.push(escaped);
-                } else {
-                    args.diagnostics.push(Diagnostic::new(
-                        Code::Arguments,
-                        value.span,
-                        "a `\\` in a text stands before `\"` or `\\` only",
-                        "write `\\\\` for a backslash",
-                    ));
-                    return None;
-                }
-            }
-            '{' | '}' => {
-                args.diagnostics.push(value::not_yet(value.span, "a value put into a text with `{ }`"));
-                return None;
-            }
-            _ => text.push(c),
-        }
-    }
-    Some(text)
 }

@@ -5,19 +5,55 @@
 
 mod arguments;
 mod commands;
+mod context;
+mod ease;
+mod functions;
+mod limits;
+mod motion;
+mod say;
+mod scope;
+mod settings;
 mod suggest;
+mod tempo;
 mod time;
+mod trace;
 mod unroll;
 mod value;
+mod weight;
 
-pub use commands::{COMMANDS, Row, SETTINGS};
+pub use commands::{COMMANDS, Row};
+pub use ease::{CURVES, Curve, Ease};
+pub use functions::{FUNCTIONS, Function};
+pub use limits::{Limit, Limited, broken, diagnostic as broken_limit};
+pub use motion::{Glide, Motion, Move, Shape};
+pub use settings::SETTINGS;
+pub use tempo::Tempo;
 pub use time::Time;
+pub use trace::{TraceId, Traces};
 pub use value::{UNITS, Unit};
 
 use crate::board;
 use crate::diagnostic::Diagnostics;
-use crate::source::Span;
+use crate::source::{Sources, Span};
 use crate::syntax::Ast;
+
+/// The most lines and passes that are unrolled.
+pub const MAX_STEPS: u64 = 100_000_000;
+
+/// What a script is compiled with from outside.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// The most frames a robot.
+    pub events: usize,
+    /// Values that replace those of top-level `let`s of the main script: names and values, as a script would write them.
+    pub set: Vec<(String, String)>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { events: 10_000_000, set: Vec::new() }
+    }
+}
 
 /// A script with every word understood.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,26 +64,43 @@ pub struct Program {
     pub steps: Vec<Step>,
     /// When the last statement has ended.
     pub end: Time,
+    /// What is sent when something ends a run early.
+    pub abort: Option<Abort>,
+    /// The calls and passes that led to each step.
+    pub traces: Traces,
     /// Whether all of these times are right, whatever else is wrong with the script.
     pub times_known: bool,
 }
 
+/// `on abort`: a small program of its own, which starts with nothing known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Abort {
+    /// Its commands; none of them is for the drive.
+    pub steps: Vec<Step>,
+    /// When it has ended, from its own start; at most 2 s.
+    pub end: Time,
+}
+
 /// One command at its time.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// When it starts, from the start of the script.
     pub at: Time,
     /// Where it stands in the script.
     pub span: Span,
+    /// The calls and passes that led to it.
+    pub trace: TraceId,
     /// What it does.
     pub action: Action,
 }
 
 /// What a step does.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Sends a command. With a time it holds for so long, and then ends: the drive stops, the buzzer goes off.
     Send(board::Command, Option<Time>),
+    /// Goes somewhere over a time.
+    Go(Box<Move>),
     /// Shows a line of text.
     Say(String),
 }
@@ -55,21 +108,35 @@ pub enum Action {
 /// What stands before every command of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Samples a second of a move, 1-200.
-    pub rate: f64,
+    /// Time between two samples of a move: 1/200 s to 1 s.
+    pub period: Time,
     /// How often a drive command is sent again while it holds, 10 ms - 1 s; `None` for never.
     pub refresh: Option<Time>,
     /// Speed of the line in bits a second.
     pub baud: u32,
+    /// How long a beat and a bar are.
+    pub tempo: Tempo,
+    /// Which random numbers there are.
+    pub seed: u64,
+    /// Ranges that the script narrows.
+    pub limits: Vec<Limit>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { rate: 50.0, refresh: Some(Time::from_millis(50)), baud: board::DEFAULT_BAUD }
+        Settings {
+            period: Time::from_millis(20),
+            refresh: Some(Time::from_millis(50)),
+            baud: board::DEFAULT_BAUD,
+            tempo: Tempo::default(),
+            seed: 0,
+            limits: Vec::new(),
+        }
     }
 }
 
 /// Gives every word its meaning and every command its time. What is wrong is reported and left out.
-pub fn program(ast: &Ast<'_>, diagnostics: &mut Diagnostics) -> Program {
-    unroll::unroll(ast, diagnostics)
+pub fn program<'s>(ast: &Ast<'s>, sources: &'s Sources, options: &Options, diagnostics: &mut Diagnostics) -> Program {
+    let trees = unroll::Trees::new();
+    unroll::unroll(ast, sources, &trees, options, diagnostics)
 }

@@ -1,67 +1,252 @@
 //! Moments and lengths of time, exact until they are rounded, once, to whole microseconds.
 
+use std::cmp::Ordering;
 use std::fmt;
 use std::time::Duration;
 
-/// A time in whole nanoseconds, which is as fine as a script can write one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Time(i64);
+/// A time as an exact fraction of nanoseconds.
+///
+/// A beat of 1/3 s stays one: three of them are a second. A fraction that needs more than 64 bits a side is rounded to
+/// 10⁻¹⁵ s; a time beyond 292 years is held there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Time {
+    nanos: i64,
+    /// What the nanoseconds are divided by; above zero, and with no factor in common.
+    per: i64,
+}
+
+/// Parts of a nanosecond that a fraction is rounded to where it needs too many bits.
+const FINEST: i64 = 1_000_000;
+
+impl Default for Time {
+    fn default() -> Self {
+        Time::ZERO
+    }
+}
 
 impl Time {
     /// No time.
-    pub const ZERO: Time = Time(0);
+    pub const ZERO: Time = Time::from_nanos(0);
     /// The longest script.
-    pub const LONGEST: Time = Time(24 * 3_600 * 1_000_000_000);
+    pub const LONGEST: Time = Time::from_nanos(24 * 3_600 * 1_000_000_000);
+
+    const fn from_nanos(nanos: i64) -> Time {
+        Time { nanos, per: 1 }
+    }
 
     /// So many milliseconds.
     pub const fn from_millis(millis: u32) -> Time {
-        Time(millis as i64 * 1_000_000)
+        Time::from_nanos(millis as i64 * 1_000_000)
     }
 
     /// The same time; `None` beyond 292 years.
     pub fn from_duration(duration: Duration) -> Option<Time> {
-        i64::try_from(duration.as_nanos()).ok().map(Time)
+        i64::try_from(duration.as_nanos()).ok().map(Time::from_nanos)
     }
 
-    /// In nanoseconds.
-    pub fn nanos(self) -> i64 {
-        self.0
+    /// `nanos / per`, in lowest terms, rounded where that needs too many bits. `per` is not zero.
+    fn exact(nanos: i128, per: i128) -> Time {
+        let common = gcd(nanos.unsigned_abs(), per.unsigned_abs());
+        let common = i128::try_from(common).unwrap_or(1) * per.signum();
+        let (nanos, per) = (nanos / common, per / common);
+        match (i64::try_from(nanos), i64::try_from(per)) {
+            (Ok(nanos), Ok(per)) => Time { nanos, per },
+            _ => {
+                let whole = nanos.div_euclid(per).saturating_mul(i128::from(FINEST));
+                let rest = rounded(nanos.rem_euclid(per), per);
+                let finest = whole.saturating_add(rest);
+                let held = |value: i128| i64::try_from(value).unwrap_or(if value < 0 { i64::MIN } else { i64::MAX });
+                if i64::try_from(finest).is_ok() {
+                    Time::exact(finest, i128::from(FINEST))
+                } else {
+                    Time::from_nanos(held(nanos.div_euclid(per)))
+                }
+            }
+        }
     }
 
     /// In whole microseconds, half up; times before zero count as zero.
     pub fn micros(self) -> u64 {
-        u64::try_from(self.0.saturating_add(500).div_euclid(1_000)).unwrap_or(0)
+        let (nanos, per) = (i128::from(self.nanos), i128::from(self.per));
+        u64::try_from((2 * nanos + 1_000 * per).div_euclid(2_000 * per)).unwrap_or(0)
     }
 
-    /// The sum, held at the ends of what a time can be; those are far beyond [`Time::LONGEST`].
+    /// The sum.
     #[must_use]
     pub fn plus(self, other: Time) -> Time {
-        Time(self.0.saturating_add(other.0))
+        if (self.per, other.per) == (1, 1)
+            && let Some(nanos) = self.nanos.checked_add(other.nanos)
+        {
+            return Time::from_nanos(nanos);
+        }
+        let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
+        Time::exact(a * d + c * b, b * d)
     }
 
-    /// The difference, held likewise.
+    /// The difference.
     #[must_use]
     pub fn minus(self, other: Time) -> Time {
-        Time(self.0.saturating_sub(other.0))
+        self.plus(other.negated())
     }
 
-    /// So many times as long, held likewise.
+    /// The same length backwards.
+    #[must_use]
+    pub fn negated(self) -> Time {
+        Time::exact(-i128::from(self.nanos), i128::from(self.per))
+    }
+
+    /// `above / below` times as long; `None` where `below` is zero.
+    pub fn scaled(self, above: i64, below: i64) -> Option<Time> {
+        if below == 0 {
+            return None;
+        }
+        let [a, b, c, d] = [self.nanos, self.per, above, below].map(i128::from);
+        Some(Time::exact(a * c, b * d))
+    }
+
+    /// So many times as long.
     #[must_use]
     pub fn times(self, factor: u64) -> Time {
-        Time(self.0.saturating_mul(i64::try_from(factor).unwrap_or(i64::MAX)))
+        let factor = i64::try_from(factor).unwrap_or(i64::MAX);
+        self.scaled(factor, 1).unwrap_or(self)
+    }
+
+    /// As many times as long as this number says; a number counts as the decimal that it prints as. `None` where the number
+    /// is too long to be exact.
+    pub fn by_number(self, number: f64) -> Option<Time> {
+        let (above, below) = decimal(number)?;
+        self.scaled(above, below)
+    }
+
+    /// Divided by a number, which counts as the decimal that it prints as. `None` for zero and for numbers too long.
+    pub fn over_number(self, number: f64) -> Option<Time> {
+        let (above, below) = decimal(number)?;
+        self.scaled(below, above)
+    }
+
+    /// How often `other` goes into it. `None` where `other` is zero.
+    pub fn over(self, other: Time) -> Option<f64> {
+        let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
+        // Divided in whole numbers first, so that what comes out even is even.
+        let (above, below) = (a * d, b * c);
+        if below == 0 {
+            return None;
+        }
+        let whole = above / below;
+        #[expect(clippy::cast_precision_loss, reason = "a float is what is asked for")]
+        Some(whole as f64 + (above % below) as f64 / below as f64)
+    }
+
+    /// What is left when `other` is taken away as often as it goes; it has the sign of `other`. `None` where `other` is zero.
+    pub fn remainder(self, other: Time) -> Option<Time> {
+        let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
+        let (above, below) = (a * d, c * b);
+        if below == 0 {
+            return None;
+        }
+        // Floored, whatever the signs.
+        let times = above / below - i128::from(above % below != 0 && (above < 0) != (below < 0));
+        Some(Time::exact(a * d - times.saturating_mul(c * b), b * d))
+    }
+
+    /// As a number of microseconds.
+    pub fn in_micros(self) -> f64 {
+        self.over(Time::from_nanos(1_000)).unwrap_or(0.0)
     }
 }
 
-/// In seconds, as short as exact: `0.5s`.
+/// The part below one nanosecond in parts of [`FINEST`], half up.
+fn rounded(rest: i128, per: i128) -> i128 {
+    // `rest` is below `per`, which is below 2^127: scale both down where doubling them would not fit.
+    let shift = (128 - per.leading_zeros()).saturating_sub(100);
+    let (rest, per) = (rest >> shift, (per >> shift).max(1));
+    (2 * rest * i128::from(FINEST) + per).div_euclid(2 * per)
+}
+
+fn gcd(mut a: u128, mut b: u128) -> u128 {
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a.max(1)
+}
+
+/// A number as the fraction of the decimal that it prints as; `None` where that needs more than 64 bits.
+pub(super) fn decimal(number: f64) -> Option<(i64, i64)> {
+    if !number.is_finite() {
+        return None;
+    }
+    let fraction = |text: &str| {
+        let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+        let above = format!("{whole}{fraction}").parse().ok()?;
+        let below = 10_i64.checked_pow(u32::try_from(fraction.len()).ok()?)?;
+        Some((above, below))
+    };
+    // A decimal that is too long is cut to as many places as fit.
+    fraction(&number.to_string()).or_else(|| (0..=17).rev().find_map(|places| fraction(&format!("{number:.places$}"))))
+}
+
+impl PartialOrd for Time {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Time {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
+        (a * d).cmp(&(c * b))
+    }
+}
+
+/// In seconds: `0.5s`; where that never ends, to the nanosecond.
 impl fmt::Display for Time {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let sign = if self.0 < 0 { "-" } else { "" };
-        let nanos = self.0.unsigned_abs();
-        let (seconds, fraction) = (nanos / 1_000_000_000, nanos % 1_000_000_000);
+        let nanos = i128::from(self.nanos) * 2 + i128::from(self.per);
+        let nanos = nanos.div_euclid(2 * i128::from(self.per));
+        let sign = if nanos < 0 { "-" } else { "" };
+        let (seconds, fraction) = (nanos.unsigned_abs() / 1_000_000_000, nanos.unsigned_abs() % 1_000_000_000);
         let fraction = format!("{fraction:09}");
         match fraction.trim_end_matches('0') {
             "" => write!(f, "{sign}{seconds}s"),
             digits => write!(f, "{sign}{seconds}.{digits}s"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thirds_of_a_second_do_not_drift() {
+        let second = Time::from_millis(1_000);
+        let third = second.scaled(1, 3).unwrap();
+        assert_eq!(third.micros(), 333_333);
+        assert_eq!(third.plus(third).micros(), 666_667);
+        assert_eq!(third.plus(third).plus(third), second);
+        assert_eq!(second.over(third), Some(3.0));
+        assert_eq!(second.by_number(0.1).unwrap().micros(), 100_000);
+    }
+
+    #[test]
+    fn fractions_past_64_bits_are_rounded_and_never_panic() {
+        let mut time = Time::from_millis(1_000);
+        for prime in [7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73] {
+            time = time.plus(time.scaled(1, prime).unwrap());
+        }
+        assert!(time.micros() > 1_000_000);
+        let far = Time::from_nanos(i64::MAX);
+        assert_eq!(far.plus(far), far);
+        assert_eq!(far.by_number(0.000_000_1).unwrap().over(far).unwrap().to_bits(), 1e-7_f64.to_bits());
+        assert_eq!(Time::from_nanos(i64::MIN).negated(), far);
+    }
+
+    #[test]
+    fn remainders_have_the_sign_of_the_divisor() {
+        let time = Time::from_millis;
+        assert_eq!(time(700).remainder(time(500)), Some(time(200)));
+        assert_eq!(time(700).negated().remainder(time(500)), Some(time(300)));
+        assert_eq!(time(700).remainder(time(500).negated()), Some(time(300).negated()));
+        assert_eq!(time(700).remainder(Time::ZERO), None);
     }
 }

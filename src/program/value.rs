@@ -1,10 +1,13 @@
 //! Numbers and their units.
 
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use std::fmt;
+
+use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
-use crate::syntax::{NumberShape, Value, ValueKind};
+use crate::syntax::NumberShape;
 
 use super::suggest::{list, suggest};
+use super::tempo::Tempo;
 use super::time::Time;
 
 /// A number with what it measures.
@@ -22,6 +25,25 @@ pub(super) enum Quantity {
     Tempo(f64),
     /// Hertz.
     Hertz(f64),
+    /// A moment of the script, which a mark names.
+    Moment(Time),
+    /// Yes or no.
+    Truth(bool),
+}
+
+/// As a `say` shows it.
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Quantity::Number(number) => write!(f, "{number}"),
+            Quantity::Time(time) | Quantity::Moment(time) => write!(f, "{time}"),
+            Quantity::Degrees(number) => write!(f, "{number}deg"),
+            Quantity::Volts(number) => write!(f, "{number}V"),
+            Quantity::Tempo(number) => write!(f, "{number}bpm"),
+            Quantity::Hertz(number) => write!(f, "{number}hz"),
+            Quantity::Truth(truth) => write!(f, "{truth}"),
+        }
+    }
 }
 
 impl Quantity {
@@ -34,18 +56,35 @@ impl Quantity {
             Quantity::Volts(_) => "a voltage",
             Quantity::Tempo(_) => "a tempo",
             Quantity::Hertz(_) => "a frequency",
+            Quantity::Moment(_) => "a moment",
+            Quantity::Truth(_) => "true or false",
         }
     }
 
-    fn negated(self) -> Quantity {
-        match self {
+    /// The same with a minus; `None` for what has no sign.
+    pub(super) fn negated(self) -> Option<Quantity> {
+        Some(match self {
             Quantity::Number(x) => Quantity::Number(-x),
-            Quantity::Time(time) => Quantity::Time(Time::ZERO.minus(time)),
+            Quantity::Time(time) => Quantity::Time(time.negated()),
             Quantity::Degrees(x) => Quantity::Degrees(-x),
             Quantity::Volts(x) => Quantity::Volts(-x),
             Quantity::Tempo(x) => Quantity::Tempo(-x),
             Quantity::Hertz(x) => Quantity::Hertz(-x),
-        }
+            Quantity::Moment(_) | Quantity::Truth(_) => return None,
+        })
+    }
+
+    /// The number and the unit around it, for those that are a float.
+    #[expect(clippy::type_complexity, reason = "a unit is the way back to a quantity")]
+    pub(super) fn float(self) -> Option<(f64, fn(f64) -> Quantity)> {
+        Some(match self {
+            Quantity::Number(x) => (x, Quantity::Number),
+            Quantity::Degrees(x) => (x, Quantity::Degrees),
+            Quantity::Volts(x) => (x, Quantity::Volts),
+            Quantity::Tempo(x) => (x, Quantity::Tempo),
+            Quantity::Hertz(x) => (x, Quantity::Hertz),
+            Quantity::Time(_) | Quantity::Moment(_) | Quantity::Truth(_) => return None,
+        })
     }
 }
 
@@ -98,37 +137,6 @@ pub(super) fn unit_meant(word: &str) -> Option<&'static str> {
     UNITS.iter().map(|unit| unit.name).find(|name| *name == unit)
 }
 
-/// Reads a value that must be a number of some kind; `None` where it is none, which is reported.
-pub(super) fn read(value: Value<'_>, diagnostics: &mut Diagnostics) -> Option<Quantity> {
-    let read = match value.kind {
-        ValueKind::Number(shape, text) => number(shape, text, value.span),
-        ValueKind::Text(_) => Err(Diagnostic::new(
-            Code::Arguments,
-            value.span,
-            "a number is needed here, not a text",
-            "take the quotation marks away",
-        )),
-        ValueKind::Word(word) => Err(Diagnostic::new(
-            Code::Arguments,
-            value.span,
-            format!("a number is needed here, not the word `{word}`"),
-            match u8::from_str_radix(word, 16) {
-                Ok(byte) => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
-                Err(_) => "names for values are not in this version of motionseq; write the number itself".to_owned(),
-            },
-        )),
-        ValueKind::Call(_) | ValueKind::Paren => Err(not_yet(value.span, "a calculation")),
-    };
-    match read {
-        Ok(quantity) if value.negative => Some(quantity.negated()),
-        Ok(quantity) => Some(quantity),
-        Err(diagnostic) => {
-            diagnostics.push(diagnostic);
-            None
-        }
-    }
-}
-
 /// What the language has and this version does not.
 pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
     Diagnostic::new(
@@ -139,7 +147,8 @@ pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
     )
 }
 
-fn number(shape: NumberShape, text: &str, span: Span) -> Result<Quantity, Diagnostic> {
+/// Reads a number with its unit, in a place where a beat and a bar are this long.
+pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -> Result<Quantity, Diagnostic> {
     match shape {
         NumberShape::Hex => {
             let digits = text.strip_prefix("0x").unwrap_or(text);
@@ -149,12 +158,17 @@ fn number(shape: NumberShape, text: &str, span: Span) -> Result<Quantity, Diagno
         }
         NumberShape::Duration => duration(text, span),
         NumberShape::Plain => plain(text, span),
-        NumberShape::Beats => Err(not_yet(span, "a time in beats or bars")),
+        NumberShape::Beats => {
+            let (digits, unit) = text.split_once([' ', '\t']).unwrap_or((text, ""));
+            let one = if unit.trim_start().starts_with("bar") { tempo.bar() } else { tempo.beat() };
+            let time = digits.parse().ok().and_then(|number: f64| one.by_number(number));
+            time.map(Quantity::Time).ok_or_else(|| odd(text, span))
+        }
         NumberShape::Ratio => Err(Diagnostic::new(
             Code::Number,
             span,
-            format!("`{text}` is a division, not a number"),
-            "write the number that comes out",
+            format!("`{text}` is a division, and divisions as arguments need parentheses"),
+            format!("write `({text})`"),
         )),
         NumberShape::Odd => Err(odd(text, span)),
     }

@@ -64,8 +64,8 @@ impl<'s> Moment<'s> {
 pub enum Origin<'s> {
     /// A time from the start of the block, or a mark's name.
     Value(Value<'s>),
-    /// `bar N beat M`.
-    Bar(Span),
+    /// `bar N beat M`, counted from 1.
+    Bar(Value<'s>, Option<Value<'s>>),
 }
 
 /// One statement of a line.
@@ -84,10 +84,14 @@ pub enum Statement<'s> {
     Command(Command<'s>),
     /// A bare block.
     Block(Block<'s>),
-    /// A call of a `def`, with the place of all of it.
-    Call(Name<'s>),
-    /// A statement of the language that this version reads but does not run.
-    Later(Later<'s>),
+    /// A call of a `def`.
+    Call(Call<'s>),
+    /// A value gets a name.
+    Let(Let<'s>),
+    /// A phrase gets a name.
+    Def(Def<'s>),
+    /// One of several blocks.
+    If(If<'s>),
 }
 
 impl Statement<'_> {
@@ -97,17 +101,74 @@ impl Statement<'_> {
             Statement::Command(command) => command.span,
             Statement::Block(block) => block.span,
             Statement::Call(call) => call.span,
-            Statement::Later(later) => later.span,
+            Statement::Let(each) => each.span,
+            Statement::Def(def) => def.span,
+            Statement::If(each) => each.span,
         }
     }
 }
 
-/// `def`, `let` or `if`.
+/// `NAME(1, b = 2)`.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Later<'s> {
-    /// What it is called in messages.
-    pub what: &'s str,
-    /// Where it stands.
+pub struct Call<'s> {
+    /// What is called.
+    pub name: Name<'s>,
+    /// What it is given.
+    pub arguments: Vec<Given<'s>>,
+    /// From the name to the closing bracket.
+    pub span: Span,
+}
+
+/// One argument of a call.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Given<'s> {
+    /// The name in `NAME = VALUE`.
+    pub name: Option<Name<'s>>,
+    /// Its value.
+    pub value: Expression<'s>,
+}
+
+/// `let NAME = VALUE`.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Let<'s> {
+    /// The name.
+    pub name: Name<'s>,
+    /// The value.
+    pub value: Expression<'s>,
+    /// From `let` to the value.
+    pub span: Span,
+}
+
+/// `def NAME(a, b = 5) { … }`.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Def<'s> {
+    /// The name.
+    pub name: Name<'s>,
+    /// What a call may give.
+    pub parameters: Vec<Parameter<'s>>,
+    /// What stands where it is called.
+    pub body: Block<'s>,
+    /// From `def` to the closing bracket of the parameters.
+    pub span: Span,
+}
+
+/// A parameter of a `def`.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Parameter<'s> {
+    /// Its name.
+    pub name: Name<'s>,
+    /// Its value where a call gives none.
+    pub default: Option<Expression<'s>>,
+}
+
+/// `if … { … } else if … { … } else { … }`.
+#[derive(Debug, PartialEq, Eq)]
+pub struct If<'s> {
+    /// Conditions and their blocks, in order.
+    pub arms: Vec<(Expression<'s>, Block<'s>)>,
+    /// The block of the last `else`.
+    pub otherwise: Option<Block<'s>>,
+    /// The word `if`.
     pub span: Span,
 }
 
@@ -177,7 +238,7 @@ pub enum Item<'s> {
 }
 
 /// One value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 pub struct Value<'s> {
     /// Whether a minus stands right before it.
     pub negative: bool,
@@ -188,7 +249,7 @@ pub struct Value<'s> {
 }
 
 /// What a value is, before it has a meaning.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 pub enum ValueKind<'s> {
     /// A number with its unit.
     Number(NumberShape, &'s str),
@@ -196,10 +257,77 @@ pub enum ValueKind<'s> {
     Text(&'s str),
     /// A word or a name.
     Word(&'s str),
-    /// A call; the name is given.
-    Call(&'s str),
-    /// An expression in parentheses.
-    Paren,
+    /// A call of a function, or an expression in parentheses.
+    Expression(Expression<'s>),
+}
+
+/// A calculation, in the order in which it is done: operands before their operator. Flat, so that nothing that walks it can
+/// run out of stack.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Expression<'s> {
+    /// Its parts; the last one gives the result.
+    pub nodes: Vec<Node<'s>>,
+    /// All of it.
+    pub span: Span,
+}
+
+/// One step of a calculation.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Node<'s> {
+    /// What is done.
+    pub kind: NodeKind<'s>,
+    /// The operand, or the operator.
+    pub span: Span,
+}
+
+/// What one step does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeKind<'s> {
+    /// A number with its unit.
+    Number(NumberShape, &'s str),
+    /// A text with its quotation marks.
+    Text(&'s str),
+    /// A name.
+    Name(&'s str),
+    /// `-` before an operand.
+    Negate,
+    /// `not`.
+    Not,
+    /// An operator between the last two results.
+    Binary(Binary),
+    /// Jumps over so many nodes, to behind the operator, where the last result decides an `and` or `or` already.
+    Skip(Binary, usize),
+    /// A function of so many of the last results.
+    Call(&'s str, usize),
+}
+
+/// An operator between two operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Binary {
+    /// `+`
+    Add,
+    /// `-`
+    Subtract,
+    /// `*`
+    Multiply,
+    /// `/`
+    Divide,
+    /// `%`
+    Remainder,
+    /// `<`
+    Less,
+    /// `<=`
+    LessOrEqual,
+    /// `>`
+    Greater,
+    /// `>=`
+    GreaterOrEqual,
+    /// `==`
+    Equal,
+    /// `and`
+    And,
+    /// `or`
+    Or,
 }
 
 /// The shape of a number, as the grammar found it. Its digits are bounded.

@@ -5,8 +5,8 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Ast, Block, Command, Item, Later, Line, Moment, Name, NumberShape, Origin, Part, Start, Statement, Value,
-    ValueKind,
+    Argument, Ast, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node, NodeKind,
+    NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 use super::grammar::Rule;
 use super::trouble;
@@ -14,8 +14,8 @@ use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
 pub(super) struct Builder<'s, 'd> {
-    source: &'s Source,
-    diagnostics: &'d mut Diagnostics,
+    pub(super) source: &'s Source,
+    pub(super) diagnostics: &'d mut Diagnostics,
     /// Where the text that pest has read begins in the source.
     offset: usize,
     lines: Vec<Line<'s>>,
@@ -30,7 +30,7 @@ impl<'s, 'd> Builder<'s, 'd> {
 
     /// Adds the lines of a piece of the script that begins at `offset`.
     pub(super) fn add(&mut self, offset: usize, pairs: Pairs<'_, Rule>) {
-        self.offset = offset;
+        self.offset = self.source.base() as usize + offset;
         for pair in pairs.flat_map(Pair::into_inner) {
             if pair.as_rule() == Rule::line {
                 let line = self.line(pair);
@@ -42,23 +42,24 @@ impl<'s, 'd> Builder<'s, 'd> {
     /// A piece that the grammar cannot read at all, which a script that passed the scan should never have.
     pub(super) fn unreadable(&mut self, offset: usize, error: &pest::error::Error<Rule>) {
         let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
-        self.diagnostics.push(trouble::beyond_the_grammar(offset + at));
+        self.diagnostics.push(trouble::beyond_the_grammar(self.source.base() as usize + offset + at));
     }
 
     /// The whole script.
     pub(super) fn finish(self) -> Ast<'s> {
-        let span = Span::new(0, self.source.text().len());
+        let base = self.source.base() as usize;
+        let span = Span::new(base, base + self.source.text().len());
         Ast { body: Block { lines: self.lines, span } }
     }
 
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
     /// swallowed a comment, so their places are put together from their children.
-    fn span(&self, pair: &Pair<'_, Rule>) -> Span {
+    pub(super) fn span(&self, pair: &Pair<'_, Rule>) -> Span {
         let start = self.offset + pair.as_span().start();
         Span::new(start, start + pair.as_str().trim_end().len())
     }
 
-    fn name(&self, pair: &Pair<'_, Rule>) -> Name<'s> {
+    pub(super) fn name(&self, pair: &Pair<'_, Rule>) -> Name<'s> {
         let span = self.span(pair);
         Name { text: self.source.slice(span), span }
     }
@@ -153,11 +154,19 @@ impl<'s, 'd> Builder<'s, 'd> {
         let mut parts = pair.into_inner();
         let first = parts.next()?;
         let (origin, mut span) = if first.as_rule() == Rule::bar {
-            let span = self.span(&first);
-            (Origin::Bar(span), span)
+            let from = self.span(&first);
+            let mut parts = first.into_inner().filter(|part| part.as_rule() == Rule::count);
+            let bar = self.value(parts.next()?)?;
+            let beat = match parts.next() {
+                Some(beat) => Some(self.value(beat)?),
+                None => None,
+            };
+            let last = beat.as_ref().map_or(bar.span, |beat| beat.span);
+            (Origin::Bar(bar, beat), Span { end: last.end, ..from })
         } else {
             let value = self.value(first)?;
-            (Origin::Value(value), value.span)
+            let span = value.span;
+            (Origin::Value(value), span)
         };
         let mut offsets = Vec::new();
         let mut away = false;
@@ -180,17 +189,82 @@ impl<'s, 'd> Builder<'s, 'd> {
             Rule::block => Some(Statement::Block(self.block(pair))),
             Rule::command => self.command(pair),
             Rule::stray => self.stray(pair),
-            rule => {
-                let what = match rule {
-                    Rule::def => "def",
-                    Rule::let_ => "let",
-                    _ => "if",
-                };
-                let start = self.offset + pair.as_span().start();
-                let span = Span::new(start, start + what.len());
-                Some(Statement::Later(Later { what, span }))
+            Rule::let_ => self.let_(pair),
+            Rule::def => self.def(pair),
+            _ => self.if_(pair),
+        }
+    }
+
+    fn let_(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
+        let from = self.span(&pair);
+        let mut parts = pair.into_inner().skip(1);
+        let name = self.name(&parts.next()?);
+        let value = self.expression(parts.next()?)?;
+        if let Some(junk) = parts.next() {
+            self.junk(&junk);
+            return None;
+        }
+        let span = Span { end: value.span.end, ..from };
+        Some(Statement::Let(Let { name, value, span }))
+    }
+
+    fn def(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
+        let from = self.span(&pair);
+        let mut parts = pair.into_inner().skip(1);
+        let name = self.name(&parts.next()?);
+        let mut parameters = Vec::new();
+        let mut readable = true;
+        for part in parts {
+            match part.as_rule() {
+                Rule::parameter => {
+                    let mut inner = part.into_inner();
+                    let name = self.name(&inner.next()?);
+                    let default = match inner.next() {
+                        Some(default) => Some(self.expression(default)?),
+                        None => None,
+                    };
+                    parameters.push(Parameter { name, default });
+                }
+                Rule::block => {
+                    let body = self.block(part);
+                    let span = Span { end: body.span.start, ..from };
+                    return readable.then_some(Statement::Def(Def { name, parameters, body, span }));
+                }
+                _ => {
+                    readable = false;
+                    self.junk(&part);
+                }
             }
         }
+        None
+    }
+
+    fn if_(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
+        let from = self.span(&pair);
+        let span = Span { end: from.start + 2, ..from };
+        let (mut arms, mut otherwise, mut condition) = (Vec::new(), None, None);
+        let mut readable = true;
+        for part in pair.into_inner() {
+            match part.as_rule() {
+                Rule::expression => {
+                    condition = Some(self.expression(part));
+                }
+                Rule::block => {
+                    let block = self.block(part);
+                    match condition.take() {
+                        Some(Some(condition)) => arms.push((condition, block)),
+                        Some(None) => readable = false,
+                        None => otherwise = Some(block),
+                    }
+                }
+                Rule::junk => {
+                    readable = false;
+                    self.junk(&part);
+                }
+                _ => {}
+            }
+        }
+        readable.then_some(Statement::If(If { arms, otherwise, span }))
     }
 
     fn command(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
@@ -207,18 +281,29 @@ impl<'s, 'd> Builder<'s, 'd> {
 
     /// A statement that starts with no word: a call, or a mistake.
     fn stray(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
-        let (arguments, block, readable) = self.arguments(pair.into_inner());
+        if let Some(call) = lone_call(&pair) {
+            let span = self.span(&call);
+            let (name, parts) = self.call_parts(call)?;
+            let mut arguments = Vec::new();
+            for (name, value) in parts {
+                arguments.push(Given { name, value: self.expression(value)? });
+            }
+            return Some(Statement::Call(Call { name, arguments, span }));
+        }
+        let (arguments, _, readable) = self.arguments(pair.into_inner());
         if !readable {
             return None;
         }
         let first = arguments.first()?;
         let written = self.source.slice(first.span);
-        let trouble = match first.item {
-            Item::One(Value { kind: ValueKind::Call(name), span, .. }) if first.name.is_none() => {
-                if arguments.len() == 1 && block.is_none() {
-                    return Some(Statement::Call(Name { text: name, span }));
+        let trouble = match &first.item {
+            Item::One(Value { kind: ValueKind::Expression(Expression { nodes, span }), .. })
+                if first.name.is_none() =>
+            {
+                match nodes.last() {
+                    Some(Node { kind: NodeKind::Call(name, _), .. }) => trouble::behind_a_call(written, name, *span),
+                    _ => trouble::starts_with_no_word(first.span),
                 }
-                trouble::behind_a_call(written, name, span)
             }
             Item::One(Value { kind: ValueKind::Number(NumberShape::Duration | NumberShape::Beats, _), .. }) => {
                 trouble::starts_with_time(written, first.span)
@@ -319,19 +404,20 @@ impl<'s, 'd> Builder<'s, 'd> {
     fn item(&mut self, pair: Pair<'_, Rule>) -> Option<(Item<'s>, Span)> {
         let mut parts = pair.into_inner();
         let first = self.value(parts.next()?)?;
+        let from = first.span;
         let Some(next) = parts.next() else {
-            return Some((Item::One(first), first.span));
+            return Some((Item::One(first), from));
         };
         if next.as_rule() == Rule::value {
             let mut list = vec![first, self.value(next)?];
             for pair in parts {
                 list.push(self.value(pair)?);
             }
-            let end = list.last().map_or(first.span, |last| last.span);
-            return Some((Item::List(list), first.span.to(end)));
+            let end = list.last().map_or(from, |last| last.span);
+            return Some((Item::List(list), from.to(end)));
         }
         let second = self.value(parts.next()?)?;
-        let span = first.span.to(second.span);
+        let span = from.to(second.span);
         Some(match next.as_rule() {
             Rule::arrow => (Item::Arrow(first, second), span),
             _ => (Item::Range(first, second), span),
@@ -340,55 +426,51 @@ impl<'s, 'd> Builder<'s, 'd> {
 
     /// A `value` or a `time`. `None` where it could not be read, which was reported.
     fn value(&mut self, pair: Pair<'_, Rule>) -> Option<Value<'s>> {
-        let mut negative = None;
+        let mut sign: Option<Span> = None;
         for inner in pair.into_inner() {
-            let mut span = self.span(&inner);
+            let span = self.span(&inner);
             let text = self.source.slice(span);
             let kind = match inner.as_rule() {
                 Rule::sign => {
-                    negative = Some(span);
+                    sign = Some(span);
                     continue;
                 }
-                Rule::number => self.number(inner)?,
+                Rule::number => {
+                    let (shape, text) = self.number(inner)?;
+                    ValueKind::Number(shape, text)
+                }
                 Rule::beats => ValueKind::Number(NumberShape::Beats, text),
                 Rule::ratio => ValueKind::Number(NumberShape::Ratio, text),
                 Rule::text => ValueKind::Text(text),
                 Rule::word | Rule::name => ValueKind::Word(text),
-                rule => {
-                    let mut parts = inner.into_inner();
-                    let name = (rule == Rule::call).then(|| parts.next()).flatten();
-                    let name = name.map(|name| self.name(&name).text);
-                    if let Some(wrong) = parts.find(|part| part.as_rule() == Rule::wrong) {
-                        self.junk(&wrong);
-                        return None;
-                    }
-                    name.map_or(ValueKind::Paren, ValueKind::Call)
+                _ => {
+                    let mut nodes = Vec::new();
+                    self.operand(inner, &mut nodes)?;
+                    ValueKind::Expression(Expression { nodes, span })
                 }
             };
-            if let Some(sign) = negative {
-                span = sign.to(span);
-            }
-            return Some(Value { negative: negative.is_some(), kind, span });
+            let span = sign.map_or(span, |sign| sign.to(span));
+            return Some(Value { negative: sign.is_some(), kind, span });
         }
         None
     }
 
-    fn number(&mut self, pair: Pair<'_, Rule>) -> Option<ValueKind<'s>> {
+    pub(super) fn number(&mut self, pair: Pair<'_, Rule>) -> Option<(NumberShape, &'s str)> {
         let inner = pair.into_inner().next()?;
-        let span = self.span(&inner);
-        let text = self.source.slice(span);
+        let text = self.source.slice(self.span(&inner));
         let shape = match inner.as_rule() {
             Rule::hex => NumberShape::Hex,
             Rule::duration => NumberShape::Duration,
             Rule::plain => NumberShape::Plain,
             _ => NumberShape::Odd,
         };
-        Some(ValueKind::Number(shape, text))
+        Some((shape, text))
     }
 
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
         // The place has no width; show the `;` behind it, or else the one before it.
-        let at = self.offset + pair.as_span().start();
+        let base = self.source.base() as usize;
+        let at = self.offset - base + pair.as_span().start();
         let (before, behind) = self.source.text().split_at_checked(at).unwrap_or_default();
         let blanks = behind.len() - behind.trim_start_matches([' ', '\t']).len();
         let at = if behind.get(blanks..).is_some_and(|rest| rest.starts_with(';')) {
@@ -400,7 +482,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         if self.empty_at.replace(at) == Some(at) {
             return;
         }
-        self.diagnostics.push(trouble::joins_nothing(Span::new(at, at + 1)));
+        self.diagnostics.push(trouble::joins_nothing(Span::new(base + at, base + at + 1)));
     }
 
     fn behind(&mut self, pair: &Pair<'_, Rule>) {
@@ -408,13 +490,31 @@ impl<'s, 'd> Builder<'s, 'd> {
         self.diagnostics.push(trouble::behind_a_block(self.source.slice(span), span));
     }
 
-    fn junk(&mut self, pair: &Pair<'_, Rule>) {
+    pub(super) fn junk(&mut self, pair: &Pair<'_, Rule>) {
         let span = self.span(pair);
         let text = self.source.slice(span);
         // A quotation mark without its partner was reported by the scan.
         if !text.starts_with('"') {
-            let before = self.source.text().get(..span.range().start).and_then(|text| text.chars().next_back());
+            let before = self
+                .source
+                .text()
+                .get(..span.range().start - self.source.base() as usize)
+                .and_then(|text| text.chars().next_back());
             self.diagnostics.push(trouble::unreadable(text, span.range().start, before));
         }
     }
+}
+
+/// The call that a stray statement is, if it is nothing else.
+fn lone_call<'p>(stray: &Pair<'p, Rule>) -> Option<Pair<'p, Rule>> {
+    let mut only = stray.clone();
+    // stray, argument, item, value: each with one child, down to the call.
+    for _ in 0..4 {
+        let mut inner = only.into_inner();
+        only = inner.next()?;
+        if inner.next().is_some() {
+            return None;
+        }
+    }
+    (only.as_rule() == Rule::call).then_some(only)
 }

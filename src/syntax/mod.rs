@@ -6,12 +6,13 @@
 
 mod ast;
 mod build;
+mod expression;
 mod scan;
 mod trouble;
 
 pub use ast::{
-    Argument, Ast, Block, Command, Item, Later, Line, Moment, Name, NumberShape, Origin, Part, Start, Statement, Value,
-    ValueKind,
+    Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node,
+    NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 pub use scan::{MAX_LINE, MAX_NESTING};
 
@@ -31,7 +32,7 @@ mod grammar {
 
 /// Reads a whole script. `None` where a line is too long or its brackets are nested too deep, so that nothing else can be said of it.
 pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Ast<'s>> {
-    let scanned = scan::scan(source.text(), diagnostics)?;
+    let scanned = scan::scan(source, diagnostics)?;
     let mut builder = build::Builder::new(source, diagnostics);
     for (offset, piece) in scanned.pieces() {
         match grammar::Grammar::parse(grammar::Rule::script, piece) {

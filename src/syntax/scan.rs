@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::source::Span;
+use crate::source::{Source, Span};
 
 /// How deep brackets may be nested.
 pub const MAX_NESTING: usize = 64;
@@ -33,9 +33,12 @@ impl Scanned<'_> {
 
 /// Scans a script; `None` where a line is too long or its brackets are nested too deep. A bracket without a partner is reported, and blank for
 /// the grammar, so that the rest of the script is still read.
-pub(super) fn scan<'s>(text: &'s str, diagnostics: &mut Diagnostics) -> Option<Scanned<'s>> {
+pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Scanned<'s>> {
+    let text = source.text();
+    let base = source.base() as usize;
     let mut scan = Scan {
         text,
+        base,
         open: Vec::new(),
         parens: 0,
         blanks: Vec::new(),
@@ -52,6 +55,8 @@ pub(super) fn scan<'s>(text: &'s str, diagnostics: &mut Diagnostics) -> Option<S
 
 struct Scan<'s, 'd> {
     text: &'s str,
+    /// The offset of the text's first byte.
+    base: usize,
     /// Brackets that are open, with their offsets.
     open: Vec<(u8, usize)>,
     /// How many of them are `(`.
@@ -113,12 +118,20 @@ impl<'s> Scan<'s, '_> {
         }
     }
 
+    fn report(&mut self, diagnostic: Diagnostic) {
+        self.diagnostics.push(diagnostic);
+    }
+
+    fn span(&self, start: usize, end: usize) -> Span {
+        Span::new(self.base + start, self.base + end)
+    }
+
     fn line_too_long(&mut self, from: usize) {
         self.beyond_reading = true;
         self.open.clear();
-        self.diagnostics.push(Diagnostic::new(
+        self.report(Diagnostic::new(
             Code::LineTooLong,
-            Span::new(from, from + 1),
+            self.span(from, from + 1),
             "this line is longer than 64 KiB",
             "break it into several lines; the script was not read any further",
         ));
@@ -175,9 +188,9 @@ impl<'s> Scan<'s, '_> {
         if at > from + 1 {
             self.blanks.push((from + 1, at, '"'));
         }
-        self.diagnostics.push(Diagnostic::new(
+        self.report(Diagnostic::new(
             Code::Unclosed,
-            Span::new(from, at),
+            self.span(from, at),
             "this text has no closing quotation mark",
             "end it with `\"` on the same line; inside a text write `\\\"` for a quotation mark",
         ));
@@ -196,9 +209,9 @@ impl<'s> Scan<'s, '_> {
         if self.open.len() == MAX_NESTING {
             self.beyond_reading = true;
             self.open.clear();
-            self.diagnostics.push(Diagnostic::new(
+            self.report(Diagnostic::new(
                 Code::Nesting,
-                Span::new(at, at + 1),
+                self.span(at, at + 1),
                 format!("brackets are nested more than {MAX_NESTING} deep here"),
                 "take inner blocks out; the rest of the script was not read",
             ));
@@ -216,9 +229,9 @@ impl<'s> Scan<'s, '_> {
         let Some(partner) = self.open.iter().rposition(|&(open, _)| open == opening) else {
             self.blanks.push((at, at + 1, ' '));
             let name = char::from(bracket);
-            self.diagnostics.push(Diagnostic::new(
+            self.report(Diagnostic::new(
                 Code::Unopened,
-                Span::new(at, at + 1),
+                self.span(at, at + 1),
                 format!("this `{name}` closes nothing"),
                 format!("take it away, or put a `{}` where it should begin", char::from(opening)),
             ));
@@ -244,13 +257,13 @@ impl<'s> Scan<'s, '_> {
         let open = char::from(bracket);
         let diagnostic = Diagnostic::new(
             Code::Unclosed,
-            Span::new(from, from + 1),
+            self.span(from, from + 1),
             format!("this `{open}` is never closed"),
             format!("put a `{closing}` where it should end"),
         )
         .label("opened here");
-        self.diagnostics.push(match noticed {
-            Some(at) => diagnostic.related(Span::new(at, at + 1), format!("a `{closing}` is missing before this")),
+        self.report(match noticed {
+            Some(at) => diagnostic.related(self.span(at, at + 1), format!("a `{closing}` is missing before this")),
             None => diagnostic,
         });
     }
@@ -265,9 +278,9 @@ impl<'s> Scan<'s, '_> {
             b'\r' => "a carriage return without a line feed".to_owned(),
             _ => format!("the control character U+{byte:04X}"),
         };
-        self.diagnostics.push(Diagnostic::new(
+        self.report(Diagnostic::new(
             Code::ControlCharacter,
-            Span::new(from, from + length),
+            self.span(from, from + length),
             format!("{name} stands here"),
             "delete it; a script is plain text",
         ));

@@ -151,3 +151,28 @@ pub(super) fn beyond_the_grammar(at: usize) -> Diagnostic {
         "write one command a line, such as `servo 1 1500`",
     )
 }
+
+/// `a < b < c`.
+pub(super) fn chained(span: Span) -> Diagnostic {
+    Diagnostic::new(Code::Syntax, span, "comparisons do not chain", "write `a < b and b < c`")
+}
+
+/// `max(a = 1)`.
+pub(super) fn named_in_a_function(name: &str, span: Span) -> Diagnostic {
+    Diagnostic::new(
+        Code::Syntax,
+        span,
+        format!("`{name}` takes no names in a calculation"),
+        "write the values in their order; only calls of a `def` on a line of their own take names",
+    )
+}
+
+/// `()`.
+pub(super) fn nothing_inside(span: Span) -> Diagnostic {
+    Diagnostic::new(
+        Code::Syntax,
+        span,
+        "nothing stands inside these parentheses",
+        "write a calculation, such as `(1500us + 200us)`",
+    )
+}

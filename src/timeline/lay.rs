@@ -1,193 +1,389 @@
-//! Lays the steps of a program out in time: ends of holds, refreshes, closing frames.
+//! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
-use super::{Cue, Event, Kind, Limits, Timeline, Track, ending};
+use super::{BUZZER, Cue, DRIVE, Event, Kind, THINGS, Timeline, Track, things};
 use crate::board::{Command, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::program::{Action, Program, Time};
+use crate::program::{
+    Abort, Action, Limit, Motion, Move, Program, Settings, Shape, Step, Time, TraceId, Traces, broken, broken_limit,
+};
 use crate::source::Span;
 
-pub(super) fn lay(program: Program, limits: Limits, diagnostics: &mut Diagnostics) -> Timeline {
-    let Program { settings, steps, end, .. } = program;
-    let end_us = end.micros();
+pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
+    let Program { settings, steps, end, abort, traces, .. } = program;
     let mut cues = Vec::new();
-    let mut points = Vec::with_capacity(steps.len());
-    for (order, step) in steps.into_iter().enumerate() {
-        match step.action {
-            Action::Say(text) => cues.push(Cue { at_us: step.at.micros(), text, span: step.span }),
-            Action::Send(command, hold) => {
-                if let Some(hold) = hold {
-                    points.push(Point {
-                        at: step.at.plus(hold),
-                        order,
-                        command: ending(&command),
-                        ends: true,
-                        span: step.span,
-                    });
-                }
-                points.push(Point { at: step.at, order, command, ends: false, span: step.span });
-            }
-        }
-    }
-    cues.sort_by_key(|cue| cue.at_us);
-    points.sort_by_key(|point| (point.at.micros(), point.order, point.ends));
-
-    let mut lay = Lay {
-        refresh: settings.refresh,
-        limits,
-        events: Vec::with_capacity(points.len()),
-        refreshes: Vec::new(),
-        state: State::default(),
-        held: None,
-        last_drive: Span::default(),
-        last_buzzer: Span::default(),
-        raw: None,
-        full: false,
-        diagnostics,
-    };
-    for group in points.chunk_by(|left, right| left.at.micros() == right.at.micros()) {
-        for point in group {
-            lay.point(point, group);
-        }
-    }
-    lay.close(end, end_us);
+    let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
+    lay.run(steps, &mut cues);
+    lay.close(end);
     let events = lay.finish();
-    Timeline { tracks: vec![Track { robot: None, events }], cues, end_us, baud: settings.baud }
+    let abort = abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
+    Timeline {
+        tracks: vec![Track { robot: None, events, abort }],
+        cues,
+        end_us: end.micros(),
+        baud: settings.baud,
+        traces,
+    }
 }
 
-/// A command's start, or the end of its `for`.
+/// What is sent where something ends a run early. It starts with nothing known, and leaves no buzzer on.
+fn lay_abort(
+    abort: Abort,
+    settings: &Settings,
+    traces: &Traces,
+    limit: usize,
+    diagnostics: &mut Diagnostics,
+) -> Vec<Event> {
+    let mut lay = Lay::new(settings, traces, limit, diagnostics);
+    lay.run(abort.steps, &mut Vec::new());
+    if lay.state.buzzer() == Some(true) {
+        let from = lay.last(BUZZER);
+        lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, from);
+    }
+    let mut events = lay.finish();
+    for event in &mut events {
+        event.kind = Kind::Abort;
+    }
+    events
+}
+
+/// The step that a frame belongs to.
+#[derive(Clone, Copy, Default)]
+struct From {
+    /// The place in script order.
+    order: usize,
+    span: Span,
+    trace: TraceId,
+}
+
+/// Something that happens at one time.
 struct Point {
     /// The exact time.
     at: Time,
-    /// The place in script order.
-    order: usize,
-    command: Command,
-    /// Whether it is the end of a `for`.
-    ends: bool,
-    span: Span,
+    from: From,
+    what: What,
+}
+
+enum What {
+    Send(Command),
+    Go(Box<Move>),
+    /// The end of a `for`.
+    End(Command),
 }
 
 struct Lay<'d> {
+    period: Time,
     refresh: Option<Time>,
-    limits: Limits,
-    /// Commands, sorted by time.
-    events: Vec<Event>,
+    limits: &'d [Limit],
+    traces: &'d Traces,
+    /// The most events.
+    limit: usize,
+    /// Commands and samples, with their place in script order.
+    events: Vec<(Event, usize)>,
     /// Refreshes, sorted by time.
     refreshes: Vec<Event>,
     state: State,
     /// The drive command that holds, with the time it was sent.
-    held: Option<(Time, Command, Span)>,
-    last_drive: Span,
-    last_buzzer: Span,
+    held: Option<(Time, Command, From)>,
+    /// Of each thing, the last step that used it.
+    last: [From; THINGS],
     /// The first raw frame.
-    raw: Option<Span>,
+    raw: Option<From>,
     /// Whether the limit of events was reached.
     full: bool,
     diagnostics: &'d mut Diagnostics,
 }
 
-impl Lay<'_> {
-    /// Sends the command of one point; `group` is everything at the same time.
-    fn point(&mut self, point: &Point, group: &[Point]) {
-        if point.ends && superseded(point, group) {
-            return;
+impl<'d> Lay<'d> {
+    fn new(settings: &'d Settings, traces: &'d Traces, limit: usize, diagnostics: &'d mut Diagnostics) -> Self {
+        Lay {
+            period: settings.period,
+            refresh: settings.refresh,
+            limits: &settings.limits,
+            traces,
+            limit,
+            events: Vec::new(),
+            refreshes: Vec::new(),
+            state: State::default(),
+            held: None,
+            last: [From::default(); THINGS],
+            raw: None,
+            full: false,
+            diagnostics,
         }
-        let command = &point.command;
+    }
+
+    /// Lays every step; lines to show go to `cues`.
+    fn run(&mut self, steps: Vec<Step>, cues: &mut Vec<Cue>) {
+        let mut points = Vec::with_capacity(steps.len());
+        for (order, step) in steps.into_iter().enumerate() {
+            let from = From { order, span: step.span, trace: step.trace };
+            let what = match step.action {
+                Action::Say(text) => {
+                    cues.push(Cue { at_us: step.at.micros(), text, span: step.span });
+                    continue;
+                }
+                Action::Send(command, hold) => {
+                    if let Some(hold) = hold {
+                        let end = if command.is_drive() { Command::STOP } else { Command::Buzzer(false) };
+                        points.push(Point { at: step.at.plus(hold), from, what: What::End(end) });
+                    }
+                    What::Send(command)
+                }
+                Action::Go(going) => What::Go(going),
+            };
+            points.push(Point { at: step.at, from, what });
+        }
+        cues.sort_by_key(|cue| cue.at_us);
+        // Stable, so that the start of a hold too short to see still comes before its end.
+        points.sort_by_key(|point| (point.at.micros(), point.from.order, matches!(point.what, What::End(_))));
+        self.events.reserve(points.len());
+        for group in points.chunk_by(|left, right| left.at.micros() == right.at.micros()) {
+            for point in group {
+                match &point.what {
+                    What::End(end) if superseded(end, point, group) => {}
+                    What::End(command) | What::Send(command) => self.send(point.at, command, Kind::Command, point.from),
+                    What::Go(going) => self.go(point.at, going, point.from),
+                }
+            }
+        }
+    }
+
+    fn last(&self, thing: usize) -> From {
+        self.last.get(thing).copied().unwrap_or_default()
+    }
+
+    fn report(&mut self, diagnostic: Diagnostic, from: From) {
+        self.diagnostics.push(self.traces.attach(diagnostic, from.trace));
+    }
+
+    /// Sends a command: the hold before it ends, and its own begins.
+    fn send(&mut self, at: Time, command: &Command, kind: Kind, from: From) {
         if command.is_drive() {
-            self.release(point.at);
-            self.last_drive = point.span;
-            self.held = command.keeps_driving().then(|| (point.at, command.clone(), point.span));
+            self.release(at);
+            self.held = command.keeps_driving().then(|| (at, command.clone(), from));
         }
-        match command {
-            Command::Buzzer(_) => self.last_buzzer = point.span,
-            Command::Raw { .. } => self.raw = self.raw.or(Some(point.span)),
-            _ => {}
+        for thing in things(command).into_iter().flatten() {
+            if let Some(last) = self.last.get_mut(thing) {
+                *last = from;
+            }
+        }
+        if let Command::Raw { .. } = command {
+            self.raw = self.raw.or(Some(from));
         }
         self.state.apply(command);
-        if self.has_room(1, point.span) {
-            let at_us = point.at.micros();
-            self.events.push(Event { at_us, command: command.clone(), kind: Kind::Command, span: point.span });
+        self.emit(at, command.clone(), kind, from);
+    }
+
+    fn emit(&mut self, at: Time, command: Command, kind: Kind, from: From) {
+        if self.has_room(1, from) {
+            let event = Event { at_us: at.micros(), command, kind, span: from.span, trace: from.trace };
+            self.events.push((event, from.order));
+        }
+    }
+
+    /// Samples a move: at the start where it says so, then every period, then exactly the target. What would say the same
+    /// as the last frame to the same thing is left out.
+    fn go(&mut self, at: Time, going: &Move, from: From) {
+        let Move { motion, over, ease, .. } = going;
+        let Some(starts) = self.starts(motion, from) else {
+            return;
+        };
+        let count = over.over(self.period).unwrap_or(0.0);
+        if !self.has_room(frames(count), from) {
+            return;
+        }
+        if motion.has_start() {
+            self.sample(at, going, &starts, from);
+        }
+        let end = at.plus(*over);
+        for k in 1_u64.. {
+            let passed = self.period.times(k);
+            if passed >= *over || self.full {
+                break;
+            }
+            let part = ease.at(passed.over(*over).unwrap_or(1.0));
+            let values: Vec<f64> =
+                starts.iter().zip(&motion.values).map(|(start, glide)| start + (glide.to - start) * part).collect();
+            if !self.sample(at.plus(passed), going, &values, from) {
+                return;
+            }
+        }
+        let targets: Vec<f64> = motion.values.iter().map(|glide| glide.to).collect();
+        self.sample(end, going, &targets, from);
+    }
+
+    /// Where each value of a move starts; `None` where one is not known, which is reported.
+    fn starts(&mut self, motion: &Motion, from: From) -> Option<Vec<f64>> {
+        let known = self.known(motion.shape);
+        let names = motion.shape.names();
+        let mut starts = Vec::new();
+        for (at, glide) in motion.values.iter().enumerate() {
+            let start = glide.from.or_else(|| known.as_ref()?.get(at).copied().flatten());
+            let Some(start) = start else {
+                let name = names.get(at).copied().unwrap_or("value");
+                let to = glide.to;
+                let drive = !matches!(motion.shape, Shape::Servo(_) | Shape::Servos);
+                let help = if drive {
+                    format!("write where it starts, `0 -> {to}`, or put a `stop` before it")
+                } else {
+                    format!("write where it starts, such as `1500 -> {to}`")
+                };
+                let message = format!("nobody knows where the {name} starts");
+                self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
+                return None;
+            };
+            starts.push(start);
+        }
+        Some(starts)
+    }
+
+    /// The last values of this kind of command, as far as they are known.
+    fn known(&self, shape: Shape) -> Option<Vec<Option<f64>>> {
+        let servo = |index| self.state.servo(index).map(|pulse| f64::from(pulse.get()));
+        let zero = self.state.drive() == Some(&Command::STOP);
+        let zeros = || vec![Some(0.0); shape.names().len()];
+        match (shape, self.state.drive()) {
+            (Shape::Servo(index), _) => Some(vec![servo(index)]),
+            (Shape::Servos, _) => {
+                let indices = [1, 2].map(|index| crate::board::ServoIndex::new(index).ok());
+                Some(indices.map(|index| index.and_then(servo)).to_vec())
+            }
+            (Shape::Rocker, Some(Command::Rocker { x, y, z })) => {
+                Some([x.get(), y.get(), z.get()].map(|value| Some(f64::from(value))).to_vec())
+            }
+            (Shape::YawHold, Some(Command::YawHold { x, y })) => {
+                Some([x.get(), y.get()].map(|value| Some(f64::from(value))).to_vec())
+            }
+            (Shape::Wheels, Some(Command::Wheels(wheels))) => {
+                Some(wheels.map(|wheel| Some(f64::from(wheel.get()))).to_vec())
+            }
+            _ => zero.then(zeros),
+        }
+    }
+
+    /// Sends one sample, if it says anything new. `false` where it is out of range, which is reported.
+    fn sample(&mut self, at: Time, going: &Move, values: &[f64], from: From) -> bool {
+        let command = match going.motion.shape.command(values) {
+            Ok(command) => command,
+            Err(wrong) => {
+                let name = going.motion.shape.names().get(wrong).copied().unwrap_or("value");
+                let value = values.get(wrong).copied().unwrap_or(0.0);
+                let diagnostic = Diagnostic::new(
+                    Code::OutOfRange,
+                    from.span,
+                    format!("on the way the {name} gets to {}, which is out of range", value.round()),
+                    "choose an easing that does not overshoot, or stay further inside the range",
+                );
+                self.report(diagnostic, from);
+                return false;
+            }
+        };
+        if let Some((limit, value)) = broken(self.limits, &command) {
+            self.report(broken_limit(limit, value, from.span), from);
+            return false;
+        }
+        if !self.was_last(&command) {
+            self.send(at, &command, Kind::Sample, from);
+        }
+        true
+    }
+
+    /// Whether this is what was sent last to the same thing.
+    fn was_last(&self, command: &Command) -> bool {
+        match command {
+            Command::Servo { index, pulse } => self.state.servo(*index) == Some(*pulse),
+            Command::Servos { pan, tilt } => {
+                let servo = |index| crate::board::ServoIndex::new(index).ok().and_then(|index| self.state.servo(index));
+                servo(1) == Some(*pan) && servo(2).is_some_and(|pulse| pulse.get() == tilt.get())
+            }
+            drive => self.state.drive() == Some(drive),
         }
     }
 
     /// Ends a hold just before `until`, and sends its refreshes.
     fn release(&mut self, until: Time) {
-        let (Some((from, command, span)), Some(interval)) = (self.held.take(), self.refresh) else {
+        let (Some((start, command, from)), Some(interval)) = (self.held.take(), self.refresh) else {
             return;
         };
         // Counted before anything is laid, so that a day of refreshes costs nothing where it is too much.
-        let length = until.minus(from).nanos().max(0);
-        let count = usize::try_from(length / interval.nanos().max(1)).unwrap_or(usize::MAX);
-        if !self.has_room(count, span) {
+        let count = until.minus(start).over(interval).unwrap_or(0.0);
+        if !self.has_room(frames(count), from) {
             return;
         }
-        let times = (1_u64..).map(|k| from.plus(interval.times(k)).micros());
+        let times = (1_u64..).map(|k| start.plus(interval.times(k)).micros());
         for at_us in times.take_while(|&at_us| at_us < until.micros()) {
-            self.refreshes.push(Event { at_us, command: command.clone(), kind: Kind::Refresh, span });
+            let event =
+                Event { at_us, command: command.clone(), kind: Kind::Refresh, span: from.span, trace: from.trace };
+            self.refreshes.push(event);
         }
     }
 
     /// What is still running at the end is ended.
-    fn close(&mut self, end: Time, end_us: u64) {
+    fn close(&mut self, end: Time) {
         self.release(end);
-        let mut closing = Vec::new();
-        if self.state.drive().is_some_and(Command::keeps_driving) {
-            self.left_running(self.last_drive, "the drive is still running when the script ends", "stop");
-            closing.push((Command::STOP, self.last_drive));
+        let (drive, buzzer) = (self.last(DRIVE), self.last(BUZZER));
+        let runs = self.state.drive().is_some_and(Command::keeps_driving);
+        let sounds = self.state.buzzer() == Some(true);
+        if runs {
+            self.left_running(drive, "the drive is still running when the script ends", "stop");
         }
-        if self.state.buzzer() == Some(true) {
-            self.left_running(self.last_buzzer, "the buzzer is still on when the script ends", "buzzer off");
-            closing.push((Command::Buzzer(false), self.last_buzzer));
+        if sounds {
+            self.left_running(buzzer, "the buzzer is still on when the script ends", "buzzer off");
         }
-        if let Some(span) = self.raw {
-            // Nobody knows what a raw frame left behind.
-            closing = vec![(Command::STOP, span), (Command::Buzzer(false), span)];
+        // Nobody knows what a raw frame left behind.
+        if runs || self.raw.is_some() {
+            self.emit(end, Command::STOP, Kind::Closing, self.raw.unwrap_or(drive));
         }
-        for (command, span) in closing {
-            self.events.push(Event { at_us: end_us, command, kind: Kind::Closing, span });
+        if sounds || self.raw.is_some() {
+            self.emit(end, Command::Buzzer(false), Kind::Closing, self.raw.unwrap_or(buzzer));
         }
     }
 
-    fn left_running(&mut self, span: Span, message: &str, command: &str) {
-        self.diagnostics.push(Diagnostic::new(
-            Code::LeftRunning,
-            span,
-            message,
-            format!("end the script with `{command}`; motionseq sends it at the end in any case"),
-        ));
+    fn left_running(&mut self, from: From, message: &str, command: &str) {
+        let help = format!("end the script with `{command}`; motionseq sends it at the end in any case");
+        self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
     }
 
     /// Whether so many more frames are allowed; where not, that is reported once.
-    fn has_room(&mut self, more: usize, span: Span) -> bool {
+    fn has_room(&mut self, more: usize, from: From) -> bool {
         let total = self.events.len().saturating_add(self.refreshes.len()).saturating_add(more);
-        let room = total <= self.limits.events;
+        let room = total <= self.limit;
         if !room && !self.full {
             self.full = true;
-            let limit = self.limits.events;
-            self.diagnostics.push(Diagnostic::new(
-                Code::TooManyEvents,
-                span,
-                format!("the script sends more than {limit} frames"),
-                "make it shorter or the refresh interval longer, or allow more with `--max-events`",
-            ));
+            let message = format!("the script sends more than {} frames", self.limit);
+            let help = "make it shorter or the refresh interval longer, or allow more with `--max-events`";
+            self.report(Diagnostic::new(Code::TooManyEvents, from.span, message, help), from);
         }
         room
     }
 
-    /// All events in the order of sending. The sort is stable, and both parts are sorted already.
-    fn finish(self) -> Vec<Event> {
-        let mut events = self.events;
-        events.extend(self.refreshes);
-        events.sort_by_key(|event| (event.at_us, event.kind));
+    /// All events in the order of sending. The sort is stable: closing frames keep theirs.
+    fn finish(mut self) -> Vec<Event> {
+        self.events.sort_by_key(|(event, order)| {
+            (event.at_us, event.kind.rank(), if event.kind == Kind::Closing { 0 } else { *order })
+        });
+        let mut events: Vec<Event> = self.events.into_iter().map(|(event, _)| event).collect();
+        if !self.refreshes.is_empty() {
+            events.extend(self.refreshes);
+            events.sort_by_key(|event| (event.at_us, event.kind.rank()));
+        }
         events
     }
 }
 
-/// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A raw
-/// frame is not interpreted, so it ends nothing.
-fn superseded(end: &Point, group: &[Point]) -> bool {
-    let same = |other: &Point| match end.command {
-        Command::Buzzer(_) => matches!(other.command, Command::Buzzer(_)),
-        _ => other.command.is_drive() && !matches!(other.command, Command::Raw { .. }),
-    };
-    group.iter().any(|other| !other.ends && other.order != end.order && same(other))
+/// A number of frames, held where it is far too large.
+fn frames(count: f64) -> usize {
+    const MANY: f64 = 1e12;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
+    if count.is_finite() { count.clamp(0.0, MANY) as usize } else { usize::MAX }
+}
+
+/// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A move
+/// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
+fn superseded(end: &Command, point: &Point, group: &[Point]) -> bool {
+    let [thing, _] = things(end);
+    group.iter().any(|other| match &other.what {
+        What::Send(command) => other.from.order != point.from.order && things(command)[0] == thing,
+        What::Go(_) | What::End(_) => false,
+    })
 }

@@ -7,9 +7,9 @@ mod lay;
 mod listing;
 mod order;
 
-use crate::board::{self, Command};
+use crate::board::{Command, ServoIndex};
 use crate::diagnostic::Diagnostics;
-use crate::program::Program;
+use crate::program::{Action, Program, Shape, TraceId, Traces};
 use crate::source::Span;
 
 pub use listing::{Seconds, write_bin, write_hex, write_listing};
@@ -25,6 +25,8 @@ pub struct Timeline {
     pub end_us: u64,
     /// Speed of the line in bits a second.
     pub baud: u32,
+    /// The calls and passes that led to each event.
+    pub traces: Traces,
 }
 
 /// What one robot is sent.
@@ -34,6 +36,8 @@ pub struct Track {
     pub robot: Option<String>,
     /// Every frame, in the order of sending.
     pub events: Vec<Event>,
+    /// What is sent when something ends a run early, after the stop; times count from there.
+    pub abort: Vec<Event>,
 }
 
 /// One frame at its time.
@@ -47,26 +51,43 @@ pub struct Event {
     pub kind: Kind,
     /// The command in the script that it belongs to.
     pub span: Span,
+    /// The calls and passes that led to that command.
+    pub trace: TraceId,
 }
 
-/// Where a frame comes from. The order is that of frames at one time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// Where a frame comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A command of the script, or the end of its `for`.
     Command,
+    /// A step of a move.
+    Sample,
     /// The last drive frame again, so that the board goes on driving.
     Refresh,
     /// Sent at the end for a script that leaves something running.
     Closing,
+    /// Sent where something ends a run early.
+    Abort,
 }
 
 impl Kind {
+    /// The order of frames at one time: commands and samples, refreshes, closing frames.
+    pub fn rank(self) -> u8 {
+        match self {
+            Kind::Command | Kind::Sample | Kind::Abort => 0,
+            Kind::Refresh => 1,
+            Kind::Closing => 2,
+        }
+    }
+
     /// The word that listings show; `None` for a plain command.
     pub fn word(self) -> Option<&'static str> {
         match self {
             Kind::Command => None,
+            Kind::Sample => Some("sample"),
             Kind::Refresh => Some("refresh"),
             Kind::Closing => Some("closing"),
+            Kind::Abort => Some("abort"),
         }
     }
 }
@@ -82,23 +103,15 @@ pub struct Cue {
     pub span: Span,
 }
 
-/// What a timeline may grow to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// The most frames a robot.
-    pub events: usize,
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Limits { events: 10_000_000 }
-    }
-}
-
 impl Timeline {
     /// The only track, while scripts have one.
     pub fn events(&self) -> &[Event] {
         self.tracks.first().map(|track| track.events.as_slice()).unwrap_or_default()
+    }
+
+    /// What the only track sends where something ends a run early.
+    pub fn abort(&self) -> &[Event] {
+        self.tracks.first().map(|track| track.abort.as_slice()).unwrap_or_default()
     }
 }
 
@@ -109,45 +122,59 @@ impl Event {
     }
 }
 
-/// Lays a program out in time. Clashes and what else is wrong in the order of time is reported.
-pub fn timeline(program: Program, limits: Limits, diagnostics: &mut Diagnostics) -> Timeline {
-    order::check(&program.steps, diagnostics);
-    lay::lay(program, limits, diagnostics)
+/// Lays a program out in time, with at most `events` frames a robot. Clashes and what else is wrong in the order of time is
+/// reported.
+pub fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
+    order(&program, diagnostics);
+    lay::lay(program, events, diagnostics)
 }
 
 /// Only looks for what is wrong in the order of time, for a program that has other errors but whose times are right.
 pub fn order(program: &Program, diagnostics: &mut Diagnostics) {
-    order::check(&program.steps, diagnostics);
-}
-
-/// The things of a robot that do one thing at a time.
-const THINGS: usize = 6;
-
-/// The indices of the things that a command occupies: the drive, the buzzer, four servos. A raw frame occupies none.
-fn things(command: &Command) -> impl Iterator<Item = usize> {
-    let (first, second) = match command {
-        Command::Raw { .. } | Command::Pid(..) | Command::Request(_) => (None, None),
-        Command::Buzzer(_) => (Some(1), None),
-        Command::Servo { index, .. } => (usize::try_from(index.get()).ok().map(|index| index + 1), None),
-        Command::Servos { .. } => (Some(2), Some(3)),
-        _ => (Some(0), None),
-    };
-    first.into_iter().chain(second)
-}
-
-/// What one of [`things`] is called.
-fn thing_name(thing: usize) -> String {
-    match thing {
-        0 => "the drive".into(),
-        1 => "the buzzer".into(),
-        servo => format!("servo {}", servo - 1),
+    order::check(&program.steps, &program.traces, diagnostics);
+    if let Some(abort) = &program.abort {
+        order::check(&abort.steps, &program.traces, diagnostics);
     }
 }
 
-/// What ends a hold of this command: the stop for the drive, off for the buzzer.
-fn ending(command: &Command) -> Command {
+/// The things of a robot that do one thing at a time: the drive, the buzzer, four servos.
+const THINGS: usize = 6;
+const DRIVE: usize = 0;
+const BUZZER: usize = 1;
+
+fn servo(index: ServoIndex) -> usize {
+    usize::try_from(index.get()).unwrap_or(0) + 1
+}
+
+/// The things that a command occupies. A raw frame occupies none.
+fn things(command: &Command) -> [Option<usize>; 2] {
     match command {
-        Command::Buzzer(_) => Command::Buzzer(false),
-        _ => board::Command::STOP,
+        Command::Raw { .. } | Command::Pid(..) | Command::Request(_) => [None, None],
+        Command::Buzzer(_) => [Some(BUZZER), None],
+        Command::Servo { index, .. } => [Some(servo(*index)), None],
+        Command::Servos { .. } => [Some(2), Some(3)],
+        _ => [Some(DRIVE), None],
+    }
+}
+
+/// The things that a step occupies.
+fn things_of(action: &Action) -> [Option<usize>; 2] {
+    match action {
+        Action::Say(_) => [None, None],
+        Action::Send(command, _) => things(command),
+        Action::Go(going) => match going.motion.shape {
+            Shape::Servo(index) => [Some(servo(index)), None],
+            Shape::Servos => [Some(2), Some(3)],
+            _ => [Some(DRIVE), None],
+        },
+    }
+}
+
+/// What one of the things is called.
+fn thing_name(thing: usize) -> String {
+    match thing {
+        DRIVE => "the drive".into(),
+        BUZZER => "the buzzer".into(),
+        servo => format!("servo {}", servo - 1),
     }
 }

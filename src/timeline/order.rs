@@ -6,10 +6,10 @@
 //! not, if the instant is written first.
 
 use super::listing::Seconds;
-use super::{THINGS, thing_name, things};
+use super::{THINGS, thing_name, things_of};
 use crate::board::{Command, Mode};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::program::{Action, Step};
+use crate::program::{Action, Step, TraceId, Traces};
 use crate::source::Span;
 
 /// When a command occupies its things, in microseconds.
@@ -21,6 +21,7 @@ struct Occupied {
     /// Whether it has no `for`.
     instant: bool,
     span: Span,
+    trace: TraceId,
 }
 
 impl Occupied {
@@ -38,33 +39,38 @@ impl Occupied {
 }
 
 /// Reports every command that runs into one before it, and every `move` whose last `pid` was not `pid position`.
-pub(super) fn check(steps: &[Step], diagnostics: &mut Diagnostics) {
+pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnostics) {
     let mut sorted: Vec<(usize, &Step)> = steps.iter().enumerate().collect();
     sorted.sort_by_key(|&(order, step)| (step.at.micros(), order));
     // Of each thing, the command that occupies it longest so far.
     let mut occupied: [Option<Occupied>; THINGS] = [None; THINGS];
     let mut mode = None;
     for (order, step) in sorted {
-        let Action::Send(command, hold) = &step.action else {
-            continue;
-        };
-        match command {
-            Command::Pid(to, _) => mode = Some(*to),
-            Command::Move { .. } if mode != Some(Mode::Position) => diagnostics.push(move_mode(step.span)),
+        match &step.action {
+            Action::Send(Command::Pid(to, _), _) => mode = Some(*to),
+            Action::Send(Command::Move { .. }, _) if mode != Some(Mode::Position) => {
+                diagnostics.push(traces.attach(move_mode(step.span), step.trace));
+            }
             _ => {}
         }
+        let lasting = match &step.action {
+            Action::Send(_, hold) => *hold,
+            Action::Go(going) => Some(going.over),
+            Action::Say(_) => None,
+        };
         let start = step.at.micros();
-        let end = hold.map_or(start, |hold| step.at.plus(hold).micros());
-        let next = Occupied { start, end, order, instant: hold.is_none(), span: step.span };
+        let end = lasting.map_or(start, |lasting| step.at.plus(lasting).micros());
+        let next = Occupied { start, end, order, instant: lasting.is_none(), span: step.span, trace: step.trace };
         let mut reported = false;
-        for thing in things(command) {
+        for thing in things_of(&step.action).into_iter().flatten() {
             let Some(slot) = occupied.get_mut(thing) else {
                 continue;
             };
             match *slot {
                 Some(last) if last.clashes_with(next) => {
                     if !reported {
-                        diagnostics.push(clash(thing, last, next));
+                        let diagnostic = traces.attach(clash(thing, last, next), next.trace);
+                        diagnostics.push(traces.attach(diagnostic, last.trace));
                     }
                     reported = true;
                     if next.end > last.end {

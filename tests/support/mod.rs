@@ -6,40 +6,42 @@ use std::process::{Command, Output, Stdio};
 
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
-use motionseq::source::Source;
-use motionseq::timeline::{Limits, write_listing};
+use motionseq::program::Options;
+use motionseq::source::{Source, Sources};
+use motionseq::timeline::write_listing;
 
 /// A script's listing and its messages, as they are pinned.
 pub(crate) fn listing_and_messages(path: &Path) -> String {
     let name = path.file_name().unwrap().to_str().unwrap();
     let source = match Source::read(path) {
-        Ok(source) => Source::new(name, source.text()),
+        Ok(source) => source.named(name),
         Err(error) => {
             let (source, diagnostic) = Diagnostic::of_source(error).unwrap();
             let mut diagnostics = Diagnostics::default();
             diagnostics.push(diagnostic);
-            return messages(&Source::new(name, source.text()), &diagnostics);
+            return messages(&source.named(name).into(), &diagnostics);
         }
     };
-    let compiled = motionseq::compile(&source, Limits::default());
+    let sources = Sources::from(source);
+    let compiled = motionseq::compile(&sources, &Options::default());
     let mut text = Vec::new();
     if let Some(timeline) = &compiled.timeline {
         write_listing(timeline.events(), &mut text).unwrap();
     }
     let mut text = String::from_utf8(text).unwrap();
-    text.push_str(&messages(&source, &compiled.diagnostics));
+    text.push_str(&messages(&sources, &compiled.diagnostics));
     text
 }
 
 /// Every message of a script, without color, 80 wide.
-pub(crate) fn messages(source: &Source, diagnostics: &Diagnostics) -> String {
-    let printable = Printable::new(source);
+pub(crate) fn messages(sources: &Sources, diagnostics: &Diagnostics) -> String {
+    let printable = Printable::all(sources);
     let handler =
         GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_width(80).with_links(false);
     let mut text = String::new();
     for diagnostic in diagnostics.sorted() {
         assert!(!diagnostic.help.is_empty(), "{diagnostic:?} says nothing that helps");
-        handler.render_report(&mut text, &Attached { diagnostic, source: &printable }).unwrap();
+        handler.render_report(&mut text, &Attached::new(diagnostic, &printable)).unwrap();
         text.push('\n');
     }
     text

@@ -1,0 +1,418 @@
+//! What stands behind a command's name, taken piece by piece. Every mistake in it is reported, not only the first.
+
+mod values;
+
+use super::commands::{self, Row};
+use super::context::Context;
+use super::ease::Ease;
+use super::suggest::{list, suggest};
+use super::time::Time;
+use super::value::{self, Quantity};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::source::Span;
+use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
+
+/// The words that change how a command runs, each with one argument behind it.
+const MODIFIERS: &[&str] = &["for", "over", "ease", "within", "every", "as"];
+
+/// The arguments of one command that are not taken yet.
+pub(super) struct Arguments<'r, 'a, 's, 'd> {
+    /// The command's row in the table.
+    pub(super) row: &'static Row,
+    /// The command itself.
+    pub(super) command: &'a Command<'s>,
+    pub(super) context: &'r mut Context<'a, 's, 'd>,
+    positional: std::vec::IntoIter<&'a Argument<'s>>,
+    named: Vec<&'a Argument<'s>>,
+    modifiers: Vec<(Name<'s>, &'a Argument<'s>)>,
+    /// Whether something is missing.
+    incomplete: bool,
+    /// How many errors there were before this command.
+    errors_before: usize,
+}
+
+/// How long a command takes: not at all, or with `for` or `over`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Lasting {
+    Instant,
+    For(Time),
+    Over(Time, Ease),
+}
+
+impl Lasting {
+    /// How long.
+    pub(super) fn time(self) -> Time {
+        match self {
+            Lasting::Instant => Time::ZERO,
+            Lasting::For(time) | Lasting::Over(time, _) => time,
+        }
+    }
+}
+
+impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
+    /// Sorts the arguments; `None` where they cannot be, which is reported.
+    pub(super) fn new(
+        row: &'static Row,
+        command: &'a Command<'s>,
+        context: &'r mut Context<'a, 's, 'd>,
+    ) -> Option<Self> {
+        match &command.block {
+            Some(block) if !row.block => {
+                let span = Span { end: block.span.start + 1, ..block.span };
+                let message = format!("`{}` takes no block", row.name);
+                context.report(Diagnostic::new(Code::Arguments, span, message, "end the line before the `{`"));
+                return None;
+            }
+            None if row.block => {
+                let message = format!("`{}` needs a block behind it", row.name);
+                context.report(Diagnostic::new(Code::Arguments, command.span, message, row.how()));
+                return None;
+            }
+            _ => {}
+        }
+        let errors_before = context.diagnostics.errors();
+        let mut args = Arguments {
+            row,
+            command,
+            context,
+            positional: Vec::new().into_iter(),
+            named: Vec::new(),
+            modifiers: Vec::new(),
+            incomplete: false,
+            errors_before,
+        };
+        args.sort()?;
+        Some(args)
+    }
+
+    fn sort(&mut self) -> Option<()> {
+        let mut positional: Vec<&'a Argument<'s>> = Vec::new();
+        let mut rest = self.command.arguments.iter();
+        while let Some(argument) = rest.next() {
+            let word = bare_word(argument);
+            if let Some(word) = word.filter(|word| MODIFIERS.contains(&word.text)) {
+                self.modifier(word, rest.next())?;
+                continue;
+            }
+            if let (Some(word), Some(before)) = (word, positional.last().or(self.named.last()))
+                && let Item::One(value) = &before.item
+                && let Some(diagnostic) = blank_before_unit(value, word)
+            {
+                self.context.report(diagnostic);
+                return None;
+            }
+            match argument.name {
+                None => positional.push(argument),
+                Some(name) => {
+                    let twice = |other: &&Argument<'_>| other.name.is_some_and(|other| other.text == name.text);
+                    if self.named.iter().any(twice) {
+                        self.twice(name.text, argument.span);
+                        return None;
+                    }
+                    self.named.push(argument);
+                }
+            }
+        }
+        self.positional = positional.into_iter();
+        Some(())
+    }
+
+    fn modifier(&mut self, word: Name<'s>, operand: Option<&'a Argument<'s>>) -> Option<()> {
+        let Some(operand) = operand else {
+            let example = match word.text {
+                "ease" => "ease in-out-sine",
+                "as" => "as i",
+                "every" => "every 1 beat",
+                "over" => "over 2s",
+                _ => "for 2s",
+            };
+            self.context.report(Diagnostic::new(
+                Code::Arguments,
+                word.span,
+                format!("something is missing behind `{}`", word.text),
+                format!("for example `{example}`"),
+            ));
+            return None;
+        };
+        if self.modifiers.iter().any(|(name, _)| name.text == word.text) {
+            self.twice(word.text, word.span);
+            return None;
+        }
+        self.modifiers.push((word, operand));
+        Some(())
+    }
+
+    fn twice(&mut self, name: &str, span: Span) {
+        let message = format!("`{name}` stands here twice");
+        self.context.report(Diagnostic::new(Code::Arguments, span, message, "keep one of the two"));
+    }
+
+    /// Reports everything that was not taken. `None` where there was anything.
+    pub(super) fn finish(self) -> Option<()> {
+        if self.incomplete {
+            return None;
+        }
+        let usage = self.row.how();
+        let mut clean = true;
+        // The first one too many is enough: the others often belong to it.
+        if let Some(argument) = self.positional.as_slice().first() {
+            clean = false;
+            self.context.report(Diagnostic::new(
+                Code::Arguments,
+                argument.span,
+                format!("`{}` takes no more arguments", self.row.name),
+                self.meant(argument).unwrap_or_else(|| usage.clone()),
+            ));
+        }
+        for argument in self.named {
+            clean = false;
+            let name = argument.name.map_or("", |name| name.text);
+            self.context.report(Diagnostic::new(
+                Code::Arguments,
+                argument.span,
+                format!("`{}` has no `{name}=`", self.row.name),
+                usage.clone(),
+            ));
+        }
+        for (word, operand) in self.modifiers {
+            clean = false;
+            let help = match (word.text, number_text(operand)) {
+                ("for", Some(time)) => format!("give the time a line of its own: `wait {time}`"),
+                ("ease", _) if self.row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
+                _ => usage.clone(),
+            };
+            self.context.report(Diagnostic::new(
+                Code::Arguments,
+                word.span.to(operand.span),
+                format!("`{}` takes no `{}`", self.row.name, word.text),
+                help,
+            ));
+        }
+        clean.then_some(())
+    }
+
+    /// What an argument that is one too many may have been meant for.
+    fn meant(&self, argument: &Argument<'_>) -> Option<String> {
+        let time = number_text(argument).filter(|text| text.ends_with(['s', 'm', 'h']));
+        if let Some(time) = time.filter(|_| self.row.holds) {
+            return Some(format!("write `for {time}` for how long it holds"));
+        }
+        if let Some(time) = time.filter(|_| self.row.moves) {
+            return Some(format!("write `over {time}` for how long it takes to get there"));
+        }
+        let word = bare_word(argument)?.text;
+        if commands::find(word).is_some() {
+            return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
+        }
+        suggest(word, MODIFIERS.iter().copied()).map(|near| format!("did you mean `{near}`?"))
+    }
+
+    /// The next argument without a name, whatever it is.
+    pub(super) fn next_argument(&mut self) -> Option<&'a Argument<'s>> {
+        let argument = self.positional.next();
+        if argument.is_none() {
+            self.missing();
+        }
+        argument
+    }
+
+    /// The next argument without a name. Where none is left, that is reported.
+    pub(super) fn next(&mut self) -> Option<&'a Value<'s>> {
+        let argument = self.next_argument()?;
+        self.one(argument)
+    }
+
+    /// Reports, once a command, that something is missing.
+    pub(super) fn missing(&mut self) {
+        let told = self.incomplete || self.context.diagnostics.errors() > self.errors_before;
+        self.incomplete = true;
+        // What is missing is often in what was wrong before.
+        if told {
+            return;
+        }
+        let message = format!("`{}` needs more than this", self.row.name);
+        let span =
+            self.command.arguments.last().map_or(self.command.head.span, |last| self.command.head.span.to(last.span));
+        self.context.report(Diagnostic::new(Code::Arguments, span, message, self.row.how()));
+    }
+
+    /// Whether arguments without a name are left.
+    pub(super) fn more(&self) -> bool {
+        !self.positional.as_slice().is_empty()
+    }
+
+    /// The argument with this name, if it is given.
+    pub(super) fn named(&mut self, name: &str) -> Option<&'a Argument<'s>> {
+        let is = |argument: &&Argument<'_>| argument.name.is_some_and(|given| given.text == name);
+        let at = self.named.iter().position(is)?;
+        Some(self.named.remove(at))
+    }
+
+    /// The argument behind a word such as `every`.
+    pub(super) fn behind(&mut self, word: &str) -> Option<&'a Argument<'s>> {
+        let at = self.modifiers.iter().position(|(name, _)| name.text == word)?;
+        Some(self.modifiers.remove(at).1)
+    }
+
+    /// How long it takes, with `for` or `over`; `Err` where that is wrong, which is reported.
+    pub(super) fn lasting(&mut self) -> Result<Lasting, ()> {
+        let hold = if self.row.holds { self.behind("for") } else { None };
+        let over = if self.row.moves { self.behind("over") } else { None };
+        let ease = if over.is_some() { self.behind("ease") } else { None };
+        match (hold, over) {
+            (None, None) => Ok(Lasting::Instant),
+            (Some(hold), None) => Ok(Lasting::For(self.above_zero("for", hold)?)),
+            (None, Some(over)) => {
+                let over = self.above_zero("over", over)?;
+                let ease = match ease {
+                    None => Ease::LINEAR,
+                    Some(ease) => self.ease(ease).ok_or(())?,
+                };
+                Ok(Lasting::Over(over, ease))
+            }
+            (Some(hold), Some(over)) => {
+                self.context.report(Diagnostic::new(
+                    Code::Arguments,
+                    hold.span.to(over.span),
+                    "`over` and `for` do not stand together",
+                    "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it",
+                ));
+                Err(())
+            }
+        }
+    }
+
+    fn above_zero(&mut self, word: &str, operand: &'a Argument<'s>) -> Result<Time, ()> {
+        let value = self.one(operand).ok_or(())?;
+        let time = time(value, self.context).ok_or(())?;
+        if time <= Time::ZERO {
+            self.context.report(Diagnostic::new(
+                Code::OutOfRange,
+                value.span,
+                format!("`{word}` needs a time above zero"),
+                "write a time such as `0.5s`, or leave the command out",
+            ));
+            return Err(());
+        }
+        Ok(time)
+    }
+
+    fn ease(&mut self, argument: &'a Argument<'s>) -> Option<Ease> {
+        let word = bare_word(argument).map_or("", |word| word.text);
+        let found = Ease::named(word);
+        if found.is_none() {
+            let names = Ease::names();
+            let help = match suggest(word, names.iter().map(String::as_str)) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!(
+                    "write `linear`, or `in-`, `out-` or `in-out-` with {}",
+                    list(super::ease::CURVES.iter().map(|curve| curve.name))
+                ),
+            };
+            self.context.report(Diagnostic::new(Code::Arguments, argument.span, "there is no such easing", help));
+        }
+        found
+    }
+
+    /// The single value of an argument; arrows, ranges and lists are reported.
+    pub(super) fn one(&mut self, argument: &'a Argument<'s>) -> Option<&'a Value<'s>> {
+        let (message, help) = match &argument.item {
+            Item::One(value) => return Some(value),
+            Item::Arrow(..) => (
+                "a move from one value to another has no place here".to_owned(),
+                "`A -> B` stands in `servo`, `servos`, `rocker`, `yawhold` and `wheels`, with `over`".to_owned(),
+            ),
+            Item::Range(..) => ("one value is needed here, not a range".to_owned(), self.row.how()),
+            Item::List(list) => ("one value is needed here, not a list".to_owned(), without_commas(list, argument)),
+            Item::Comparison(sign) => {
+                (format!("`{}` compares, and nothing is compared here", sign.text), self.row.how())
+            }
+        };
+        self.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
+        None
+    }
+}
+
+/// The text of an argument that is nothing but a number.
+fn number_text<'s>(argument: &Argument<'s>) -> Option<&'s str> {
+    match argument.item {
+        Item::One(Value { kind: ValueKind::Number(_, text), .. }) if argument.name.is_none() => Some(text),
+        _ => None,
+    }
+}
+
+/// What to write instead of a list.
+fn without_commas(list: &[Value<'_>], argument: &Argument<'_>) -> String {
+    let texts: Option<Vec<&str>> = list
+        .iter()
+        .map(|value| match value.kind {
+            ValueKind::Number(_, text) if !value.negative => Some(text),
+            _ => None,
+        })
+        .collect();
+    match texts.as_deref() {
+        Some([whole, rest]) if argument.name.is_none() && whole.bytes().all(|byte| byte.is_ascii_digit()) => {
+            format!("write a decimal point as `{whole}.{rest}`, or a blank between two arguments: `{whole} {rest}`")
+        }
+        Some(texts) if argument.name.is_none() => {
+            format!("arguments stand behind each other with a blank between them: `{}`", texts.join(" "))
+        }
+        _ => "arguments stand behind each other with a blank between them, not a comma".to_owned(),
+    }
+}
+
+/// An argument that is nothing but a word.
+pub(super) fn bare_word<'s>(argument: &Argument<'s>) -> Option<Name<'s>> {
+    match argument.item {
+        Item::One(Value { kind: ValueKind::Word(text), negative: false, span }) if argument.name.is_none() => {
+            Some(Name { text, span })
+        }
+        _ => None,
+    }
+}
+
+/// `1 s` or `1 seconds` instead of `1s`, and `n beats`.
+pub(super) fn blank_before_unit(value: &Value<'_>, word: Name<'_>) -> Option<Diagnostic> {
+    let span = value.span.to(word.span);
+    match &value.kind {
+        ValueKind::Number(NumberShape::Plain, number) => {
+            let unit = value::unit_meant(word.text)?;
+            let bare = number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+            bare.then(|| {
+                let message = format!("no blank stands between a number and `{}`", word.text);
+                Diagnostic::new(Code::Unit, span, message, format!("write them together: `{number}{unit}`"))
+            })
+        }
+        ValueKind::Word(name) if matches!(word.text, "beat" | "beats" | "bar" | "bars") => {
+            let one = if word.text.starts_with("beat") { "beat" } else { "bar" };
+            let message = format!("`{}` stands behind a number only", word.text);
+            Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1 {one})`")))
+        }
+        _ => None,
+    }
+}
+
+/// Reads a time; anything else is reported.
+pub(super) fn time<'s>(value: &Value<'s>, context: &mut Context<'_, 's, '_>) -> Option<Time> {
+    match context.value(value)? {
+        Quantity::Time(time) => Some(time),
+        Quantity::Number(number) => {
+            context.report(Diagnostic::new(
+                Code::Unit,
+                value.span,
+                format!("a time needs a unit, and {number} has none"),
+                format!("write `{number}s` for seconds or `{number}ms` for milliseconds"),
+            ));
+            None
+        }
+        other => {
+            let help = match other {
+                Quantity::Moment(_) => "a mark is a moment: write `at` before it, or take two of them apart: `(b - a)`",
+                _ => "write a time such as `0.5s`, `250ms` or `2 beats`",
+            };
+            let message = format!("a time is needed here, not {}", other.kind());
+            context.report(Diagnostic::new(Code::Unit, value.span, message, help));
+            None
+        }
+    }
+}

@@ -1,0 +1,402 @@
+//! Everything that decides what a value is at one place of a script: names, tempo, random numbers, and the calls that led
+//! there.
+
+use super::functions::{self, Compute, SplitMix, below};
+use super::scope::Scope;
+use super::suggest::{list, suggest};
+use super::tempo::Tempo;
+use super::trace::Traces;
+use super::value::{self, Quantity};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::source::Span;
+use crate::syntax::{Binary, Expression, Node, NodeKind, Value, ValueKind};
+
+/// 2⁵³, the steps between 0 and 1 of a random number.
+const TWO_53: f64 = 9_007_199_254_740_992.0;
+
+pub(super) struct Context<'a, 's, 'd> {
+    pub(super) diagnostics: &'d mut Diagnostics,
+    pub(super) scope: Scope<'a, 's>,
+    pub(super) tempo: Tempo,
+    pub(super) random: SplitMix,
+    pub(super) traces: Traces,
+}
+
+impl<'s> Context<'_, 's, '_> {
+    /// Reports something, with the calls that led here.
+    pub(super) fn report(&mut self, diagnostic: Diagnostic) {
+        self.diagnostics.push(self.traces.attach(diagnostic, self.traces.here()));
+    }
+
+    /// A value that must be a quantity; `None` where it is none, which is reported.
+    pub(super) fn value(&mut self, value: &Value<'s>) -> Option<Quantity> {
+        let quantity = match &value.kind {
+            ValueKind::Number(shape, text) => self.number(value::number(*shape, text, value.span, self.tempo)),
+            ValueKind::Text(_) => {
+                self.report(Diagnostic::new(
+                    Code::Arguments,
+                    value.span,
+                    "a number is needed here, not a text",
+                    "take the quotation marks away",
+                ));
+                None
+            }
+            ValueKind::Word(word) => self.name(word, value.span),
+            ValueKind::Expression(expression) => self.expression(expression),
+        }?;
+        if value.negative { self.negate(quantity, value.span) } else { Some(quantity) }
+    }
+
+    /// The result of a calculation; `None` where it has none, which is reported.
+    pub(super) fn expression(&mut self, expression: &Expression<'s>) -> Option<Quantity> {
+        let mut stack: Vec<Quantity> = Vec::new();
+        let mut at = 0;
+        while let Some(node) = expression.nodes.get(at) {
+            at += 1;
+            let result = match node.kind {
+                NodeKind::Number(shape, text) => self.number(value::number(shape, text, node.span, self.tempo))?,
+                NodeKind::Text(_) => {
+                    self.kinds(node.span, "a text cannot be calculated with");
+                    return None;
+                }
+                NodeKind::Name(name) => self.name(name, node.span)?,
+                NodeKind::Negate => {
+                    let operand = stack.pop()?;
+                    self.negate(operand, node.span)?
+                }
+                NodeKind::Not => Quantity::Truth(!self.truth(stack.pop()?, node.span)?),
+                NodeKind::Skip(operator, over) => {
+                    let left = stack.pop()?;
+                    let left = self.truth(left, node.span)?;
+                    if left == (operator == Binary::Or) {
+                        at += over;
+                        Quantity::Truth(left)
+                    } else {
+                        continue;
+                    }
+                }
+                // The left side did not decide it, so the right one does.
+                NodeKind::Binary(Binary::And | Binary::Or) => Quantity::Truth(self.truth(stack.pop()?, node.span)?),
+                NodeKind::Binary(operator) => {
+                    let right = stack.pop()?;
+                    let left = stack.pop()?;
+                    self.binary(operator, left, right, node.span)?
+                }
+                NodeKind::Call(name, count) => {
+                    let arguments = stack.split_off(stack.len().checked_sub(count)?);
+                    self.call(name, &arguments, node)?
+                }
+            };
+            stack.push(result);
+        }
+        stack.pop()
+    }
+
+    fn number(&mut self, read: Result<Quantity, Diagnostic>) -> Option<Quantity> {
+        read.map_err(|diagnostic| self.report(diagnostic)).ok()
+    }
+
+    fn name(&mut self, name: &str, span: Span) -> Option<Quantity> {
+        match name {
+            "true" => return Some(Quantity::Truth(true)),
+            "false" => return Some(Quantity::Truth(false)),
+            _ => {}
+        }
+        if let Some(value) = self.scope.value(name) {
+            return Some(value);
+        }
+        let names: Vec<_> = self.scope.names().collect();
+        let help = match suggest(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => match u8::from_str_radix(name, 16) {
+                Ok(byte) if name.len() == 2 => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
+                _ if functions::find(name).is_some() => format!("write its arguments right behind it: `{name}(…)`"),
+                _ => format!("name it on a line above: `let {name} = …`; a `def` sees only what stands above it"),
+            },
+        };
+        self.report(Diagnostic::new(Code::UnknownName, span, format!("nothing is called `{name}` here"), help));
+        None
+    }
+
+    fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {
+        let negated = quantity.negated();
+        if negated.is_none() {
+            self.kinds(span, &format!("{} has no minus", quantity.kind()));
+        }
+        negated
+    }
+
+    /// A condition.
+    pub(super) fn truth(&mut self, quantity: Quantity, span: Span) -> Option<bool> {
+        match quantity {
+            Quantity::Truth(truth) => Some(truth),
+            other => {
+                let message = format!("true or false is needed here, not {}", other.kind());
+                self.report(Diagnostic::new(Code::Unit, span, message, "compare it: `n > 0`, `n == 3`"));
+                None
+            }
+        }
+    }
+
+    fn kinds(&mut self, span: Span, message: &str) {
+        self.report(Diagnostic::new(
+            Code::Unit,
+            span,
+            message,
+            "`+`, `-`, `%` and comparisons need one kind on both sides, `*` at most one unit, `/` the same kind or a bare number behind it",
+        ));
+    }
+
+    fn mismatch(&mut self, left: Quantity, right: Quantity, span: Span) {
+        self.kinds(span, &format!("this does not go with {} and {}", left.kind(), right.kind()));
+    }
+
+    fn arithmetic(&mut self, span: Span, message: &str) {
+        self.report(Diagnostic::new(
+            Code::Arithmetic,
+            span,
+            message,
+            "change the numbers, or decide with `if` or `choose` before it is done",
+        ));
+    }
+
+    /// A float that is a number.
+    fn finite(&mut self, number: f64, span: Span) -> Option<f64> {
+        if number.is_finite() {
+            return Some(number);
+        }
+        self.arithmetic(span, "this has no result that is a number");
+        None
+    }
+
+    fn binary(&mut self, operator: Binary, left: Quantity, right: Quantity, span: Span) -> Option<Quantity> {
+        use Quantity::{Moment, Number, Time, Truth};
+        match operator {
+            Binary::Less | Binary::LessOrEqual | Binary::Greater | Binary::GreaterOrEqual | Binary::Equal => {
+                let (less, more) = match (left, right) {
+                    (Truth(left), Truth(right)) if operator == Binary::Equal => (left != right, false),
+                    _ => match (below(left, right), below(right, left)) {
+                        (Some(less), Some(more)) => (less, more),
+                        _ => {
+                            self.mismatch(left, right, span);
+                            return None;
+                        }
+                    },
+                };
+                Some(Truth(match operator {
+                    Binary::Less => less,
+                    Binary::LessOrEqual => !more,
+                    Binary::Greater => more,
+                    Binary::GreaterOrEqual => !less,
+                    _ => !less && !more,
+                }))
+            }
+            Binary::Multiply => match (left, right) {
+                (Time(time), Number(number)) | (Number(number), Time(time)) => {
+                    self.exact(time.by_number(number), span).map(Time)
+                }
+                _ => {
+                    let Some(((a, left_unit), (b, right_unit))) = left.float().zip(right.float()) else {
+                        self.mismatch(left, right, span);
+                        return None;
+                    };
+                    let unit = match (left, right) {
+                        (_, Number(_)) => left_unit,
+                        (Number(_), _) => right_unit,
+                        _ => {
+                            self.mismatch(left, right, span);
+                            return None;
+                        }
+                    };
+                    self.finite(a * b, span).map(unit)
+                }
+            },
+            Binary::Divide => self.divide(left, right, span),
+            Binary::Remainder => match (left, right) {
+                (Time(left), Time(right)) => match left.remainder(right) {
+                    Some(rest) => Some(Time(rest)),
+                    None => self.by_zero(span),
+                },
+                _ => {
+                    let (a, b, unit) = self.same(left, right, span)?;
+                    if b == 0.0 {
+                        return self.by_zero(span);
+                    }
+                    // The sign of the divisor.
+                    let rest = a - b * libm::floor(a / b);
+                    self.finite(rest, span).map(unit)
+                }
+            },
+            _ => {
+                let plus = operator == Binary::Add;
+                let sum = |a: super::Time, b: super::Time| if plus { a.plus(b) } else { a.minus(b) };
+                match (left, right) {
+                    (Time(a), Time(b)) => Some(Time(sum(a, b))),
+                    (Moment(a), Time(b)) => Some(Moment(sum(a, b))),
+                    (Time(a), Moment(b)) if plus => Some(Moment(a.plus(b))),
+                    (Moment(a), Moment(b)) if !plus => Some(Time(a.minus(b))),
+                    _ => {
+                        let (a, b, unit) = self.same(left, right, span)?;
+                        self.finite(if plus { a + b } else { a - b }, span).map(unit)
+                    }
+                }
+            }
+        }
+    }
+
+    fn divide(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<Quantity> {
+        use Quantity::{Number, Time};
+        match (left, right) {
+            (_, Number(0.0)) => self.by_zero(span),
+            (Time(left), Time(right)) => match left.over(right) {
+                Some(ratio) => Some(Number(ratio)),
+                None => self.by_zero(span),
+            },
+            (Time(time), Number(number)) => self.exact(time.over_number(number), span).map(Time),
+            (_, Number(b)) if left.float().is_some() => {
+                let (a, unit) = left.float()?;
+                self.finite(a / b, span).map(unit)
+            }
+            _ => {
+                let (a, b, _) = self.same(left, right, span)?;
+                if b == 0.0 {
+                    return self.by_zero(span);
+                }
+                self.finite(a / b, span).map(Number)
+            }
+        }
+    }
+
+    fn by_zero(&mut self, span: Span) -> Option<Quantity> {
+        self.arithmetic(span, "this divides by zero");
+        None
+    }
+
+    fn exact<T>(&mut self, time: Option<T>, span: Span) -> Option<T> {
+        if time.is_none() {
+            self.arithmetic(span, "this number is too long for an exact time");
+        }
+        time
+    }
+
+    /// The floats of two quantities of one kind, and their unit.
+    #[expect(clippy::type_complexity, reason = "a unit is the way back to a quantity")]
+    fn same(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<(f64, f64, fn(f64) -> Quantity)> {
+        if std::mem::discriminant(&left) == std::mem::discriminant(&right)
+            && let (Some((a, unit)), Some((b, _))) = (left.float(), right.float())
+        {
+            return Some((a, b, unit));
+        }
+        self.mismatch(left, right, span);
+        None
+    }
+
+    fn call(&mut self, name: &str, arguments: &[Quantity], node: &Node<'s>) -> Option<Quantity> {
+        let span = node.span;
+        let Some(function) = functions::find(name) else {
+            let names = || functions::FUNCTIONS.iter().map(|function| function.name);
+            let help = match suggest(name, names()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None if self.scope.phrase(name).is_some() => {
+                    format!("`{name}` is a `def`, which gives no value: call it on a line of its own")
+                }
+                None => format!("the functions are {}", list(names())),
+            };
+            self.report(Diagnostic::new(Code::UnknownName, span, format!("there is no function `{name}`"), help));
+            return None;
+        };
+        let (fewest, most) = function.count;
+        if !(fewest..=most).contains(&arguments.len()) {
+            self.report(Diagnostic::new(
+                Code::Arguments,
+                span,
+                format!("`{name}` cannot be called with {} values", arguments.len()),
+                format!("write `{}`", function.usage),
+            ));
+            return None;
+        }
+        let first = *arguments.first()?;
+        match function.compute {
+            Compute::Unit(compute) => match first {
+                Quantity::Time(time) if name == "abs" => {
+                    Some(Quantity::Time(if time < super::Time::ZERO { time.negated() } else { time }))
+                }
+                _ => match first.float() {
+                    Some((number, unit)) => self.finite(compute(number), span).map(unit),
+                    None => {
+                        self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind()));
+                        None
+                    }
+                },
+            },
+            Compute::Number(compute) => match first {
+                Quantity::Number(number) => self.finite(compute(number), span).map(Quantity::Number),
+                _ => {
+                    self.kinds(span, &format!("`{name}` needs a bare number, not {}", first.kind()));
+                    None
+                }
+            },
+            Compute::Angle(compute) => match first {
+                Quantity::Number(radians) => self.finite(compute(radians), span).map(Quantity::Number),
+                Quantity::Degrees(degrees) => {
+                    self.finite(compute(degrees * (std::f64::consts::PI / 180.0)), span).map(Quantity::Number)
+                }
+                _ => {
+                    self.kinds(span, &format!("`{name}` needs an angle, not {}", first.kind()));
+                    None
+                }
+            },
+            Compute::Extreme(largest) => {
+                let mut best = first;
+                for &other in arguments.iter().skip(1) {
+                    let (low, high) = if largest { (best, other) } else { (other, best) };
+                    let Some(better) = below(low, high) else {
+                        self.mismatch(best, other, span);
+                        return None;
+                    };
+                    if better {
+                        best = other;
+                    }
+                }
+                Some(best)
+            }
+            Compute::Choose => {
+                let chosen = usize::from(!self.truth(first, span)?) + 1;
+                arguments.get(chosen).copied()
+            }
+            Compute::Nth => {
+                let chosen = match first {
+                    Quantity::Number(index) if libm::floor(index) == index && index >= 0.0 => value::round(index),
+                    _ => None,
+                };
+                let chosen = chosen.and_then(|index| usize::try_from(index).ok()?.checked_add(1));
+                let found = chosen.and_then(|index| arguments.get(index).copied());
+                if found.is_none() {
+                    self.report(Diagnostic::new(
+                        Code::OutOfRange,
+                        span,
+                        format!("`nth` has no value number {first}"),
+                        format!("count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2)),
+                    ));
+                }
+                found
+            }
+            Compute::Random => {
+                let part = self.random.next() >> 11;
+                let upper = *arguments.get(1)?;
+                let width = self.binary(Binary::Subtract, upper, first, span)?;
+                let step = match width {
+                    Quantity::Time(time) => Quantity::Time(time.scaled(i64::try_from(part).ok()?, 1 << 53)?),
+                    #[expect(clippy::cast_precision_loss, reason = "53 bits fit a float")]
+                    _ => self.binary(Binary::Multiply, width, Quantity::Number(part as f64 / TWO_53), span)?,
+                };
+                self.binary(Binary::Add, first, step, span)
+            }
+            Compute::Pick => {
+                let count = u64::try_from(arguments.len()).ok()?;
+                let index = usize::try_from(self.random.next().checked_rem(count)?).ok()?;
+                arguments.get(index).copied()
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Commands that may go somewhere over a time: which values they have, and the frame for each set of values.
+
+use super::ease::Ease;
+use super::time::Time;
+use super::value::round;
+use crate::board::{Command, Ranged, ServoIndex};
+use crate::source::Span;
+
+/// Which command it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// `servo N`: one value.
+    Servo(ServoIndex),
+    /// `servos`: pan and tilt.
+    Servos,
+    /// `rocker`: x, y and z.
+    Rocker,
+    /// `yawhold`: x and y.
+    YawHold,
+    /// `wheels`: A, B, C and D.
+    Wheels,
+}
+
+/// One value of such a command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glide {
+    /// Where it starts, if the script says so with `A -> B`.
+    pub from: Option<f64>,
+    /// Where it goes. In range when rounded.
+    pub to: f64,
+}
+
+/// A command with its values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Which command.
+    pub shape: Shape,
+    /// Its values, as many as the shape has.
+    pub values: Vec<Glide>,
+}
+
+/// A command that goes somewhere over a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Move {
+    /// The command and its values.
+    pub motion: Motion,
+    /// How long it takes; above zero.
+    pub over: Time,
+    /// How it gets there.
+    pub ease: Ease,
+    /// Where its values stand in the script.
+    pub span: Span,
+}
+
+impl Shape {
+    /// What its values are called.
+    pub fn names(self) -> &'static [&'static str] {
+        match self {
+            Shape::Servo(_) => &["pulse width"],
+            Shape::Servos => &["pan pulse width", "tilt pulse width"],
+            Shape::Rocker => &["speed x", "speed y", "turning speed z"],
+            Shape::YawHold => &["speed x", "speed y"],
+            Shape::Wheels => &["speed of wheel A", "speed of wheel B", "speed of wheel C", "speed of wheel D"],
+        }
+    }
+
+    /// The command with these values, rounded; the index of the first one that is out of range where there is one.
+    pub fn command(self, values: &[f64]) -> Result<Command, usize> {
+        let value = |at: usize| values.get(at).copied().unwrap_or(0.0);
+        Ok(match self {
+            Shape::Servo(index) => Command::Servo { index, pulse: ranged(value(0), 0)? },
+            Shape::Servos => Command::Servos { pan: ranged(value(0), 0)?, tilt: ranged(value(1), 1)? },
+            Shape::Rocker => {
+                Command::Rocker { x: ranged(value(0), 0)?, y: ranged(value(1), 1)?, z: ranged(value(2), 2)? }
+            }
+            Shape::YawHold => Command::YawHold { x: ranged(value(0), 0)?, y: ranged(value(1), 1)? },
+            Shape::Wheels => Command::Wheels([
+                ranged(value(0), 0)?,
+                ranged(value(1), 1)?,
+                ranged(value(2), 2)?,
+                ranged(value(3), 3)?,
+            ]),
+        })
+    }
+}
+
+fn ranged<const MIN: i32, const MAX: i32>(value: f64, at: usize) -> Result<Ranged<MIN, MAX>, usize> {
+    round(value).and_then(|value| Ranged::new(value).ok()).ok_or(at)
+}
+
+impl Motion {
+    /// Whether any value says where it starts.
+    pub fn has_start(&self) -> bool {
+        self.values.iter().any(|glide| glide.from.is_some())
+    }
+
+    /// The command that it arrives at.
+    pub fn target(&self) -> Option<Command> {
+        let values: Vec<f64> = self.values.iter().map(|glide| glide.to).collect();
+        self.shape.command(&values).ok()
+    }
+}

@@ -1,0 +1,245 @@
+//! Names and what they stand for. `let`, parameters, `repeat … as`, `def` and marks share one name space.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::value::{Quantity, UNITS};
+use crate::source::Span;
+use crate::syntax::{Block, Def, Name};
+
+/// A name and its value.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Binding<'s> {
+    pub(super) name: &'s str,
+    pub(super) value: Quantity,
+    /// Where it was named.
+    pub(super) span: Span,
+    /// Whether anything has used it.
+    used: bool,
+    /// Whether a warning is wanted where nothing does: a `let` of the main script.
+    watched: bool,
+    /// Whether it is a `mark`.
+    mark: bool,
+}
+
+/// A `def`, with what it sees.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Phrase<'a, 's> {
+    pub(super) def: &'a Def<'s>,
+    /// How many of the top-level names stand above it.
+    globals: usize,
+    /// How many of the `def`s stand above it.
+    pub(super) above: usize,
+    used: bool,
+    watched: bool,
+}
+
+/// Where the names of a block begin; given back when it ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mark {
+    block: usize,
+    locals: usize,
+    top: bool,
+}
+
+/// What was visible before a call; given back when it ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    mark: Mark,
+    floor: usize,
+    globals: usize,
+    phrases: usize,
+    main: bool,
+}
+
+/// Everything that can be seen at one place.
+#[derive(Debug, Default)]
+pub(super) struct Scope<'a, 's> {
+    globals: Vec<Binding<'s>>,
+    locals: Vec<Binding<'s>>,
+    phrases: Vec<Phrase<'a, 's>>,
+    by_name: HashMap<&'s str, usize>,
+    /// The `let`s of blocks that have ended, and whether anything ever used them.
+    ended: BTreeMap<Span, (&'s str, bool)>,
+    /// Whether names go to the top level.
+    top: bool,
+    /// Where the names of this block begin among the locals.
+    block: usize,
+    /// Where the names of this call begin among the locals.
+    floor: usize,
+    /// How many top-level names and phrases are visible.
+    visible: usize,
+    visible_phrases: usize,
+    /// Whether what is named now is in the main script.
+    pub(super) main: bool,
+}
+
+/// Words that cannot be names: those of the language that could stand where a name does.
+const RESERVED: &[&str] = &[
+    "at", "bar", "beat", "beats", "bars", "let", "def", "if", "else", "not", "and", "or", "true", "false", "for",
+    "over", "ease", "within", "every", "as", "off", "in", "abort",
+];
+
+/// Whether a word belongs to the language.
+pub(super) fn is_reserved(word: &str) -> bool {
+    RESERVED.contains(&word)
+        || UNITS.iter().any(|unit| unit.name == word)
+        || super::commands::find(word).is_some()
+        || super::functions::find(word).is_some()
+}
+
+impl<'a, 's> Scope<'a, 's> {
+    pub(super) fn new() -> Self {
+        Scope { top: true, main: true, ..Scope::default() }
+    }
+
+    /// The value of a name.
+    pub(super) fn value(&mut self, name: &str) -> Option<Quantity> {
+        let floor = self.floor;
+        let local = self.locals.get_mut(floor..)?.iter_mut().rev().find(|binding| binding.name == name);
+        let visible = if self.top { self.globals.len() } else { self.visible };
+        let found = match local {
+            Some(binding) => binding,
+            None => self.globals.get_mut(..visible)?.iter_mut().rev().find(|binding| binding.name == name)?,
+        };
+        found.used = true;
+        Some(found.value)
+    }
+
+    /// The names that can be seen, for suggestions.
+    pub(super) fn names(&self) -> impl Iterator<Item = &'s str> {
+        let visible = if self.top { self.globals.len() } else { self.visible };
+        let locals = self.locals.get(self.floor..).unwrap_or_default();
+        locals.iter().chain(self.globals.get(..visible).unwrap_or_default()).map(|binding| binding.name)
+    }
+
+    /// Where this name was given in this very block, or, at the top level, to a phrase.
+    pub(super) fn taken(&self, name: &str) -> Option<Span> {
+        let block = if self.top { &self.globals } else { self.locals.get(self.block..).unwrap_or_default() };
+        let binding = block.iter().find(|binding| binding.name == name).map(|binding| binding.span);
+        let phrase = || self.by_name.get(name).and_then(|&at| self.phrases.get(at)).map(|phrase| phrase.def.name.span);
+        binding.or_else(|| if self.top { phrase() } else { None })
+    }
+
+    /// Gives a name in this block. `watched` names get a warning where nothing uses them.
+    pub(super) fn bind(&mut self, name: Name<'s>, value: Quantity, watched: bool) {
+        let mark = matches!(value, Quantity::Moment(_)) && !watched;
+        let watched = watched && self.main;
+        let binding = Binding { name: name.text, value, span: name.span, used: false, watched, mark };
+        if self.top {
+            self.globals.push(binding);
+            self.visible = self.globals.len();
+        } else {
+            self.locals.push(binding);
+        }
+    }
+
+    /// Adds a phrase. It sees the names and phrases above it.
+    pub(super) fn define(&mut self, def: &'a Def<'s>) -> usize {
+        let above = self.phrases.len();
+        let (globals, watched) = (self.globals.len(), self.main);
+        self.phrases.push(Phrase { def, globals, above, used: false, watched });
+        self.by_name.insert(def.name.text, above);
+        self.visible_phrases = self.phrases.len();
+        above
+    }
+
+    /// The phrase with this name, if it can be seen from here.
+    pub(super) fn phrase(&mut self, name: &str) -> Option<Phrase<'a, 's>> {
+        let at = self.by_name.get(name).copied().filter(|&at| at < self.visible_phrases)?;
+        let phrase = self.phrases.get_mut(at)?;
+        phrase.used = true;
+        Some(*phrase)
+    }
+
+    /// The phrases that can be seen, with their numbers.
+    pub(super) fn phrase_numbers(&self) -> impl Iterator<Item = (&'s str, usize)> {
+        self.phrase_names().enumerate().map(|(number, name)| (name, number))
+    }
+
+    /// Whether names go to the top level now.
+    pub(super) fn is_top(&self) -> bool {
+        self.top
+    }
+
+    /// The names of the phrases that can be seen.
+    pub(super) fn phrase_names(&self) -> impl Iterator<Item = &'s str> {
+        self.phrases.iter().take(self.visible_phrases).map(|phrase| phrase.def.name.text)
+    }
+
+    /// Begins a block.
+    pub(super) fn open(&mut self) -> Mark {
+        let mark = Mark { block: self.block, locals: self.locals.len(), top: self.top };
+        self.block = self.locals.len();
+        self.top = false;
+        mark
+    }
+
+    /// Ends a block: its names are forgotten, but marks are only local to a pass or a call (`forget_marks`).
+    pub(super) fn close(&mut self, mark: Mark, forget_marks: bool) {
+        let ended = self.locals.split_off(mark.locals);
+        for binding in ended.iter().filter(|binding| binding.watched) {
+            let (_, used) = self.ended.entry(binding.span).or_insert((binding.name, false));
+            *used |= binding.used;
+        }
+        self.block = mark.block;
+        self.top = mark.top;
+        let marks = ended
+            .into_iter()
+            .filter(|binding| !forget_marks && matches!(binding.value, Quantity::Moment(_)) && binding.mark);
+        if self.top {
+            self.globals.extend(marks);
+            self.visible = self.globals.len();
+        } else {
+            self.locals.extend(marks);
+        }
+    }
+
+    /// Begins the body of a phrase: only what stands above it is seen, never the caller's names.
+    pub(super) fn enter(&mut self, phrase: &Phrase<'a, 's>) -> Frame {
+        let mark = self.open();
+        let frame =
+            Frame { mark, floor: self.floor, globals: self.visible, phrases: self.visible_phrases, main: self.main };
+        self.main = phrase.watched;
+        self.floor = self.locals.len();
+        self.visible = phrase.globals;
+        self.visible_phrases = phrase.above;
+        frame
+    }
+
+    /// Ends the body of a phrase.
+    pub(super) fn leave(&mut self, frame: Frame) {
+        self.close(frame.mark, true);
+        self.floor = frame.floor;
+        self.visible = frame.globals;
+        self.visible_phrases = frame.phrases;
+        self.main = frame.main;
+    }
+
+    /// Names of the main script that nothing has used.
+    pub(super) fn unused(&self) -> Vec<(&'s str, Span)> {
+        let values = self.globals.iter().filter(|binding| binding.watched && !binding.used);
+        let phrases = self.phrases.iter().filter(|phrase| phrase.watched && !phrase.used);
+        let ended = self.ended.iter().filter(|(_, (_, used))| !used).map(|(span, (name, _))| (*name, *span));
+        values
+            .map(|binding| (binding.name, binding.span))
+            .chain(ended)
+            .chain(phrases.map(|phrase| (phrase.def.name.text, phrase.def.name.span)))
+            .collect()
+    }
+}
+
+/// Every phrase that a block calls, however deep inside. The recursion is bounded by the depth of brackets.
+pub(super) fn calls<'b, 's>(block: &'b Block<'s>, found: &mut Vec<&'b Name<'s>>) {
+    use crate::syntax::Statement;
+    for part in block.lines.iter().flat_map(|line| &line.parts) {
+        match &part.statement {
+            Statement::Call(call) => found.push(&call.name),
+            Statement::Block(inner) => calls(inner, found),
+            Statement::Command(command) => command.block.iter().for_each(|inner| calls(inner, found)),
+            Statement::If(each) => {
+                each.arms.iter().map(|(_, block)| block).chain(&each.otherwise).for_each(|inner| calls(inner, found));
+            }
+            Statement::Let(_) | Statement::Def(_) => {}
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! How long a beat and a bar are.
+
+use super::time::Time;
+
+/// A tempo and a meter: 120 bpm and four beats a bar, unless a script says otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tempo {
+    beat: Time,
+    beats: u32,
+}
+
+impl Default for Tempo {
+    fn default() -> Self {
+        Tempo { beat: Time::from_millis(500), beats: 4 }
+    }
+}
+
+impl Tempo {
+    /// The length of a beat.
+    pub(super) fn beat(self) -> Time {
+        self.beat
+    }
+
+    /// The length of a bar.
+    pub(super) fn bar(self) -> Time {
+        self.beat.times(u64::from(self.beats))
+    }
+
+    /// The same meter at so many beats a minute; `None` where that is no tempo.
+    pub(super) fn at(self, bpm: f64) -> Option<Tempo> {
+        let beat = Time::from_millis(60_000).over_number(bpm)?;
+        Some(Tempo { beat, ..self })
+    }
+
+    /// The same tempo with so many beats a bar.
+    pub(super) fn of(self, beats: u32) -> Tempo {
+        Tempo { beats, ..self }
+    }
+}

@@ -1,0 +1,151 @@
+//! Blocks that run in their own way: `repeat` and `on abort`.
+
+use super::super::Abort;
+use super::super::arguments::{self, Arguments, bare_word};
+use super::super::commands::Row;
+use super::super::time::Time;
+use super::super::value::{self, Quantity};
+use super::super::weight::Weight;
+use super::{Frame, Unroll};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::source::Span;
+use crate::syntax::Command;
+
+impl<'a, 's> Unroll<'a, 's, '_> {
+    pub(super) fn repeat(
+        &mut self,
+        command: &'a Command<'s>,
+        row: &'static Row,
+        start: Time,
+        depth: usize,
+    ) -> Option<Time> {
+        let block = command.block.as_ref()?;
+        let mut args = Arguments::new(row, command, &mut self.context)?;
+        let value = args.next()?;
+        let count = args.number(value, "how often to repeat");
+        let every = match args.behind("every") {
+            None => None,
+            Some(every) => {
+                let value = args.one(every)?;
+                Some((arguments::time(value, args.context)?, every.span))
+            }
+        };
+        let name = args.behind("as").map(|argument| (bare_word(argument), argument.span));
+        args.finish()?;
+        let count = count?;
+        if count < 0.0 || libm::floor(count) != count {
+            let message = format!("a block cannot be repeated {count} times");
+            self.report(Code::NotWhole, value.span, message, "write a whole number from 0 on, or round it: `floor(…)`");
+            return None;
+        }
+        // Beyond this it is too much in any case.
+        let passes = value::round(count).map_or(u64::MAX, |count| u64::from(count.unsigned_abs()));
+        if let Some((every, span)) = every.filter(|(every, _)| *every <= Time::ZERO) {
+            let message = format!("`every` needs a time above zero, and {every} is not");
+            self.report(Code::OutOfRange, span, message, "write a time such as `every 1 beat`");
+            return None;
+        }
+        let name = match name {
+            None => None,
+            Some((Some(name), _)) => Some(name),
+            Some((None, span)) => {
+                self.report(Code::Arguments, span, "a name is needed behind `as`", "write `as i`");
+                return None;
+            }
+        };
+        let weight = self.weight(block).times(passes);
+        let total = Weight {
+            steps: self.done.saturating_add(weight.steps.max(passes)),
+            events: (self.steps.len() as u64).saturating_add(weight.events),
+        };
+        if !self.allow(total, command.head.span.to(value.span)) {
+            return None;
+        }
+        let mut now = start;
+        for pass in 0..passes {
+            self.done += 1;
+            let mark = self.context.scope.open();
+            let number = u32::try_from(pass + 1).unwrap_or(u32::MAX);
+            let back = self.context.traces.enter(command.head.span, number);
+            if let Some(name) = name {
+                if pass == 0 {
+                    self.is_free(name);
+                }
+                self.context.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
+            }
+            let end = self.body(block, now, false, depth);
+            self.context.traces.leave(back);
+            self.context.scope.close(mark, true);
+            now = match every {
+                None => end,
+                Some((every, span)) => {
+                    let next = start.plus(every.times(pass + 1));
+                    if end > next {
+                        let message = format!("pass {number} takes {}, which is longer than {every}", end.minus(now));
+                        self.report(
+                            Code::TooLong,
+                            span,
+                            message,
+                            "make the body shorter, or the time behind `every` longer",
+                        );
+                        return None;
+                    }
+                    next
+                }
+            };
+            if self.exhausted || !self.within_bounds(command.head.span) || self.too_long {
+                break;
+            }
+        }
+        Some(now)
+    }
+
+    /// `on abort { … }`: a small script of its own, from time 0, with nothing known.
+    pub(super) fn on_abort(
+        &mut self,
+        command: &'a Command<'s>,
+        row: &'static Row,
+        frame: &Frame,
+        start: Time,
+        depth: usize,
+    ) -> Option<Time> {
+        const LONGEST: Time = Time::from_millis(2_000);
+        let mut args = Arguments::new(row, command, &mut self.context)?;
+        let word = args.next()?;
+        args.word(word, &["abort"])?;
+        args.finish()?;
+        if !frame.top || !self.loading.is_empty() {
+            self.top_level("on abort", command.head.span.to(word.span));
+            return None;
+        }
+        let span = command.head.span.to(word.span);
+        if let Some((_, first)) = &self.abort {
+            let diagnostic = Diagnostic::new(Code::Abort, span, "there are two `on abort`", "keep one of the two");
+            let diagnostic = diagnostic.label("again here").related(*first, "first here");
+            self.context.report(diagnostic);
+            return None;
+        }
+        let block = command.block.as_ref()?;
+        let steps = std::mem::take(&mut self.steps);
+        self.in_abort = true;
+        let end = self.block(block, Time::ZERO, false, depth);
+        self.in_abort = false;
+        let steps = std::mem::replace(&mut self.steps, steps);
+        if end > LONGEST {
+            self.report(Code::Abort, span, format!("`on abort` takes {end}"), "make it shorter: at most 2 s");
+            return None;
+        }
+        self.abort = Some((Abort { steps, end }, span));
+        Some(start)
+    }
+
+    /// Whether a command may be sent here: not the drive in `on abort`.
+    pub(super) fn no_drive_in_abort(&mut self, is_servo: bool, span: Span) -> bool {
+        let forbidden = self.in_abort && !is_servo;
+        if forbidden {
+            let help = "leave it out: the drive was stopped before, and stays so";
+            self.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
+        }
+        !forbidden
+    }
+}

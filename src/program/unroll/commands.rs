@@ -1,0 +1,160 @@
+//! One command of a script: its row in the table decides what becomes of it.
+
+use super::super::arguments::{self, Arguments, Lasting, bare_word};
+use super::super::commands::{self, Build};
+use super::super::motion::{Move, Shape};
+use super::super::time::Time;
+use super::super::value::Quantity;
+use super::super::{Action, Step, limits, say};
+use super::{Frame, Unroll};
+use crate::board;
+use crate::diagnostic::Code;
+use crate::source::Span;
+use crate::syntax::Command;
+
+impl<'a, 's> Unroll<'a, 's, '_> {
+    pub(super) fn command(
+        &mut self,
+        command: &'a Command<'s>,
+        start: Time,
+        frame: &Frame,
+        depth: usize,
+    ) -> Option<Time> {
+        let Some(row) = commands::find(command.head.text) else {
+            self.unknown(command);
+            return None;
+        };
+        if let Build::Later = row.build {
+            self.malformed_or_later(row, command);
+            return None;
+        }
+        let mut args = Arguments::new(row, command, &mut self.context)?;
+        match row.build {
+            Build::Send(build) => {
+                let sent = build(&mut args);
+                let lasting = args.lasting();
+                let complete = args.finish();
+                let lasting = lasting.ok()?;
+                let end = start.plus(lasting.time());
+                let (Some(sent), Some(())) = (sent, complete) else {
+                    // A wrong value moves nothing behind it, but after a wrong `pid` nobody knows the mode.
+                    return (row.name != "pid").then_some(end);
+                };
+                let hold = match lasting {
+                    Lasting::For(time) => Some(time),
+                    _ => None,
+                };
+                if sent == board::Command::Buzzer(false) && hold.is_some() {
+                    let help = "give the time a line of its own: `wait 2s`";
+                    self.report(Code::Arguments, command.span, "`buzzer off` takes no `for`", help);
+                    return Some(end);
+                }
+                self.send(start, command.span, sent, hold);
+                Some(end)
+            }
+            Build::Go(build) => {
+                let motion = build(&mut args);
+                let lasting = args.lasting();
+                let complete = args.finish();
+                let lasting = lasting.ok()?;
+                let end = start.plus(lasting.time());
+                let (Some(motion), Some(())) = (motion, complete) else {
+                    return Some(end);
+                };
+                match lasting {
+                    Lasting::Over(over, ease) => {
+                        let span = command.span;
+                        if self.no_drive_in_abort(matches!(motion.shape, Shape::Servo(_) | Shape::Servos), span) {
+                            self.push(start, span, Action::Go(Box::new(Move { motion, over, ease, span })));
+                        }
+                    }
+                    _ if motion.has_start() => {
+                        let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
+                        self.report(Code::Arguments, command.span, "`A -> B` needs a time", help);
+                    }
+                    Lasting::For(hold) => self.send(start, command.span, motion.target()?, Some(hold)),
+                    Lasting::Instant => self.send(start, command.span, motion.target()?, None),
+                }
+                Some(end)
+            }
+            Build::Wait => {
+                let value = args.next()?;
+                let time = arguments::time(value, args.context);
+                args.finish();
+                let time = time?;
+                if time < Time::ZERO {
+                    let help = "write `at TIME` to start a line at an earlier time";
+                    self.report(Code::OutOfRange, value.span, "time cannot be taken back with `wait`", help);
+                    return None;
+                }
+                if frame.together {
+                    let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
+                    self.report(Code::WaitInTogether, command.span, "a `wait` delays nothing inside `together`", help);
+                }
+                Some(start.plus(time))
+            }
+            Build::Say => {
+                let value = args.next()?;
+                let text = say::say(value, args.context);
+                args.finish()?;
+                self.push(start, command.span, Action::Say(text?));
+                Some(start)
+            }
+            Build::Mark => {
+                let argument = args.next_argument()?;
+                let name = bare_word(argument);
+                args.finish()?;
+                let Some(name) = name else {
+                    self.report(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
+                    return None;
+                };
+                if self.in_abort {
+                    self.report(
+                        Code::Abort,
+                        command.span,
+                        "there is no mark in `on abort`",
+                        "write times: `at 0.5s …`",
+                    );
+                    return None;
+                }
+                self.is_free(name)?;
+                self.context.scope.bind(name, Quantity::Moment(start), false);
+                Some(start)
+            }
+            Build::Repeat => self.repeat(command, row, start, depth),
+            Build::Together => {
+                args.finish()?;
+                let block = command.block.as_ref()?;
+                Some(self.block(block, start, true, depth))
+            }
+            Build::Use => {
+                let value = args.next()?;
+                args.finish()?;
+                if !frame.top {
+                    self.top_level("use", command.span);
+                    return None;
+                }
+                self.use_(value, command.span)?;
+                Some(start)
+            }
+            Build::Abort => self.on_abort(command, row, frame, start, depth),
+            Build::Set(_) | Build::Later => None,
+        }
+    }
+
+    pub(super) fn send(&mut self, at: Time, span: Span, command: board::Command, hold: Option<Time>) {
+        if !self.no_drive_in_abort(!command.is_drive(), span) {
+            return;
+        }
+        if let Some((limit, value)) = limits::broken(&self.settings.limits, &command) {
+            let diagnostic = limits::diagnostic(limit, value, span);
+            self.context.report(diagnostic);
+            return;
+        }
+        self.push(at, span, Action::Send(command, hold));
+    }
+
+    pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
+        self.steps.push(Step { at, span, trace: self.context.traces.here(), action });
+    }
+}

@@ -1,0 +1,118 @@
+//! What comes from outside of the script: files that it uses, and `--set`.
+
+use super::super::time::Time;
+use super::{Frame, Set, Unroll, definition};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::source::{Source, Span};
+use crate::syntax::{self, Statement, Value, ValueKind};
+
+impl<'a, 's> Unroll<'a, 's, '_> {
+    /// Reads each `--set NAME=VALUE` as a `let` of its own.
+    pub(super) fn read_sets(&mut self, sets: &[(String, String)]) {
+        for (name, value) in sets {
+            let source = Source::new(format!("--set {name}"), format!("let {name} = {value}"));
+            let Some(source) = self.sources.add(source) else { continue };
+            let Some(tree) = syntax::parse(source, self.context.diagnostics) else { continue };
+            let tree = self.trees.push_get(Box::new(tree));
+            let part = tree.body.lines.first().and_then(|line| line.parts.first());
+            match part.map(|part| &part.statement) {
+                Some(Statement::Let(each)) if tree.body.lines.len() == 1 => {
+                    self.sets.push(Set { name: each.name.text, value: &each.value, span: each.span, used: false });
+                }
+                _ => {
+                    let span = tree.body.span;
+                    let help = "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`";
+                    self.report(Code::Syntax, span, "this cannot be read as a value", help);
+                }
+            }
+        }
+    }
+
+    /// Takes over the names of another file.
+    pub(super) fn use_(&mut self, value: &'a Value<'s>, span: Span) -> Option<()> {
+        const MAX_DEPTH: usize = 16;
+        let ValueKind::Text(quoted) = value.kind else {
+            let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
+            self.report(Code::Arguments, value.span, "`use` needs the name of a file", help);
+            return None;
+        };
+        let name = quoted.trim_matches('"');
+        let path = match self.sources.resolve(self.sources.file(span), name) {
+            Ok(path) => path,
+            Err(error) => {
+                self.report(
+                    Code::Use,
+                    value.span,
+                    error.to_string(),
+                    "name a script in the folder of the main script, or in a folder inside it",
+                );
+                return None;
+            }
+        };
+        if let Some(at) = self.loading.iter().position(|(loading, _)| *loading == path) {
+            let mut diagnostic = Diagnostic::new(
+                Code::Use,
+                value.span,
+                format!("{name} ends up using itself"),
+                "move what both files need into a third one",
+            );
+            for (_, span) in self.loading.iter().skip(at + 1) {
+                diagnostic = diagnostic.related(*span, "used here");
+            }
+            self.context.report(diagnostic);
+            return None;
+        }
+        if self.loaded.contains(&path) {
+            return Some(());
+        }
+        if self.loading.len() >= MAX_DEPTH {
+            let message = format!("files use each other more than {MAX_DEPTH} deep here");
+            self.report(Code::Use, value.span, message, "use fewer files inside each other");
+            return None;
+        }
+        let source = match Source::read(&path) {
+            Ok(source) => source.named(&self.sources.name_of(&path)),
+            Err(error) => {
+                let words = error.to_string();
+                self.report(Code::Use, value.span, words, "look at the name of the file, and whether it is a script");
+                return None;
+            }
+        };
+        let source = self.sources.add(source)?;
+        let tree = syntax::parse(source, self.context.diagnostics)?;
+        let tree = self.trees.push_get(Box::new(tree));
+        self.loading.push((path.clone(), value.span));
+        let main = std::mem::replace(&mut self.context.scope.main, false);
+        let later = std::mem::replace(
+            &mut self.later,
+            tree.body.lines.iter().flat_map(|line| &line.parts).filter_map(definition).collect(),
+        );
+        let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
+        for line in &tree.body.lines {
+            for part in &line.parts {
+                let allowed = match &part.statement {
+                    Statement::Let(_) | Statement::Def(_) => true,
+                    Statement::Command(command) => command.head.text == "use",
+                    _ => false,
+                };
+                if !allowed || line.start.is_some() {
+                    let help = "move it into a `def`, or into the script that uses this file";
+                    self.report(
+                        Code::Use,
+                        part.statement.span(),
+                        "a file that is used holds only `use`, `let` and `def`",
+                        help,
+                    );
+                }
+            }
+        }
+        if !self.context.diagnostics.has_errors() {
+            self.lines(&tree.body.lines, &mut frame, 0);
+        }
+        self.later = later;
+        self.context.scope.main = main;
+        self.loading.pop();
+        self.loaded.push(path);
+        Some(())
+    }
+}

@@ -1,0 +1,436 @@
+//! Walks the tree and gives every command its time.
+
+mod blocks;
+mod commands;
+mod files;
+mod phrases;
+mod settings;
+mod words;
+
+use std::path::PathBuf;
+
+use elsa::FrozenVec;
+
+use super::arguments::{self, blank_before_unit};
+use super::commands::Build;
+use super::context::Context;
+use super::scope::Scope;
+use super::time::Time;
+use super::trace::Traces;
+use super::value::{Quantity, not_yet};
+use super::weight::Weight;
+use super::{Abort, MAX_STEPS, Options, Program, Settings, Step};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::source::{Sources, Span};
+use crate::syntax::{Ast, Block, Def, Expression, If, Line, Moment, Origin, Part, Start, Statement, Value, ValueKind};
+
+/// How deep blocks and calls may run inside each other.
+const MAX_DEPTH: usize = 200;
+
+/// The trees of files that are used, kept as long as anything walks them.
+pub(super) type Trees<'s> = FrozenVec<Box<Ast<'s>>>;
+
+pub(super) fn unroll<'a, 's>(
+    ast: &'a Ast<'s>,
+    sources: &'s Sources,
+    trees: &'a Trees<'s>,
+    options: &Options,
+    diagnostics: &mut Diagnostics,
+) -> Program {
+    let context = Context {
+        diagnostics,
+        scope: Scope::new(),
+        tempo: super::tempo::Tempo::default(),
+        random: super::functions::SplitMix::default(),
+        traces: Traces::default(),
+    };
+    let mut unroll = Unroll {
+        context,
+        sources,
+        trees,
+        sets: Vec::new(),
+        settings: Settings::default(),
+        given: Vec::new(),
+        later: ast.body.lines.iter().flat_map(|line| &line.parts).filter_map(definition).collect(),
+        weights: Vec::new(),
+        loaded: Vec::new(),
+        loading: Vec::new(),
+        begun: false,
+        steps: Vec::new(),
+        done: 0,
+        max_events: options.events,
+        exhausted: false,
+        too_long: false,
+        times_known: true,
+        abort: None,
+        in_abort: false,
+        in_phrase: false,
+    };
+    unroll.read_sets(&options.set);
+    let mut frame = Frame::new(Time::ZERO);
+    frame.top = true;
+    unroll.lines(&ast.body.lines, &mut frame, 0);
+    unroll.finish(frame.latest)
+}
+
+fn definition<'a, 's>(part: &'a Part<'s>) -> Option<&'a Def<'s>> {
+    match &part.statement {
+        Statement::Def(def) => Some(def),
+        _ => None,
+    }
+}
+
+/// How far a block has run.
+struct Frame {
+    /// When it began.
+    start: Time,
+    /// When the next line starts, if it says nothing else.
+    now: Time,
+    /// When everything in it so far has ended.
+    latest: Time,
+    /// Whether each line starts at the start.
+    together: bool,
+    /// Whether it is the top level of the script.
+    top: bool,
+    /// Whether anything but a setting has come.
+    begun: bool,
+}
+
+impl Frame {
+    fn new(start: Time) -> Self {
+        Frame { start, now: start, latest: start, together: false, top: false, begun: false }
+    }
+}
+
+/// A `--set` that stands in for a `let`.
+struct Set<'a, 's> {
+    name: &'s str,
+    value: &'a Expression<'s>,
+    span: Span,
+    used: bool,
+}
+
+struct Unroll<'a, 's, 'd> {
+    context: Context<'a, 's, 'd>,
+    sources: &'s Sources,
+    trees: &'a Trees<'s>,
+    sets: Vec<Set<'a, 's>>,
+    settings: Settings,
+    /// Settings that were given, with their places.
+    given: Vec<(&'static str, Span)>,
+    /// Every `def` at the top level of the main script, wherever it stands.
+    later: Vec<&'a Def<'s>>,
+    /// The weight of each `def`, by its number in the scope.
+    weights: Vec<Weight>,
+    /// Files that were used, and those that are being read.
+    loaded: Vec<PathBuf>,
+    loading: Vec<(PathBuf, Span)>,
+    /// Whether anything but a setting has come.
+    begun: bool,
+    steps: Vec<Step>,
+    /// Lines and passes that were run.
+    done: u64,
+    max_events: usize,
+    /// Whether a bound was reached, so that nothing more is run.
+    exhausted: bool,
+    too_long: bool,
+    /// Whether no error so far can have moved the commands behind it.
+    times_known: bool,
+    abort: Option<(Abort, Span)>,
+    in_abort: bool,
+    in_phrase: bool,
+}
+
+impl<'a, 's> Unroll<'a, 's, '_> {
+    fn report(&mut self, code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) {
+        self.context.report(Diagnostic::new(code, span, message, help));
+    }
+
+    fn finish(mut self, end: Time) -> Program {
+        for set in std::mem::take(&mut self.sets).into_iter().filter(|set| !set.used) {
+            let name = set.name;
+            let message = format!("the script has no `let {name}` at its top level");
+            self.report(
+                Code::UnknownName,
+                set.span,
+                message,
+                "name a `let` of the script itself, outside of all blocks",
+            );
+        }
+        if !self.begun && !self.context.diagnostics.has_errors() {
+            let help = "write a command, such as `servo 1 1500`";
+            self.report(Code::EmptyScript, Span::new(0, 0), "the script does nothing", help);
+        }
+        // What was not run because of an error may have used it.
+        let unused = if self.context.diagnostics.has_errors() { Vec::new() } else { self.context.scope.unused() };
+        for (name, span) in unused {
+            let message = format!("nothing uses `{name}`");
+            self.report(Code::Unused, span, message, "take it away, or use it");
+        }
+        Program {
+            settings: self.settings,
+            steps: self.steps,
+            end,
+            abort: self.abort.map(|(abort, _)| abort),
+            traces: self.context.traces,
+            times_known: self.times_known,
+        }
+    }
+
+    /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
+    fn block(&mut self, block: &'a Block<'s>, start: Time, together: bool, depth: usize) -> Time {
+        let mark = self.context.scope.open();
+        let end = self.body(block, start, together, depth);
+        self.context.scope.close(mark, false);
+        end
+    }
+
+    /// The lines of a block, with names in the scope that is open.
+    fn body(&mut self, block: &'a Block<'s>, start: Time, together: bool, depth: usize) -> Time {
+        let tempo = self.context.tempo;
+        let mut frame = Frame { together, ..Frame::new(start) };
+        if depth < MAX_DEPTH {
+            self.lines(&block.lines, &mut frame, depth + 1);
+        } else {
+            let help = "call fewer phrases inside each other";
+            self.report(
+                Code::Nesting,
+                block.span,
+                format!("blocks and calls run more than {MAX_DEPTH} deep here"),
+                help,
+            );
+            self.exhausted = true;
+        }
+        self.context.tempo = tempo;
+        frame.latest
+    }
+
+    fn lines(&mut self, lines: &'a [Line<'s>], frame: &mut Frame, depth: usize) {
+        for line in lines {
+            self.done += 1;
+            if self.exhausted || !self.within_bounds(line.span) {
+                return;
+            }
+            if self.line(line, frame, depth).is_none() {
+                self.times_known = false;
+            }
+            if frame.latest > Time::LONGEST && !self.too_long {
+                self.too_long = true;
+                let help = "make it shorter; a script is at most 24 hours long";
+                self.report(Code::TooLong, line.span, "the script reaches beyond 24 hours here", help);
+            }
+        }
+    }
+
+    /// Whether more may be run; where not, that is reported once.
+    fn within_bounds(&mut self, span: Span) -> bool {
+        let weight = Weight { steps: self.done, events: self.steps.len() as u64 };
+        self.allow(weight, span)
+    }
+
+    fn allow(&mut self, weight: Weight, span: Span) -> bool {
+        if weight.steps > MAX_STEPS {
+            let message = format!("the script takes more than {MAX_STEPS} steps to unroll");
+            self.report(Code::TooManySteps, span, message, "repeat less often");
+        } else if weight.events > self.max_events as u64 {
+            let message = format!("the script sends more than {} frames", self.max_events);
+            let help = "repeat less often, or allow more with `--max-events`";
+            self.report(Code::TooManyEvents, span, message, help);
+        } else {
+            return true;
+        }
+        self.exhausted = true;
+        false
+    }
+
+    /// Runs a line; `None` where something in it is wrong that may have moved what comes behind.
+    fn line(&mut self, line: &'a Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+        if let Some(in_place) = line.parts.iter().find_map(|part| self.setting_in(line, part, frame)) {
+            if in_place {
+                self.set(line, frame);
+            }
+            return Some(());
+        }
+        frame.begun = true;
+        self.begun = true;
+        let from = if frame.together { frame.start } else { frame.now };
+        let start = match &line.start {
+            None => from,
+            Some(start) => self.start(start, line, frame.start, from)?,
+        };
+        let joined = line.parts.len() > 1;
+        if let ([Part { statement: Statement::If(each), robots }], false) = (line.parts.as_slice(), joined)
+            && robots.is_empty()
+        {
+            frame.now = start;
+            frame.latest = frame.latest.max(start);
+            return self.branch(each, frame, depth);
+        }
+        // Every part is looked at, so that every mistake in the line is found.
+        let mut end = Some(start);
+        for part in &line.parts {
+            let ended = self.part(part, joined, start, frame, depth);
+            end = end.zip(ended).map(|(end, ended)| end.max(ended));
+        }
+        frame.now = end?;
+        frame.latest = frame.latest.max(frame.now);
+        Some(())
+    }
+
+    /// The branch that is taken stands there as if the `if` and its braces were not written.
+    fn branch(&mut self, each: &'a If<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+        let mut taken = each.otherwise.as_ref();
+        for (condition, block) in &each.arms {
+            let value = self.context.expression(condition)?;
+            if self.context.truth(value, condition.span)? {
+                taken = Some(block);
+                break;
+            }
+        }
+        if let Some(block) = taken {
+            self.lines(&block.lines, frame, depth);
+        }
+        Some(())
+    }
+
+    /// When a line starts.
+    fn start(&mut self, start: &'a Start<'s>, line: &Line<'s>, block: Time, now: Time) -> Option<Time> {
+        match start {
+            Start::After(value) => {
+                self.no_unit_behind(value, line)?;
+                let delay = arguments::time(value, &mut self.context)?;
+                if delay < Time::ZERO {
+                    self.before_start(value.span);
+                    return None;
+                }
+                Some(now.plus(delay))
+            }
+            Start::At(moment) => self.moment(moment, line, block),
+        }
+    }
+
+    fn moment(&mut self, moment: &'a Moment<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
+        let mut at = match &moment.origin {
+            Origin::Bar(bar, beat) => {
+                let bar = self.count_from_one(bar, "a bar")?;
+                let beat = match beat {
+                    None => Time::ZERO,
+                    Some(beat) => {
+                        let length = self.context.tempo.beat();
+                        let count = self.count_from_one(beat, "a beat")?;
+                        length.by_number(count - 1.0)?
+                    }
+                };
+                let bars = self.context.tempo.bar().by_number(bar - 1.0)?;
+                block.plus(bars).plus(beat)
+            }
+            Origin::Value(value) => {
+                if let ValueKind::Word(word) = value.kind
+                    && super::commands::find(word).is_some()
+                {
+                    let help = format!("for example `at 0.5s {word} …`");
+                    self.report(Code::StartTime, value.span, "`at` needs a time before the command", help);
+                    return None;
+                }
+                self.no_unit_behind(value, line)?;
+                match self.context.value(value)? {
+                    Quantity::Moment(moment) => moment,
+                    Quantity::Time(time) => block.plus(time),
+                    Quantity::Number(number) => {
+                        let message = format!("a time needs a unit, and {number} has none");
+                        let help = format!("write `{number}s` for seconds or `{number}ms` for milliseconds");
+                        self.report(Code::Unit, value.span, message, help);
+                        return None;
+                    }
+                    other => {
+                        let message = format!("a time or a mark is needed here, not {}", other.kind());
+                        self.report(
+                            Code::Unit,
+                            value.span,
+                            message,
+                            "write a time such as `0.5s`, `bar 2` or the name of a mark",
+                        );
+                        return None;
+                    }
+                }
+            }
+        };
+        for (away, value) in &moment.offsets {
+            let offset = arguments::time(value, &mut self.context)?;
+            at = if *away { at.minus(offset) } else { at.plus(offset) };
+        }
+        if at < block {
+            self.before_start(moment.span);
+            return None;
+        }
+        Some(at)
+    }
+
+    /// A bar or a beat, counted from 1.
+    fn count_from_one(&mut self, value: &'a Value<'s>, what: &str) -> Option<f64> {
+        match self.context.value(value)? {
+            Quantity::Number(count) if count >= 1.0 => Some(count),
+            _ => {
+                let help = "write `at bar 1 beat 1` for the very start; a beat may have decimals";
+                self.report(Code::OutOfRange, value.span, format!("{what} is a bare number, counted from 1"), help);
+                None
+            }
+        }
+    }
+
+    /// `at 1 s stop`: the unit was read as a command.
+    fn no_unit_behind(&mut self, value: &Value<'s>, line: &Line<'s>) -> Option<()> {
+        let head = match line.parts.first().map(|part| &part.statement) {
+            Some(Statement::Command(command)) => command.head,
+            _ => return Some(()),
+        };
+        match blank_before_unit(value, head) {
+            Some(diagnostic) => {
+                self.context.report(diagnostic);
+                None
+            }
+            None => Some(()),
+        }
+    }
+
+    fn before_start(&mut self, span: Span) {
+        self.report(
+            Code::StartTime,
+            span,
+            "nothing starts before its own block",
+            "write a time from the start of its block on",
+        );
+    }
+
+    /// Runs one part of a line; gives the time when it has ended, or `None` where something in it is wrong.
+    fn part(&mut self, part: &'a Part<'s>, joined: bool, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
+        if let Some(robot) = part.robots.first() {
+            self.context.report(not_yet(robot.span, "a command for one of several robots"));
+            return None;
+        }
+        let alone = match &part.statement {
+            Statement::Let(each) => Some(("let", each.span)),
+            Statement::If(each) => Some(("if", each.span)),
+            Statement::Def(def) => Some(("def", def.span)),
+            Statement::Command(command) => super::commands::find(command.head.text)
+                .filter(|row| matches!(row.build, Build::Wait | Build::Mark | Build::Use | Build::Abort))
+                .map(|row| (row.name, command.span)),
+            Statement::Block(_) | Statement::Call(_) => None,
+        };
+        if let Some((word, span)) = alone.filter(|_| joined) {
+            let help =
+                "give it a line of its own; what `;` joins starts together and takes as long as its longest part";
+            self.report(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
+            return None;
+        }
+        match &part.statement {
+            Statement::Block(block) => Some(self.block(block, start, false, depth)),
+            Statement::Call(call) => self.call(call, start, depth),
+            Statement::Let(each) => self.let_(each).map(|()| start),
+            Statement::Def(def) => self.def(def, frame).map(|()| start),
+            // Taken care of where the line is run.
+            Statement::If(_) => None,
+            Statement::Command(command) => self.command(command, start, frame, depth),
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Names and phrases: `let`, `def` and calls.
+
+use super::super::scope;
+use super::super::time::Time;
+use super::super::value::Quantity;
+use super::super::weight::{self, Weight};
+use super::{Frame, Unroll};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::syntax::{Block, Call, Def, Let, Name};
+
+impl<'a, 's> Unroll<'a, 's, '_> {
+    pub(super) fn let_(&mut self, each: &'a Let<'s>) -> Option<()> {
+        let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
+        let top = self.context.scope.main && !self.in_phrase && self.loading.is_empty();
+        let value = match set.filter(|_| top && self.context.scope.is_top()) {
+            Some(set) => {
+                set.used = true;
+                set.value
+            }
+            None => &each.value,
+        };
+        let value = self.context.expression(value);
+        let free = self.is_free(each.name);
+        // Also where its value is wrong, so that its users are not told that it does not exist.
+        if free.is_some() {
+            self.context.scope.bind(each.name, value.unwrap_or(Quantity::Number(0.0)), true);
+        }
+        value?;
+        free
+    }
+
+    /// Whether a name may be given here; where not, that is reported.
+    pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
+        let text = name.text;
+        if scope::is_reserved(text) {
+            let message = format!("`{text}` is a word of the language");
+            self.report(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
+            return None;
+        }
+        if !text.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_') {
+            let help = format!("write `{}`", text.to_lowercase());
+            self.report(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
+            return None;
+        }
+        if let Some(first) = self.context.scope.taken(text) {
+            let diagnostic = Diagnostic::new(
+                Code::Name,
+                name.span,
+                format!("the name `{text}` is given twice"),
+                "choose another name for one of the two",
+            );
+            self.context.report(diagnostic.label("again here").related(first, "first given here"));
+            return None;
+        }
+        Some(())
+    }
+
+    pub(super) fn def(&mut self, def: &'a Def<'s>, frame: &Frame) -> Option<()> {
+        if !frame.top {
+            self.top_level("def", def.span);
+            return None;
+        }
+        self.is_free(def.name)?;
+        for (at, parameter) in def.parameters.iter().enumerate() {
+            let twice = def.parameters.iter().take(at).any(|other| other.name.text == parameter.name.text);
+            if twice || scope::is_reserved(parameter.name.text) {
+                let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
+                let help = "give each parameter a name of its own that is no word of the language";
+                self.report(Code::Name, parameter.name.span, message, help);
+                return None;
+            }
+        }
+        let weights = &self.weights;
+        let scope = &mut self.context.scope;
+        let known: Vec<_> = scope.phrase_numbers().collect();
+        let weight = |name: &str| {
+            let number = known.iter().find(|(known, _)| *known == name).map(|(_, number)| *number);
+            number.and_then(|number| weights.get(number)).copied().unwrap_or_default()
+        };
+        let weight = weight::of_block(&def.body, &weight);
+        let number = scope.define(def);
+        self.weights.resize(number + 1, Weight::default());
+        if let Some(slot) = self.weights.get_mut(number) {
+            *slot = weight;
+        }
+        self.check_calls(def)
+    }
+
+    /// A body may call only what stands above its `def`. What it calls in vain is reported here, called or not.
+    pub(super) fn check_calls(&mut self, def: &'a Def<'s>) -> Option<()> {
+        let mut found = Vec::new();
+        scope::calls(&def.body, &mut found);
+        let mut fine = Some(());
+        for call in found {
+            let visible = call.text != def.name.text && self.context.scope.phrase(call.text).is_some();
+            if visible {
+                continue;
+            }
+            fine = None;
+            let below = self.later.iter().copied().find(|later| later.name.text == call.text);
+            match below {
+                Some(below) => match self.cycle(def, below) {
+                    Some(cycle) => {
+                        let message = format!("`{}` ends up calling itself: {cycle}", def.name.text);
+                        self.report(Code::Recursion, call.span, message, "use `repeat`; a script always ends");
+                    }
+                    None => {
+                        let message = format!("`{}` stands below this `def`", call.text);
+                        self.report(
+                            Code::UnknownName,
+                            call.span,
+                            message,
+                            "move it above: a body sees only what stands above its `def`",
+                        );
+                    }
+                },
+                None => self.unknown_call(*call),
+            }
+        }
+        fine
+    }
+
+    /// How calls lead from `def` over `next` back to `def`, if they do.
+    pub(super) fn cycle(&self, def: &Def<'s>, next: &'a Def<'s>) -> Option<String> {
+        // Paths are kept as the place each name was reached from, so that long chains stay cheap.
+        let mut reached: Vec<(&'a Def<'s>, Option<usize>)> = vec![(next, None)];
+        let mut at = 0;
+        while let Some(&(current, _)) = reached.get(at) {
+            if current.name.text == def.name.text {
+                let mut path = vec![def.name.text];
+                let mut back = reached.get(at)?.1;
+                while let Some(index) = back {
+                    let (on_the_way, before) = reached.get(index)?;
+                    path.push(on_the_way.name.text);
+                    back = *before;
+                }
+                path.push(def.name.text);
+                path.reverse();
+                return Some(path.join(" → "));
+            }
+            let mut found = Vec::new();
+            scope::calls(&current.body, &mut found);
+            for call in found {
+                let known = reached.iter().any(|(known, _)| known.name.text == call.text);
+                if let Some(callee) = self.later.iter().find(|later| later.name.text == call.text).filter(|_| !known) {
+                    reached.push((callee, Some(at)));
+                }
+            }
+            at += 1;
+        }
+        None
+    }
+
+    pub(super) fn call(&mut self, call: &'a Call<'s>, start: Time, depth: usize) -> Option<Time> {
+        let Some(phrase) = self.context.scope.phrase(call.name.text) else {
+            // Inside a phrase it was reported where the phrase is defined.
+            if !self.in_phrase {
+                self.unknown_call(Name { span: call.span, ..call.name });
+            }
+            return None;
+        };
+        let parameters = &phrase.def.parameters;
+        let mut values: Vec<Option<Quantity>> = vec![None; parameters.len()];
+        let mut next = 0;
+        for given in &call.arguments {
+            let at = match given.name {
+                Some(name) => parameters.iter().position(|parameter| parameter.name.text == name.text),
+                None => Some(next),
+            };
+            next += usize::from(given.name.is_none());
+            let value = self.context.expression(&given.value);
+            match at.and_then(|at| values.get_mut(at)) {
+                Some(slot @ None) => *slot = value,
+                Some(Some(_)) => {
+                    let span = given.name.map_or(given.value.span, |name| name.span);
+                    self.report(Code::Arguments, span, "this parameter is given twice", "keep one of the two");
+                    return None;
+                }
+                None => {
+                    let span = given.name.map_or(given.value.span, |name| name.span);
+                    let message = format!("`{}` has no such parameter", call.name.text);
+                    self.report(Code::Arguments, span, message, signature(phrase.def));
+                    return None;
+                }
+            }
+            value?;
+        }
+        let weight = self.weights.get(phrase.above).copied().unwrap_or_default();
+        let total = Weight {
+            steps: self.done.saturating_add(weight.steps),
+            events: (self.steps.len() as u64).saturating_add(weight.events),
+        };
+        if !self.allow(total, call.span) {
+            return None;
+        }
+        let frame = self.context.scope.enter(&phrase);
+        let back = self.context.traces.enter(call.span, 0);
+        let in_phrase = std::mem::replace(&mut self.in_phrase, true);
+        let mut complete = true;
+        for (parameter, value) in parameters.iter().zip(values) {
+            let value = match (value, &parameter.default) {
+                (Some(value), _) => Some(value),
+                (None, Some(default)) => self.context.expression(default),
+                (None, None) => {
+                    let message = format!("`{}` needs a value for `{}`", call.name.text, parameter.name.text);
+                    self.report(Code::Arguments, call.span, message, signature(phrase.def));
+                    None
+                }
+            };
+            match value {
+                Some(value) => self.context.scope.bind(parameter.name, value, false),
+                None => complete = false,
+            }
+        }
+        let end = if complete { Some(self.body(&phrase.def.body, start, false, depth)) } else { None };
+        self.in_phrase = in_phrase;
+        self.context.traces.leave(back);
+        self.context.scope.leave(frame);
+        end
+    }
+
+    pub(super) fn weight(&mut self, block: &Block<'s>) -> Weight {
+        let known: Vec<_> = self.context.scope.phrase_numbers().collect();
+        let weights = &self.weights;
+        weight::of_block(block, &|name| {
+            let number = known.iter().find(|(known, _)| *known == name).map(|(_, number)| *number);
+            number.and_then(|number| weights.get(number)).copied().unwrap_or_default()
+        })
+    }
+}
+
+/// How a phrase is called.
+fn signature(def: &Def<'_>) -> String {
+    let parameters = def.parameters.iter().map(|parameter| match parameter.default {
+        Some(_) => format!("{} = …", parameter.name.text),
+        None => parameter.name.text.to_owned(),
+    });
+    format!("it is called as `{}({})`", def.name.text, parameters.collect::<Vec<_>>().join(", "))
+}

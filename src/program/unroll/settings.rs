@@ -1,0 +1,73 @@
+//! Settings: where they may stand, and what they change.
+
+use super::super::Settings;
+use super::super::arguments::Arguments;
+use super::super::commands::{self, Build};
+use super::super::settings::SETTINGS;
+use super::super::value::not_yet;
+use super::{Frame, Unroll};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::syntax::{Line, Part, Statement};
+
+impl<'a, 's> Unroll<'a, 's, '_> {
+    /// Whether this part is a setting: `Some(true)` if it stands where it may, `Some(false)` if not, which is reported.
+    pub(super) fn setting_in(&mut self, line: &Line<'s>, part: &Part<'s>, frame: &Frame) -> Option<bool> {
+        let Statement::Command(command) = &part.statement else {
+            return None;
+        };
+        let row = SETTINGS.iter().find(|row| row.name == command.head.text)?;
+        let name = row.name;
+        let span = command.head.span;
+        let in_block = matches!(name, "tempo" | "meter") && !frame.top;
+        let twice = self.given.iter().find(|(given, _)| *given == name && name != "limit").map(|(_, first)| *first);
+        let diagnostic = if let Build::Later = row.build {
+            not_yet(span, &format!("the setting `{name}`"))
+        } else if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
+            let message = format!("the setting `{name}` has no time and is not joined to anything");
+            Diagnostic::new(Code::SettingPlace, span, message, "give it a line of its own, before the first command")
+        } else if frame.begun || (!frame.top && !in_block) || !self.loading.is_empty() {
+            let (message, help) = if in_block {
+                (format!("`{name}` stands behind a command"), "put it first in its block")
+            } else {
+                (
+                    format!("the setting `{name}` stands behind a command"),
+                    "put it before the first command of the script",
+                )
+            };
+            Diagnostic::new(Code::SettingPlace, span, message, help)
+        } else if let Some(first) = twice.filter(|_| !in_block) {
+            let diagnostic =
+                Diagnostic::new(Code::SettingPlace, span, format!("`{name}` is set twice"), "keep one of the two");
+            diagnostic.label("again here").related(first, "first set here")
+        } else {
+            return Some(true);
+        };
+        self.context.report(diagnostic);
+        Some(false)
+    }
+
+    pub(super) fn set(&mut self, line: &'a Line<'s>, frame: &Frame) {
+        let Some(Part { statement: Statement::Command(command), .. }) = line.parts.first() else {
+            return;
+        };
+        let Some((row, build)) = commands::find(command.head.text).and_then(|row| match row.build {
+            Build::Set(build) => Some((row, build)),
+            _ => None,
+        }) else {
+            return;
+        };
+        if frame.top {
+            self.given.push((row.name, command.span));
+        }
+        let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
+        if let Some(mut args) = Arguments::new(row, command, &mut self.context) {
+            build(&mut args, &mut settings);
+            args.finish();
+        }
+        self.context.tempo = settings.tempo;
+        if frame.top {
+            self.context.random.0 = settings.seed;
+            self.settings = settings;
+        }
+    }
+}

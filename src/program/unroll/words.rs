@@ -1,0 +1,109 @@
+//! Words that are not where they belong, or that nothing is called.
+
+use super::super::commands::{self, Build, COMMANDS, Row};
+use super::super::settings::SETTINGS;
+use super::super::suggest::{list, suggest};
+use super::super::value::not_yet;
+use super::Unroll;
+use crate::diagnostic::Code;
+use crate::source::Span;
+use crate::syntax::{Command, Name};
+
+impl<'s> Unroll<'_, 's, '_> {
+    pub(super) fn top_level(&mut self, word: &str, span: Span) {
+        let message = format!("`{word}` stands at the top level only");
+        self.report(Code::TopLevel, span, message, "move it out of the block");
+    }
+
+    pub(super) fn unknown(&mut self, command: &Command<'s>) {
+        let word = command.head.text;
+        if word == "at" {
+            let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
+            self.report(
+                Code::StartTime,
+                command.head.span,
+                "a line has one start time, and this is a second one",
+                help,
+            );
+            return;
+        }
+        if self.context.scope.phrase(word).is_some() {
+            let help = format!("write `{word}(…)`, with no blank before the `(`");
+            self.report(
+                Code::Syntax,
+                command.head.span,
+                format!("`{word}` is a `def`, and is called with parentheses"),
+                help,
+            );
+            return;
+        }
+        let names: Vec<_> = self.context.scope.phrase_names().collect();
+        let help = suggestion(word, &names);
+        self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
+    }
+
+    /// `servo(1, 1500)` is how other languages write it.
+    pub(super) fn unknown_call(&mut self, call: Name<'s>) {
+        let name = call.text;
+        match commands::find(name) {
+            Some(row) if !row.usage.is_empty() => {
+                let message = format!("`{name}` is a command, and is written without parentheses and commas");
+                self.report(Code::Syntax, call.span, message, row.how());
+            }
+            _ => {
+                let names: Vec<_> = self.context.scope.phrase_names().collect();
+                let help = suggestion(name, &names);
+                self.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
+            }
+        }
+    }
+
+    /// A word of the language whose line could not be read as what it is, or that this version does not run.
+    pub(super) fn malformed_or_later(&mut self, row: &Row, command: &Command<'s>) {
+        let (message, help) = match row.name {
+            "let" => ("a `let` is a name and its value", "write `let depth = 300us`"),
+            "def" => {
+                ("a `def` is a name, parameters in parentheses and a block", "write `def nod(depth = 200us) { … }`")
+            }
+            "if" => ("an `if` is a condition and a block", "write `if n > 0 { … }`, with its `{` on the same line"),
+            "else" => ("an `else` stands behind the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
+            name => {
+                self.context.report(not_yet(command.head.span, &format!("`{name}`")));
+                return;
+            }
+        };
+        self.report(Code::Syntax, command.span, message, help);
+    }
+}
+
+/// The names of the commands that this version runs.
+fn runnable() -> impl Iterator<Item = &'static str> {
+    let runs = |row: &&Row| !matches!(row.build, Build::Later);
+    COMMANDS.iter().filter(runs).map(|row| row.name)
+}
+
+/// What to write instead of a word that nothing is called.
+fn suggestion(word: &str, phrases: &[&str]) -> String {
+    // What other languages call it.
+    let elsewhere = match word {
+        "sleep" | "delay" | "pause" => Some("wait 0.5s"),
+        "print" | "echo" | "log" => Some("say \"here I go\""),
+        "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
+        "beep" => Some("buzzer on for 200ms"),
+        "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
+        "for" | "while" | "loop" => Some("repeat 4 { … }"),
+        "import" | "include" => Some("use \"lib/phrases.motion\""),
+        "function" | "fn" => Some("def nod() { … }"),
+        _ => None,
+    };
+    if let Some(near) = suggest(word, phrases.iter().copied()) {
+        return format!("did you mean `{near}(…)`?");
+    }
+    if let Some(line) = elsewhere {
+        return format!("did you mean `{line}`?");
+    }
+    match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("the commands are {}", list(runnable())),
+    }
+}
