@@ -55,6 +55,8 @@ pub(super) struct Frame {
 #[derive(Debug, Default)]
 pub(super) struct Scope<'a, 's> {
     globals: Vec<Binding<'s>>,
+    /// Where each top-level name is among them. A name is given there once.
+    global: HashMap<&'s str, usize>,
     locals: Vec<Binding<'s>>,
     phrases: Vec<Phrase<'a, 's>>,
     by_name: HashMap<&'s str, usize>,
@@ -99,7 +101,10 @@ impl<'a, 's> Scope<'a, 's> {
         let visible = if self.top { self.globals.len() } else { self.visible };
         let found = match local {
             Some(binding) => binding,
-            None => self.globals.get_mut(..visible)?.iter_mut().rev().find(|binding| binding.name == name)?,
+            None => {
+                let at = self.global.get(name).copied().filter(|&at| at < visible)?;
+                self.globals.get_mut(at)?
+            }
         };
         found.used = true;
         Some(found.value)
@@ -114,10 +119,13 @@ impl<'a, 's> Scope<'a, 's> {
 
     /// Where this name was given in this very block, or, at the top level, to a phrase.
     pub(super) fn taken(&self, name: &str) -> Option<Span> {
-        let block = if self.top { &self.globals } else { self.locals.get(self.block..).unwrap_or_default() };
-        let binding = block.iter().find(|binding| binding.name == name).map(|binding| binding.span);
-        let phrase = || self.by_name.get(name).and_then(|&at| self.phrases.get(at)).map(|phrase| phrase.def.name.span);
-        binding.or_else(|| if self.top { phrase() } else { None })
+        if !self.top {
+            let block = self.locals.get(self.block..).unwrap_or_default();
+            return block.iter().find(|binding| binding.name == name).map(|binding| binding.span);
+        }
+        let binding = || self.global.get(name).and_then(|&at| self.globals.get(at)).map(|binding| binding.span);
+        let phrase = self.by_name.get(name).and_then(|&at| self.phrases.get(at)).map(|phrase| phrase.def.name.span);
+        phrase.or_else(binding)
     }
 
     /// Gives a name in this block. `watched` names get a warning where nothing uses them.
@@ -126,6 +134,7 @@ impl<'a, 's> Scope<'a, 's> {
         let watched = watched && self.main;
         let binding = Binding { name: name.text, value, span: name.span, used: false, watched, mark };
         if self.top {
+            self.global.insert(name.text, self.globals.len());
             self.globals.push(binding);
             self.visible = self.globals.len();
         } else {
@@ -145,15 +154,15 @@ impl<'a, 's> Scope<'a, 's> {
 
     /// The phrase with this name, if it can be seen from here.
     pub(super) fn phrase(&mut self, name: &str) -> Option<Phrase<'a, 's>> {
-        let at = self.by_name.get(name).copied().filter(|&at| at < self.visible_phrases)?;
+        let at = self.phrase_number(name)?;
         let phrase = self.phrases.get_mut(at)?;
         phrase.used = true;
         Some(*phrase)
     }
 
-    /// The phrases that can be seen, with their numbers.
-    pub(super) fn phrase_numbers(&self) -> impl Iterator<Item = (&'s str, usize)> {
-        self.phrase_names().enumerate().map(|(number, name)| (name, number))
+    /// The number of the phrase with this name, if it can be seen from here.
+    pub(super) fn phrase_number(&self, name: &str) -> Option<usize> {
+        self.by_name.get(name).copied().filter(|&at| at < self.visible_phrases)
     }
 
     /// Whether names go to the top level now.
@@ -187,7 +196,10 @@ impl<'a, 's> Scope<'a, 's> {
             .into_iter()
             .filter(|binding| !forget_marks && matches!(binding.value, Quantity::Moment(_)) && binding.mark);
         if self.top {
-            self.globals.extend(marks);
+            for mark in marks {
+                self.global.insert(mark.name, self.globals.len());
+                self.globals.push(mark);
+            }
             self.visible = self.globals.len();
         } else {
             self.locals.extend(marks);

@@ -114,7 +114,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         let word = args.next()?;
         args.word(word, &["abort"])?;
         args.finish()?;
-        if !frame.top || !self.loading.is_empty() {
+        if !frame.top || !self.context.scope.main {
             self.top_level("on abort", command.head.span.to(word.span));
             return None;
         }

@@ -65,11 +65,12 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         if self.loaded.contains(&path) {
             return Some(());
         }
-        if self.loading.len() >= MAX_DEPTH {
+        if self.loading.len() > MAX_DEPTH {
             let message = format!("files use each other more than {MAX_DEPTH} deep here");
             self.report(Code::Use, value.span, message, "use fewer files inside each other");
             return None;
         }
+        let errors = self.context.diagnostics.errors();
         let source = match Source::read(&path) {
             Ok(source) => source.named(&self.sources.name_of(&path)),
             Err(error) => {
@@ -106,7 +107,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 }
             }
         }
-        if !self.context.diagnostics.has_errors() {
+        if self.context.diagnostics.errors() == errors {
             self.lines(&tree.body.lines, &mut frame, 0);
         }
         self.later = later;

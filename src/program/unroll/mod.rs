@@ -54,7 +54,13 @@ pub(super) fn unroll<'a, 's>(
         later: ast.body.lines.iter().flat_map(|line| &line.parts).filter_map(definition).collect(),
         weights: Vec::new(),
         loaded: Vec::new(),
-        loading: Vec::new(),
+        loading: sources
+            .main()
+            .path()
+            .and_then(|path| path.canonicalize().ok())
+            .map(|path| (path, Span::default()))
+            .into_iter()
+            .collect(),
         begun: false,
         steps: Vec::new(),
         done: 0,
@@ -122,7 +128,7 @@ struct Unroll<'a, 's, 'd> {
     later: Vec<&'a Def<'s>>,
     /// The weight of each `def`, by its number in the scope.
     weights: Vec<Weight>,
-    /// Files that were used, and those that are being read.
+    /// Files that were used, and those that are being read, the script itself first.
     loaded: Vec<PathBuf>,
     loading: Vec<(PathBuf, Span)>,
     /// Whether anything but a setting has come.

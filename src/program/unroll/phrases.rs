@@ -11,7 +11,7 @@ use crate::syntax::{Block, Call, Def, Let, Name};
 impl<'a, 's> Unroll<'a, 's, '_> {
     pub(super) fn let_(&mut self, each: &'a Let<'s>) -> Option<()> {
         let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
-        let top = self.context.scope.main && !self.in_phrase && self.loading.is_empty();
+        let top = self.context.scope.main && !self.in_phrase;
         let value = match set.filter(|_| top && self.context.scope.is_top()) {
             Some(set) => {
                 set.used = true;
@@ -70,15 +70,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 return None;
             }
         }
-        let weights = &self.weights;
-        let scope = &mut self.context.scope;
-        let known: Vec<_> = scope.phrase_numbers().collect();
-        let weight = |name: &str| {
-            let number = known.iter().find(|(known, _)| *known == name).map(|(_, number)| *number);
-            number.and_then(|number| weights.get(number)).copied().unwrap_or_default()
-        };
-        let weight = weight::of_block(&def.body, &weight);
-        let number = scope.define(def);
+        let weight = self.weight(&def.body);
+        let number = self.context.scope.define(def);
         self.weights.resize(number + 1, Weight::default());
         if let Some(slot) = self.weights.get_mut(number) {
             *slot = weight;
@@ -219,12 +212,11 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         end
     }
 
-    pub(super) fn weight(&mut self, block: &Block<'s>) -> Weight {
-        let known: Vec<_> = self.context.scope.phrase_numbers().collect();
-        let weights = &self.weights;
+    /// What a block unrolls to at least.
+    pub(super) fn weight(&self, block: &Block<'s>) -> Weight {
         weight::of_block(block, &|name| {
-            let number = known.iter().find(|(known, _)| *known == name).map(|(_, number)| *number);
-            number.and_then(|number| weights.get(number)).copied().unwrap_or_default()
+            let number = self.context.scope.phrase_number(name);
+            number.and_then(|number| self.weights.get(number)).copied().unwrap_or_default()
         })
     }
 }

@@ -1,0 +1,222 @@
+//! `use` and `--set`: what comes from outside of a script, in folders of its own.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs;
+use std::path::PathBuf;
+
+use support::{run, stderr, stdout};
+
+/// A folder of its own for one test, removed at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str, files: &[(&str, &str)]) -> Self {
+        let folder = std::env::temp_dir().join(format!("motionseq-uses-{name}-{}", std::process::id()));
+        for (file, text) in files {
+            let path = folder.join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        Folder(folder)
+    }
+
+    /// The listing of a script, or its messages with this folder's name taken out.
+    fn render(&self, file: &str) -> String {
+        let output = run(&["render", self.0.join(file).to_str().unwrap()]);
+        let text = format!("{}{}", stdout(&output), stderr(&output));
+        text.replace(&format!("{}/", self.0.display()), "")
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+const PHRASES: &str = "let far = 1000us\ndef look(to = far) { servo 1 to }\n";
+
+#[test]
+fn names_of_another_file_are_taken_over() {
+    let folder = Folder::new(
+        "plain",
+        &[
+            ("main.motion", "use \"lib/phrases.motion\"\nlook()\nwait 1s\nlook(to = far + 500us)\n"),
+            ("lib/phrases.motion", PHRASES),
+        ],
+    );
+    assert_eq!(
+        folder.render("main.motion"),
+        "0.000000\tFF FE 02 03 01 03 E8 F1\tservo 1 1000\n1.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n"
+    );
+}
+
+#[test]
+fn a_file_is_named_from_the_file_that_says_so_and_counts_once() {
+    // A diamond: both a and b use phrases, which is next to them.
+    let folder = Folder::new(
+        "diamond",
+        &[
+            ("main.motion", "use \"lib/a.motion\"\nuse \"lib/b.motion\"\na()\nb()\n"),
+            ("lib/a.motion", "use \"phrases.motion\"\ndef a() { look() }\n"),
+            ("lib/b.motion", "use \"../lib/./phrases.motion\"\ndef b() { wait 1s\nlook(to = 2000) }\n"),
+            ("lib/phrases.motion", PHRASES),
+        ],
+    );
+    assert_eq!(folder.render("main.motion").lines().count(), 2, "{}", folder.render("main.motion"));
+}
+
+#[test]
+fn files_that_use_each_other_are_shown() {
+    let folder = Folder::new(
+        "cycle",
+        &[
+            ("main.motion", "use \"a.motion\"\nstop\n"),
+            ("a.motion", "use \"b.motion\"\n"),
+            ("b.motion", "use \"a.motion\"\n"),
+            ("self.motion", "use \"self.motion\"\nstop\n"),
+        ],
+    );
+    let text = folder.render("main.motion");
+    assert!(
+        text.contains("a.motion ends up using itself")
+            && text.contains("b.motion:1:5")
+            && text.contains("a.motion:1:5"),
+        "{text}"
+    );
+    assert!(
+        folder.render("self.motion").contains("self.motion ends up using itself"),
+        "{}",
+        folder.render("self.motion")
+    );
+}
+
+#[test]
+fn nothing_outside_of_the_folder_is_read() {
+    let folder = Folder::new(
+        "outside",
+        &[
+            ("secret.motion", PHRASES),
+            (
+                "in/main.motion",
+                "use \"../secret.motion\"\nuse \"link.motion\"\nuse \"/etc/hostname\"\nuse \"../in/ok.motion\"\nlook()\n",
+            ),
+            ("in/ok.motion", PHRASES),
+        ],
+    );
+    std::os::unix::fs::symlink("../secret.motion", folder.0.join("in/link.motion")).unwrap();
+    let text = folder.render("in/main.motion");
+    for name in ["../secret.motion", "link.motion", "/etc/hostname"] {
+        assert!(text.contains(&format!("{name} lies outside of the folder of the main script")), "{name}: {text}");
+    }
+    assert_eq!(text.matches("\n  × ").count(), 3, "{text}");
+}
+
+#[test]
+fn a_file_that_cannot_be_used_says_why() {
+    let folder = Folder::new(
+        "wrong",
+        &[
+            (
+                "main.motion",
+                "use \"missing.motion\"\nuse \"folder\"\nuse moves\n{\n  use \"lib.motion\"\n}\nuse \"does.motion\"\nuse \"broken.motion\"\nstop\n",
+            ),
+            ("folder/x", ""),
+            ("lib.motion", PHRASES),
+            ("does.motion", "let a = 1\nservo 1 1500\ntempo 90bpm\n"),
+            ("broken.motion", "def nod() { servo 1 @ }\n"),
+        ],
+    );
+    let text = folder.render("main.motion");
+    for words in [
+        "missing.motion cannot be used: no such file",
+        "it is a folder",
+        "write its name between quotation marks",
+        "`use` stands at the top level only",
+        "a file that is used holds only `use`, `let` and `def`",
+        "does.motion:2:1",
+        "does.motion:3:1",
+        "broken.motion:1:21",
+    ] {
+        assert!(text.contains(words), "{words} is not in:\n{text}");
+    }
+}
+
+#[test]
+fn one_name_in_two_files_shows_both() {
+    let folder = Folder::new(
+        "names",
+        &[
+            ("main.motion", "use \"a.motion\"\nuse \"b.motion\"\nnod()\n"),
+            ("a.motion", "def nod() { servo 1 1000 }\n"),
+            ("b.motion", "def nod() { servo 1 2000 }\n"),
+        ],
+    );
+    let text = folder.render("main.motion");
+    assert!(
+        text.contains("the name `nod` is given twice")
+            && text.contains("b.motion:1:5")
+            && text.contains("a.motion:1:5"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_mistake_in_a_used_file_shows_the_call() {
+    let folder =
+        Folder::new("calls", &[("main.motion", "use \"lib.motion\"\nlook(to = 9999)\n"), ("lib.motion", PHRASES)]);
+    let text = folder.render("main.motion");
+    assert!(
+        text.contains("9999 is outside")
+            && text.contains("lib.motion:2:30")
+            && text.contains("called here")
+            && text.contains("main.motion:2:1"),
+        "{text}"
+    );
+}
+
+#[test]
+fn files_use_each_other_at_most_16_deep() {
+    let files: Vec<(String, String)> = (0..20)
+        .map(|n| {
+            (format!("f{n}.motion"), if n == 19 { PHRASES.to_owned() } else { format!("use \"f{}.motion\"\n", n + 1) })
+        })
+        .collect();
+    let mut all: Vec<(&str, &str)> = files.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
+    all.push(("main.motion", "use \"f0.motion\"\nlook()\n"));
+    all.push(("less.motion", "use \"f4.motion\"\nlook()\n"));
+    let folder = Folder::new("deep", &all);
+    assert!(folder.render("main.motion").contains("more than 16 deep"));
+    assert_eq!(folder.render("less.motion").lines().count(), 1, "{}", folder.render("less.motion"));
+}
+
+#[test]
+fn set_replaces_a_top_level_let_from_outside() {
+    let folder = Folder::new(
+        "set",
+        &[
+            (
+                "main.motion",
+                "let to = 1000\nlet twice = to + to\nservo 1 twice\n{\n  let to = 700\n  wait 1s\n  servo 1 to\n}\n",
+            ),
+            ("names.motion", "let a = 1\nstop\n"),
+        ],
+    );
+    let main = folder.0.join("main.motion");
+    let with = |set: &str| run(&["render", "--set", set, main.to_str().unwrap()]);
+    let changed = stdout(&with("to=600us * 2 / 1us"));
+    assert!(changed.contains("servo 1 2400") && changed.contains("servo 1 700"), "{changed}");
+    for (set, words) in [
+        ("nothing=5", "the script has no `let nothing`"),
+        ("to=5s", "10000000 is outside"),
+        ("to=@", "cannot be read"),
+        ("to=1\nservo 2 1000", "this cannot be read as a value"),
+    ] {
+        let output = with(set);
+        assert_eq!(output.status.code(), Some(1), "{set}");
+        assert!(stderr(&output).contains(words), "{set}: {}", stderr(&output));
+    }
+    assert_eq!(with("to").status.code(), Some(2));
+}
