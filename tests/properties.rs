@@ -27,6 +27,18 @@ fn line() -> impl Strategy<Value = String> {
         Just("request voltage".to_owned()),
         Just("raw 0x40 1 2 3".to_owned()),
         Just("say \"hello\"".to_owned()),
+        (500..=2500, 500..=2500, 1..800, prop::sample::select(motionseq::program::Ease::names())).prop_map(
+            |(from, to, ms, ease)| {
+                // Far from the ends, so that no easing overshoots them.
+                let inside = |pulse: i32| 1100 + (pulse - 500) / 3;
+                format!("servo 1 {} -> {} over {ms}ms ease {ease}", inside(from), inside(to))
+            }
+        ),
+        (-20..=20, 1..800).prop_map(|(y, ms)| format!("rocker x=0 -> 5 y={y} -> 0 z=0 -> 9 over {ms}ms")),
+        (0..4, 1..300).prop_map(|(n, ms)| format!("repeat {n} as i {{ servo 2 (1000 + i * 10); wait_a({ms}ms) }}")),
+        (0..5, 100..900).prop_map(|(n, ms)| format!("repeat {n} every {ms}ms {{ buzzer on for 50ms }}")),
+        Just("together { servo 3 random(1000, 2000)\n+1 beat servo 3 pick(900, 1800) }".to_owned()),
+        (0..3).prop_map(|n| format!("if random(0, 2) < {n} {{ servo 4 1000 }} else {{ wheels 1 2 3 4 for 1 beat }}")),
     ];
     let start = prop_oneof![
         3 => time.clone().prop_map(|time| format!("wait {time}\n")),
@@ -111,7 +123,7 @@ proptest! {
     /// Whatever compiles is sorted, in range, refreshed only while it drives, and ends at rest.
     #[test]
     fn timelines_are_sound(lines in prop::collection::vec(line(), 1..20)) {
-        let text = lines.concat();
+        let text = format!("seed 3\ndef wait_a(time) {{ wait time }}\n{}", lines.concat());
         let result = compiled(&text);
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
         if let Some(timeline) = result.timeline {
@@ -122,6 +134,11 @@ proptest! {
             for event in events {
                 let bytes = event.command.to_frame();
                 prop_assert_eq!(Command::decode_or_raw(Frame::new(&bytes).unwrap()), event.command.clone());
+                if event.kind == Kind::Sample && !event.command.is_drive() {
+                    let mut same = state.clone();
+                    same.apply(&event.command);
+                    prop_assert!(same != state, "a sample says something new");
+                }
                 if event.kind == Kind::Refresh {
                     prop_assert_eq!(state.drive(), Some(&event.command), "a refresh repeats what was sent last");
                     prop_assert!(event.command.keeps_driving());
@@ -167,5 +184,22 @@ fn an_else_is_never_cut_off() {
             format!("#{}\nif false {{ servo 1 1000 }}\n\n# why\n  else {{ servo 1 2000 }}\n", "-".repeat(length));
         let timeline = compiled(&text).timeline.expect("the else belongs to its if");
         assert_eq!(timeline.events()[0].command.to_string(), "servo 1 2000");
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let text = std::fs::read_to_string("scripts/wander.motion").unwrap();
+    let one = format!("{:?}", compiled(&text).timeline.unwrap());
+    let many: Vec<_> = (0..8)
+        .map(|_| {
+            std::thread::spawn({
+                let text = text.clone();
+                move || format!("{:?}", compiled(&text).timeline.unwrap())
+            })
+        })
+        .collect();
+    for other in many {
+        assert_eq!(one, other.join().unwrap());
     }
 }
