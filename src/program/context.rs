@@ -20,6 +20,10 @@ pub(super) struct Context<'a, 's, 'd> {
     pub(super) tempo: Tempo,
     pub(super) random: SplitMix,
     pub(super) traces: Traces,
+    /// Names that are meant to exist, but whose `let` or `def` could not be read.
+    pub(super) broken: Vec<&'s str>,
+    /// Whether a file that could not be used may have given any name.
+    pub(super) names_missing: bool,
 }
 
 impl<'s> Context<'_, 's, '_> {
@@ -69,6 +73,11 @@ impl<'s> Context<'_, 's, '_> {
                     let left = stack.pop()?;
                     let left = self.truth(left, node.span)?;
                     if left == (operator == Binary::Or) {
+                        for skipped in expression.nodes.iter().skip(at).take(over) {
+                            if let NodeKind::Name(name) = skipped.kind {
+                                self.scope.touch(name);
+                            }
+                        }
                         at += over;
                         Quantity::Truth(left)
                     } else {
@@ -96,6 +105,11 @@ impl<'s> Context<'_, 's, '_> {
         read.map_err(|diagnostic| self.report(diagnostic)).ok()
     }
 
+    /// Whether a name may have been lost with something that could not be read.
+    pub(super) fn may_exist(&self, name: &str) -> bool {
+        self.names_missing || self.broken.contains(&name)
+    }
+
     fn name(&mut self, name: &str, span: Span) -> Option<Quantity> {
         match name {
             "true" => return Some(Quantity::Truth(true)),
@@ -105,13 +119,19 @@ impl<'s> Context<'_, 's, '_> {
         if let Some(value) = self.scope.value(name) {
             return Some(value);
         }
+        // Said where it could not be read.
+        if self.may_exist(name) {
+            return None;
+        }
         let names: Vec<_> = self.scope.names().collect();
         let help = match suggest(name, names.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
             None => match u8::from_str_radix(name, 16) {
                 Ok(byte) if name.len() == 2 => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
                 _ if functions::find(name).is_some() => format!("write its arguments right behind it: `{name}(…)`"),
-                _ => format!("name it on a line above: `let {name} = …`; a `def` sees only what stands above it"),
+                _ => format!(
+                    "name it on a line above: `let {name} = …`, or `mark {name}` for a moment; a `def` sees only what stands above it, and what a `repeat` or `def` names is forgotten behind it"
+                ),
             },
         };
         self.report(Diagnostic::new(Code::UnknownName, span, format!("nothing is called `{name}` here"), help));
@@ -156,7 +176,7 @@ impl<'s> Context<'_, 's, '_> {
             Code::Arithmetic,
             span,
             message,
-            "change the numbers, or decide with `if` or `choose` before it is done",
+            "change the numbers, or decide with `if` before it is done",
         ));
     }
 

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::value::{Quantity, UNITS};
 use crate::source::Span;
-use crate::syntax::{Block, Def, Name};
+use crate::syntax::{Block, Def, Expression, Name, NodeKind, Value, ValueKind};
 
 /// A name and its value.
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +110,12 @@ impl<'a, 's> Scope<'a, 's> {
         Some(found.value)
     }
 
+    /// Counts a name as used.
+    pub(super) fn touch(&mut self, name: &str) {
+        let _ = self.value(name);
+        let _ = self.phrase(name);
+    }
+
     /// The names that can be seen, for suggestions.
     pub(super) fn names(&self) -> impl Iterator<Item = &'s str> {
         let visible = if self.top { self.globals.len() } else { self.visible };
@@ -126,6 +132,13 @@ impl<'a, 's> Scope<'a, 's> {
         let binding = || self.global.get(name).and_then(|&at| self.globals.get(at)).map(|binding| binding.span);
         let phrase = self.by_name.get(name).and_then(|&at| self.phrases.get(at)).map(|phrase| phrase.def.name.span);
         phrase.or_else(binding)
+    }
+
+    /// Where a mark would hide this name: marks live as long as the pass or call that they stand in.
+    pub(super) fn hidden_by_mark(&self, name: &str) -> Option<Span> {
+        let local = self.locals.get(self.floor..)?.iter().find(|binding| binding.name == name);
+        let global = || self.global.get(name).and_then(|&at| self.globals.get(at)).filter(|_| self.floor == 0);
+        local.or_else(global).map(|binding| binding.span)
     }
 
     /// Gives a name in this block. `watched` names get a warning where nothing uses them.
@@ -252,6 +265,78 @@ pub(super) fn calls<'b, 's>(block: &'b Block<'s>, found: &mut Vec<&'b Name<'s>>)
                 each.arms.iter().map(|(_, block)| block).chain(&each.otherwise).for_each(|inner| calls(inner, found));
             }
             Statement::Let(_) | Statement::Def(_) => {}
+        }
+    }
+}
+
+/// Every name that a block uses, whether it is run or not. The recursion is bounded by the depth of brackets.
+pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
+    use crate::syntax::{Item, Origin, Start, Statement};
+    for line in &block.lines {
+        match &line.start {
+            Some(Start::After(value)) => names_of(value, found),
+            Some(Start::At(moment)) => {
+                if let Origin::Value(value) = &moment.origin {
+                    names_of(value, found);
+                }
+                moment.offsets.iter().for_each(|(_, value)| names_of(value, found));
+            }
+            None => {}
+        }
+        for part in &line.parts {
+            match &part.statement {
+                Statement::Block(inner) => names(inner, found),
+                Statement::Let(each) => names_in(&each.value, found),
+                Statement::Def(def) => names(&def.body, found),
+                Statement::Call(call) => {
+                    found(call.name.text);
+                    call.arguments.iter().for_each(|given| names_in(&given.value, found));
+                }
+                Statement::If(each) => {
+                    for (condition, inner) in &each.arms {
+                        names_in(condition, found);
+                        names(inner, found);
+                    }
+                    each.otherwise.iter().for_each(|inner| names(inner, found));
+                }
+                Statement::Command(command) => {
+                    for argument in &command.arguments {
+                        match &argument.item {
+                            Item::One(value) => names_of(value, found),
+                            Item::Arrow(from, to) | Item::Range(from, to) => {
+                                names_of(from, found);
+                                names_of(to, found);
+                            }
+                            Item::List(list) => list.iter().for_each(|value| names_of(value, found)),
+                            Item::Comparison(_) => {}
+                        }
+                    }
+                    command.block.iter().for_each(|inner| names(inner, found));
+                }
+            }
+        }
+    }
+}
+
+fn names_of<'s>(value: &Value<'s>, found: &mut dyn FnMut(&'s str)) {
+    match &value.kind {
+        ValueKind::Word(word) => found(word),
+        ValueKind::Expression(expression) => names_in(expression, found),
+        // The names that a `say` puts in.
+        ValueKind::Text(text) => {
+            for part in text.split('{').skip(1) {
+                found(part.split('}').next().unwrap_or_default().trim());
+            }
+        }
+        ValueKind::Number(..) => {}
+    }
+}
+
+/// Every name in an expression.
+pub(super) fn names_in<'s>(expression: &Expression<'s>, found: &mut dyn FnMut(&'s str)) {
+    for node in &expression.nodes {
+        if let NodeKind::Name(name) = node.kind {
+            found(name);
         }
     }
 }

@@ -217,7 +217,7 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
             Code::OutOfRange,
             argument.span,
             format!("a limit lies inside the board's own range, {min}..{max}, smaller value first"),
-            "narrow the range",
+            "narrow the range; the smaller value stands first",
         ));
         return None;
     }

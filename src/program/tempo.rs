@@ -21,6 +21,11 @@ impl Tempo {
         self.beat
     }
 
+    /// How many beats a bar has.
+    pub(super) fn beats(self) -> u32 {
+        self.beats
+    }
+
     /// The length of a bar.
     pub(super) fn bar(self) -> Time {
         self.beat.times(u64::from(self.beats))

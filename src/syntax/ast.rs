@@ -7,6 +7,8 @@ use crate::source::Span;
 pub struct Ast<'s> {
     /// Its lines, as a block without braces.
     pub body: Block<'s>,
+    /// Names whose `let` or `def` could not be read: they are meant to exist.
+    pub broken: Vec<&'s str>,
 }
 
 /// Lines that run one after the other.

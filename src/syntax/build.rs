@@ -19,13 +19,14 @@ pub(super) struct Builder<'s, 'd> {
     /// Where the text that pest has read begins in the source.
     offset: usize,
     lines: Vec<Line<'s>>,
+    broken: Vec<&'s str>,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn new(source: &'s Source, diagnostics: &'d mut Diagnostics) -> Self {
-        Builder { source, diagnostics, offset: 0, lines: Vec::new(), empty_at: None }
+        Builder { source, diagnostics, offset: 0, lines: Vec::new(), broken: Vec::new(), empty_at: None }
     }
 
     /// Adds the lines of a piece of the script that begins at `offset`.
@@ -49,7 +50,7 @@ impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn finish(self) -> Ast<'s> {
         let base = self.source.base() as usize;
         let span = Span::new(base, base + self.source.text().len());
-        Ast { body: Block { lines: self.lines, span } }
+        Ast { body: Block { lines: self.lines, span }, broken: self.broken }
     }
 
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
@@ -199,11 +200,13 @@ impl<'s, 'd> Builder<'s, 'd> {
         let from = self.span(&pair);
         let mut parts = pair.into_inner().skip(1);
         let name = self.name(&parts.next()?);
+        self.broken.push(name.text);
         let value = self.expression(parts.next()?)?;
         if let Some(junk) = parts.next() {
             self.junk(&junk);
             return None;
         }
+        self.broken.pop();
         let span = Span { end: value.span.end, ..from };
         Some(Statement::Let(Let { name, value, span }))
     }
@@ -212,6 +215,8 @@ impl<'s, 'd> Builder<'s, 'd> {
         let from = self.span(&pair);
         let mut parts = pair.into_inner().skip(1);
         let name = self.name(&parts.next()?);
+        self.broken.push(name.text);
+        let place = self.broken.len();
         let mut parameters = Vec::new();
         let mut readable = true;
         for part in parts {
@@ -228,6 +233,9 @@ impl<'s, 'd> Builder<'s, 'd> {
                 Rule::block => {
                     let body = self.block(part);
                     let span = Span { end: body.span.start, ..from };
+                    if readable {
+                        self.broken.remove(place - 1);
+                    }
                     return readable.then_some(Statement::Def(Def { name, parameters, body, span }));
                 }
                 _ => {

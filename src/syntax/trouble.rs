@@ -9,14 +9,20 @@ pub(super) fn unreadable(text: &str, start: usize, before: Option<char>) -> Diag
     let digit_beside =
         before.is_some_and(|c| c.is_ascii_digit()) || text.chars().nth(1).is_some_and(|c| c.is_ascii_digit());
     let help = match first {
-        '.' if digit_beside => "write digits on both sides of the point: `0.5`, not `.5` or `5.`",
+        '.' if !digit_beside => "write a file's name between quotation marks: `use \"lib/phrases.motion\"`",
+        '.' => "write digits on both sides of the point: `0.5`, not `.5` or `5.`",
         '\'' | '`' | '“' | '”' | '„' => "write texts between plain quotation marks: `\"text\"`",
         '/' => "a comment starts with `#`",
         '-' if text.starts_with("--") => "a comment starts with `#`",
         ',' => "arguments stand behind each other with a blank between them: `rocker x=10 z=50`, `wheels 8 -8 -8 8`",
+        '!' => "write `not (a == b)` for different, and `not` for the opposite",
+        '&' => "write `and`",
+        '|' => "write `or`",
+        '→' => "write the arrow as `->`",
+        'b' if text.starts_with("beat") || text.starts_with("bar") => "multiply: `(n * 1 beat)`",
         '=' if text.starts_with("=+") || text.starts_with("= +") => "write a positive number without its `+`",
         '=' => {
-            "arguments with a name are written as NAME=VALUE, such as `rocker x=10`; others without `=`, such as `servo 1 1500`"
+            "a named argument is NAME=VALUE, such as `rocker x=10`, others have no `=`, such as `servo 1 1500`; to compare, write `==`"
         }
         ':' => "take the `:` away",
         '+' => "a line starts with the name of a command, `at TIME` or `+TIME`",

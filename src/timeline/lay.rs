@@ -224,12 +224,18 @@ impl<'d> Lay<'d> {
                 let to = glide.to;
                 let drive = !matches!(motion.shape, Shape::Servo(_) | Shape::Servos);
                 let help = if drive {
-                    format!("write where it starts, `0 -> {to}`, or put a `stop` before it")
+                    "put a `stop` before it, or write where each value starts: `rocker x=0 -> 0 y=0 -> 12 z=0 -> 0`"
+                        .to_owned()
                 } else {
-                    format!("write where it starts, such as `1500 -> {to}`")
+                    let other = if to < 1_500.0 { 2_000 } else { 1_000 };
+                    format!("send it somewhere first, or write where it starts, such as `{other} -> {to}`")
                 };
                 let message = format!("nobody knows where the {name} starts");
                 self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
+                // From here on it is known, so that one mistake is one message.
+                if let Some(target) = motion.target() {
+                    self.state.apply(&target);
+                }
                 return None;
             };
             starts.push(start);

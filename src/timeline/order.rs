@@ -100,7 +100,7 @@ fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
             Code::Clash,
             second.span,
             format!("{thing} is told two things at {at} s"),
-            "keep one of the two, or let time pass between them, such as `wait 0.5s`: a plain command takes no time",
+            "keep one of the two, or let time pass between them: a plain command takes none (`wait 0.5s`, or `+0.5s` before a line in `together`)",
         )
         .label("this")
         .related(first.span, "and this");

@@ -118,6 +118,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                     return None;
                 }
                 self.is_free(name)?;
+                if let Some(first) = self.context.scope.hidden_by_mark(name.text) {
+                    self.given_twice(name, first);
+                    return None;
+                }
                 self.context.scope.bind(name, Quantity::Moment(start), false);
                 Some(start)
             }

@@ -17,6 +17,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             let part = tree.body.lines.first().and_then(|line| line.parts.first());
             match part.map(|part| &part.statement) {
                 Some(Statement::Let(each)) if tree.body.lines.len() == 1 => {
+                    // The last one of a name wins.
+                    self.sets.retain(|set| set.name != each.name.text);
                     self.sets.push(Set { name: each.name.text, value: &each.value, span: each.span, used: false });
                 }
                 _ => {
@@ -30,6 +32,13 @@ impl<'a, 's> Unroll<'a, 's, '_> {
 
     /// Takes over the names of another file.
     pub(super) fn use_(&mut self, value: &'a Value<'s>, span: Span) -> Option<()> {
+        let used = self.try_use(value, span);
+        // What it would have named is not reported as missing.
+        self.context.names_missing |= used.is_none();
+        used
+    }
+
+    fn try_use(&mut self, value: &'a Value<'s>, span: Span) -> Option<()> {
         const MAX_DEPTH: usize = 16;
         let ValueKind::Text(quoted) = value.kind else {
             let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
@@ -82,6 +91,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         let source = self.sources.add(source)?;
         let tree = syntax::parse(source, self.context.diagnostics)?;
         let tree = self.trees.push_get(Box::new(tree));
+        self.context.broken.extend(&tree.broken);
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.context.scope.main, false);
         let later = std::mem::replace(

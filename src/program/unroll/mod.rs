@@ -14,7 +14,8 @@ use elsa::FrozenVec;
 use super::arguments::{self, blank_before_unit};
 use super::commands::Build;
 use super::context::Context;
-use super::scope::Scope;
+use super::scope::{self, Scope};
+use super::suggest::suggest;
 use super::time::Time;
 use super::trace::Traces;
 use super::value::{Quantity, not_yet};
@@ -43,6 +44,8 @@ pub(super) fn unroll<'a, 's>(
         tempo: super::tempo::Tempo::default(),
         random: super::functions::SplitMix::default(),
         traces: Traces::default(),
+        broken: ast.broken.clone(),
+        names_missing: false,
     };
     let mut unroll = Unroll {
         context,
@@ -155,13 +158,15 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     fn finish(mut self, end: Time) -> Program {
         for set in std::mem::take(&mut self.sets).into_iter().filter(|set| !set.used) {
             let name = set.name;
+            let names: Vec<_> = self.context.scope.names().collect();
+            let help = match suggest(name, names.iter().copied()) {
+                Some(near) if near != name => format!("did you mean `{near}`?"),
+                _ => {
+                    "name a `let` of the script itself, outside of all blocks and not of a file that it uses".to_owned()
+                }
+            };
             let message = format!("the script has no `let {name}` at its top level");
-            self.report(
-                Code::UnknownName,
-                set.span,
-                message,
-                "name a `let` of the script itself, outside of all blocks",
-            );
+            self.report(Code::UnknownName, set.span, message, help);
         }
         if !self.begun && !self.context.diagnostics.has_errors() {
             let help = "write a command, such as `servo 1 1500`";
@@ -293,6 +298,14 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 break;
             }
         }
+        // What is not taken is not run, but it uses its names.
+        for (condition, block) in &each.arms {
+            scope::names_in(condition, &mut |name| self.context.scope.touch(name));
+            scope::names(block, &mut |name| self.context.scope.touch(name));
+        }
+        if let Some(block) = &each.otherwise {
+            scope::names(block, &mut |name| self.context.scope.touch(name));
+        }
         if let Some(block) = taken {
             self.lines(&block.lines, frame, depth);
         }
@@ -324,6 +337,12 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                     Some(beat) => {
                         let length = self.context.tempo.beat();
                         let count = self.count_from_one(beat, "a beat")?;
+                        let beats = self.context.tempo.beats();
+                        if count >= f64::from(beats) + 1.0 {
+                            let message = format!("there is no beat {count} in a bar of {beats}");
+                            self.report(Code::OutOfRange, beat.span, message, "write the next bar, or another `meter`");
+                            return None;
+                        }
                         length.by_number(count - 1.0)?
                     }
                 };
@@ -399,7 +418,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         }
     }
 
-    fn before_start(&mut self, span: Span) {
+    pub(super) fn before_start(&mut self, span: Span) {
         self.report(
             Code::StartTime,
             span,

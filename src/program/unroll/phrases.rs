@@ -6,6 +6,7 @@ use super::super::value::Quantity;
 use super::super::weight::{self, Weight};
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
+use crate::source::Span;
 use crate::syntax::{Block, Call, Def, Let, Name};
 
 impl<'a, 's> Unroll<'a, 's, '_> {
@@ -29,6 +30,16 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         free
     }
 
+    pub(super) fn given_twice(&mut self, name: Name<'s>, first: Span) {
+        let diagnostic = Diagnostic::new(
+            Code::Name,
+            name.span,
+            format!("the name `{}` is given twice", name.text),
+            "choose another name for one of the two",
+        );
+        self.context.report(diagnostic.label("again here").related(first, "first given here"));
+    }
+
     /// Whether a name may be given here; where not, that is reported.
     pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
         let text = name.text;
@@ -43,13 +54,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             return None;
         }
         if let Some(first) = self.context.scope.taken(text) {
-            let diagnostic = Diagnostic::new(
-                Code::Name,
-                name.span,
-                format!("the name `{text}` is given twice"),
-                "choose another name for one of the two",
-            );
-            self.context.report(diagnostic.label("again here").related(first, "first given here"));
+            self.given_twice(name, first);
             return None;
         }
         Some(())

@@ -7,7 +7,7 @@ use super::super::value::not_yet;
 use super::Unroll;
 use crate::diagnostic::Code;
 use crate::source::Span;
-use crate::syntax::{Command, Name};
+use crate::syntax::{Command, Item, Name};
 
 impl<'s> Unroll<'_, 's, '_> {
     pub(super) fn top_level(&mut self, word: &str, span: Span) {
@@ -17,6 +17,12 @@ impl<'s> Unroll<'_, 's, '_> {
 
     pub(super) fn unknown(&mut self, command: &Command<'s>) {
         let word = command.head.text;
+        if word == "at"
+            && command.arguments.first().is_some_and(|first| matches!(&first.item, Item::One(value) if value.negative))
+        {
+            self.before_start(command.head.span);
+            return;
+        }
         if word == "at" {
             let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
             self.report(
@@ -45,6 +51,15 @@ impl<'s> Unroll<'_, 's, '_> {
     /// `servo(1, 1500)` is how other languages write it.
     pub(super) fn unknown_call(&mut self, call: Name<'s>) {
         let name = call.text;
+        if self.context.may_exist(name) {
+            return;
+        }
+        if let Some(below) = self.later.iter().find(|later| later.name.text == name) {
+            let message = format!("`{name}` is defined further down");
+            let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
+            self.report(Code::UnknownName, call.span, message, help);
+            return;
+        }
         match commands::find(name) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
@@ -91,6 +106,7 @@ fn suggestion(word: &str, phrases: &[&str]) -> String {
         "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
         "beep" => Some("buzzer on for 200ms"),
         "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
+        "elif" | "elseif" => Some("else if … { … }"),
         "for" | "while" | "loop" => Some("repeat 4 { … }"),
         "import" | "include" => Some("use \"lib/phrases.motion\""),
         "function" | "fn" => Some("def nod() { … }"),
