@@ -77,12 +77,15 @@ impl Sources {
         self.files.iter()
     }
 
-    /// Adds a file; `None` where all of them together are longer than 4 GiB.
+    /// Adds a file; `None` where all of them together are longer than [`MAX_SOURCE`].
     pub fn add(&self, source: Source) -> Option<&Source> {
         let last = self.files.iter().last().unwrap_or(&EMPTY);
         // One byte between two files, so that the end of one is not the start of the next.
         let base = last.end().checked_add(1)?;
-        u32::try_from(source.text.len()).ok()?.checked_add(base)?;
+        let end = u32::try_from(source.text.len()).ok()?.checked_add(base)?;
+        if u64::from(end) > MAX_SOURCE {
+            return None;
+        }
         Some(self.files.push_get(Box::new(Source { base, ..source })))
     }
 

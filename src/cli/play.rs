@@ -96,7 +96,8 @@ impl Play {
         lost.bytes = link.lost();
         // Both rings end, which ends the news; the closed port ends the virtual board.
         drop((link, notices_in));
-        let end = End { screen: *screen, sources, outcome, lost, news, board: port.board };
+        let end =
+            End { screen: *screen, sources, timeline: Arc::clone(&timeline), outcome, lost, news, board: port.board };
         Ok(end.tell())
     }
 }
@@ -112,6 +113,7 @@ struct Lost {
 struct End {
     screen: Screen,
     sources: Sources,
+    timeline: Arc<Timeline>,
     outcome: Outcome,
     lost: Lost,
     news: JoinHandle<(io::Result<()>, Option<Report>)>,
@@ -134,7 +136,7 @@ impl End {
     }
 
     fn say(self) {
-        let End { screen, sources, outcome, lost, news, board } = self;
+        let End { screen, sources, timeline, outcome, lost, news, board } = self;
         let (written, report) =
             news.join().unwrap_or_else(|_| (Err(io::Error::other("the thread that writes it failed")), None));
         let written = match lost.bytes {
@@ -149,6 +151,11 @@ impl End {
                 "{} were not shown",
                 plural(usize::try_from(lost.notices).unwrap_or(usize::MAX), "line")
             ));
+        }
+        if outcome.stop == Stop::Sent {
+            for cue in &timeline.abort_cues {
+                screen.note(&format!("on abort: {}", cue.text));
+            }
         }
         summary(&screen, &outcome, report);
         match board.map(JoinHandle::join) {

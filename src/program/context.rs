@@ -29,7 +29,8 @@ pub(super) struct Context<'a, 's, 'd> {
 impl<'s> Context<'_, 's, '_> {
     /// Reports something, with the calls that led here.
     pub(super) fn report(&mut self, diagnostic: Diagnostic) {
-        self.diagnostics.push(self.traces.attach(diagnostic, self.traces.here()));
+        let here = self.traces.here();
+        self.diagnostics.push(self.traces.attach(diagnostic, here));
     }
 
     /// A value that must be a quantity; `None` where it is none, which is reported.
@@ -292,7 +293,7 @@ impl<'s> Context<'_, 's, '_> {
         None
     }
 
-    fn exact<T>(&mut self, time: Option<T>, span: Span) -> Option<T> {
+    pub(super) fn exact<T>(&mut self, time: Option<T>, span: Span) -> Option<T> {
         if time.is_none() {
             self.arithmetic(span, "this number is too long for an exact time");
         }

@@ -81,6 +81,11 @@ const RESERVED: &[&str] = &[
     "over", "ease", "within", "every", "as", "off", "in", "abort",
 ];
 
+/// Whether a word may be a name by its letters.
+pub(super) fn is_name(word: &str) -> bool {
+    word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
+}
+
 /// Whether a word belongs to the language.
 pub(super) fn is_reserved(word: &str) -> bool {
     RESERVED.contains(&word)

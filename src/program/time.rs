@@ -7,7 +7,7 @@ use std::time::Duration;
 /// A time as an exact fraction of nanoseconds.
 ///
 /// A beat of 1/3 s stays one: three of them are a second. A fraction that needs more than 64 bits a side is rounded to
-/// 10⁻¹⁵ s; a time beyond 292 years is held there.
+/// 10⁻¹⁵ s (10⁻¹⁴ s beyond two and a half hours); a time beyond 292 years is held there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Time {
     nanos: i64,
@@ -52,15 +52,15 @@ impl Time {
         match (i64::try_from(nanos), i64::try_from(per)) {
             (Ok(nanos), Ok(per)) => Time { nanos, per },
             _ => {
-                let whole = nanos.div_euclid(per).saturating_mul(i128::from(FINEST));
-                let rest = rounded(nanos.rem_euclid(per), per);
-                let finest = whole.saturating_add(rest);
+                // As fine as fits: 10⁻¹⁵ s, for hours a little less.
+                let part = |finest: i64| {
+                    let whole = nanos.div_euclid(per).checked_mul(i128::from(finest))?;
+                    let all = whole.checked_add(rounded(nanos.rem_euclid(per), per, finest))?;
+                    i64::try_from(all).ok().map(|_| Time::exact(all, i128::from(finest)))
+                };
                 let held = |value: i128| i64::try_from(value).unwrap_or(if value < 0 { i64::MIN } else { i64::MAX });
-                if i64::try_from(finest).is_ok() {
-                    Time::exact(finest, i128::from(FINEST))
-                } else {
-                    Time::from_nanos(held(nanos.div_euclid(per)))
-                }
+                let fits = [FINEST, FINEST / 10, FINEST / 100, FINEST / 1_000, 1].into_iter().find_map(part);
+                fits.unwrap_or_else(|| Time::from_nanos(held(nanos.div_euclid(per))))
             }
         }
     }
@@ -155,12 +155,12 @@ impl Time {
     }
 }
 
-/// The part below one nanosecond in parts of [`FINEST`], half up.
-fn rounded(rest: i128, per: i128) -> i128 {
+/// The part below one nanosecond in so many parts, half up.
+fn rounded(rest: i128, per: i128, finest: i64) -> i128 {
     // `rest` is below `per`, which is below 2^127: scale both down where doubling them would not fit.
     let shift = (128 - per.leading_zeros()).saturating_sub(100);
     let (rest, per) = (rest >> shift, (per >> shift).max(1));
-    (2 * rest * i128::from(FINEST) + per).div_euclid(2 * per)
+    (2 * rest * i128::from(finest) + per).div_euclid(2 * per)
 }
 
 fn gcd(mut a: u128, mut b: u128) -> u128 {

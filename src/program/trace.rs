@@ -20,30 +20,35 @@ struct Trace {
 /// How many calls a message shows; a deeper chain shows the innermost ones.
 const SHOWN: usize = 4;
 
-/// Every call and pass of a script.
+/// The calls and passes of a script that led to anything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Traces {
     all: Vec<Trace>,
-    here: TraceId,
+    /// The way to where the script is now; what leads to nothing is never kept.
+    path: Vec<(Span, u32, Option<TraceId>)>,
 }
 
 impl Traces {
     /// Where the script is now.
-    pub fn here(&self) -> TraceId {
-        self.here
+    pub(super) fn here(&mut self) -> TraceId {
+        let mut within = TraceId::default();
+        for (span, pass, id) in &mut self.path {
+            within = *id.get_or_insert_with(|| {
+                self.all.push(Trace { within, span: *span, pass: *pass });
+                TraceId(u32::try_from(self.all.len()).unwrap_or(0))
+            });
+        }
+        within
     }
 
-    /// Goes into a call, or into a pass counted from 1; gives the way back.
-    pub(super) fn enter(&mut self, span: Span, pass: u32) -> TraceId {
-        let back = self.here;
-        self.all.push(Trace { within: back, span, pass });
-        self.here = TraceId(u32::try_from(self.all.len()).unwrap_or(0));
-        back
+    /// Goes into a call, or into a pass counted from 1.
+    pub(super) fn enter(&mut self, span: Span, pass: u32) {
+        self.path.push((span, pass, None));
     }
 
     /// Goes back out.
-    pub(super) fn leave(&mut self, back: TraceId) {
-        self.here = back;
+    pub(super) fn leave(&mut self) {
+        self.path.pop();
     }
 
     /// Adds the calls that led to `leaf`, the innermost first. A pass is only shown where it is not the first.

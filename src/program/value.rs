@@ -256,7 +256,7 @@ fn odd(text: &str, span: Span) -> Diagnostic {
 
 /// The whole number nearest to `number`, halves away from zero; `None` far outside of what anything here needs.
 pub(super) fn round(number: f64) -> Option<i32> {
-    let rounded = number.round();
+    let rounded = libm::round(number);
     #[expect(clippy::cast_possible_truncation, reason = "in range and whole")]
     (rounded.abs() <= f64::from(i32::MAX)).then_some(rounded as i32)
 }

@@ -16,6 +16,10 @@ impl Weight {
         Weight { steps: self.steps.saturating_add(other.steps), events: self.events.saturating_add(other.events) }
     }
 
+    fn lighter(self, other: Weight) -> Weight {
+        Weight { steps: self.steps.min(other.steps), events: self.events.min(other.events) }
+    }
+
     pub(super) fn times(self, passes: u64) -> Weight {
         Weight { steps: self.steps.saturating_mul(passes), events: self.events.saturating_mul(passes) }
     }
@@ -34,7 +38,7 @@ fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> W
         Statement::Call(call) => phrase(call.name.text),
         Statement::If(each) => {
             let blocks = each.arms.iter().map(|(_, block)| block).chain(&each.otherwise);
-            let lightest = blocks.map(|block| of_block(block, phrase)).min_by_key(|weight| weight.steps);
+            let lightest = blocks.map(|block| of_block(block, phrase)).reduce(Weight::lighter);
             lightest.filter(|_| each.otherwise.is_some()).unwrap_or_default()
         }
         Statement::Command(command) => of_command(command, phrase),

@@ -1,7 +1,7 @@
 //! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
 use super::{BUZZER, Cue, DRIVE, Event, Kind, THINGS, Timeline, Track, things};
-use crate::board::{Command, State};
+use crate::board::{Command, State, TiltPulseWidth};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{
     Abort, Action, Limit, Motion, Move, Program, Settings, Shape, Step, Time, TraceId, Traces, broken, broken_limit,
@@ -15,10 +15,12 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
     lay.run(steps, &mut cues);
     lay.close(end);
     let events = lay.finish();
-    let abort = abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
+    let (abort, abort_cues) =
+        abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
     Timeline {
         tracks: vec![Track { robot: None, events, abort }],
         cues,
+        abort_cues,
         end_us: end.micros(),
         baud: settings.baud,
         traces,
@@ -32,18 +34,23 @@ fn lay_abort(
     traces: &Traces,
     limit: usize,
     diagnostics: &mut Diagnostics,
-) -> Vec<Event> {
+) -> (Vec<Event>, Vec<Cue>) {
+    let mut cues = Vec::new();
     let mut lay = Lay::new(settings, traces, limit, diagnostics);
-    lay.run(abort.steps, &mut Vec::new());
-    if lay.state.buzzer() == Some(true) {
-        let from = lay.last(BUZZER);
+    lay.run(abort.steps, &mut cues);
+    if let Some(from) = lay.raw {
+        // Nobody knows what a raw frame left behind.
+        lay.emit(abort.end, Command::STOP, Kind::Abort, From { order: usize::MAX - 1, ..from });
+        lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, From { order: usize::MAX, ..from });
+    } else if lay.state.buzzer() == Some(true) {
+        let from = From { order: usize::MAX, ..lay.last(BUZZER) };
         lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, from);
     }
     let mut events = lay.finish();
     for event in &mut events {
         event.kind = Kind::Abort;
     }
-    events
+    (events, cues)
 }
 
 /// The step that a frame belongs to.
@@ -86,6 +93,8 @@ struct Lay<'d> {
     held: Option<(Time, Command, From)>,
     /// Of each thing, the last step that used it.
     last: [From; THINGS],
+    /// When the last move of the drive ends.
+    drive_until: Time,
     /// The first raw frame.
     raw: Option<From>,
     /// Whether the limit of events was reached.
@@ -106,6 +115,7 @@ impl<'d> Lay<'d> {
             state: State::default(),
             held: None,
             last: [From::default(); THINGS],
+            drive_until: Time::ZERO,
             raw: None,
             full: false,
             diagnostics,
@@ -158,6 +168,12 @@ impl<'d> Lay<'d> {
 
     /// Sends a command: the hold before it ends, and its own begins.
     fn send(&mut self, at: Time, command: &Command, kind: Kind, from: From) {
+        // A raw frame in the middle of a move: the samples behind it, which are laid already, have the last word.
+        if matches!(command, Command::Raw { .. }) && at < self.drive_until {
+            self.raw = self.raw.or(Some(from));
+            self.emit(at, command.clone(), kind, from);
+            return;
+        }
         if command.is_drive() {
             self.release(at);
             self.held = command.keeps_driving().then(|| (at, command.clone(), from));
@@ -207,6 +223,9 @@ impl<'d> Lay<'d> {
             if !self.sample(at.plus(passed), going, &values, from) {
                 return;
             }
+        }
+        if !matches!(motion.shape, Shape::Servo(_) | Shape::Servos) {
+            self.drive_until = end;
         }
         let targets: Vec<f64> = motion.values.iter().map(|glide| glide.to).collect();
         self.sample(end, going, &targets, from);
@@ -277,7 +296,7 @@ impl<'d> Lay<'d> {
                 let diagnostic = Diagnostic::new(
                     Code::OutOfRange,
                     from.span,
-                    format!("on the way the {name} gets to {}, which is out of range", value.round()),
+                    format!("on the way the {name} gets to {value:.0}, which is out of range"),
                     "choose an easing that does not overshoot, or stay further inside the range",
                 );
                 self.report(diagnostic, from);
@@ -288,10 +307,26 @@ impl<'d> Lay<'d> {
             self.report(broken_limit(limit, value, from.span), from);
             return false;
         }
+        self.tilt(&command, going, from);
         if !self.was_last(&command) {
             self.send(at, &command, Kind::Sample, from);
         }
         true
+    }
+
+    /// A move that only on its way gets further than a tilt servo survives.
+    fn tilt(&mut self, command: &Command, going: &Move, from: From) {
+        let Command::Servo { index, pulse } = command else {
+            return;
+        };
+        let most = f64::from(TiltPulseWidth::MAX);
+        let ends_inside = going.motion.values.iter().all(|glide| glide.to <= most && glide.from.unwrap_or(0.0) <= most);
+        if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX && ends_inside {
+            let message =
+                format!("servo 2 is the tilt servo, and on the way this gets to {pulse} µs, which it does not survive");
+            let help = "choose an easing that does not overshoot, or stay further inside the range";
+            self.report(Diagnostic::new(Code::TiltRange, from.span, message, help), from);
+        }
     }
 
     /// Whether this is what was sent last to the same thing.

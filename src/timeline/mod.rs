@@ -1,7 +1,7 @@
 //! [`Program`] to [`Timeline`]: what is sent when, flat and sorted, in whole microseconds.
 //!
-//! Here a hold becomes refreshes and an end, and what the script leaves running becomes closing frames. The order at one
-//! time: commands in script order, then refreshes, then closing frames.
+//! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
+//! one time: commands and samples in script order, then refreshes, then closing frames.
 
 mod lay;
 mod listing;
@@ -21,6 +21,8 @@ pub struct Timeline {
     pub tracks: Vec<Track>,
     /// Lines to show, sorted by time.
     pub cues: Vec<Cue>,
+    /// Lines to show where something ended a run early.
+    pub abort_cues: Vec<Cue>,
     /// When the script ends, in microseconds from its start. Nothing is later.
     pub end_us: u64,
     /// Speed of the line in bits a second.

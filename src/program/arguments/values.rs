@@ -51,7 +51,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         what: &str,
     ) -> Option<Ranged<MIN, MAX>> {
         let number = self.number(value, what)?;
-        if number.fract() != 0.0 {
+        if libm::trunc(number) != number {
             self.context.report(Diagnostic::new(
                 Code::NotWhole,
                 value.span,

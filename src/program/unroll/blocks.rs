@@ -66,7 +66,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             self.done += 1;
             let mark = self.context.scope.open();
             let number = u32::try_from(pass + 1).unwrap_or(u32::MAX);
-            let back = self.context.traces.enter(command.head.span, number);
+            self.context.traces.enter(command.head.span, number);
             if let Some(name) = name {
                 if pass == 0 {
                     self.is_free(name);
@@ -74,7 +74,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 self.context.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
             }
             let end = self.body(block, now, false, depth);
-            self.context.traces.leave(back);
+            self.context.traces.leave();
             self.context.scope.close(mark, true);
             now = match every {
                 None => end,

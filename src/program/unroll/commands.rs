@@ -97,7 +97,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 let value = args.next()?;
                 let text = say::say(value, args.context);
                 args.finish()?;
-                self.push(start, command.span, Action::Say(text?));
+                let text = text?;
+                // Long texts count as what they weigh.
+                self.done += text.len() as u64 / 64;
+                self.push(start, command.span, Action::Say(text));
                 Some(start)
             }
             Build::Mark => {
@@ -150,7 +153,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         if !self.no_drive_in_abort(!command.is_drive(), span) {
             return;
         }
-        if let Some((limit, value)) = limits::broken(&self.settings.limits, &command) {
+        // A stop is never refused.
+        let broken =
+            if command == board::Command::STOP { None } else { limits::broken(&self.settings.limits, &command) };
+        if let Some((limit, value)) = broken {
             let diagnostic = limits::diagnostic(limit, value, span);
             self.context.report(diagnostic);
             return;
@@ -159,6 +165,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
-        self.steps.push(Step { at, span, trace: self.context.traces.here(), action });
+        let trace = self.context.traces.here();
+        self.steps.push(Step { at, span, trace, action });
     }
 }

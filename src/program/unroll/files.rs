@@ -1,7 +1,7 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
 use super::super::time::Time;
-use super::{Frame, Set, Unroll, definition};
+use super::{Frame, Set, Unroll, definitions};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
 use crate::syntax::{self, Statement, Value, ValueKind};
@@ -45,7 +45,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             self.report(Code::Arguments, value.span, "`use` needs the name of a file", help);
             return None;
         };
-        let name = quoted.trim_matches('"');
+        let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
         let path = match self.sources.resolve(self.sources.file(span), name) {
             Ok(path) => path,
             Err(error) => {
@@ -88,16 +88,17 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 return None;
             }
         };
-        let source = self.sources.add(source)?;
+        let Some(source) = self.sources.add(source) else {
+            let help = "use fewer or shorter files";
+            self.report(Code::SourceTooLarge, value.span, "all files together are larger than 64 MiB", help);
+            return None;
+        };
         let tree = syntax::parse(source, self.context.diagnostics)?;
         let tree = self.trees.push_get(Box::new(tree));
         self.context.broken.extend(&tree.broken);
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.context.scope.main, false);
-        let later = std::mem::replace(
-            &mut self.later,
-            tree.body.lines.iter().flat_map(|line| &line.parts).filter_map(definition).collect(),
-        );
+        let later = std::mem::replace(&mut self.later, definitions(tree));
         let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
         for line in &tree.body.lines {
             for part in &line.parts {

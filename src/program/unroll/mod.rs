@@ -7,6 +7,7 @@ mod phrases;
 mod settings;
 mod words;
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 
 use elsa::FrozenVec;
@@ -54,8 +55,9 @@ pub(super) fn unroll<'a, 's>(
         sets: Vec::new(),
         settings: Settings::default(),
         given: Vec::new(),
-        later: ast.body.lines.iter().flat_map(|line| &line.parts).filter_map(definition).collect(),
+        later: definitions(ast),
         weights: Vec::new(),
+        counted: HashMap::new(),
         loaded: Vec::new(),
         loading: sources
             .main()
@@ -71,6 +73,7 @@ pub(super) fn unroll<'a, 's>(
         exhausted: false,
         too_long: false,
         times_known: true,
+        failed: None,
         abort: None,
         in_abort: false,
         in_phrase: false,
@@ -82,11 +85,14 @@ pub(super) fn unroll<'a, 's>(
     unroll.finish(frame.latest)
 }
 
-fn definition<'a, 's>(part: &'a Part<'s>) -> Option<&'a Def<'s>> {
-    match &part.statement {
-        Statement::Def(def) => Some(def),
+/// Every `def` at the top level of a file, by its name.
+fn definitions<'a, 's>(ast: &'a Ast<'s>) -> HashMap<&'s str, &'a Def<'s>> {
+    let parts = ast.body.lines.iter().flat_map(|line| &line.parts);
+    let defs = parts.filter_map(|part| match &part.statement {
+        Statement::Def(def) => Some((def.name.text, def)),
         _ => None,
-    }
+    });
+    defs.collect()
 }
 
 /// How far a block has run.
@@ -128,7 +134,9 @@ struct Unroll<'a, 's, 'd> {
     /// Settings that were given, with their places.
     given: Vec<(&'static str, Span)>,
     /// Every `def` at the top level of the main script, wherever it stands.
-    later: Vec<&'a Def<'s>>,
+    later: HashMap<&'s str, &'a Def<'s>>,
+    /// The weights of blocks that were counted.
+    counted: HashMap<Span, Weight>,
     /// The weight of each `def`, by its number in the scope.
     weights: Vec<Weight>,
     /// Files that were used, and those that are being read, the script itself first.
@@ -145,6 +153,8 @@ struct Unroll<'a, 's, 'd> {
     too_long: bool,
     /// Whether no error so far can have moved the commands behind it.
     times_known: bool,
+    /// The first line that could not be run.
+    failed: Option<Span>,
     abort: Option<(Abort, Span)>,
     in_abort: bool,
     in_phrase: bool,
@@ -167,6 +177,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             };
             let message = format!("the script has no `let {name}` at its top level");
             self.report(Code::UnknownName, set.span, message, help);
+        }
+        // Whatever could not be run has said why; were that forgotten, it must not pass in silence.
+        if let Some(span) = self.failed.filter(|_| !self.context.diagnostics.has_errors()) {
+            self.report(Code::Syntax, span, "this line could not be run", "write it in another way, and report this");
         }
         if !self.begun && !self.context.diagnostics.has_errors() {
             let help = "write a command, such as `servo 1 1500`";
@@ -224,6 +238,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             }
             if self.line(line, frame, depth).is_none() {
                 self.times_known = false;
+                self.failed.get_or_insert(line.span);
             }
             if frame.latest > Time::LONGEST && !self.too_long {
                 self.too_long = true;
@@ -331,7 +346,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     fn moment(&mut self, moment: &'a Moment<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
         let mut at = match &moment.origin {
             Origin::Bar(bar, beat) => {
-                let bar = self.count_from_one(bar, "a bar")?;
+                let bar_number = self.count_from_one(bar, "a bar")?;
                 let beat = match beat {
                     None => Time::ZERO,
                     Some(beat) => {
@@ -343,10 +358,16 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                             self.report(Code::OutOfRange, beat.span, message, "write the next bar, or another `meter`");
                             return None;
                         }
-                        length.by_number(count - 1.0)?
+                        self.context.exact(length.by_number(count), beat.span)?.minus(length)
                     }
                 };
-                let bars = self.context.tempo.bar().by_number(bar - 1.0)?;
+                let length = self.context.tempo.bar();
+                if libm::floor(bar_number) != bar_number {
+                    let help = "write a whole number, and the beat behind it: `bar 2 beat 2.5`";
+                    self.report(Code::NotWhole, bar.span, "a bar is counted in whole numbers", help);
+                    return None;
+                }
+                let bars = self.context.exact(length.by_number(bar_number), bar.span)?.minus(length);
                 block.plus(bars).plus(beat)
             }
             Origin::Value(value) => {
@@ -359,6 +380,11 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 }
                 self.no_unit_behind(value, line)?;
                 match self.context.value(value)? {
+                    Quantity::Moment(_) if self.in_abort => {
+                        let help = "write a time: `on abort` counts from its own start";
+                        self.report(Code::Abort, value.span, "a mark of the script means nothing in `on abort`", help);
+                        return None;
+                    }
                     Quantity::Moment(moment) => moment,
                     Quantity::Time(time) => block.plus(time),
                     Quantity::Number(number) => {

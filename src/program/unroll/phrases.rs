@@ -1,5 +1,7 @@
 //! Names and phrases: `let`, `def` and calls.
 
+use std::collections::HashSet;
+
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::Quantity;
@@ -24,7 +26,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         let free = self.is_free(each.name);
         // Also where its value is wrong, so that its users are not told that it does not exist.
         if free.is_some() {
-            self.context.scope.bind(each.name, value.unwrap_or(Quantity::Number(0.0)), true);
+            match value {
+                Some(value) => self.context.scope.bind(each.name, value, true),
+                None => self.context.broken.push(each.name.text),
+            }
         }
         value?;
         free
@@ -48,7 +53,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             self.report(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
             return None;
         }
-        if !text.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_') {
+        if !scope::is_name(text) {
             let help = format!("write `{}`", text.to_lowercase());
             self.report(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
             return None;
@@ -68,9 +73,9 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         self.is_free(def.name)?;
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = def.parameters.iter().take(at).any(|other| other.name.text == parameter.name.text);
-            if twice || scope::is_reserved(parameter.name.text) {
+            if twice || scope::is_reserved(parameter.name.text) || !scope::is_name(parameter.name.text) {
                 let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
-                let help = "give each parameter a name of its own that is no word of the language";
+                let help = "give each parameter a name of its own, in small letters, that is no word of the language";
                 self.report(Code::Name, parameter.name.span, message, help);
                 return None;
             }
@@ -95,7 +100,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 continue;
             }
             fine = None;
-            let below = self.later.iter().copied().find(|later| later.name.text == call.text);
+            let below = self.later.get(call.text).copied();
             match below {
                 Some(below) => match self.cycle(def, below) {
                     Some(cycle) => {
@@ -120,8 +125,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
 
     /// How calls lead from `def` over `next` back to `def`, if they do.
     pub(super) fn cycle(&self, def: &Def<'s>, next: &'a Def<'s>) -> Option<String> {
+        const SHOWN: usize = 8;
         // Paths are kept as the place each name was reached from, so that long chains stay cheap.
         let mut reached: Vec<(&'a Def<'s>, Option<usize>)> = vec![(next, None)];
+        let mut seen: HashSet<&str> = HashSet::from([next.name.text]);
         let mut at = 0;
         while let Some(&(current, _)) = reached.get(at) {
             if current.name.text == def.name.text {
@@ -134,13 +141,15 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 }
                 path.push(def.name.text);
                 path.reverse();
+                if path.len() > SHOWN {
+                    path.splice(SHOWN / 2..path.len() - SHOWN / 2, ["…"]);
+                }
                 return Some(path.join(" → "));
             }
             let mut found = Vec::new();
             scope::calls(&current.body, &mut found);
             for call in found {
-                let known = reached.iter().any(|(known, _)| known.name.text == call.text);
-                if let Some(callee) = self.later.iter().find(|later| later.name.text == call.text).filter(|_| !known) {
+                if let Some(callee) = self.later.get(call.text).filter(|_| seen.insert(call.text)) {
                     reached.push((callee, Some(at)));
                 }
             }
@@ -192,7 +201,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             return None;
         }
         let frame = self.context.scope.enter(&phrase);
-        let back = self.context.traces.enter(call.span, 0);
+        self.context.traces.enter(call.span, 0);
         let in_phrase = std::mem::replace(&mut self.in_phrase, true);
         let mut complete = true;
         for (parameter, value) in parameters.iter().zip(values) {
@@ -212,17 +221,22 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         }
         let end = if complete { Some(self.body(&phrase.def.body, start, false, depth)) } else { None };
         self.in_phrase = in_phrase;
-        self.context.traces.leave(back);
+        self.context.traces.leave();
         self.context.scope.leave(frame);
         end
     }
 
     /// What a block unrolls to at least.
-    pub(super) fn weight(&self, block: &Block<'s>) -> Weight {
-        weight::of_block(block, &|name| {
+    pub(super) fn weight(&mut self, block: &Block<'s>) -> Weight {
+        if let Some(weight) = self.counted.get(&block.span) {
+            return *weight;
+        }
+        let weight = weight::of_block(block, &|name| {
             let number = self.context.scope.phrase_number(name);
             number.and_then(|number| self.weights.get(number)).copied().unwrap_or_default()
-        })
+        });
+        self.counted.insert(block.span, weight);
+        weight
     }
 }
 

@@ -54,7 +54,7 @@ impl<'s> Unroll<'_, 's, '_> {
         if self.context.may_exist(name) {
             return;
         }
-        if let Some(below) = self.later.iter().find(|later| later.name.text == name) {
+        if let Some(below) = self.later.get(name) {
             let message = format!("`{name}` is defined further down");
             let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
             self.report(Code::UnknownName, call.span, message, help);
