@@ -327,3 +327,14 @@ fn on_abort_does_not_follow_a_stop_that_was_not_sent() {
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((outcome.stop, world.given.len()), (Stop::NotSent, 1));
 }
+
+#[test]
+fn a_raw_frame_in_on_abort_is_followed_by_a_stop() {
+    let timeline = timeline("servo 1 1500\nwait 1s\non abort { raw 0x04 1 }");
+    let meddle = |now, order, given| {
+        (given == 1 && !matches!(order, Order::Write | Order::Discard)).then_some((now, Input::Signal(2)))
+    };
+    let (world, _) = World::run(meddle, &timeline);
+    let sent: Vec<String> = commands(&world.bytes()).iter().map(ToString::to_string).collect();
+    assert_eq!(sent[5..], ["buzzer on", "stop", "buzzer off"]);
+}

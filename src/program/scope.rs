@@ -115,9 +115,14 @@ impl<'a, 's> Scope<'a, 's> {
         Some(found.value)
     }
 
-    /// Counts a name as used.
-    pub(super) fn touch(&mut self, name: &str) {
+    /// Counts the name of a value as used.
+    pub(super) fn touch_value(&mut self, name: &str) {
         let _ = self.value(name);
+    }
+
+    /// Counts a name as used, of a value or of a phrase.
+    pub(super) fn touch(&mut self, name: &str) {
+        self.touch_value(name);
         let _ = self.phrase(name);
     }
 

@@ -3,6 +3,7 @@
 use super::super::Abort;
 use super::super::arguments::{self, Arguments, bare_word};
 use super::super::commands::Row;
+use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
@@ -60,6 +61,9 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         };
         if !self.allow(total, command.head.span.to(value.span)) {
             return None;
+        }
+        if passes == 0 {
+            scope::names(block, &mut |name| self.context.scope.touch(name));
         }
         let mut now = start;
         for pass in 0..passes {

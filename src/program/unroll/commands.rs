@@ -12,6 +12,9 @@ use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::Command;
 
+/// The most bytes of `say` texts.
+const MAX_SAID: u64 = 64 << 20;
+
 impl<'a, 's> Unroll<'a, 's, '_> {
     pub(super) fn command(
         &mut self,
@@ -98,8 +101,13 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 let text = say::say(value, args.context);
                 args.finish()?;
                 let text = text?;
-                // Long texts count as what they weigh.
-                self.done += text.len() as u64 / 64;
+                self.said += text.len() as u64;
+                if self.said > MAX_SAID {
+                    self.exhausted = true;
+                    let help = "repeat less often, or say less";
+                    self.report(Code::TooManyEvents, command.span, "the script says more than 64 MiB of text", help);
+                    return None;
+                }
                 self.push(start, command.span, Action::Say(text));
                 Some(start)
             }

@@ -7,7 +7,7 @@ mod phrases;
 mod settings;
 mod words;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 
 use elsa::FrozenVec;
@@ -57,6 +57,8 @@ pub(super) fn unroll<'a, 's>(
         given: Vec::new(),
         later: definitions(ast),
         weights: Vec::new(),
+        touched: HashSet::new(),
+        said: 0,
         counted: HashMap::new(),
         loaded: Vec::new(),
         loading: sources
@@ -135,6 +137,10 @@ struct Unroll<'a, 's, 'd> {
     given: Vec<(&'static str, Span)>,
     /// Every `def` at the top level of the main script, wherever it stands.
     later: HashMap<&'s str, &'a Def<'s>>,
+    /// The `if`s whose names were counted as used.
+    touched: HashSet<Span>,
+    /// Bytes of `say` texts.
+    said: u64,
     /// The weights of blocks that were counted.
     counted: HashMap<Span, Weight>,
     /// The weight of each `def`, by its number in the scope.
@@ -313,13 +319,15 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 break;
             }
         }
-        // What is not taken is not run, but it uses its names.
-        for (condition, block) in &each.arms {
-            scope::names_in(condition, &mut |name| self.context.scope.touch(name));
-            scope::names(block, &mut |name| self.context.scope.touch(name));
-        }
-        if let Some(block) = &each.otherwise {
-            scope::names(block, &mut |name| self.context.scope.touch(name));
+        // What is not taken is not run, but it uses its names. Once is enough.
+        if self.touched.insert(each.span) {
+            for (condition, block) in &each.arms {
+                scope::names_in(condition, &mut |name| self.context.scope.touch(name));
+                scope::names(block, &mut |name| self.context.scope.touch(name));
+            }
+            if let Some(block) = &each.otherwise {
+                scope::names(block, &mut |name| self.context.scope.touch(name));
+            }
         }
         if let Some(block) = taken {
             self.lines(&block.lines, frame, depth);

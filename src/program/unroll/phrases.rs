@@ -80,6 +80,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 return None;
             }
         }
+        // Called or not, it uses the names that stand above it.
+        scope::names(&def.body, &mut |name| self.context.scope.touch_value(name));
         let weight = self.weight(&def.body);
         let number = self.context.scope.define(def);
         self.weights.resize(number + 1, Weight::default());
