@@ -181,9 +181,9 @@ pub const COMMANDS: &[Row] = &[
     Row::new("mark", "mark NAME", "mark bow", "names the moment, for `at` below it", Build::Mark),
     Row::new(
         "repeat",
-        "repeat N every TIME as NAME { … }",
+        "repeat N { … }",
         "repeat 4 { buzzer on for 100ms }",
-        "runs its block N times",
+        "runs its block N times; `every TIME` starts passes that far apart, `as NAME` counts them from 0",
         Build::Repeat,
     )
     .with_block(),

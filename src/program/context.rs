@@ -2,7 +2,7 @@
 //! there.
 
 use super::functions::{self, Compute, SplitMix, below};
-use super::scope::Scope;
+use super::scope::{Scope, is_reserved};
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
@@ -129,6 +129,9 @@ impl<'s> Context<'_, 's, '_> {
             Some(near) => format!("did you mean `{near}`?"),
             None => match u8::from_str_radix(name, 16) {
                 Ok(byte) if name.len() == 2 => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
+                _ if is_reserved(name) && functions::find(name).is_none() => {
+                    format!("`{name}` is a word of the language and has no value; look at what stands before it")
+                }
                 _ if functions::find(name).is_some() => format!("write its arguments right behind it: `{name}(…)`"),
                 _ => format!(
                     "name it on a line above: `let {name} = …`, or `mark {name}` for a moment; a `def` sees only what stands above it, and what a `repeat` or `def` names is forgotten behind it"

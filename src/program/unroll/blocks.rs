@@ -23,7 +23,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         let block = command.block.as_ref()?;
         let mut args = Arguments::new(row, command, &mut self.context)?;
         let value = args.next()?;
-        let count = args.number(value, "how often to repeat");
+        let count = args.number(value, "a number of passes");
         let every = match args.behind("every") {
             None => None,
             Some(every) => {

@@ -106,6 +106,8 @@ fn suggestion(word: &str, phrases: &[&str]) -> String {
         "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
         "beep" => Some("buzzer on for 200ms"),
         "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
+        "var" | "const" => Some("let n = 3"),
+        "parallel" | "both" | "sync" => Some("together { … }"),
         "elif" | "elseif" => Some("else if … { … }"),
         "for" | "while" | "loop" => Some("repeat 4 { … }"),
         "import" | "include" => Some("use \"lib/phrases.motion\""),
