@@ -188,7 +188,7 @@ fn every_signal_stops_the_robot() {
 fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
     let long = script("hole", "rocker x=10\nwait 1h\nstop\n");
     let far = FarEnd::new();
-    let child = start(&["play", &long, "--port", &far.path]);
+    let child = start(&["play", &long, "--port", &far.path, "--max-late", "50ms"]);
     let mut received = far.first();
     kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
     // Asleep for longer than is allowed: until nothing has come for half a second.
@@ -210,7 +210,7 @@ fn a_recording_that_may_grow_no_further_does_not_stop_motion() {
     let far = FarEnd::new();
     // 1 block of 512 bytes; without care the system kills whoever writes more.
     let shell = format!(
-        "ulimit -f 1; exec {} play scripts/square.motion --port {} --record {}",
+        "ulimit -f 1; exec {} play scripts/square.motion --max-late 5s --port {} --record {}",
         env!("CARGO_BIN_EXE_motionseq"),
         far.path,
         record.display()
@@ -250,7 +250,7 @@ fn a_screen_that_takes_nothing_does_not_keep_the_program_alive() {
 #[test]
 fn a_report_of_the_board_is_shown() {
     let pty = Pty::open().unwrap();
-    let asking = script("report", "request report-start\nwait 300ms\nrequest report-stop\n");
+    let asking = script("report", "request report-start\nwait 3s\nrequest report-stop\n");
     let child = start(&["play", &asking, "--port", pty.path().to_str().unwrap()]);
     let mut buffer = [0; 64];
     assert!(pty.read(&mut buffer).unwrap() > 0);
@@ -328,7 +328,7 @@ fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
     let flood = script("stalled", &raw.repeat(200));
     let pty = Pty::open().unwrap();
     let path = pty.path().to_str().unwrap().to_owned();
-    let (code, text) = end(start(&["play", &flood, "--port", &path]));
+    let (code, text) = end(start(&["play", &flood, "--port", &path, "--max-late", "500ms"]));
     assert_eq!(code, 6, "{text}");
     assert!(text.contains("the port stopped taking bytes") && text.contains("; stop: sent\n"), "{text}");
     let mut received = Vec::new();

@@ -32,6 +32,9 @@ pub(super) struct Play {
     /// The serial port of the board, or else what `MOTIONSEQ_PORT` names; without it a virtual board takes the frames
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
+    /// Stop and end when a frame is later than this [default: 50ms, on the virtual board 1s]
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    max_late: Option<Duration>,
     /// Write the exact bytes that the port was given to this file
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -73,7 +76,7 @@ impl Play {
         // A variable that is empty is one that is not set.
         let port = port.filter(|port| !port.as_os_str().is_empty());
         let [on_port, on_virtual] = MAX_LATE;
-        let max_late = if port.is_some() { on_port } else { on_virtual };
+        let max_late = self.max_late.unwrap_or(if port.is_some() { on_port } else { on_virtual });
         let port = Port::open(port.as_deref(), timeline.baud, screen)?;
         if let Some((path, file)) = &recording {
             output::begin(file).map_err(|error| refused(path, &error))?;

@@ -111,11 +111,13 @@ struct Frame {
     top: bool,
     /// Whether anything but a setting has come.
     begun: bool,
+    /// `tempo` and `meter` of this block.
+    given: Vec<(&'static str, Span)>,
 }
 
 impl Frame {
     fn new(start: Time) -> Self {
-        Frame { start, now: start, latest: start, together: false, top: false, begun: false }
+        Frame { start, now: start, latest: start, together: false, top: false, begun: false, given: Vec::new() }
     }
 }
 

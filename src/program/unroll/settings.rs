@@ -19,7 +19,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         let name = row.name;
         let span = command.head.span;
         let in_block = matches!(name, "tempo" | "meter") && !frame.top;
-        let twice = self.given.iter().find(|(given, _)| *given == name && name != "limit").map(|(_, first)| *first);
+        let given = if in_block { &frame.given } else { &self.given };
+        let twice = given.iter().find(|(given, _)| *given == name && name != "limit").map(|(_, first)| *first);
         let diagnostic = if let Build::Later = row.build {
             not_yet(span, &format!("the setting `{name}`"))
         } else if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
@@ -35,7 +36,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 )
             };
             Diagnostic::new(Code::SettingPlace, span, message, help)
-        } else if let Some(first) = twice.filter(|_| !in_block) {
+        } else if let Some(first) = twice {
             let diagnostic =
                 Diagnostic::new(Code::SettingPlace, span, format!("`{name}` is set twice"), "keep one of the two");
             diagnostic.label("again here").related(first, "first set here")
@@ -46,7 +47,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         Some(false)
     }
 
-    pub(super) fn set(&mut self, line: &'a Line<'s>, frame: &Frame) {
+    pub(super) fn set(&mut self, line: &'a Line<'s>, frame: &mut Frame) {
         let Some(Part { statement: Statement::Command(command), .. }) = line.parts.first() else {
             return;
         };
@@ -56,9 +57,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         }) else {
             return;
         };
-        if frame.top {
-            self.given.push((row.name, command.span));
-        }
+        let given = if frame.top { &mut self.given } else { &mut frame.given };
+        given.push((row.name, command.span));
         let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
         if let Some(mut args) = Arguments::new(row, command, &mut self.context) {
             build(&mut args, &mut settings);
