@@ -64,6 +64,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         }
         if passes == 0 {
             scope::names(block, &mut |name| self.context.scope.touch(name));
+            self.check_words(block);
         }
         let mut now = start;
         for pass in 0..passes {

@@ -326,9 +326,11 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             for (condition, block) in &each.arms {
                 scope::names_in(condition, &mut |name| self.context.scope.touch(name));
                 scope::names(block, &mut |name| self.context.scope.touch(name));
+                self.check_words(block);
             }
             if let Some(block) = &each.otherwise {
                 scope::names(block, &mut |name| self.context.scope.touch(name));
+                self.check_words(block);
             }
         }
         if let Some(block) = taken {

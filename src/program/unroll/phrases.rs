@@ -88,6 +88,9 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         if let Some(slot) = self.weights.get_mut(number) {
             *slot = weight;
         }
+        let in_phrase = std::mem::replace(&mut self.in_phrase, true);
+        self.check_words(&def.body);
+        self.in_phrase = in_phrase;
         self.check_calls(def)
     }
 

@@ -7,12 +7,39 @@ use super::super::value::not_yet;
 use super::Unroll;
 use crate::diagnostic::Code;
 use crate::source::Span;
-use crate::syntax::{Command, Item, Name};
+use crate::syntax::{Block, Command, Item, Name, Statement};
 
 impl<'s> Unroll<'_, 's, '_> {
     pub(super) fn top_level(&mut self, word: &str, span: Span) {
         let message = format!("`{word}` stands at the top level only");
         self.report(Code::TopLevel, span, message, "move it out of the block");
+    }
+
+    /// Looks at the words of a block that may never run: what nothing is called is a mistake there too. The recursion is
+    /// bounded by the depth of brackets.
+    pub(super) fn check_words(&mut self, block: &Block<'s>) {
+        for part in block.lines.iter().flat_map(|line| &line.parts) {
+            match &part.statement {
+                Statement::Command(command) => {
+                    if commands::find(command.head.text).is_none() {
+                        self.unknown(command);
+                    }
+                    if let Some(inner) = &command.block {
+                        self.check_words(inner);
+                    }
+                }
+                Statement::Block(inner) => self.check_words(inner),
+                Statement::If(each) => {
+                    for inner in each.arms.iter().map(|(_, inner)| inner).chain(&each.otherwise) {
+                        self.check_words(inner);
+                    }
+                }
+                Statement::Call(call) if !self.in_phrase && self.context.scope.phrase(call.name.text).is_none() => {
+                    self.unknown_call(Name { span: call.span, ..call.name });
+                }
+                Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
+            }
+        }
     }
 
     pub(super) fn unknown(&mut self, command: &Command<'s>) {
