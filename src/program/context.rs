@@ -341,17 +341,21 @@ impl<'s> Context<'_, 's, '_> {
         }
         let first = *arguments.first()?;
         match function.compute {
-            Compute::Unit(compute) => match first {
-                Quantity::Time(time) if name == "abs" => {
-                    Some(Quantity::Time(if time < super::Time::ZERO { time.negated() } else { time }))
+            Compute::Absolute => match (first, first.float()) {
+                (Quantity::Time(time), _) if time < super::Time::ZERO => Some(Quantity::Time(time.negated())),
+                (_, Some((number, unit))) => Some(unit(libm::fabs(number))),
+                (Quantity::Time(_), None) => Some(first),
+                (_, None) => {
+                    self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind()));
+                    None
                 }
-                _ => match first.float() {
-                    Some((number, unit)) => self.finite(compute(number), span).map(unit),
-                    None => {
-                        self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind()));
-                        None
-                    }
-                },
+            },
+            Compute::Unit(compute) => match first.float() {
+                Some((number, unit)) => self.finite(compute(number), span).map(unit),
+                None => {
+                    self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind()));
+                    None
+                }
             },
             Compute::Number(compute) => match first {
                 Quantity::Number(number) => self.finite(compute(number), span).map(Quantity::Number),

@@ -21,6 +21,8 @@ pub struct Function {
 pub(super) enum Compute {
     /// From floats with one unit, which the result has too.
     Unit(fn(f64) -> f64),
+    /// `abs(a)`, of a time too.
+    Absolute,
     /// From a bare number to a bare number.
     Number(fn(f64) -> f64),
     /// From an angle in degrees, or a bare number in radians, to a bare number.
@@ -43,7 +45,7 @@ const MANY: usize = 1_000;
 pub const FUNCTIONS: &[Function] = &[
     row("min", "min(a, b, …)", "the smallest", (1, MANY), Compute::Extreme(false)),
     row("max", "max(a, b, …)", "the largest", (1, MANY), Compute::Extreme(true)),
-    row("abs", "abs(a)", "without its minus", (1, 1), Compute::Unit(f64::abs)),
+    row("abs", "abs(a)", "without its minus", (1, 1), Compute::Absolute),
     row("round", "round(a)", "the nearest whole number, halves away from zero", (1, 1), Compute::Unit(libm::round)),
     row("floor", "floor(a)", "the next whole number below", (1, 1), Compute::Unit(libm::floor)),
     row("ceil", "ceil(a)", "the next whole number above", (1, 1), Compute::Unit(libm::ceil)),

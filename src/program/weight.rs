@@ -12,7 +12,7 @@ pub(super) struct Weight {
 }
 
 impl Weight {
-    fn plus(self, other: Weight) -> Weight {
+    pub(super) fn plus(self, other: Weight) -> Weight {
         Weight { steps: self.steps.saturating_add(other.steps), events: self.events.saturating_add(other.events) }
     }
 

@@ -10,7 +10,16 @@ use super::super::weight::Weight;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
-use crate::syntax::Command;
+use crate::syntax::{Block, Command, Name};
+
+/// What stands behind `repeat`.
+struct Passes<'s> {
+    count: u64,
+    /// The time from one start to the next, and where it is written.
+    every: Option<(Time, Span)>,
+    /// The name of the pass's number.
+    name: Option<Name<'s>>,
+}
 
 impl<'a, 's> Unroll<'a, 's, '_> {
     pub(super) fn repeat(
@@ -55,19 +64,28 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             }
         };
         let weight = self.weight(block).times(passes);
-        let total = Weight {
-            steps: self.done.saturating_add(weight.steps.max(passes)),
-            events: (self.steps.len() as u64).saturating_add(weight.events),
-        };
-        if !self.allow(total, command.head.span.to(value.span)) {
+        let weight = Weight { steps: weight.steps.max(passes), ..weight };
+        if !self.allow_more(weight, command.head.span.to(value.span)) {
             return None;
         }
         if passes == 0 {
             scope::names(block, &mut |name| self.context.scope.touch(name));
             self.check_words(block);
         }
+        self.passes(command, block, Passes { count: passes, every, name }, start, depth)
+    }
+
+    /// Runs a block so many times.
+    fn passes(
+        &mut self,
+        command: &'a Command<'s>,
+        block: &'a Block<'s>,
+        Passes { count, every, name }: Passes<'s>,
+        start: Time,
+        depth: usize,
+    ) -> Option<Time> {
         let mut now = start;
-        for pass in 0..passes {
+        for pass in 0..count {
             self.done += 1;
             let mark = self.context.scope.open();
             let number = u32::try_from(pass + 1).unwrap_or(u32::MAX);

@@ -258,11 +258,13 @@ impl<'a, 's> Unroll<'a, 's, '_> {
 
     /// Whether more may be run; where not, that is reported once.
     fn within_bounds(&mut self, span: Span) -> bool {
-        let weight = Weight { steps: self.done, events: self.steps.len() as u64 };
-        self.allow(weight, span)
+        self.allow_more(Weight::default(), span)
     }
 
-    fn allow(&mut self, weight: Weight, span: Span) -> bool {
+    /// Whether so much more may be run; where not, that is reported, and nothing more is run.
+    fn allow_more(&mut self, more: Weight, span: Span) -> bool {
+        let done = Weight { steps: self.done, events: self.steps.len() as u64 };
+        let weight = done.plus(more);
         if weight.steps > MAX_STEPS {
             let message = format!("the script takes more than {MAX_STEPS} steps to unroll");
             self.report(Code::TooManySteps, span, message, "repeat less often");

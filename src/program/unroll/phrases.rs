@@ -198,11 +198,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             value?;
         }
         let weight = self.weights.get(phrase.above).copied().unwrap_or_default();
-        let total = Weight {
-            steps: self.done.saturating_add(weight.steps),
-            events: (self.steps.len() as u64).saturating_add(weight.events),
-        };
-        if !self.allow(total, call.span) {
+        if !self.allow_more(weight, call.span) {
             return None;
         }
         let frame = self.context.scope.enter(&phrase);
