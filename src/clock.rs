@@ -2,8 +2,8 @@
 
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-/// Now.
-pub(crate) fn now() -> u64 {
+/// Nanoseconds on the monotonic clock, which nobody can set.
+pub fn now() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);
     let nanos = now.tv_sec.saturating_mul(1_000_000_000).saturating_add(now.tv_nsec);
     u64::try_from(nanos).unwrap_or(0)

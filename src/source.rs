@@ -3,6 +3,7 @@
 //! A [`Source`] is always valid UTF-8 of at most [`MAX_SOURCE`] bytes. A script may use other files; each has a range of
 //! offsets of its own, so that a [`Span`] says which file it is in, and still is two `u32`.
 
+use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::OpenOptionsExt;
@@ -125,10 +126,57 @@ impl Sources {
         }
     }
 
-    /// `FILE:LINE` of a span.
-    pub fn place(&self, span: Span) -> String {
+    /// Where a span begins. Counts lines from the start of its file; [`Lines`] is for many of them.
+    pub fn place(&self, span: Span) -> Place<'_> {
         let file = self.file(span);
-        format!("{}:{}", file.name(), file.line(span.start))
+        Place { file: file.name(), line: file.line(span.start) }
+    }
+}
+
+/// A line of a file, shown as `FILE:LINE`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place<'s> {
+    /// What messages call the file.
+    pub file: &'s str,
+    /// The line, counted from 1.
+    pub line: usize,
+}
+
+impl fmt::Display for Place<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.file, self.line)
+    }
+}
+
+/// Where every line of every file begins, so that a place is found without reading the text and without allocating.
+#[derive(Debug)]
+pub struct Lines<'s> {
+    /// Each file and the offsets at which its lines begin.
+    files: Vec<(&'s Source, Vec<u32>)>,
+}
+
+impl<'s> Lines<'s> {
+    /// Reads every file once.
+    pub fn of(sources: &'s Sources) -> Self {
+        let starts = |source: &'s Source| {
+            let behind_newline = source.text.bytes().zip(1u32..).filter(|(byte, _)| *byte == b'\n');
+            std::iter::once(0)
+                .chain(behind_newline.map(|(_, at)| at))
+                .map(|at| source.base.saturating_add(at))
+                .collect()
+        };
+        Lines { files: sources.iter().map(|source| (source, starts(source))).collect() }
+    }
+
+    /// Where a span begins.
+    pub fn place(&self, span: Span) -> Place<'s> {
+        let file = self.files.partition_point(|(source, _)| source.base <= span.start).saturating_sub(1);
+        match self.files.get(file) {
+            Some((source, starts)) => {
+                Place { file: &source.name, line: starts.partition_point(|&at| at <= span.start) }
+            }
+            None => Place { file: "", line: 0 },
+        }
     }
 }
 

@@ -27,6 +27,8 @@ const AT_HOME: &[(&str, &str)] = &[
     ("humantime::", "src/program/value.rs"),
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),
+    ("unsafe ", "src/playback/os.rs"),
+    ("libc::", "src/playback/os.rs"),
     ("clock_gettime", "src/clock.rs"),
     ("strsim::", "src/program/suggest.rs"),
     ("rustix::", "src/clock.rs src/playback/os.rs src/link src/source.rs"),

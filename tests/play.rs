@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 
 use motionseq::board::{Command, Decoder, Item, State};
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Cause, Player, Signals, Stop, drive};
+use motionseq::playback::{Cause, Player, Rig, Signals, Stop, drive, now};
 use motionseq::program::Options;
-use motionseq::source::Source;
+use motionseq::source::{Lines, Source, Sources};
 use rustix::process::{Pid, Signal, kill_process};
 use support::{motionseq, run, stderr};
 
@@ -161,7 +161,10 @@ fn every_signal_stops_the_robot() {
         (Signal::TSTP, 20, "SIGTSTP"),
     ] {
         let far = FarEnd::new();
-        let child = start(&["play", &long, "--port", &far.path]);
+        // In a session of its own, so that no terminal is there that Ctrl-Z could be answered on.
+        let mut command = std::process::Command::new("setsid");
+        command.args([env!("CARGO_BIN_EXE_motionseq"), "play", &long, "--max-late", "5s", "--port", &far.path]);
+        let child = command.stdin(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let mut received = far.first();
         kill_process(Pid::from_child(&child), signal).unwrap();
         let (code, text) = end(child);
@@ -188,7 +191,8 @@ fn every_signal_stops_the_robot() {
 fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
     let long = script("hole", "rocker x=10\nwait 1h\nstop\n");
     let far = FarEnd::new();
-    let child = start(&["play", &long, "--port", &far.path, "--max-late", "50ms"]);
+    // With a guard the player would not live to see it.
+    let child = start(&["play", &long, "--port", &far.path, "--max-late", "50ms", "--no-guard"]);
     let mut received = far.first();
     kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
     // Asleep for longer than is allowed: until nothing has come for half a second.
@@ -281,11 +285,20 @@ fn a_program_that_fails_still_stops_the_robot() {
         }
     }
     let source = Source::new("test", "rocker x=10\nwait 1h\nstop");
-    let timeline = motionseq::compile(&source.clone().into(), &Options::default()).timeline.unwrap();
+    let sources = Sources::from(source);
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
     let (near, mut far) = UnixStream::pair().unwrap();
     let mut player = Player::new(&timeline, 1_000_000_000);
-    let signals = Signals::catch().unwrap();
-    let outcome = drive(&mut player, &mut Fragile(near, 0), &signals, |_| {});
+    let mut rig = Rig {
+        link: Fragile(near, 0),
+        signals: Signals::catch().unwrap(),
+        guard: None,
+        keys: None,
+        lines: Lines::of(&sources),
+        spin: false,
+    };
+    let outcome = drive(&mut player, &mut rig, now(), |_| {});
+    drop(rig);
     assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));
     let mut received = Vec::new();
     far.read_to_end(&mut received).unwrap();

@@ -77,7 +77,8 @@ impl<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>> World<F> {
                     world.now = until;
                     Input::Tick
                 }
-                Order::Discard | Order::Done => Input::Tick,
+                Order::Discard | Order::Done | Order::Suspend => Input::Tick,
+                Order::Stay => panic!("nobody is there to end the pause"),
             };
         }
         panic!("the player never ends");

@@ -320,6 +320,16 @@ impl Command {
         }
     }
 
+    /// Whether nothing is left of `older` once the board has this one: both set the same drive or the same servos.
+    pub fn overtakes(&self, older: &Command) -> bool {
+        match (older, self) {
+            (Command::Servo { index, .. }, Command::Servo { index: newer, .. }) => index == newer,
+            (Command::Servo { index, .. }, Command::Servos { .. }) => index.get() <= 2,
+            (Command::Servos { .. }, Command::Servos { .. }) => true,
+            _ => older.is_drive() && self.is_drive(),
+        }
+    }
+
     /// Whether it makes the robot drive on until the next drive command: a rocker, wheels or yaw hold that is not zero.
     pub fn keeps_driving(&self) -> bool {
         match self {

@@ -1,6 +1,6 @@
 //! What the board was last told.
 
-use super::command::{Command, Mode};
+use super::command::{Command, Gains, Mode};
 use super::number::{PulseWidth, ServoIndex};
 
 /// The last value of each thing, as far as commands said. A raw frame is not interpreted, but one with the drive's
@@ -10,14 +10,14 @@ pub struct State {
     servos: [Option<PulseWidth>; 4],
     drive: Option<Command>,
     buzzer: Option<bool>,
-    mode: Option<Mode>,
+    pid: Option<(Mode, Gains)>,
 }
 
 impl State {
     /// Takes in one command.
     pub fn apply(&mut self, command: &Command) {
         match command {
-            Command::Pid(mode, _) => self.mode = Some(*mode),
+            Command::Pid(mode, gains) => self.pid = Some((*mode, *gains)),
             Command::Servos { pan, tilt } => {
                 let [first, second, ..] = &mut self.servos;
                 *first = Some(*pan);
@@ -54,7 +54,18 @@ impl State {
 
     /// The mode of the last `pid`.
     pub fn mode(&self) -> Option<Mode> {
-        self.mode
+        self.pid.map(|(mode, _)| mode)
+    }
+
+    /// The commands that bring a board to this state again, the drive last. What stands or is silent is left out.
+    pub fn commands(&self) -> impl Iterator<Item = Command> {
+        let pid = self.pid.map(|(mode, gains)| Command::Pid(mode, gains));
+        let servos = self.servos.iter().zip(1..).filter_map(|(pulse, index)| {
+            Some(Command::Servo { index: ServoIndex::new(index).ok()?, pulse: (*pulse)? })
+        });
+        let buzzer = (self.buzzer == Some(true)).then_some(Command::Buzzer(true));
+        let drive = self.drive.clone().filter(Command::keeps_driving);
+        pid.into_iter().chain(servos).chain(buzzer).chain(drive)
     }
 
     /// Whether nothing moves and nothing sounds: the drive does not keep driving and the buzzer is not on.

@@ -1,7 +1,10 @@
 //! Arguments in, exit codes out; one file a command.
 
 mod check;
+mod ending;
 mod exit;
+mod guard;
+mod news;
 mod output;
 mod play;
 mod render;
@@ -38,6 +41,8 @@ enum Command {
     Check(check::Check),
     Render(render::Render),
     Play(play::Play),
+    #[command(name = guard::WORD, hide = true)]
+    Guard(guard::Guard),
 }
 
 /// How messages look.
@@ -101,6 +106,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Check(check) => check.run(&screen),
         Command::Render(render) => render.run(&screen),
         Command::Play(play) => play.run(&screen),
+        Command::Guard(guard) => guard.run(&screen),
     };
     exit.into()
 }

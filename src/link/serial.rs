@@ -69,6 +69,14 @@ impl Serial {
         let _ = rustix::termios::ioctl_tiocexcl(&port);
         Ok(Serial { port })
     }
+
+    /// A port that another process has opened, locked and set up, and shares with this one.
+    pub fn inherited(port: OwnedFd) -> io::Result<Self> {
+        if !rustix::termios::isatty(&port) {
+            return Err(io::Error::other("it is not a serial port"));
+        }
+        Ok(Serial { port })
+    }
 }
 
 fn lock(port: &OwnedFd, operation: FlockOperation) -> Result<(), OpenError> {

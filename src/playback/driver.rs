@@ -1,34 +1,60 @@
 //! The loop that does what the player orders, under the real clock.
 //!
-//! It waits for the port and for signals until a millisecond before the deadline, then sleeps on the absolute deadline, so
-//! nothing drifts. It neither locks, logs nor prints.
+//! It waits for the port and for signals until a millisecond before the deadline, or until the next beat for the guard, then
+//! sleeps on the absolute deadline, so nothing drifts. After the first frame it neither allocates, locks, logs nor prints.
 
 use std::io;
+use std::os::fd::AsFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use super::os::{self, Signals};
+use super::guard::Guard;
+use super::os::{self, Keys, Ready, Signals};
 use super::player::{Input, Notice, Order, Outcome, Player};
 use crate::board::{ReportDecoder, ReportItem};
 use crate::clock;
 use crate::link::Link;
+use crate::source::Lines;
 
 /// How long before a deadline the loop stops looking at the port, in nanoseconds.
 const CLOSE: u64 = 1_000_000;
+/// How long before a deadline a thread that may do so stops sleeping, in nanoseconds.
+const SPIN: u64 = 150_000;
 /// How often the loop may panic before it is given up.
 const MAX_PANICS: usize = 10;
 
-/// Plays until the end, or until something ends it early. Time 0 of the script is now.
-pub fn drive(
+/// What a run needs, all of it made before the first frame.
+#[derive(Debug)]
+pub struct Rig<'s, L> {
+    /// The way to the board.
+    pub link: L,
+    /// What ends the run early.
+    pub signals: Signals,
+    /// What stops the robot if this process cannot.
+    pub guard: Option<Guard>,
+    /// Where somebody can say that a paused run shall go on. Without them Ctrl-Z ends a run.
+    pub keys: Option<Keys>,
+    /// Where the lines of the script are, for the guard to name them.
+    pub lines: Lines<'s>,
+    /// Whether to burn the processor for the last 150 µs before a deadline, which only a thread with real-time priority
+    /// should do.
+    pub spin: bool,
+}
+
+/// Plays until the end, or until something ends it early. Time 0 of the script is at `start` on [`now`](super::now)'s clock.
+///
+/// The guard, if there is one, still waits for its goodbye afterwards.
+pub fn drive<L: Link>(
     player: &mut Player<'_>,
-    link: &mut impl Link,
-    signals: &Signals,
+    rig: &mut Rig<'_, L>,
+    start: u64,
     mut notices: impl FnMut(Notice),
 ) -> Outcome {
-    let start = clock::now();
+    os::wake_exactly();
+    let mut reports = ReportDecoder::new();
     let mut input = Input::Tick;
     // A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
     for _ in 0..MAX_PANICS {
-        let run = AssertUnwindSafe(|| run(player, link, signals, start, input, &mut notices));
+        let run = AssertUnwindSafe(|| rig.run(player, start, input, &mut reports, &mut notices));
         match catch_unwind(run) {
             Ok(outcome) => return outcome,
             Err(_) => input = Input::Panicked,
@@ -37,99 +63,209 @@ pub fn drive(
     player.give_up(clock::now().saturating_sub(start))
 }
 
-fn run(
-    player: &mut Player<'_>,
-    link: &mut impl Link,
-    signals: &Signals,
-    start: u64,
-    mut input: Input,
-    notices: &mut impl FnMut(Notice),
-) -> Outcome {
-    let mut reports = ReportDecoder::new();
-    loop {
-        if input == Input::Tick {
-            // Also where one write follows another, and before the first.
-            input = signals.pending().map_or(Input::Tick, Input::Signal);
+impl<L: Link> Rig<'_, L> {
+    fn run(
+        &mut self,
+        player: &mut Player<'_>,
+        start: u64,
+        mut input: Input,
+        reports: &mut ReportDecoder,
+        notices: &mut impl FnMut(Notice),
+    ) -> Outcome {
+        loop {
+            if input == Input::Tick {
+                // Also where one write follows another, and before the first.
+                input = self.signals.pending().map_or(Input::Tick, |signal| self.meaning(signal));
+            }
+            if input == Input::Tick && self.guard.as_mut().is_some_and(Guard::is_newly_lost) {
+                input = Input::Unguarded;
+            }
+            self.beat(player, start, false);
+            let now = clock::now().saturating_sub(start);
+            let order = player.poll(now, input, notices);
+            if let Some(outcome) = player.outcome() {
+                return outcome;
+            }
+            input = match order {
+                Order::Write => transfer(self.link.write(player.bytes())),
+                Order::Discard => {
+                    // Where the port is gone there is nothing to throw away, and the stop tells.
+                    let _ = self.link.discard();
+                    Input::Tick
+                }
+                Order::Wait { until, writable } => {
+                    let mut heard = |item| {
+                        if let ReportItem::Report(report) = item {
+                            notices(Notice::Report(report));
+                        }
+                    };
+                    self.wait(player, start, start.saturating_add(until), writable, reports, &mut heard)
+                }
+                Order::Pause { until } => self.pause(player, start, start.saturating_add(until)),
+                Order::Suspend => self.suspend(player, start),
+                Order::Stay => self.stay(player, start, reports),
+                Order::Done => Input::Tick,
+            };
         }
-        let now = clock::now().saturating_sub(start);
-        let order = player.poll(now, input, notices);
-        if let Some(outcome) = player.outcome() {
-            return outcome;
+    }
+
+    /// What a signal means: Ctrl-Z is a pause where somebody can end it.
+    fn meaning(&self, signal: i32) -> Input {
+        if signal == super::player::SIGTSTP && self.keys.is_some() { Input::Suspend } else { Input::Signal(signal) }
+    }
+
+    /// Tells the guard that the loop is alive, where that cannot wait, or where there is time for it and it cannot wait long.
+    fn beat(&mut self, player: &Player<'_>, start: u64, has_time: bool) {
+        let now = clock::now();
+        if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
+            let place = player.place().map(|span| self.lines.place(span));
+            guard.beat(now, player.script_time(now.saturating_sub(start)) / 1_000, place);
         }
-        input = match order {
-            Order::Write => match link.write(player.bytes()) {
-                Ok(count) => Input::Wrote(count),
-                Err(error) => failed(&error),
-            },
-            Order::Discard => {
-                // Where the port is gone there is nothing to throw away, and the stop tells.
-                let _ = link.discard();
-                Input::Tick
-            }
-            Order::Wait { until, writable } => {
-                let mut heard = |item| {
-                    if let ReportItem::Report(report) = item {
-                        notices(Notice::Report(report));
-                    }
-                };
-                wait(link, signals, start.saturating_add(until), writable, &mut reports, &mut heard)
-            }
-            Order::Pause { until } => {
-                clock::sleep_until(start.saturating_add(until));
-                Input::Tick
-            }
-            Order::Done => Input::Tick,
-        };
     }
-}
 
-fn failed(error: &io::Error) -> Input {
-    match error.kind() {
-        io::ErrorKind::WouldBlock => Input::Blocked,
-        io::ErrorKind::Interrupted => Input::Tick,
-        _ => Input::Failed(error.raw_os_error()),
+    /// When the loop must be awake for the next beat.
+    fn next_beat(&self) -> u64 {
+        self.guard.as_ref().map_or(u64::MAX, Guard::deadline)
     }
-}
 
-/// Waits until `deadline` on the monotonic clock, or until something happens.
-fn wait(
-    link: &mut impl Link,
-    signals: &Signals,
-    deadline: u64,
-    writable: bool,
-    reports: &mut ReportDecoder,
-    heard: &mut impl FnMut(ReportItem),
-) -> Input {
-    loop {
-        let left = deadline.saturating_sub(clock::now());
-        if left <= CLOSE && !writable {
+    /// Waits until `deadline` on the clock, or until something happens.
+    fn wait(
+        &mut self,
+        player: &Player<'_>,
+        start: u64,
+        deadline: u64,
+        writable: bool,
+        reports: &mut ReportDecoder,
+        heard: &mut impl FnMut(ReportItem),
+    ) -> Input {
+        loop {
+            let left = deadline.saturating_sub(clock::now());
+            if left <= CLOSE && !writable {
+                self.close_in(deadline);
+                return Input::Tick;
+            }
+            self.beat(player, start, left > 2 * CLOSE);
+            let until = if writable { deadline } else { deadline - CLOSE };
+            let input = self.look(until, writable, false, reports, heard);
+            if input != Input::Tick || writable {
+                return input;
+            }
+        }
+    }
+
+    /// The last millisecond before a deadline.
+    fn close_in(&self, deadline: u64) {
+        if !self.spin {
             clock::sleep_until(deadline);
-            return Input::Tick;
+            return;
         }
-        let timeout = if writable { left } else { left - CLOSE };
-        let woken = match os::wait(link.descriptor(), signals, writable, timeout) {
-            Ok(woken) => woken,
+        clock::sleep_until(deadline.saturating_sub(SPIN));
+        while clock::now() < deadline {
+            std::hint::spin_loop();
+        }
+    }
+
+    /// Waits once for the port, a signal, the guard and, if asked to, the keys; until a time on the clock or the next beat.
+    fn look(
+        &mut self,
+        until: u64,
+        writable: bool,
+        keys: bool,
+        reports: &mut ReportDecoder,
+        heard: &mut impl FnMut(ReportItem),
+    ) -> Input {
+        let timeout = until.min(self.next_beat()).saturating_sub(clock::now());
+        let keys = self.keys.as_ref().filter(|_| keys);
+        let port = if writable { Ready::IN | Ready::OUT } else { Ready::IN };
+        let watched = [
+            (Some(self.link.descriptor()), port),
+            (Some(self.signals.as_fd()), Ready::IN),
+            (self.guard.as_ref().and_then(Guard::descriptor), Ready::IN),
+            (keys.and_then(Keys::descriptor), Ready::IN),
+        ];
+        let [port, signal, guard, key] = match os::wait(watched, Some(timeout)) {
+            Ok(ready) => ready,
             Err(error) => return Input::Failed(error.raw_os_error()),
         };
-        if woken.signal
-            && let Some(signal) = signals.take()
+        if !signal.is_empty()
+            && let Some(signal) = self.signals.take()
         {
-            return Input::Signal(signal);
+            return self.meaning(signal);
         }
-        if woken.readable {
+        if !guard.is_empty()
+            && let Some(guard) = &mut self.guard
+        {
+            guard.lose();
+        }
+        if self.guard.as_mut().is_some_and(Guard::is_newly_lost) {
+            return Input::Unguarded;
+        }
+        if port.contains(Ready::IN) {
             let mut buffer = [0; 256];
-            match link.read(&mut buffer) {
+            match self.link.read(&mut buffer) {
                 Ok(0) => return Input::HungUp,
                 Ok(count) => reports.feed(buffer.get(..count).unwrap_or_default(), &mut *heard),
-                Err(error) if matches!(failed(&error), Input::Failed(_)) => return failed(&error),
-                Err(_) => {}
+                Err(error) => {
+                    if let Input::Failed(error) = transfer(Err(error)) {
+                        return Input::Failed(error);
+                    }
+                }
             }
         }
-        if woken.hung_up {
+        if os::is_gone(port) {
             return Input::HungUp;
         }
-        if writable {
-            return Input::Tick;
+        if !key.is_empty() && self.keys.as_ref().is_some_and(Keys::line) {
+            return Input::Resume;
         }
+        Input::Tick
+    }
+
+    /// Waits until `deadline` on the clock, whatever happens; only the guard is told that the loop is alive.
+    fn pause(&mut self, player: &Player<'_>, start: u64, deadline: u64) -> Input {
+        while clock::now() < deadline {
+            self.beat(player, start, false);
+            clock::sleep_until(deadline.min(self.next_beat()));
+        }
+        Input::Tick
+    }
+
+    /// The robot stands: sleeps until the shell continues this process.
+    fn suspend(&mut self, player: &Player<'_>, start: u64) -> Input {
+        let place = player.place().map(|span| self.lines.place(span));
+        let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
+        if let Some(guard) = &mut self.guard {
+            guard.rest(at_us, place);
+        }
+        self.signals.suspend();
+        if let Some(keys) = &self.keys {
+            keys.forget();
+        }
+        Input::Tick
+    }
+
+    /// Waits for somebody to say that the run shall go on.
+    fn stay(&mut self, player: &Player<'_>, start: u64, reports: &mut ReportDecoder) -> Input {
+        loop {
+            self.beat(player, start, true);
+            // Without a guard to beat for, it looks now and then whether the terminal talks to this process again.
+            let until = clock::now().saturating_add(100 * CLOSE);
+            match self.look(until, false, true, reports, &mut |_| {}) {
+                Input::Tick => {}
+                input => return input,
+            }
+        }
+    }
+}
+
+/// What became of bytes that were given to a port.
+pub(super) fn transfer(result: io::Result<usize>) -> Input {
+    match result {
+        Ok(count) => Input::Wrote(count),
+        Err(error) => match error.kind() {
+            io::ErrorKind::WouldBlock => Input::Blocked,
+            io::ErrorKind::Interrupted => Input::Tick,
+            _ => Input::Failed(error.raw_os_error()),
+        },
     }
 }

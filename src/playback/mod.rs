@@ -1,12 +1,19 @@
 //! Plays a timeline: the only room that knows a clock and a port.
 //!
 //! [`Player`] decides and holds neither: time and everything that happens are its inputs, so tests play an hour in no time.
-//! [`drive`] is the loop that asks it what to do and does it, under the real clock.
+//! [`drive`] is the loop that asks it what to do and does it, under the real clock. A [`Guard`] is a second process that
+//! stops the robot if this one cannot.
 
 mod driver;
+mod guard;
+mod halt;
 mod os;
 mod player;
+mod watch;
 
-pub use driver::drive;
-pub use os::Signals;
-pub use player::{Cause, Input, Notice, Order, Outcome, Player, Stop};
+pub use crate::clock::now;
+pub use driver::{Rig, drive};
+pub use guard::{Guard, Guarded, guard};
+pub use halt::Stop;
+pub use os::{Keys, Realtime, Signals};
+pub use player::{Cause, Input, Notice, Order, Outcome, Player};

@@ -1,22 +1,12 @@
 //! What to do next, as a pure function of time and of what happened.
 //!
-//! Late is never caught up: a frame later than the limit is not sent, and the run ends. A refresh that a newer drive frame
-//! has overtaken is dropped. Every end but the regular one is a stop: what is queued is thrown away, then the stop frame is
-//! sent three times (a receiver that was cut off in the middle of a frame may miss the first), then buzzer off.
+//! Late is never caught up: a frame later than the limit is not sent, and the run ends. A sample or a refresh that a newer
+//! frame for the same thing has overtaken is dropped. Every end but the regular one, and every pause, is a [`Halt`].
 
-use crate::board::{Command, MAX_FRAME, Report};
+use super::halt::{Halt, Outbox, Stop};
+use crate::board::{Report, State};
 use crate::source::Span;
-use crate::timeline::{Event, Kind, Timeline};
-
-const MILLISECOND: u64 = 1_000_000;
-/// Time between two stop frames, in nanoseconds.
-const STOP_INTERVAL: u64 = 20 * MILLISECOND;
-/// How long the stop may take before it is given up, in nanoseconds.
-const STOP_PATIENCE: u64 = 500 * MILLISECOND;
-/// What every early end sends.
-static STOP_FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
-/// The most bytes given to the port at once.
-const BATCH: usize = 16 * 1024;
+use crate::timeline::{Cue, Event, Kind, Timeline};
 
 /// What happened since the last order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +23,12 @@ pub enum Input {
     HungUp,
     /// This process got a signal.
     Signal(i32),
+    /// This process shall sleep until it is continued (Ctrl-Z on a terminal).
+    Suspend,
+    /// Somebody at the terminal said that a paused run shall go on.
+    Resume,
+    /// The guard is gone, or takes no beats.
+    Unguarded,
     /// Something panicked.
     Panicked,
 }
@@ -56,6 +52,10 @@ pub enum Order {
         /// The deadline.
         until: u64,
     },
+    /// The robot stands: sleep until this process is continued.
+    Suspend,
+    /// Wait until somebody says that the run shall go on, or something ends it.
+    Stay,
     /// The run is over.
     Done,
 }
@@ -83,6 +83,16 @@ pub enum Notice {
     },
     /// The board has sent a report.
     Report(Report),
+    /// The run stands at this time of the script until somebody says that it shall go on.
+    Paused {
+        /// Microseconds from the start of the script.
+        at_us: u64,
+    },
+    /// It goes on.
+    Resumed {
+        /// Microseconds from the start of the script.
+        at_us: u64,
+    },
 }
 
 /// Why a run ended.
@@ -98,19 +108,10 @@ pub enum Cause {
     Stalled,
     /// A frame was later than allowed, by so many nanoseconds in all.
     Late(u64),
+    /// The guard was lost.
+    Unguarded,
     /// The program failed.
     Panicked,
-}
-
-/// Whether the robot was stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stop {
-    /// The run ended as the script says.
-    NotNeeded,
-    /// The port took the stop frame, more than once.
-    Sent,
-    /// It did not: the robot may still be moving.
-    NotSent,
 }
 
 /// How a run ended.
@@ -118,7 +119,7 @@ pub enum Stop {
 pub struct Outcome {
     /// Why.
     pub cause: Cause,
-    /// When, in microseconds from the start.
+    /// When, in microseconds from the start of the script.
     pub at_us: u64,
     /// The last command that was taken up; for [`Cause::Late`] the one that was not sent.
     pub place: Option<Span>,
@@ -137,19 +138,19 @@ pub struct Outcome {
 pub struct Player<'t> {
     events: &'t [Event],
     abort: &'t [Event],
-    cues: &'t [crate::timeline::Cue],
+    cues: &'t [Cue],
     end: u64,
     max_late: u64,
-    phase: Phase,
+    phase: Phase<'t>,
+    /// When time 0 of the script is, or would have been without the pauses.
+    origin: u64,
     /// The next event that was not taken up.
     next: usize,
     next_cue: usize,
-    /// Bytes for the port, and how many of them it has.
-    out: Vec<u8>,
-    given: usize,
-    /// When the bytes were due.
+    out: Outbox,
+    /// When the bytes for the port were due, in the time of the script.
     due: u64,
-    /// How many frames are in it.
+    /// How many frames of the timeline are in them.
     pending: usize,
     /// The last event that was taken up.
     last: Option<usize>,
@@ -159,26 +160,15 @@ pub struct Player<'t> {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Phase {
+enum Phase<'t> {
     Playing,
-    Stopping(Stopping),
+    /// Stopping for good.
+    Ending(Halt<'t>, Outcome),
+    /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped.
+    Pausing(Halt<'t>, u64, Outcome),
+    /// Standing at a time of the script, and whether that was said.
+    Paused(u64, bool),
     Done(Outcome),
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Stopping {
-    outcome: Outcome,
-    /// Whether the queue was thrown away.
-    discarded: bool,
-    /// How many of [`STOP_FRAMES`], and behind them of `on abort`, were taken up.
-    step: usize,
-    /// When `on abort` began.
-    abort_from: u64,
-    /// How many stops the port took whole.
-    whole: usize,
-    /// When the next one is due.
-    next_at: u64,
-    give_up: u64,
 }
 
 impl<'t> Player<'t> {
@@ -191,10 +181,10 @@ impl<'t> Player<'t> {
             end: timeline.end_us.saturating_mul(1_000),
             max_late,
             phase: Phase::Playing,
+            origin: 0,
             next: 0,
             next_cue: 0,
-            out: Vec::with_capacity(BATCH + MAX_FRAME),
-            given: 0,
+            out: Outbox::new(),
             due: 0,
             pending: 0,
             last: None,
@@ -206,7 +196,7 @@ impl<'t> Player<'t> {
 
     /// The bytes that the port still has to take.
     pub fn bytes(&self) -> &[u8] {
-        self.out.get(self.given..).unwrap_or_default()
+        self.out.rest()
     }
 
     /// How the run ended, once it has.
@@ -217,89 +207,125 @@ impl<'t> Player<'t> {
         }
     }
 
+    /// Where the last command that was taken up stands in the script.
+    pub fn place(&self) -> Option<Span> {
+        self.span(self.last)
+    }
+
+    /// The time of the script at `now`, in nanoseconds.
+    pub fn script_time(&self, now: u64) -> u64 {
+        match self.phase {
+            Phase::Pausing(_, at, _) | Phase::Paused(at, _) => at,
+            _ => now.saturating_sub(self.origin),
+        }
+    }
+
     /// What to do at `now`, in nanoseconds from the start, after `input` happened.
     pub fn poll(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
-        match self.phase {
+        match &mut self.phase {
             Phase::Playing => self.play(now, input, notices),
-            Phase::Stopping(stopping) => self.stop(stopping, now, input),
+            Phase::Ending(halt, outcome) => match halt.poll(now, input, &mut self.out) {
+                Some(order) => order,
+                None => {
+                    let outcome = Outcome { stop: halt.stop(), ..*outcome };
+                    self.done(outcome)
+                }
+            },
+            Phase::Pausing(halt, at, outcome) => {
+                if let Some(cause) = end_of(input) {
+                    return self.end_early(cause, now);
+                }
+                let (at, outcome) = (*at, *outcome);
+                match (halt.poll(now, input, &mut self.out), halt.stop()) {
+                    (Some(order), _) => order,
+                    // A robot that may still be moving is not left alone.
+                    (None, Stop::NotSent) => self.done(outcome),
+                    (None, _) => {
+                        self.phase = Phase::Paused(at, false);
+                        Order::Suspend
+                    }
+                }
+            }
+            Phase::Paused(at, told) => {
+                let at = *at;
+                if !std::mem::replace(told, true) {
+                    notices(Notice::Paused { at_us: at / 1_000 });
+                }
+                self.paused(at, now, input, notices)
+            }
             Phase::Done(_) => Order::Done,
         }
     }
 
     /// Ends the run at once, for a driver that cannot go on.
-    pub(super) fn give_up(&mut self, now: u64) -> Outcome {
-        Outcome { stop: Stop::NotSent, ..self.outcome_now(Cause::Panicked, now) }
+    pub(super) fn give_up(&self, now: u64) -> Outcome {
+        self.outcome_at(Cause::Panicked, self.script_time(now))
     }
 
     fn play(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
-        match input {
-            Input::Signal(signal) => return self.end_early(Cause::Signal(signal), now),
-            Input::HungUp => return self.end_early(Cause::Lost(None), now),
-            Input::Failed(error) => return self.end_early(Cause::Lost(error), now),
-            Input::Panicked => return self.end_early(Cause::Panicked, now),
-            Input::Wrote(count) => self.wrote(count),
-            Input::Blocked | Input::Tick => {}
+        if let Some(cause) = end_of(input) {
+            return self.end_early(cause, now);
         }
-        if !self.bytes().is_empty() {
+        let time = now.saturating_sub(self.origin);
+        if input == Input::Suspend {
+            return self.pause(time, now);
+        }
+        if let Input::Wrote(count) = input
+            && self.out.took(count)
+        {
+            self.sent += std::mem::take(&mut self.pending);
+        }
+        if !self.out.is_empty() {
             let give_up = self.due.saturating_add(self.max_late);
             return match input {
-                _ if now > give_up => self.end_early(Cause::Stalled, now),
-                Input::Blocked => Order::Wait { until: give_up + 1, writable: true },
+                _ if time > give_up => self.end_early(Cause::Stalled, now),
+                Input::Blocked => self.wait(give_up + 1, true),
                 _ => Order::Write,
             };
         }
-        self.say(now, notices);
-        if let Some(late) = self.gather(now, notices) {
+        self.say(time, notices);
+        if let Some(late) = self.gather(time, notices) {
             return self.end_early(Cause::Late(late), now);
         }
-        if !self.bytes().is_empty() {
+        if !self.out.is_empty() {
             return Order::Write;
         }
         let next_event = self.events.get(self.next).map(due);
         let next_cue = self.cues.get(self.next_cue).map(|cue| cue.at_us.saturating_mul(1_000));
         match next_event.into_iter().chain(next_cue).min() {
-            Some(until) => Order::Wait { until, writable: false },
-            None if now < self.end => Order::Wait { until: self.end, writable: false },
-            None => self.done(self.outcome_now(Cause::Finished, now)),
+            Some(until) => self.wait(until, false),
+            None if time < self.end => self.wait(self.end, false),
+            None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
     }
 
-    /// The port took bytes.
-    fn wrote(&mut self, count: usize) {
-        self.given = self.given.saturating_add(count).min(self.out.len());
-        if self.bytes().is_empty() {
-            self.sent += self.pending;
-            self.clear();
-        }
+    /// To wait until a time of the script.
+    fn wait(&self, until: u64, writable: bool) -> Order {
+        Order::Wait { until: until.saturating_add(self.origin), writable }
     }
 
-    fn clear(&mut self) {
-        self.out.clear();
-        self.given = 0;
-        self.pending = 0;
-    }
-
-    fn say(&mut self, now: u64, notices: &mut impl FnMut(Notice)) {
-        while self.cues.get(self.next_cue).is_some_and(|cue| cue.at_us.saturating_mul(1_000) <= now) {
+    fn say(&mut self, time: u64, notices: &mut impl FnMut(Notice)) {
+        while self.cues.get(self.next_cue).is_some_and(|cue| cue.at_us.saturating_mul(1_000) <= time) {
             notices(Notice::Say { cue: self.next_cue });
             self.next_cue += 1;
         }
     }
 
     /// Takes up every event that is due. Gives the lateness of one that is too late.
-    fn gather(&mut self, now: u64, notices: &mut impl FnMut(Notice)) -> Option<u64> {
+    fn gather(&mut self, time: u64, notices: &mut impl FnMut(Notice)) -> Option<u64> {
         let rest = self.events.get(self.next..).unwrap_or_default();
-        let is_due = rest.iter().take_while(|event| due(event) <= now).count();
+        let is_due = rest.iter().take_while(|event| due(event) <= time).count();
         let ready = rest.get(..is_due).unwrap_or_default();
         for (at, event) in ready.iter().enumerate() {
             let index = self.next;
-            let late = now - due(event);
-            // Also for a refresh that would be dropped: a robot that was not fed for so long may have stopped already, and
+            let late = time - due(event);
+            // Also for a frame that would be dropped: a robot that was not fed for so long may have stopped already, and
             // must not start again by itself.
             if late > self.max_late {
                 return Some(late);
             }
-            if event.kind == Kind::Refresh && ready.iter().skip(at + 1).any(|newer| newer.command.is_drive()) {
+            let may_drop = matches!(event.kind, Kind::Sample | Kind::Refresh);
+            if may_drop && ready.iter().skip(at + 1).any(|newer| newer.command.overtakes(&event.command)) {
                 self.next += 1;
                 self.dropped += 1;
                 notices(Notice::Dropped { event: index });
@@ -307,10 +333,10 @@ impl<'t> Player<'t> {
             }
             if self.out.is_empty() {
                 self.due = due(event);
-            } else if self.out.len() >= BATCH {
+            } else if self.out.is_full() {
                 break;
             }
-            event.encode(&mut self.out);
+            self.out.push(&event.command);
             self.next += 1;
             self.pending += 1;
             self.last = Some(index);
@@ -320,39 +346,21 @@ impl<'t> Player<'t> {
         None
     }
 
-    /// The next frame of the stop, or of `on abort` behind it, and when the one after it is due.
-    fn next_stop_frame(&self, stopping: &mut Stopping, now: u64) -> Option<&'t Command> {
-        let stop: Option<&'static Command> = STOP_FRAMES.get(stopping.step);
-        let frame = match stopping.abort_at() {
-            None => stop?,
-            Some(_) if stopping.outcome.stop != Stop::Sent => return None,
-            Some(at) => &self.abort.get(at)?.command,
-        };
-        stopping.step += 1;
-        let pause = if stopping.step + 1 < STOP_FRAMES.len() { STOP_INTERVAL } else { 0 };
-        stopping.next_at = now.saturating_add(pause);
-        if let Some(at) = stopping.abort_at() {
-            if at == 0 {
-                stopping.abort_from = now;
-            }
-            if let Some(next) = self.abort.get(at) {
-                stopping.next_at = stopping.abort_from.saturating_add(due(next));
-            }
-            stopping.give_up = stopping.next_at.saturating_add(STOP_PATIENCE);
-        }
-        Some(frame)
+    fn span(&self, event: Option<usize>) -> Option<Span> {
+        Some(self.events.get(event?)?.span)
     }
 
-    fn outcome_now(&self, cause: Cause, now: u64) -> Outcome {
+    /// The outcome of a run that ends now, before anything was stopped.
+    fn outcome_at(&self, cause: Cause, time: u64) -> Outcome {
         let place = match cause {
             Cause::Late(_) => Some(self.next),
             _ => self.last,
         };
         Outcome {
             cause,
-            at_us: now / 1_000,
-            place: place.and_then(|index| self.events.get(index)).map(|event| event.span),
-            stop: Stop::NotNeeded,
+            at_us: time / 1_000,
+            place: self.span(place),
+            stop: Stop::NotSent,
             sent: self.sent,
             dropped: self.dropped,
             worst_late: self.worst_late,
@@ -365,71 +373,67 @@ impl<'t> Player<'t> {
     }
 
     fn end_early(&mut self, cause: Cause, now: u64) -> Order {
-        self.clear();
-        let outcome = Outcome { stop: Stop::NotSent, ..self.outcome_now(cause, now) };
-        let stopping = Stopping {
-            outcome,
-            discarded: false,
-            step: 0,
-            abort_from: 0,
-            whole: 0,
-            next_at: now,
-            give_up: now.saturating_add(STOP_PATIENCE),
-        };
-        self.stop(stopping, now, Input::Tick)
+        let outcome = self.outcome_at(cause, self.script_time(now));
+        self.halt(Phase::Ending(Halt::new(self.abort, now), outcome))
     }
 
-    /// Goes on stopping. Nothing skips it: a second signal changes nothing, and a write that failed is tried again with
-    /// the next frame.
-    fn stop(&mut self, mut stopping: Stopping, now: u64, input: Input) -> Order {
-        if !stopping.discarded {
-            stopping.discarded = true;
-            self.phase = Phase::Stopping(stopping);
-            return Order::Discard;
-        }
-        match input {
-            Input::Wrote(count) => {
-                self.wrote(count);
-                if self.bytes().is_empty() && (1..STOP_FRAMES.len()).contains(&stopping.step) {
-                    stopping.whole += 1;
-                }
-                // The first may be lost behind a frame that was cut.
-                if stopping.whole > 1 {
-                    stopping.outcome.stop = Stop::Sent;
-                }
+    /// Stops the robot and nothing else: `on abort` is for a run that ends.
+    fn pause(&mut self, time: u64, now: u64) -> Order {
+        let outcome = self.outcome_at(Cause::Signal(SIGTSTP), time);
+        self.halt(Phase::Pausing(Halt::new(&[], now), time, outcome))
+    }
+
+    fn halt(&mut self, phase: Phase<'t>) -> Order {
+        self.phase = phase;
+        self.out.clear();
+        self.pending = 0;
+        Order::Discard
+    }
+
+    fn paused(&mut self, at: u64, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+        match (end_of(input), input) {
+            (Some(cause), _) => self.end_early(cause, now),
+            (None, Input::Suspend) => self.pause(at, now),
+            (None, Input::Resume) => {
+                self.phase = Phase::Playing;
+                self.origin = now.saturating_sub(at);
+                self.restore(at);
+                notices(Notice::Resumed { at_us: at / 1_000 });
+                self.play(now, Input::Tick, notices)
             }
-            Input::Failed(_) | Input::HungUp | Input::Panicked => self.clear(),
-            Input::Blocked | Input::Signal(_) | Input::Tick => {}
+            _ => Order::Stay,
         }
-        // `on abort` follows only where the robot was stopped, and each of its frames has the patience of the stop.
-        let order = if now > stopping.give_up {
-            return self.done(stopping.outcome);
-        } else if !self.bytes().is_empty() {
-            match input {
-                Input::Blocked => Order::Wait { until: stopping.give_up + 1, writable: true },
-                _ => Order::Write,
-            }
-        } else if now < stopping.next_at {
-            Order::Pause { until: stopping.next_at }
-        } else if let Some(frame) = self.next_stop_frame(&mut stopping, now) {
-            frame.encode(&mut self.out);
-            Order::Write
-        } else {
-            return self.done(stopping.outcome);
-        };
-        self.phase = Phase::Stopping(stopping);
-        order
+    }
+
+    /// Brings the robot back to where the pause found it; what was queued then may never have reached it.
+    fn restore(&mut self, at: u64) {
+        let mut state = State::default();
+        for event in self.events.iter().take(self.next) {
+            state.apply(&event.command);
+        }
+        for command in state.commands() {
+            self.out.push(&command);
+        }
+        self.due = at;
     }
 }
 
-impl Stopping {
-    /// Where in `on abort` it is, once the stop is done.
-    fn abort_at(&self) -> Option<usize> {
-        self.step.checked_sub(STOP_FRAMES.len())
+/// The number of the signal that Ctrl-Z sends.
+pub(super) const SIGTSTP: i32 = 20;
+
+/// The end that an input brings, if it brings one.
+fn end_of(input: Input) -> Option<Cause> {
+    match input {
+        Input::Signal(signal) => Some(Cause::Signal(signal)),
+        Input::HungUp => Some(Cause::Lost(None)),
+        Input::Failed(error) => Some(Cause::Lost(error)),
+        Input::Unguarded => Some(Cause::Unguarded),
+        Input::Panicked => Some(Cause::Panicked),
+        Input::Tick | Input::Wrote(_) | Input::Blocked | Input::Suspend | Input::Resume => None,
     }
 }
 
-/// When an event is due, in nanoseconds from the start.
+/// When an event is due, in nanoseconds from the start of the script.
 fn due(event: &Event) -> u64 {
     event.at_us.saturating_mul(1_000)
 }

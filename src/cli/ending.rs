@@ -1,0 +1,181 @@
+//! The end of a run: what is said when nothing is sent any more, and the exit code.
+
+use std::io;
+use std::sync::{Arc, mpsc};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use motionseq::board::{Report, State};
+use motionseq::playback::{Cause, Outcome, Stop};
+use motionseq::sim::Received;
+use motionseq::source::Sources;
+use motionseq::timeline::Timeline;
+
+use super::exit::Exit;
+use super::news::Told;
+use super::screen::{Screen, plural, seconds};
+
+/// How long the end of a run waits for a screen or a file that takes nothing.
+const PATIENCE: Duration = Duration::from_millis(1_500);
+
+/// What did not fit the rings.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Lost {
+    pub(super) notices: u64,
+    pub(super) bytes: u64,
+}
+
+/// All that is left to do when nothing is sent any more: to say how it went.
+pub(super) struct End {
+    pub(super) screen: Screen,
+    pub(super) sources: Sources,
+    pub(super) timeline: Arc<Timeline>,
+    pub(super) outcome: Outcome,
+    pub(super) lost: Lost,
+    pub(super) news: JoinHandle<Told>,
+    pub(super) board: Option<JoinHandle<io::Result<Received>>>,
+}
+
+impl End {
+    /// Says it, but waits no longer than [`PATIENCE`] for a screen or a file that takes nothing.
+    pub(super) fn tell(self) -> Exit {
+        let exit = exit_code(&self.outcome);
+        let (done, finished) = mpsc::channel();
+        let told = thread::Builder::new().spawn(move || {
+            self.say();
+            let _ = done.send(());
+        });
+        if told.is_ok() {
+            let _ = finished.recv_timeout(PATIENCE);
+        }
+        exit
+    }
+
+    fn say(self) {
+        let End { screen, sources, timeline, outcome, lost, news, board } = self;
+        let (written, report) =
+            news.join().unwrap_or_else(|_| (Err(io::Error::other("the thread that writes it failed")), None));
+        let written = match lost.bytes {
+            0 => written,
+            bytes => written.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),
+        };
+        if let Err(error) = written {
+            screen.error(&format!("the recording is not complete: {error}; the motion was not changed by that"));
+        }
+        if lost.notices > 0 {
+            screen.note(&format!(
+                "{} were not shown",
+                plural(usize::try_from(lost.notices).unwrap_or(usize::MAX), "line")
+            ));
+        }
+        if outcome.stop == Stop::Sent {
+            for cue in &timeline.abort_cues {
+                screen.note(&format!("on abort: {}", cue.text));
+            }
+        }
+        summary(&screen, &outcome, report);
+        match board.map(JoinHandle::join) {
+            None => {}
+            Some(Ok(Ok(received))) => board_summary(&screen, &received),
+            Some(Ok(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
+            Some(Err(_)) => screen.error("the virtual board failed"),
+        }
+        early_end(&screen, &sources, &outcome);
+    }
+}
+
+fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
+    let frames = plural(outcome.sent, "frame");
+    let worst = outcome.worst_late / 1_000;
+    let dropped = match outcome.dropped {
+        0 => String::new(),
+        count => format!(", {count} dropped"),
+    };
+    screen.note(&format!(
+        "sent {frames}{dropped} in {} s; the latest was {}.{:03} ms late",
+        seconds(outcome.at_us),
+        worst / 1_000,
+        worst % 1_000
+    ));
+    if let Some(Report { pitch, roll, yaw, voltage }) = report {
+        screen.note(&format!("last report of the board: pitch {pitch}°, roll {roll}°, yaw {yaw}°, {voltage} V"));
+    }
+}
+
+fn board_summary(screen: &Screen, received: &Received) {
+    let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
+    screen.note(&format!(
+        "the virtual board received {frames} ({} bytes); {}",
+        received.bytes,
+        described(&received.state)
+    ));
+    if let Some((at, fault)) = received.first_fault {
+        let more = received.not_understood;
+        screen.note(&format!(
+            "it could not use {more} frames and {} bytes; the first at byte {at}: {fault}",
+            received.skipped
+        ));
+    }
+}
+
+/// What a board was last told, in words.
+fn described(state: &State) -> String {
+    let drive = match state.drive() {
+        Some(drive) if drive.keeps_driving() => format!("the drive runs: {drive}"),
+        _ => "the drive stands".into(),
+    };
+    let buzzer = if state.buzzer() == Some(true) { "the buzzer is on" } else { "the buzzer is off" };
+    let servos = (1..=4).filter_map(|index| {
+        let servo = state.servo(motionseq::board::ServoIndex::new(index).ok()?)?;
+        Some(format!(", servo {index} at {servo} µs"))
+    });
+    format!("{drive}, {buzzer}{}", servos.collect::<String>())
+}
+
+fn exit_code(outcome: &Outcome) -> Exit {
+    match outcome.cause {
+        Cause::Finished => Exit::Ok,
+        Cause::Signal(signal) => Exit::Signal(signal),
+        Cause::Lost(_) => Exit::Port,
+        Cause::Stalled => Exit::Stalled,
+        Cause::Late(_) => Exit::Late,
+        Cause::Unguarded | Cause::Panicked => Exit::Failed,
+    }
+}
+
+/// For an early end the one line that says what happened.
+fn early_end(screen: &Screen, sources: &Sources, outcome: &Outcome) {
+    let cause = match outcome.cause {
+        Cause::Finished => return,
+        Cause::Signal(signal) => signal_name(signal),
+        Cause::Lost(None) => "the port hung up".into(),
+        Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
+        Cause::Stalled => "the port stopped taking bytes".into(),
+        Cause::Late(late) => format!("a frame was {} ms late", late / 1_000_000),
+        Cause::Unguarded => "the guard of this run was lost".into(),
+        Cause::Panicked => "motionseq failed, which is a bug".into(),
+    };
+    let place = outcome.place.map(|span| sources.place(span).to_string());
+    closing_line(screen, &cause, place, outcome.at_us, outcome.stop);
+}
+
+/// What happened, where in the script, when, and whether the robot was stopped.
+pub(super) fn closing_line(screen: &Screen, cause: &str, place: Option<String>, at_us: u64, stop: Stop) {
+    let place = place.map(|place| format!(" at {place}")).unwrap_or_default();
+    let stop = match stop {
+        Stop::NotSent => "stop: NOT SENT - cut the power",
+        Stop::Sent | Stop::NotNeeded => "stop: sent",
+    };
+    screen.error(&format!("{cause}{place}, {} s into the script; {stop}", seconds(at_us)));
+}
+
+fn signal_name(signal: i32) -> String {
+    match signal {
+        1 => "the terminal was closed (SIGHUP)".into(),
+        2 => "stopped by Ctrl-C".into(),
+        3 => "stopped by Ctrl-\\ (SIGQUIT)".into(),
+        20 => "stopped by Ctrl-Z (SIGTSTP)".into(),
+        15 => "asked to terminate (SIGTERM)".into(),
+        other => format!("stopped by signal {other}"),
+    }
+}

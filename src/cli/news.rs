@@ -1,0 +1,129 @@
+//! The thread that writes while it plays: the progress line, `say` lines, the recording. Motion never waits for it.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use motionseq::board::Report;
+use motionseq::playback::Notice;
+use motionseq::timeline::Timeline;
+use rtrb::Consumer;
+
+use super::screen::{Screen, seconds};
+
+/// How often the screen and the recording are brought up to date.
+const UPDATE: Duration = Duration::from_millis(40);
+
+/// What is left to tell at the end: whether the recording is whole, and the board's last report.
+pub(super) type Told = (io::Result<()>, Option<Report>);
+
+/// What the thread works with.
+pub(super) struct News {
+    timeline: Arc<Timeline>,
+    screen: Screen,
+    recording: Option<File>,
+    report: Option<Report>,
+    clock: Clock,
+}
+
+/// The time of the script, for the progress line.
+enum Clock {
+    /// Time 0 was then, or would have been without the pauses.
+    Runs(Instant),
+    /// It stands, at so many microseconds.
+    Stands(u64),
+}
+
+impl News {
+    /// Starts the thread. It ends when both rings have ended and are empty.
+    pub(super) fn start(
+        timeline: Arc<Timeline>,
+        screen: Screen,
+        recording: Option<File>,
+        notices: Consumer<Notice>,
+        bytes: Consumer<u8>,
+    ) -> io::Result<JoinHandle<Told>> {
+        let news = News { timeline, screen, recording, report: None, clock: Clock::Runs(Instant::now()) };
+        thread::Builder::new().name("news".into()).spawn(move || news.run(notices, bytes))
+    }
+
+    fn run(mut self, mut notices: Consumer<Notice>, mut bytes: Consumer<u8>) -> Told {
+        let mut recording = self.recording.take().map(BufWriter::new);
+        let mut written = Ok(());
+        loop {
+            // Looked at before the rings are emptied, so that nothing is left in them at the end.
+            let last = notices.is_abandoned() && bytes.is_abandoned();
+            while let Ok(notice) = notices.pop() {
+                self.tell(notice);
+            }
+            if let Ok(chunk) = bytes.read_chunk(bytes.slots()) {
+                if let Some(file) = &mut recording {
+                    let (first, second) = chunk.as_slices();
+                    written = written.and_then(|()| file.write_all(first)).and_then(|()| file.write_all(second));
+                }
+                chunk.commit_all();
+            }
+            if last {
+                break;
+            }
+            self.screen.live(&self.progress());
+            thread::park_timeout(UPDATE);
+        }
+        self.screen.live("");
+        if let Some(mut file) = recording {
+            written = written.and_then(|()| file.flush());
+        }
+        (written, self.report)
+    }
+
+    fn tell(&mut self, notice: Notice) {
+        match notice {
+            Notice::Say { cue } => {
+                if let Some(cue) = self.timeline.cues.get(cue) {
+                    self.screen.note(&format!("{} s: {}", seconds(cue.at_us), cue.text));
+                }
+            }
+            Notice::Report(newest) => self.report = Some(newest),
+            Notice::Sent { event, .. } if self.screen.is_verbose() => self.frame("", event),
+            Notice::Sent { .. } => {}
+            Notice::Dropped { event } => self.frame(" dropped", event),
+            Notice::Paused { at_us } => {
+                self.clock = Clock::Stands(at_us);
+                self.screen.note(&format!(
+                    "{} s: paused, the robot stands; Enter goes on from here (the robot may move at once), Ctrl-C ends",
+                    seconds(at_us)
+                ));
+            }
+            Notice::Resumed { at_us } => {
+                let now = Instant::now();
+                self.clock = Clock::Runs(now.checked_sub(Duration::from_micros(at_us)).unwrap_or(now));
+                self.screen.note(&format!("{} s: goes on", seconds(at_us)));
+            }
+        }
+    }
+
+    /// A line about one frame.
+    fn frame(&self, what: &str, event: usize) {
+        if let Some(event) = self.timeline.events().get(event) {
+            let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
+            self.screen.note(&format!("{} s{what}: {}{kind}", seconds(event.at_us), event.command));
+        }
+    }
+
+    /// `1.2 / 3.0 s ████░░░░░░`.
+    fn progress(&self) -> String {
+        // The bar gives way to the numbers on a narrow terminal.
+        let width = u64::try_from(self.screen.width().saturating_sub(30).min(30)).unwrap_or(0);
+        let end = self.timeline.end_us;
+        let now = match self.clock {
+            Clock::Runs(begin) => u64::try_from(begin.elapsed().as_micros()).unwrap_or(u64::MAX).min(end),
+            Clock::Stands(at_us) => at_us,
+        };
+        let done = now.saturating_mul(width).checked_div(end).unwrap_or(width);
+        let bar: String = (0..width).map(|place| if place < done { '█' } else { '░' }).collect();
+        let paused = if matches!(self.clock, Clock::Stands(_)) { " paused" } else { "" };
+        format!("{} / {} s {bar}{paused}", seconds(now), seconds(end))
+    }
+}

@@ -1,0 +1,335 @@
+//! The guard: a second process that outlives the player and stops the robot for it.
+//!
+//! It is this program once more, started with a word that only the player knows, in a session of its own. It holds the open
+//! port as its standard input, and one end of a pipe as its standard output. Through the pipe come beats from the loop that
+//! sends. Where the pipe closes without a goodbye, the player has died; where no beat came for too long, it hangs, and is
+//! killed first, because nothing else could keep it from sending after the stop. The bytes of the script do not pass here.
+
+use std::io::{self, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command};
+use std::time::Duration;
+
+use super::driver::transfer;
+use super::halt::{Halt, Outbox, Stop};
+use super::os::{self, Process, Ready};
+use super::player::{Input, Order};
+use super::watch::{Heard, Verdict, Watch};
+use crate::clock;
+use crate::link::{Link, Serial};
+use crate::source::Place;
+
+/// How long the start of a guard, and its end, may take.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a player that was killed may take to end before the robot is stopped all the same, in nanoseconds.
+const END: u64 = 20_000_000;
+/// How long a guard then waits for that end, to repeat the stop behind it, in nanoseconds.
+const LATE_END: u64 = 2_000_000_000;
+/// The shortest time between two beats, in nanoseconds.
+const MIN_INTERVAL: u64 = 500_000;
+
+/// One message to the guard: what it means, where the player is, and in a fixed size, so that none is cut.
+#[derive(Clone, Copy, Debug)]
+struct Record([u8; RECORD]);
+
+const RECORD: usize = 128;
+/// Kind, length of the name, two bytes of nothing, line, time.
+const HEAD: usize = 16;
+const BEAT: u8 = b'b';
+const AT_REST: u8 = b'r';
+const GOODBYE: u8 = b'g';
+
+impl Record {
+    fn new(kind: u8, at_us: u64, place: Option<Place<'_>>) -> Self {
+        let mut bytes = [0; RECORD];
+        let (head, name) = bytes.split_at_mut(HEAD);
+        let (file, line) = place.map_or(("", 0), |place| (place.file, place.line));
+        // The end of a long path tells more than its beginning.
+        let from = file.ceil_char_boundary(file.len().saturating_sub(name.len()));
+        let file = file.get(from..).unwrap_or_default().as_bytes();
+        name.iter_mut().zip(file).for_each(|(to, from)| *to = *from);
+        let length = u8::try_from(file.len()).unwrap_or(0);
+        let line = u32::try_from(line).unwrap_or(u32::MAX).to_le_bytes();
+        let fields = [kind, length, 0, 0].into_iter().chain(line).chain(at_us.to_le_bytes());
+        head.iter_mut().zip(fields).for_each(|(to, from)| *to = from);
+        Record(bytes)
+    }
+
+    fn heard(&self) -> Heard {
+        match self.0.first() {
+            Some(&GOODBYE) => Heard::Goodbye,
+            Some(&AT_REST) => Heard::AtRest,
+            _ => Heard::Beat,
+        }
+    }
+
+    fn at_us(&self) -> u64 {
+        self.0.get(8..HEAD).and_then(|bytes| bytes.try_into().ok()).map_or(0, u64::from_le_bytes)
+    }
+
+    fn place(&self) -> Option<String> {
+        let line = self.0.get(4..8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
+        let length = usize::from(*self.0.get(1)?);
+        let file = std::str::from_utf8(self.0.get(HEAD..HEAD + length)?).ok()?;
+        (line > 0).then(|| format!("{file}:{line}"))
+    }
+}
+
+/// A player's guard, as the player sees it.
+///
+/// Dropped without [`Guard::goodbye`], it stops the robot: a player that fails need not do anything.
+#[derive(Debug)]
+pub struct Guard {
+    pipe: UnixStream,
+    child: Child,
+    interval: u64,
+    last: u64,
+    bond: Bond,
+}
+
+/// Whether the guard watches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bond {
+    Watched,
+    /// It has ended, or lets beats pile up.
+    Lost,
+    /// It is lost, and the player knows.
+    Known,
+}
+
+impl Guard {
+    /// Starts a guard over an open port, and waits until it is ready. The running program is started once more with these
+    /// arguments, and behind them three that it must hand to [`guard`].
+    ///
+    /// A player that is silent for longer than twice `max_late` nanoseconds is killed.
+    pub fn start(port: BorrowedFd<'_>, arguments: &[&str], max_late: u64, realtime: bool) -> io::Result<Self> {
+        let (pipe, theirs) = UnixStream::pair()?;
+        let child = Command::new("/proc/self/exe")
+            .arg0("motionseq")
+            .args(arguments)
+            .args([std::process::id().to_string(), max_late.to_string(), realtime.to_string()])
+            .stdin(port.try_clone_to_owned()?)
+            .stdout(OwnedFd::from(theirs))
+            .spawn()?;
+        let interval = (max_late / 2).max(MIN_INTERVAL);
+        let mut guard = Guard { pipe, child, interval, last: clock::now(), bond: Bond::Watched };
+        match guard.is_ready() {
+            Ok(()) => Ok(guard),
+            Err(error) => {
+                let _ = guard.child.kill();
+                let _ = guard.child.wait();
+                Err(error)
+            }
+        }
+    }
+
+    fn is_ready(&mut self) -> io::Result<()> {
+        self.pipe.set_read_timeout(Some(PATIENCE))?;
+        let mut ready = [0];
+        self.pipe
+            .read_exact(&mut ready)
+            .map_err(|error| io::Error::other(format!("the guard did not start ({error})")))?;
+        self.pipe.set_nonblocking(true)?;
+        self.last = clock::now();
+        Ok(())
+    }
+
+    /// What to wait on for its end.
+    pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
+        (self.bond == Bond::Watched).then(|| self.pipe.as_fd())
+    }
+
+    /// When the next beat must be sent at the latest.
+    pub(super) fn deadline(&self) -> u64 {
+        if self.bond == Bond::Watched { self.last.saturating_add(self.interval) } else { u64::MAX }
+    }
+
+    /// Whether a beat is wanted now: the last is a while ago and there is time for one, or it cannot wait.
+    pub(super) fn wants_beat(&self, now: u64, has_time: bool) -> bool {
+        now >= self.deadline().saturating_sub(if has_time { self.interval / 2 } else { 0 })
+    }
+
+    /// Tells that the player is alive and where it is.
+    pub(super) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>) {
+        self.last = now;
+        self.tell(Record::new(BEAT, at_us, place));
+    }
+
+    /// Tells that the robot stands, and that no beats will come until the next one.
+    pub(super) fn rest(&mut self, at_us: u64, place: Option<Place<'_>>) {
+        self.tell(Record::new(AT_REST, at_us, place));
+    }
+
+    /// It has ended.
+    pub(super) fn lose(&mut self) {
+        if self.bond == Bond::Watched {
+            self.bond = Bond::Lost;
+        }
+    }
+
+    /// Whether it was lost since this was asked last.
+    pub(super) fn is_newly_lost(&mut self) -> bool {
+        let newly = self.bond == Bond::Lost;
+        if newly {
+            self.bond = Bond::Known;
+        }
+        newly
+    }
+
+    /// Tells that the run has ended as it should, and waits for the guard's end: from then on only the player has the port.
+    pub fn goodbye(mut self) {
+        let ended = self.send(Record::new(GOODBYE, 0, None)).and_then(|()| {
+            self.pipe.set_nonblocking(false)?;
+            self.pipe.set_read_timeout(Some(PATIENCE))?;
+            self.pipe.read(&mut [0])
+        });
+        if ended.is_err() {
+            let _ = self.child.kill();
+        }
+        let _ = self.child.wait();
+    }
+
+    fn tell(&mut self, record: Record) {
+        if self.send(record).is_err() {
+            self.lose();
+        }
+    }
+
+    fn send(&mut self, record: Record) -> io::Result<()> {
+        // So small a message is taken whole or not at all. A guard that lets them pile up does not watch.
+        loop {
+            match self.pipe.write(&record.0) {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                written => return written.map(|_| ()),
+            }
+        }
+    }
+}
+
+/// What a guard did in the place of its player.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Guarded {
+    /// Whether the player hung and was killed; else it had died.
+    pub hung: bool,
+    /// The last time of the script that it told, in microseconds.
+    pub at_us: u64,
+    /// The last place in the script that it told, as `FILE:LINE`.
+    pub place: Option<String>,
+    /// Whether the robot was stopped.
+    pub stop: Stop,
+}
+
+/// Runs a guard, in a process of its own: with the port as standard input and the pipe as standard output. The arguments
+/// are those that [`Guard::start`] added. Gives what was done where the player did not say goodbye.
+pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Guarded>> {
+    let mut port = Serial::inherited(io::stdin().as_fd().try_clone_to_owned()?)?;
+    let mut pipe = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
+    // Somebody who starts it by hand would have a process that only a kill ends.
+    pipe.peer_addr().map_err(|_| io::Error::other("only a player can start it"))?;
+    os::become_guard(realtime);
+    // The player waits for the word that follows, so its number means it and no other process.
+    let player = Process::open(player)?;
+    let mut out = Outbox::new();
+    let mut last = Record::new(BEAT, 0, None);
+    pipe.set_nonblocking(true)?;
+    pipe.write_all(b"+")?;
+
+    let mut watch = Watch::new(clock::now(), max_late.max(MIN_INTERVAL).saturating_mul(2));
+    let mut heard = Heard::Silence;
+    let hung = loop {
+        match watch.poll(clock::now(), heard) {
+            Verdict::Listen(until) => heard = listen(&mut pipe, until, &mut last),
+            Verdict::Hung => break true,
+            Verdict::Died => break false,
+            Verdict::Done => return Ok(None),
+        }
+    };
+    let mut has_ended = true;
+    if hung {
+        player.kill();
+        has_ended = player.has_ended(END);
+    }
+    let mut stop = halt(&mut port, &mut out);
+    if !has_ended && player.has_ended(LATE_END) {
+        stop = halt(&mut port, &mut out);
+    }
+    Ok(Some(Guarded { hung, at_us: last.at_us(), place: last.place(), stop }))
+}
+
+/// Waits for a message, at most until a time on the clock.
+fn listen(pipe: &mut UnixStream, until: Option<u64>, last: &mut Record) -> Heard {
+    let timeout = until.map(|until| until.saturating_sub(clock::now()));
+    match os::wait([(Some(pipe.as_fd()), Ready::IN)], timeout) {
+        Ok([ready]) if ready.is_empty() => return Heard::Silence,
+        Ok(_) => {}
+        Err(_) => return Heard::Silence,
+    }
+    let mut buffer = [0; 8 * RECORD];
+    match pipe.read(&mut buffer) {
+        Ok(0) => Heard::Closed,
+        Ok(count) => {
+            let mut heard = Heard::Beat;
+            for record in buffer.get(..count).unwrap_or_default().as_chunks().0 {
+                *last = if heard == Heard::Goodbye { *last } else { Record(*record) };
+                heard = last.heard();
+            }
+            heard
+        }
+        Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => Heard::Silence,
+        Err(_) => Heard::Closed,
+    }
+}
+
+/// Stops the robot: what is queued is thrown away, then the stop frames.
+fn halt(port: &mut Serial, out: &mut Outbox) -> Stop {
+    let _ = port.discard();
+    out.clear();
+    let mut halt = Halt::new(&[], clock::now());
+    let mut input = Input::Tick;
+    while let Some(order) = halt.poll(clock::now(), input, out) {
+        input = match order {
+            Order::Write => transfer(port.write(out.rest())),
+            Order::Wait { until, .. } => {
+                let left = until.saturating_sub(clock::now());
+                match os::wait([(Some(port.descriptor()), Ready::OUT)], Some(left)) {
+                    Ok([ready]) if os::is_gone(ready) => Input::HungUp,
+                    _ => Input::Tick,
+                }
+            }
+            Order::Pause { until } => {
+                clock::sleep_until(until);
+                Input::Tick
+            }
+            _ => Input::Tick,
+        };
+    }
+    halt.stop()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_says_again_what_was_put_in() {
+        let record = Record::new(AT_REST, 1_234_567, Some(Place { file: "scripts/dance.motion", line: 14 }));
+        assert_eq!(record.heard(), Heard::AtRest);
+        assert_eq!(record.at_us(), 1_234_567);
+        assert_eq!(record.place().unwrap(), "scripts/dance.motion:14");
+        assert_eq!(Record::new(GOODBYE, 0, None).place(), None);
+    }
+
+    #[test]
+    fn of_a_long_name_the_end_is_kept() {
+        let name = format!("{}dance.motion", "ü/".repeat(200));
+        let record = Record::new(BEAT, 0, Some(Place { file: &name, line: 7 }));
+        let place = record.place().unwrap();
+        assert!(
+            place.ends_with("/dance.motion:7") && place.len() <= RECORD && place.len() > RECORD - HEAD - 2,
+            "{place}"
+        );
+    }
+}

@@ -1,0 +1,156 @@
+//! The stop that every early end goes through, as a pure function of time and of what happened.
+//!
+//! What is queued is thrown away, then the stop frame is sent three times (a receiver that was cut off in the middle of a
+//! frame may miss the first), then buzzer off, then the script's `on abort`. Nothing skips it: a signal changes nothing, and
+//! what could not be written is tried again with the next frame.
+
+use super::player::{Input, Order};
+use crate::board::{Command, MAX_FRAME};
+use crate::timeline::Event;
+
+/// Time between two stop frames, in nanoseconds.
+const INTERVAL: u64 = 20_000_000;
+/// How long the stop, and behind it each frame of `on abort`, may take before it is given up, in nanoseconds.
+const PATIENCE: u64 = 500_000_000;
+/// What every early end sends.
+static FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
+/// The most bytes given to the port at once.
+const BATCH: usize = 16 * 1024;
+
+/// Whether the robot was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The run ended as the script says.
+    NotNeeded,
+    /// The port took the stop frame, more than once.
+    Sent,
+    /// It did not: the robot may still be moving.
+    NotSent,
+}
+
+/// Bytes for the port, and how many of them it has taken. Never grows beyond what it was made with.
+#[derive(Debug)]
+pub(super) struct Outbox {
+    bytes: Vec<u8>,
+    taken: usize,
+}
+
+impl Outbox {
+    pub(super) fn new() -> Self {
+        Outbox { bytes: Vec::with_capacity(BATCH + MAX_FRAME), taken: 0 }
+    }
+
+    /// What the port still has to take.
+    pub(super) fn rest(&self) -> &[u8] {
+        self.bytes.get(self.taken..).unwrap_or_default()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.rest().is_empty()
+    }
+
+    /// Whether no further frame should be added.
+    pub(super) fn is_full(&self) -> bool {
+        self.bytes.len() >= BATCH
+    }
+
+    pub(super) fn push(&mut self, command: &Command) {
+        command.encode(&mut self.bytes);
+    }
+
+    /// The port took so many of them. Says whether these were the last.
+    pub(super) fn took(&mut self, count: usize) -> bool {
+        self.taken = self.taken.saturating_add(count).min(self.bytes.len());
+        let all = self.is_empty();
+        if all {
+            self.clear();
+        }
+        all
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.bytes.clear();
+        self.taken = 0;
+    }
+}
+
+/// A stop under way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Halt<'t> {
+    /// What follows once the robot was stopped.
+    abort: &'t [Event],
+    /// How many of [`FRAMES`], and behind them of `abort`, were taken up.
+    step: usize,
+    /// When `abort` began.
+    abort_from: u64,
+    /// How many stops the port took whole.
+    whole: usize,
+    /// When the next frame is due.
+    next_at: u64,
+    give_up: u64,
+}
+
+impl<'t> Halt<'t> {
+    /// A stop that begins at `now`, once what was queued is thrown away, and what follows it.
+    pub(super) fn new(abort: &'t [Event], now: u64) -> Self {
+        let give_up = now.saturating_add(PATIENCE);
+        Halt { abort, step: 0, abort_from: 0, whole: 0, next_at: now, give_up }
+    }
+
+    /// How it went so far. One stop may be lost behind a frame that was cut.
+    pub(super) fn stop(&self) -> Stop {
+        if self.whole > 1 { Stop::Sent } else { Stop::NotSent }
+    }
+
+    /// What to do next; `None` once it is over.
+    pub(super) fn poll(&mut self, now: u64, input: Input, out: &mut Outbox) -> Option<Order> {
+        if matches!(input, Input::Failed(_) | Input::HungUp | Input::Panicked) {
+            out.clear();
+        } else if let Input::Wrote(count) = input
+            && out.took(count)
+            && (1..FRAMES.len()).contains(&self.step)
+        {
+            self.whole += 1;
+        }
+        if now > self.give_up {
+            None
+        } else if !out.is_empty() {
+            Some(match input {
+                Input::Blocked => Order::Wait { until: self.give_up + 1, writable: true },
+                _ => Order::Write,
+            })
+        } else if now < self.next_at {
+            Some(Order::Pause { until: self.next_at })
+        } else {
+            out.push(self.next_frame(now)?);
+            Some(Order::Write)
+        }
+    }
+
+    /// The next frame of the stop, or of `on abort` behind it, which follows only where the robot was stopped.
+    fn next_frame(&mut self, now: u64) -> Option<&'t Command> {
+        let frame: &'t Command = match self.abort_at() {
+            None => FRAMES.get(self.step)?,
+            Some(_) if self.stop() == Stop::NotSent => return None,
+            Some(at) => &self.abort.get(at)?.command,
+        };
+        self.step += 1;
+        let pause = if self.step + 1 < FRAMES.len() { INTERVAL } else { 0 };
+        self.next_at = now.saturating_add(pause);
+        if let Some(at) = self.abort_at() {
+            if at == 0 {
+                self.abort_from = now;
+            }
+            if let Some(next) = self.abort.get(at) {
+                self.next_at = self.abort_from.saturating_add(next.at_us.saturating_mul(1_000));
+            }
+            self.give_up = self.next_at.saturating_add(PATIENCE);
+        }
+        Some(frame)
+    }
+
+    /// Where in `on abort` it is, once the stop is done.
+    fn abort_at(&self) -> Option<usize> {
+        self.step.checked_sub(FRAMES.len())
+    }
+}

@@ -1,0 +1,121 @@
+//! What a guard decides, as a pure function of time and of what it hears.
+
+/// What a guard heard from the player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Heard {
+    /// Nothing; time has passed.
+    Silence,
+    /// It is alive.
+    Beat,
+    /// The robot stands, and no beats will come until the next one.
+    AtRest,
+    /// It has ended as it should.
+    Goodbye,
+    /// Its end of the pipe is closed.
+    Closed,
+}
+
+/// What a guard does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Listen until this time; `None`: as long as it takes.
+    Listen(Option<u64>),
+    /// The player hangs: kill it, and stop the robot.
+    Hung,
+    /// The player has died: stop the robot.
+    Died,
+    /// Nothing is left to do.
+    Done,
+}
+
+/// How much later than planned a guard may wake, in nanoseconds, before it takes the machine for the one that hung.
+const TARDY: u64 = 5_000_000;
+
+/// The state of a guard.
+#[derive(Debug)]
+pub(super) struct Watch {
+    /// How long a player may be silent, in nanoseconds.
+    limit: u64,
+    /// When it has been silent for too long; `None` while it rests.
+    deadline: Option<u64>,
+    /// Whether it was given one more interval since its last beat.
+    extended: bool,
+}
+
+impl Watch {
+    pub(super) fn new(now: u64, limit: u64) -> Self {
+        Watch { limit, deadline: Some(now.saturating_add(limit)), extended: false }
+    }
+
+    pub(super) fn poll(&mut self, now: u64, heard: Heard) -> Verdict {
+        match heard {
+            Heard::Goodbye => return Verdict::Done,
+            Heard::Closed => return Verdict::Died,
+            Heard::AtRest => self.deadline = None,
+            Heard::Beat => {
+                self.deadline = Some(now.saturating_add(self.limit));
+                self.extended = false;
+            }
+            Heard::Silence => match self.deadline {
+                Some(deadline) if now >= deadline => {
+                    // Whatever kept the guard from waking may have kept the player from beating.
+                    if self.extended || now - deadline < TARDY {
+                        return Verdict::Hung;
+                    }
+                    self.extended = true;
+                    self.deadline = Some(now.saturating_add(self.limit));
+                }
+                _ => {}
+            },
+        }
+        Verdict::Listen(self.deadline)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn a_player_that_beats_is_left_alone() {
+        let mut watch = Watch::new(0, 100 * MS);
+        for beat in 1..1_000 {
+            let now = beat * 99 * MS;
+            assert_eq!(watch.poll(now, Heard::Beat), Verdict::Listen(Some(now + 100 * MS)));
+        }
+        assert_eq!(watch.poll(100_000 * MS, Heard::Goodbye), Verdict::Done);
+    }
+
+    #[test]
+    fn silence_is_a_hang_and_a_closed_pipe_a_death() {
+        let mut watch = Watch::new(0, 100 * MS);
+        assert_eq!(watch.poll(99 * MS, Heard::Silence), Verdict::Listen(Some(100 * MS)));
+        assert_eq!(watch.poll(100 * MS, Heard::Silence), Verdict::Hung);
+        assert_eq!(watch.poll(100 * MS, Heard::Closed), Verdict::Died);
+    }
+
+    #[test]
+    fn a_guard_that_woke_late_gives_one_more_interval_and_no_second() {
+        let mut watch = Watch::new(0, 100 * MS);
+        assert_eq!(watch.poll(105 * MS, Heard::Silence), Verdict::Listen(Some(205 * MS)));
+        assert_eq!(watch.poll(300 * MS, Heard::Silence), Verdict::Hung);
+        // A beat between them makes it patient again.
+        let mut watch = Watch::new(0, 100 * MS);
+        watch.poll(105 * MS, Heard::Silence);
+        watch.poll(110 * MS, Heard::Beat);
+        assert_eq!(watch.poll(300 * MS, Heard::Silence), Verdict::Listen(Some(400 * MS)));
+    }
+
+    #[test]
+    fn a_player_at_rest_may_be_silent_for_ever_but_not_die() {
+        let mut watch = Watch::new(0, 100 * MS);
+        assert_eq!(watch.poll(MS, Heard::AtRest), Verdict::Listen(None));
+        assert_eq!(watch.poll(u64::MAX, Heard::Silence), Verdict::Listen(None));
+        assert_eq!(watch.poll(u64::MAX, Heard::Closed), Verdict::Died);
+        // The next beat ends the rest.
+        assert_eq!(watch.poll(MS, Heard::Beat), Verdict::Listen(Some(101 * MS)));
+    }
+}
