@@ -11,82 +11,18 @@ use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Output, Stdio};
-use std::sync::mpsc::{self, Receiver};
-use std::thread;
 use std::time::{Duration, Instant};
 
-use motionseq::board::{Command, Decoder, Item, State};
 use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::{Cause, Player, Rig, Signals, Stop, drive, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use rustix::process::{Pid, Signal, kill_process};
-use support::{motionseq, run, stderr};
-
-/// The frame of `stop` and `buzzer off`, by hand from the protocol table.
-const STOP: [u8; 13] = [0xFF, 0xFE, 0x03, 0x08, 1, 0, 0, 0, 0, 0, 0, 0x01, 0x0D];
-const BUZZER_OFF: [u8; 6] = [0xFF, 0xFE, 0x04, 0x01, 0x00, 0x05];
-
-/// A port with somebody at its far end who writes down what comes and when.
-struct FarEnd {
-    path: String,
-    reads: Receiver<(Instant, Vec<u8>)>,
-}
-
-impl FarEnd {
-    fn new() -> Self {
-        let pty = Pty::open().unwrap();
-        let path = pty.path().to_str().unwrap().to_owned();
-        let (sender, reads) = mpsc::channel();
-        thread::spawn(move || {
-            let mut buffer = [0; 4096];
-            // The test hangs the port up by dropping its end of the channel.
-            while let Ok(count @ 1..) = pty.read(&mut buffer) {
-                if sender.send((Instant::now(), buffer[..count].to_vec())).is_err() {
-                    break;
-                }
-            }
-        });
-        FarEnd { path, reads }
-    }
-
-    /// Waits for the first bytes of a run.
-    fn first(&self) -> Vec<u8> {
-        self.reads.recv_timeout(Duration::from_secs(20)).expect("the player sends something").1
-    }
-
-    /// Everything until the port is closed.
-    fn rest(&self) -> Vec<(Instant, Vec<u8>)> {
-        self.reads.iter().collect()
-    }
-}
-
-fn bytes(reads: &[(Instant, Vec<u8>)]) -> Vec<u8> {
-    reads.iter().flat_map(|(_, bytes)| bytes.clone()).collect()
-}
-
-fn rendered(script: &str) -> Vec<u8> {
-    run(&["render", script, "--format", "bin"]).stdout
-}
-
-fn start(args: &[&str]) -> Child {
-    motionseq(args).stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap()
-}
-
-fn end(child: Child) -> (i32, String) {
-    let output = child.wait_with_output().unwrap();
-    (output.status.code().expect("it ended by itself"), stderr(&output))
-}
+use support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
+use support::{motionseq, rendered, run, script, stderr};
 
 fn code(output: &Output) -> i32 {
     output.status.code().expect("it ended by itself")
-}
-
-/// A script of a test, in a file of its own.
-fn script(name: &str, text: &str) -> String {
-    let path = std::env::temp_dir().join(format!("motionseq-play-{name}-{}.motion", std::process::id()));
-    fs::write(&path, text).unwrap();
-    path.to_str().unwrap().to_owned()
 }
 
 #[test]
@@ -171,19 +107,7 @@ fn every_signal_stops_the_robot() {
         received.extend(bytes(&far.rest()));
         assert_eq!(code, 128 + number, "{text}");
         assert!(text.contains(words) && text.contains("motion:1, ") && text.contains("; stop: sent\n"), "{text}");
-        assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()), "{received:02X?}");
-        // Nothing moves after the first stop, and the board is at rest.
-        let mut state = State::default();
-        let mut stopped = false;
-        Decoder::new().feed(&received, |item| {
-            if let Item::Frame(frame) = item {
-                let command = Command::decode(frame).unwrap();
-                stopped |= command == Command::STOP;
-                assert!(!(stopped && command.keeps_driving()));
-                state.apply(&command);
-            }
-        });
-        assert!(state.at_rest());
+        assert_stopped(&received);
     }
 }
 
@@ -204,7 +128,7 @@ fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
     received.extend(bytes(&far.rest()));
     assert_eq!(code, 4, "{text}");
     assert!(text.contains(" ms late at ") && text.contains("; stop: sent\n"), "{text}");
-    assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()));
+    assert_stopped(&received);
 }
 
 #[test]
@@ -302,7 +226,7 @@ fn a_program_that_fails_still_stops_the_robot() {
     assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));
     let mut received = Vec::new();
     far.read_to_end(&mut received).unwrap();
-    assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()));
+    assert_stopped(&received);
 }
 
 #[test]
@@ -351,6 +275,7 @@ fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
     }
     // What was queued was thrown away; the flush may have cut a frame, but not all three stops.
     assert!(received.ends_with(&[&STOP[..], &STOP, &BUZZER_OFF].concat()));
+    assert_at_rest(&received);
 }
 
 #[test]

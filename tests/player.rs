@@ -1,11 +1,14 @@
 //! The player under a clock that jumps: what is sent when, and that every early end is a stop.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use motionseq::board::{Command, Decoder, Item, State};
+mod support;
+
+use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
 use motionseq::program::Options;
 use motionseq::source::Source;
 use motionseq::timeline::{Timeline, write_bin};
+use support::far::commands;
 
 const MS: u64 = 1_000_000;
 const MAX_LATE: u64 = 50 * MS;
@@ -25,20 +28,6 @@ fn rendered(timeline: &Timeline) -> Vec<u8> {
     bytes
 }
 
-/// The commands in a stream; whatever is cut or garbled is passed over, as a board would.
-fn commands(bytes: &[u8]) -> Vec<Command> {
-    let mut found = Vec::new();
-    let mut decoder = Decoder::new();
-    let mut take = |item: Item<'_>| {
-        if let Item::Frame(frame) = item {
-            found.push(Command::decode_or_raw(frame));
-        }
-    };
-    decoder.feed(bytes, &mut take);
-    decoder.finish(&mut take);
-    found
-}
-
 /// What a world without time and port does to a player.
 struct World<F> {
     now: u64,
@@ -51,8 +40,12 @@ struct World<F> {
 
 impl<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>> World<F> {
     fn run(meddle: F, timeline: &Timeline) -> (Self, Outcome) {
+        Self::run_with(MAX_LATE, meddle, timeline)
+    }
+
+    fn run_with(max_late: u64, meddle: F, timeline: &Timeline) -> (Self, Outcome) {
         let mut world = World { now: 0, given: Vec::new(), notices: Vec::new(), meddle };
-        let mut player = Player::new(timeline, MAX_LATE);
+        let mut player = Player::new(timeline, max_late);
         let mut input = Input::Tick;
         for _ in 0..100_000 {
             let order = player.poll(world.now, input, &mut |notice| world.notices.push(notice));
@@ -144,30 +137,181 @@ fn assert_stopped<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>>(world: &W
     assert!(state.at_rest());
 }
 
+/// Everything that can end a run early but a port that takes nothing, and the cause that it becomes.
+const ENDS: [(Input, Cause); 6] = [
+    (Input::Signal(2), Cause::Signal(2)),
+    (Input::HungUp, Cause::Lost(None)),
+    (Input::Failed(Some(5)), Cause::Lost(Some(5))),
+    (Input::Unguarded, Cause::Unguarded),
+    (Input::Panicked, Cause::Panicked),
+    (Input::Signal(15), Cause::Signal(15)),
+];
+
+/// Does something to a run once, when the port was given so many writes.
+fn once(cut: usize, input: Input) -> impl FnMut(u64, Order, usize) -> Option<(u64, Input)> {
+    let mut done = false;
+    move |now, order, given| {
+        let now_is_the_time = given == cut && !done && !matches!(order, Order::Discard);
+        now_is_the_time.then(|| {
+            done = true;
+            (now, input)
+        })
+    }
+}
+
+/// The scripts that are shipped.
+fn scripts() -> impl Iterator<Item = std::path::PathBuf> {
+    std::fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file())
+}
+
 #[test]
-fn a_signal_at_any_frame_of_any_script_leaves_the_board_at_rest() {
-    for path in std::fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()) {
+fn every_script_cut_at_every_frame_leaves_the_board_at_rest() {
+    for path in scripts() {
         let timeline = shipped(&path);
         let (all, _) = World::run(|_, _, _| None, &timeline);
         for cut in 0..all.given.len() {
-            let mut sent = false;
-            let meddle = |now, order, given| {
-                let now_is_the_time = given == cut && !sent && !matches!(order, Order::Discard);
-                now_is_the_time.then(|| {
-                    sent = true;
-                    (now, Input::Signal(2))
-                })
-            };
-            let (world, outcome) = World::run(meddle, &timeline);
-            assert_eq!(
-                (outcome.cause, outcome.stop),
-                (Cause::Signal(2), Stop::Sent),
-                "{} cut at {cut}",
-                path.display()
-            );
+            // Every cause at every frame of the short script below; here they take turns.
+            let (input, cause) = ENDS[cut % ENDS.len()];
+            let (world, outcome) = World::run(once(cut, input), &timeline);
+            assert_eq!((outcome.cause, outcome.stop), (cause, Stop::Sent), "{} cut at {cut}", path.display());
             assert_stopped(&world, cut);
         }
     }
+    let timeline = timeline(SCRIPT);
+    for cut in 0..5 {
+        for (input, cause) in ENDS {
+            let (world, outcome) = World::run(once(cut, input), &timeline);
+            assert_eq!((outcome.cause, outcome.stop), (cause, Stop::Sent));
+            assert_stopped(&world, cut);
+        }
+    }
+}
+
+#[test]
+fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
+    for path in scripts() {
+        let timeline = shipped(&path);
+        let (all, _) = World::run(|_, _, _| None, &timeline);
+        for cut in 1..all.given.len() {
+            let mut suspend = once(cut, Input::Suspend);
+            let at_rest = std::cell::Cell::new(0);
+            let meddle = |now, order, given| match order {
+                Order::Suspend => {
+                    at_rest.set(at_rest.get() + 1);
+                    // The shell continues it an hour later.
+                    Some((now + 3_600_000 * MS, Input::Tick))
+                }
+                Order::Stay => Some((now + MS, Input::Resume)),
+                _ => suspend(now, order, given),
+            };
+            let (world, outcome) = World::run(meddle, &timeline);
+            assert_eq!(at_rest.get(), 1);
+            assert_eq!(
+                (outcome.cause, outcome.stop),
+                (Cause::Finished, Stop::NotNeeded),
+                "{} at {cut}",
+                path.display()
+            );
+            assert_eq!(outcome.at_us, timeline.end_us);
+            // What was given before, the stop, what brings the board back to its state, and the rest of the script.
+            let mut state = State::default();
+            let mut expected: Vec<Vec<u8>> = Vec::new();
+            for (_, bytes) in &all.given[..cut] {
+                for command in commands(bytes) {
+                    state.apply(&command);
+                }
+                expected.push(bytes.clone());
+            }
+            let stop = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
+            expected.extend(stop.iter().map(Command::to_frame));
+            let restored: Vec<u8> = state.commands().flat_map(|command| command.to_frame()).collect();
+            expected.extend((!restored.is_empty()).then_some(restored));
+            expected.extend(all.given[cut..].iter().map(|(_, bytes)| bytes.clone()));
+            let given: Vec<Vec<u8>> = world.given.iter().map(|(_, bytes)| bytes.clone()).collect();
+            assert_eq!(given, expected, "{} at {cut}", path.display());
+            // Every frame of the rest comes later by the same time.
+            let rest = world.given.iter().rev().zip(all.given.iter().rev()).take(all.given.len() - cut);
+            let shifts: Vec<u64> = rest.map(|((at, _), (due, _))| at - due).collect();
+            assert!(shifts.windows(2).all(|pair| pair[0] == pair[1]), "{shifts:?}");
+        }
+    }
+}
+
+#[test]
+fn what_held_at_a_pause_holds_again_behind_it() {
+    let timeline = timeline(
+        "pid speed speed=1,2 position=3,4,5 yaw=6,7,8\nservos 1400 1600\nbuzzer on\nrocker x=10 for 1s\nbuzzer off",
+    );
+    let mut suspend = once(3, Input::Suspend);
+    let meddle = |now, order, given| match order {
+        Order::Stay => Some((now, Input::Resume)),
+        _ => suspend(now, order, given),
+    };
+    let (world, _) = World::run(meddle, &timeline);
+    // The write behind the four of the stop.
+    let again: Vec<String> = commands(&world.given[7].1).iter().map(ToString::to_string).collect();
+    let expected = [
+        "pid speed speed=1,2 position=3,4,5 yaw=6,7,8",
+        "servo 1 1400",
+        "servo 2 1600",
+        "buzzer on",
+        "rocker x=10 y=0 z=0",
+    ];
+    assert_eq!(again, expected);
+    assert!(
+        world.notices.contains(&Notice::Paused { at_us: 100_000 })
+            && world.notices.contains(&Notice::Resumed { at_us: 100_000 })
+    );
+}
+
+#[test]
+fn whatever_ends_a_run_ends_it_at_a_pause_too() {
+    let timeline = timeline(SCRIPT);
+    for (input, cause) in ENDS {
+        // While the robot is being stopped for the pause, and while it stands.
+        for at_stop in [true, false] {
+            let mut suspend = once(2, Input::Suspend);
+            let meddle = |now, order, given| match order {
+                Order::Stay => Some((now, input)),
+                Order::Pause { .. } if at_stop && given == 3 => Some((now, input)),
+                _ => suspend(now, order, given),
+            };
+            let (world, outcome) = World::run(meddle, &timeline);
+            assert_eq!((outcome.cause, outcome.stop), (cause, Stop::Sent));
+            assert_stopped(&world, if at_stop { 3 } else { 6 });
+        }
+    }
+}
+
+#[test]
+fn a_run_whose_robot_cannot_be_stopped_does_not_sleep() {
+    let timeline = timeline(SCRIPT);
+    let mut suspend = once(2, Input::Suspend);
+    let meddle = |now, order, given| match order {
+        Order::Write if given == 2 => suspend(now, order, given).or(Some((now, Input::Blocked))),
+        Order::Suspend => panic!("it must not sleep"),
+        _ => suspend(now, order, given),
+    };
+    let (_, outcome) = World::run(meddle, &timeline);
+    assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(20), Stop::NotSent));
+}
+
+#[test]
+fn a_second_ctrl_z_at_a_pause_sleeps_again() {
+    let timeline = timeline(SCRIPT);
+    let mut suspend = once(2, Input::Suspend);
+    let mut sleeps = 0;
+    let meddle = |now, order, given| match order {
+        Order::Suspend => {
+            sleeps += 1;
+            None
+        }
+        Order::Stay if sleeps < 2 => Some((now, Input::Suspend)),
+        Order::Stay => Some((now, Input::Resume)),
+        _ => suspend(now, order, given),
+    };
+    let (_, outcome) = World::run(meddle, &timeline);
+    assert_eq!((sleeps, outcome.cause), (2, Cause::Finished));
 }
 
 #[test]
@@ -230,6 +374,43 @@ fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
     assert_eq!((outcome.cause, outcome.dropped, outcome.sent), (Cause::Finished, 3, 4));
     // What was given, with what was dropped, is what was rendered.
     assert_eq!(world.bytes().len() + 3 * 13, rendered(&timeline).len());
+}
+
+#[test]
+fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
+    let timeline = timeline("together {\nservo 1 1000 -> 2000 over 100ms\nservo 3 1000 -> 2000 over 100ms\n}");
+    // Asleep until 70 ms: of each servo the samples at 20, 40 and 60 ms are due.
+    let meddle = |now, order, given| {
+        (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
+    };
+    let (world, outcome) = World::run_with(MAX_LATE * 2, meddle, &timeline);
+    let sent: Vec<String> = commands(&world.given[1].1).iter().map(ToString::to_string).collect();
+    assert_eq!(sent, ["servo 1 1600", "servo 3 1600"]);
+    assert_eq!((outcome.cause, outcome.dropped), (Cause::Finished, 4));
+    let dropped = world.notices.iter().filter(|notice| matches!(notice, Notice::Dropped { .. })).count();
+    assert_eq!(dropped, 4);
+}
+
+#[test]
+fn samples_of_one_servo_are_overtaken_by_both_in_one_frame() {
+    let timeline = timeline("servo 2 1500 -> 1600 over 50ms\nservos 900 900\nservo 3 900");
+    let meddle = |now, order, given| {
+        (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
+    };
+    let (world, outcome) = World::run_with(MAX_LATE * 2, meddle, &timeline);
+    let sent: Vec<String> = commands(&world.given[1].1).iter().map(ToString::to_string).collect();
+    assert_eq!((sent, outcome.dropped), (vec!["servos 900 900".to_owned(), "servo 3 900".to_owned()], 3));
+}
+
+#[test]
+fn a_command_is_never_dropped() {
+    let timeline =
+        timeline("servo 1 1500\nwait 10ms\nservo 1 1600\nwait 10ms\nservos 1700 1700\nrocker x=1\nwait 1ms\nstop");
+    let meddle = |now, order, given| {
+        (given == 1 && matches!(order, Order::Wait { .. })).then_some((40 * MS, Input::Tick)).filter(|_| now == 0)
+    };
+    let (world, outcome) = World::run(meddle, &timeline);
+    assert_eq!((world.bytes(), outcome.dropped), (rendered(&timeline), 0));
 }
 
 #[test]
@@ -319,6 +500,20 @@ fn on_abort_follows_the_stop_at_its_times() {
     // A run that ends as it should sends nothing of it.
     let (world, _) = World::run(|_, _, _| None, &timeline);
     assert_eq!(world.bytes(), rendered(&timeline));
+}
+
+#[test]
+fn a_machine_that_stalls_during_the_stop_still_sends_all_of_it() {
+    let timeline = timeline(SCRIPT);
+    let mut signal = once(2, Input::Signal(2));
+    let meddle = |now, order, given| match order {
+        Order::Pause { until } => Some((until + 10_000 * MS, Input::Tick)),
+        _ => signal(now, order, given),
+    };
+    let (world, outcome) = World::run(meddle, &timeline);
+    assert_eq!(outcome.stop, Stop::Sent);
+    let frames: Vec<String> = commands(&world.bytes()).iter().rev().take(4).map(ToString::to_string).collect();
+    assert_eq!(frames, ["buzzer off", "stop", "stop", "stop"]);
 }
 
 #[test]

@@ -51,17 +51,24 @@ pub enum ReportItem {
 const MAX_REPORT: usize = 64;
 
 /// Finds reports in a stream, however it is cut into reads. Noise between reports is passed over.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct ReportDecoder {
-    /// The bytes since the last `{`, without it.
-    line: Vec<u8>,
+    /// The bytes since the last `{`, without it, and how many they are.
+    line: [u8; MAX_REPORT],
+    length: usize,
     inside: bool,
+}
+
+impl Default for ReportDecoder {
+    fn default() -> Self {
+        ReportDecoder { line: [0; MAX_REPORT], length: 0, inside: false }
+    }
 }
 
 impl ReportDecoder {
     /// A decoder at the start of a stream.
     pub fn new() -> Self {
-        Self { line: Vec::with_capacity(MAX_REPORT), inside: false }
+        Self::default()
     }
 
     /// Takes the next bytes and hands what is complete to `sink`. Allocates nothing.
@@ -73,19 +80,25 @@ impl ReportDecoder {
                     if self.inside {
                         sink(ReportItem::Malformed);
                     }
-                    self.line.clear();
+                    self.length = 0;
                     self.inside = true;
                 }
                 _ if !self.inside => {}
                 b'#' => {
-                    sink(read(&self.line).map_or(ReportItem::Malformed, ReportItem::Report));
+                    let line = self.line.get(..self.length).unwrap_or_default();
+                    sink(read(line).map_or(ReportItem::Malformed, ReportItem::Report));
                     self.inside = false;
                 }
-                _ if self.line.len() == MAX_REPORT => {
-                    sink(ReportItem::Malformed);
-                    self.inside = false;
-                }
-                _ => self.line.push(byte),
+                _ => match self.line.get_mut(self.length) {
+                    Some(place) => {
+                        *place = byte;
+                        self.length += 1;
+                    }
+                    None => {
+                        sink(ReportItem::Malformed);
+                        self.inside = false;
+                    }
+                },
             }
         }
     }

@@ -1,7 +1,9 @@
 //! `motionseq play`: sends a script to a board, in time.
 
 use std::io;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -132,7 +134,10 @@ impl Play {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
         }
-        Guard::start(port.descriptor(), &[super::guard::WORD], max_late, self.realtime).map(Some)
+        // This program once more, also where its file was replaced since it was started.
+        let mut program = Command::new("/proc/self/exe");
+        program.arg0("motionseq").arg(super::guard::WORD);
+        Guard::start(program, port.descriptor(), max_late, self.realtime).map(Some)
     }
 }
 

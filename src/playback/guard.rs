@@ -8,7 +8,6 @@
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
 use std::process::{Child, Command};
 use std::time::Duration;
 
@@ -27,8 +26,11 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const END: u64 = 20_000_000;
 /// How long a guard then waits for that end, to repeat the stop behind it, in nanoseconds.
 const LATE_END: u64 = 2_000_000_000;
-/// The shortest time between two beats, in nanoseconds.
-const MIN_INTERVAL: u64 = 500_000;
+/// How long after a beat the next one is sent where there is time for it behind a frame, in nanoseconds: so the guard knows
+/// the place well.
+const SOON: u64 = 10_000_000;
+/// The shortest and the longest time that a player may be silent, in nanoseconds.
+const INTERVAL: std::ops::RangeInclusive<u64> = 500_000..=100_000_000;
 
 /// One message to the guard: what it means, where the player is, and in a fixed size, so that none is cut.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +39,8 @@ struct Record([u8; RECORD]);
 const RECORD: usize = 128;
 /// Kind, length of the name, two bytes of nothing, line, time.
 const HEAD: usize = 16;
+/// What a guard says when it watches.
+const READY: [u8; 1] = *b"+";
 const BEAT: u8 = b'b';
 const AT_REST: u8 = b'r';
 const GOODBYE: u8 = b'g';
@@ -85,7 +89,9 @@ pub struct Guard {
     pipe: UnixStream,
     child: Child,
     interval: u64,
-    last: u64,
+    /// When the next beat is welcome, and when it must be sent.
+    soon: u64,
+    deadline: u64,
     bond: Bond,
 }
 
@@ -100,21 +106,20 @@ enum Bond {
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. The running program is started once more with these
-    /// arguments, and behind them three that it must hand to [`guard`].
+    /// Starts a guard over an open port, and waits until it is ready. `program` must hand the three arguments that are added
+    /// to it to [`guard`].
     ///
     /// A player that is silent for longer than twice `max_late` nanoseconds is killed.
-    pub fn start(port: BorrowedFd<'_>, arguments: &[&str], max_late: u64, realtime: bool) -> io::Result<Self> {
+    pub fn start(mut program: Command, port: BorrowedFd<'_>, max_late: u64, realtime: bool) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
-        let child = Command::new("/proc/self/exe")
-            .arg0("motionseq")
-            .args(arguments)
-            .args([std::process::id().to_string(), max_late.to_string(), realtime.to_string()])
-            .stdin(port.try_clone_to_owned()?)
-            .stdout(OwnedFd::from(theirs))
-            .spawn()?;
-        let interval = (max_late / 2).max(MIN_INTERVAL);
-        let mut guard = Guard { pipe, child, interval, last: clock::now(), bond: Bond::Watched };
+        program.args([std::process::id().to_string(), max_late.to_string(), realtime.to_string()]);
+        program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
+        let child = program.spawn()?;
+        // With it goes our copy of the guard's end of the pipe.
+        drop(program);
+        let interval = (max_late / 2).clamp(*INTERVAL.start(), *INTERVAL.end());
+        let deadline = clock::now().saturating_add(interval);
+        let mut guard = Guard { pipe, child, interval, soon: 0, deadline, bond: Bond::Watched };
         match guard.is_ready() {
             Ok(()) => Ok(guard),
             Err(error) => {
@@ -128,12 +133,12 @@ impl Guard {
     fn is_ready(&mut self) -> io::Result<()> {
         self.pipe.set_read_timeout(Some(PATIENCE))?;
         let mut ready = [0];
-        self.pipe
-            .read_exact(&mut ready)
-            .map_err(|error| io::Error::other(format!("the guard did not start ({error})")))?;
-        self.pipe.set_nonblocking(true)?;
-        self.last = clock::now();
-        Ok(())
+        match self.pipe.read(&mut ready) {
+            Ok(_) if ready == READY => {}
+            Ok(_) => return Err(io::Error::other("the guard did not start")),
+            Err(error) => return Err(io::Error::other(format!("the guard did not start ({error})"))),
+        }
+        self.pipe.set_nonblocking(true)
     }
 
     /// What to wait on for its end.
@@ -143,17 +148,18 @@ impl Guard {
 
     /// When the next beat must be sent at the latest.
     pub(super) fn deadline(&self) -> u64 {
-        if self.bond == Bond::Watched { self.last.saturating_add(self.interval) } else { u64::MAX }
+        if self.bond == Bond::Watched { self.deadline } else { u64::MAX }
     }
 
-    /// Whether a beat is wanted now: the last is a while ago and there is time for one, or it cannot wait.
+    /// Whether a beat is wanted now: it is welcome and there is time for it, or it cannot wait.
     pub(super) fn wants_beat(&self, now: u64, has_time: bool) -> bool {
-        now >= self.deadline().saturating_sub(if has_time { self.interval / 2 } else { 0 })
+        self.bond == Bond::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
     /// Tells that the player is alive and where it is.
     pub(super) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>) {
-        self.last = now;
+        self.soon = now.saturating_add(SOON.min(self.interval / 2));
+        self.deadline = now.saturating_add(self.interval);
         self.tell(Record::new(BEAT, at_us, place));
     }
 
@@ -234,9 +240,9 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
     let mut out = Outbox::new();
     let mut last = Record::new(BEAT, 0, None);
     pipe.set_nonblocking(true)?;
-    pipe.write_all(b"+")?;
+    pipe.write_all(&READY)?;
 
-    let mut watch = Watch::new(clock::now(), max_late.max(MIN_INTERVAL).saturating_mul(2));
+    let mut watch = Watch::new(clock::now(), max_late.max(*INTERVAL.start()).saturating_mul(2));
     let mut heard = Heard::Silence;
     let hung = loop {
         match watch.poll(clock::now(), heard) {

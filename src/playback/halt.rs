@@ -10,7 +10,7 @@ use crate::timeline::Event;
 
 /// Time between two stop frames, in nanoseconds.
 const INTERVAL: u64 = 20_000_000;
-/// How long the stop, and behind it each frame of `on abort`, may take before it is given up, in nanoseconds.
+/// How long the port may need for one frame before the stop is given up, in nanoseconds.
 const PATIENCE: u64 = 500_000_000;
 /// What every early end sends.
 static FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
@@ -87,14 +87,14 @@ pub(super) struct Halt<'t> {
     whole: usize,
     /// When the next frame is due.
     next_at: u64,
+    /// When the port must have taken the last one.
     give_up: u64,
 }
 
 impl<'t> Halt<'t> {
     /// A stop that begins at `now`, once what was queued is thrown away, and what follows it.
     pub(super) fn new(abort: &'t [Event], now: u64) -> Self {
-        let give_up = now.saturating_add(PATIENCE);
-        Halt { abort, step: 0, abort_from: 0, whole: 0, next_at: now, give_up }
+        Halt { abort, step: 0, abort_from: 0, whole: 0, next_at: now, give_up: now }
     }
 
     /// How it went so far. One stop may be lost behind a frame that was cut.
@@ -112,10 +112,9 @@ impl<'t> Halt<'t> {
         {
             self.whole += 1;
         }
-        if now > self.give_up {
-            None
-        } else if !out.is_empty() {
-            Some(match input {
+        if !out.is_empty() {
+            // A machine that stalls is no reason to give up: only a port that takes nothing is.
+            (now <= self.give_up).then_some(match input {
                 Input::Blocked => Order::Wait { until: self.give_up + 1, writable: true },
                 _ => Order::Write,
             })
@@ -144,8 +143,8 @@ impl<'t> Halt<'t> {
             if let Some(next) = self.abort.get(at) {
                 self.next_at = self.abort_from.saturating_add(next.at_us.saturating_mul(1_000));
             }
-            self.give_up = self.next_at.saturating_add(PATIENCE);
         }
+        self.give_up = now.saturating_add(PATIENCE);
         Some(frame)
     }
 

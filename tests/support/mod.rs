@@ -1,6 +1,9 @@
 //! What several test binaries share.
 #![allow(dead_code, reason = "no test binary uses all of it")]
 
+pub(crate) mod far;
+
+use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -76,4 +79,16 @@ pub(crate) fn stderr(output: &Output) -> String {
 /// Standard output as text.
 pub(crate) fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// A script of a test, in a file of its own.
+pub(crate) fn script(name: &str, text: &str) -> String {
+    let path = std::env::temp_dir().join(format!("motionseq-{name}-{}.motion", std::process::id()));
+    fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// The bytes of a script, as `render` gives them.
+pub(crate) fn rendered(script: &str) -> Vec<u8> {
+    run(&["render", script, "--format", "bin"]).stdout
 }

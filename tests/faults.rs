@@ -1,0 +1,390 @@
+//! What a run does when things fail around it, with the built program over a pty: the robot stops, or the message says that
+//! it did not.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use motionseq::link::Pty;
+use rustix::process::{Pid, Signal, kill_process};
+use support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
+use support::{motionseq, rendered, run, script, stderr};
+
+/// Something of everything, a frame every 10 ms and less, and longer than any test lets it live.
+const DRIVING: &str = "refresh 10ms\nrocker x=10; buzzer on; servo 1 1000 -> 2000 over 1h\nstop; buzzer off\n";
+
+/// Runs cases on several threads: most of their time passes waiting.
+fn at_once(cases: usize, case: impl Fn(usize) + Sync) {
+    let next = AtomicUsize::new(0);
+    thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                loop {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    if at >= cases {
+                        break;
+                    }
+                    case(at);
+                }
+            });
+        }
+    });
+}
+
+/// Starts a run and waits until it has sent so many times, which is a random phase of it for a test.
+fn start_and_wait(far: &FarEnd, args: &[&str], sent: usize) -> (Child, Vec<u8>) {
+    let child = start(args);
+    let mut received = Vec::new();
+    for _ in 0..=sent {
+        match far.reads.recv_timeout(Duration::from_secs(20)) {
+            Ok((_, read)) => received.extend(read),
+            Err(error) => panic!("{error}; {:?}; received {received:02X?}", end(child)),
+        }
+    }
+    (child, received)
+}
+
+/// Waits for a child that a signal ends, and what was said.
+fn killed(child: Child) -> (Option<i32>, String) {
+    let output = child.wait_with_output().unwrap();
+    (output.status.signal(), stderr(&output))
+}
+
+/// The only line that begins like an error.
+fn closing_line(text: &str) -> &str {
+    let mut lines = text.lines().filter(|line| line.starts_with("error: "));
+    let line = lines.next().unwrap_or_else(|| panic!("no closing line: {text}"));
+    assert_eq!(lines.next(), None, "{text}");
+    line
+}
+
+#[test]
+fn two_hundred_killed_players_leave_two_hundred_robots_stopped() {
+    let long = script("killed", DRIVING);
+    at_once(200, |case| {
+        let far = FarEnd::new();
+        let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], case % 13);
+        kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+        let (signal, text) = killed(child);
+        received.extend(bytes(&far.rest()));
+        assert_eq!(signal, Some(9));
+        assert_stopped(&received);
+        let line = closing_line(&text);
+        assert!(line.starts_with("error: motionseq was killed") && line.ends_with("; stop: sent"), "{line}");
+        // The first beat follows the first frame.
+        assert!(case % 13 == 0 || line.contains(&format!(" at {long}:2, 0.")), "{line}");
+    });
+}
+
+#[test]
+fn a_player_that_hangs_is_killed_and_its_robot_stopped() {
+    let long = script("hung", DRIVING);
+    at_once(8, |case| {
+        let far = FarEnd::new();
+        let (child, mut received) =
+            start_and_wait(&far, &["play", &long, "--port", &far.path, "--max-late", "100ms"], case);
+        kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
+        let (signal, text) = killed(child);
+        received.extend(bytes(&far.rest()));
+        // The exit code that a shell shows is 137.
+        assert_eq!(signal, Some(9));
+        assert_stopped(&received);
+        let line = closing_line(&text);
+        assert!(
+            line.contains("motionseq hung for 200 ms and was killed at ") && line.ends_with("; stop: sent"),
+            "{line}"
+        );
+    });
+}
+
+#[test]
+fn a_player_that_sleeps_for_less_than_the_guard_waits_is_late_by_itself() {
+    // Its own limit has passed, its guard's of twice as much has not: whoever is first, the robot stands.
+    let long = script("nap", DRIVING);
+    at_once(8, |case| {
+        let far = FarEnd::new();
+        let (child, mut received) =
+            start_and_wait(&far, &["play", &long, "--port", &far.path, "--max-late", "500ms"], case);
+        kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
+        while let Ok((_, read)) = far.reads.recv_timeout(Duration::from_millis(700)) {
+            received.extend(read);
+        }
+        kill_process(Pid::from_child(&child), Signal::CONT).unwrap();
+        let output = child.wait_with_output().unwrap();
+        received.extend(bytes(&far.rest()));
+        assert!(output.status.code() == Some(4) || output.status.signal() == Some(9), "{:?}", output.status);
+        let text = stderr(&output);
+        assert!(closing_line(&text).ends_with("; stop: sent"), "{text}");
+        assert_stopped(&received);
+    });
+}
+
+#[test]
+fn a_program_that_is_frozen_stops_no_robot_without_its_guard_and_says_so_before() {
+    let long = script("unguarded", DRIVING);
+    let far = FarEnd::new();
+    let child = start(&["play", &long, "--port", &far.path, "--no-guard"]);
+    let mut received = far.first();
+    kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+    let (_, text) = killed(child);
+    received.extend(bytes(&far.rest()));
+    assert!(text.starts_with("no guard: if this program is killed or hangs, nothing stops the robot\n"), "{text}");
+    assert!(!commands(&received).contains(&motionseq::board::Command::STOP));
+}
+
+#[test]
+fn signals_at_random_phases_stop_the_robot() {
+    let long = script("signals", DRIVING);
+    let signals = [(Signal::INT, 130), (Signal::TERM, 143), (Signal::HUP, 129), (Signal::QUIT, 131)];
+    at_once(40, |case| {
+        let (signal, code) = signals[case % signals.len()];
+        let far = FarEnd::new();
+        let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], case % 11);
+        // A second and a third one skip nothing.
+        for _ in 0..=case % 3 {
+            kill_process(Pid::from_child(&child), signal).unwrap();
+        }
+        let (ended, text) = end(child);
+        received.extend(bytes(&far.rest()));
+        assert_eq!(ended, code, "{text}");
+        assert_stopped(&received);
+        assert!(closing_line(&text).ends_with("; stop: sent"), "{text}");
+    });
+}
+
+#[test]
+fn a_player_whose_guard_is_killed_stops_the_robot_itself() {
+    let long = script("guard-killed", DRIVING);
+    let far = FarEnd::new();
+    let child = start(&["play", &long, "--port", &far.path]);
+    let mut received = far.first();
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
+    let guard: i32 = std::fs::read_to_string(children).unwrap().trim().parse().unwrap();
+    kill_process(Pid::from_raw(guard).unwrap(), Signal::KILL).unwrap();
+    let (code, text) = end(child);
+    received.extend(bytes(&far.rest()));
+    assert_eq!(code, 101, "{text}");
+    assert_stopped(&received);
+    assert!(closing_line(&text).contains("the guard of this run was lost at "), "{text}");
+}
+
+#[test]
+fn a_guard_ignores_what_ends_other_programs() {
+    let long = script("guard-signals", DRIVING);
+    let far = FarEnd::new();
+    let child = start(&["play", &long, "--port", &far.path]);
+    let mut received = far.first();
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
+    let guard: i32 = std::fs::read_to_string(children).unwrap().trim().parse().unwrap();
+    let signals = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP, Signal::USR1, Signal::ALARM];
+    for signal in signals {
+        kill_process(Pid::from_raw(guard).unwrap(), signal).unwrap();
+    }
+    // It still does its work.
+    kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+    killed(child);
+    received.extend(bytes(&far.rest()));
+    assert_stopped(&received);
+}
+
+#[test]
+fn a_guard_cannot_be_started_by_hand() {
+    let pty = Pty::open().unwrap();
+    let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
+    let by_hand = ["guard-a-player", "1", "50000000", "false"];
+    let output = motionseq(&by_hand).stdin(port).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("only a player can start it"), "{}", stderr(&output));
+    let output = motionseq(&by_hand).output().unwrap();
+    assert!(stderr(&output).contains("it is not a serial port"), "{}", stderr(&output));
+    assert!(!support::stdout(&run(&["--help"])).contains("guard-a-player"));
+}
+
+#[test]
+fn a_port_that_hangs_up_at_any_phase_is_lost() {
+    let long = script("hang-up", DRIVING);
+    at_once(12, |case| {
+        let far = FarEnd::new();
+        let (child, _) = start_and_wait(&far, &["play", &long, "--port", &far.path], case);
+        drop(far);
+        let (code, text) = end(child);
+        assert_eq!(code, 3, "{text}");
+        assert!(closing_line(&text).ends_with("; stop: NOT SENT - cut the power"), "{text}");
+    });
+}
+
+/// Takes a run's bytes at most `chunk` at a time with a pause behind each, until it has ended. Gives them, its exit code and
+/// what it said.
+fn take_slowly(child: Child, pty: &Pty, chunk: usize, pause: Duration) -> (Vec<u8>, i32, String) {
+    let mut received = Vec::new();
+    let mut buffer = vec![0; chunk];
+    let ended = thread::spawn(move || end(child));
+    loop {
+        let is_over = ended.is_finished();
+        let mut ready = [rustix::event::PollFd::new(pty, rustix::event::PollFlags::IN)];
+        let timeout = rustix::time::Timespec { tv_sec: 0, tv_nsec: 20_000_000 };
+        if rustix::event::poll(&mut ready, Some(&timeout)).unwrap() > 0 {
+            match pty.read(&mut buffer) {
+                Ok(count @ 1..) => received.extend_from_slice(&buffer[..count]),
+                _ => break,
+            }
+            // A slow reader is the fault that is injected here.
+            thread::park_timeout(pause);
+        } else if is_over {
+            break;
+        }
+    }
+    let (code, text) = ended.join().unwrap();
+    (received, code, text)
+}
+
+#[test]
+fn a_reader_slower_than_the_script_ends_the_run_and_gets_the_stop() {
+    // 400 frames of 260 bytes, one a millisecond: 260,000 bytes a second, for a reader that takes a tenth of that.
+    let raw = format!("raw 0x40 {}\nwait 1ms\n", "0 ".repeat(255));
+    let flood = script("slow", &format!("rocker x=10\n{}stop\n", raw.repeat(400)));
+    let pty = Pty::open().unwrap();
+    let path = pty.path().to_str().unwrap().to_owned();
+    let child = start(&["play", &flood, "--port", &path, "--max-late", "300ms"]);
+    let (received, code, text) = take_slowly(child, &pty, 26, Duration::from_millis(1));
+    assert_eq!(code, 6, "{text}");
+    assert!(closing_line(&text).ends_with("; stop: sent"), "{text}");
+    // The flush may have cut a frame and with it the first stop, but not all three.
+    assert!(received.ends_with(&[&STOP[..], &STOP, &BUZZER_OFF].concat()), "{:02X?}", &received[received.len() - 80..]);
+    assert_at_rest(&received);
+}
+
+#[test]
+fn a_reader_as_fast_as_the_line_gets_every_byte_through_short_writes() {
+    // 60 frames at once are 15,600 bytes: the port takes them in pieces.
+    let raw = format!("raw 0x40 {}\n", "0 ".repeat(255));
+    let burst = script("burst", &format!("{}wait 2s\nservo 1 1500\n", raw.repeat(60)));
+    let pty = Pty::open().unwrap();
+    let path = pty.path().to_str().unwrap().to_owned();
+    let child = start(&["play", &burst, "--port", &path]);
+    let (received, code, text) = take_slowly(child, &pty, 512, Duration::from_millis(1));
+    assert_eq!(code, 0, "{text}");
+    assert_eq!(received, rendered(&burst));
+}
+
+#[test]
+fn of_two_players_that_race_a_hundred_times_exactly_one_wins() {
+    // Nothing that may be dropped on a machine that stalls.
+    let short = script("race", "refresh off\nrocker x=10 for 100ms\n");
+    at_once(100, |_| {
+        let far = FarEnd::new();
+        let players = [(); 2].map(|()| start(&["play", &short, "--port", &far.path]));
+        let mut codes = players.map(|player| end(player).0);
+        codes.sort_unstable();
+        assert_eq!(codes, [0, 5]);
+        assert_eq!(bytes(&far.rest()), rendered(&short));
+    });
+}
+
+#[test]
+fn whatever_the_board_sends_changes_no_byte_of_the_run() {
+    let asking = script("telemetry", "request report-start\nrocker x=10 for 300ms\nrequest report-stop\n");
+    let cut = b"{A-120:35:9000:11".to_vec();
+    let joined = b"{A-120:35:9000:1187}#{A-121:35:9000:1187}#".to_vec();
+    let noise: Vec<u8> = (0..5_000u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let flood = b"{A-120:35:9000:1187}#".repeat(3_000);
+    let nonsense = b"{A1:2:3}#{A:::}#{Ax:1:1:1}#{{{{####{A99999999999:1:1:1}#".to_vec();
+    let cases: [(&str, &[Vec<u8>]); 6] = [
+        ("silence", &[]),
+        ("cut and joined", &[cut, b"87}#".to_vec(), joined.clone()]),
+        ("noise", &[noise]),
+        ("flood", &[flood]),
+        ("nonsense", &[nonsense]),
+        ("one byte at a time", &joined.iter().map(|byte| vec![*byte]).collect::<Vec<_>>()),
+    ];
+    for (what, chunks) in cases {
+        let pty = Pty::open().unwrap();
+        let child = start(&["play", &asking, "--port", pty.path().to_str().unwrap()]);
+        let mut received = vec![0; 64];
+        let count = pty.read(&mut received).unwrap();
+        received.truncate(count);
+        for chunk in chunks {
+            // What does not fit is lost, as on a line that nobody reads.
+            let _ = rustix::fs::fcntl_setfl(&pty, rustix::fs::OFlags::NONBLOCK);
+            let _ = rustix::io::write(&pty, chunk);
+        }
+        rustix::fs::fcntl_setfl(&pty, rustix::fs::OFlags::empty()).unwrap();
+        let (rest, code, text) = take_slowly(child, &pty, 4096, Duration::ZERO);
+        received.extend(rest);
+        assert_eq!(code, 0, "{what}: {text}");
+        assert_eq!(received, rendered(&asking), "{what}");
+        let reported = text.contains("last report of the board: pitch -1.2");
+        assert_eq!(reported, ["cut and joined", "flood", "one byte at a time"].contains(&what), "{what}: {text}");
+    }
+}
+
+/// Runs a script under `script(1)`, which gives it a terminal, and talks to it there.
+#[test]
+fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
+    let long = script("terminal", "rocker x=10; buzzer on\nwait 400ms\nstop; buzzer off\n");
+    let far = FarEnd::new();
+    let terminal = Pty::open().unwrap();
+    // A session whose terminal this is; its shell has no part in it: the test continues the player itself.
+    let mut python = Command::new("python3");
+    let child = python
+        .args(["-c", IN_A_TERMINAL, terminal.path().to_str().unwrap(), env!("CARGO_BIN_EXE_motionseq"), "play", &long])
+        .args(["--max-late", "5s", "--port", &far.path])
+        .stdin(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut received = far.first();
+    rustix::io::write(&terminal, b"\x1a").unwrap();
+    // It stops the robot, then itself.
+    while !received.ends_with(&BUZZER_OFF) {
+        received.extend(far.first());
+    }
+    assert_stopped(&received);
+    let status = format!("/proc/{}/stat", child.id());
+    while !std::fs::read_to_string(&status).unwrap().contains(") T ") {
+        thread::yield_now();
+    }
+    kill_process(Pid::from_child(&child), Signal::CONT).unwrap();
+    // Whatever was typed before is forgotten; what is typed from now on may come before it is heard, so until it goes on.
+    let (sender, heard) = std::sync::mpsc::channel();
+    let enter = thread::spawn(move || {
+        while heard.try_recv().is_err() {
+            let _ = rustix::io::write(&terminal, b"\n");
+            thread::park_timeout(Duration::from_millis(20));
+        }
+        terminal
+    });
+    let again = far.first();
+    sender.send(()).unwrap();
+    assert_eq!(
+        commands(&again)[..2].iter().map(ToString::to_string).collect::<Vec<_>>(),
+        ["buzzer on", "rocker x=10 y=0 z=0"]
+    );
+    received.extend(again);
+    received.extend(bytes(&far.rest()));
+    let (code, text) = end(child);
+    drop(enter.join());
+    assert_eq!(code, 0, "{text}");
+    assert_at_rest(&received);
+    assert!(text.contains("paused, the robot stands") && text.contains("goes on"), "{text}");
+    // Everything that the script says was sent, with the stop and what held between.
+    let all = commands(&received).len();
+    assert_eq!(all, commands(&rendered(&long)).len() + 4 + 2);
+}
+
+/// Runs a program as the leader of a session with a terminal, as a shell would, but with its own standard error.
+const IN_A_TERMINAL: &str = "import fcntl, os, sys, termios
+os.setsid()
+terminal = os.open(sys.argv[1], os.O_RDWR)
+fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+attributes = termios.tcgetattr(terminal)
+attributes[3] |= termios.ISIG | termios.ICANON
+attributes[6][termios.VSUSP] = b'\\x1a'
+termios.tcsetattr(terminal, termios.TCSANOW, attributes)
+os.dup2(terminal, 0)
+os.execv(sys.argv[2], sys.argv[2:])";
