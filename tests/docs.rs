@@ -37,7 +37,7 @@ fn blocks(document: &str) -> Vec<(String, usize, String)> {
     found
 }
 
-const DOCUMENTS: &[&str] = &["README.md", "docs/language.md"];
+const DOCUMENTS: &[&str] = &["README.md", "docs/language.md", "docs/safety.md"];
 
 #[test]
 fn every_script_in_the_documents_compiles_as_it_says() {
@@ -197,6 +197,19 @@ fn every_script_is_in_the_readme() {
         let name = entry.file_name().into_string().unwrap();
         let name = if entry.path().is_dir() { format!("{name}/") } else { name };
         assert!(text.contains(&format!("| `{name}` |")), "README.md has no row for {name}");
+    }
+}
+
+#[test]
+fn every_promise_of_safety_names_a_test_that_is_there() {
+    let text = fs::read_to_string("docs/safety.md").unwrap();
+    let (_, table) = text.split_once("| promise | how it is tested |\n|---|---|\n").unwrap();
+    let rows: Vec<&str> = table.lines().take_while(|line| line.starts_with('|')).collect();
+    assert!(rows.len() > 8);
+    for row in rows.iter().filter(|row| !row.contains("see below") && !row.contains("all of the above")) {
+        let tests: Vec<&str> = row.split('`').filter(|word| word.starts_with("tests/")).collect();
+        assert!(!tests.is_empty(), "{row}");
+        assert!(tests.iter().all(|test| fs::exists(test).unwrap()), "{row}");
     }
 }
 
