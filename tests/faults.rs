@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use motionseq::link::Pty;
+use motionseq::link::{Link, Pty, Serial};
+use motionseq::playback::Guard;
 use rustix::process::{Pid, Signal, kill_process};
 use support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
 use support::{motionseq, rendered, run, script, stderr};
@@ -157,15 +158,88 @@ fn signals_at_random_phases_stop_the_robot() {
     });
 }
 
+/// The process number of a player's guard.
+fn guard_of(child: &Child) -> Pid {
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
+    Pid::from_raw(std::fs::read_to_string(children).unwrap().trim().parse().unwrap()).unwrap()
+}
+
+#[test]
+fn a_player_whose_guard_no_longer_listens_stops_the_robot_itself() {
+    let long = script("guard-hung", DRIVING);
+    let far = FarEnd::new();
+    let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], 0);
+    // Beats pile up until the pipe takes no more.
+    kill_process(guard_of(&child), Signal::STOP).unwrap();
+    let (code, text) = end(child);
+    received.extend(bytes(&far.rest()));
+    assert_eq!(code, 101, "{text}");
+    assert_stopped(&received);
+    assert!(closing_line(&text).contains("the guard of this run was lost at "), "{text}");
+}
+
+#[test]
+fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
+    let long = script("held", DRIVING);
+    for kill in [false, true] {
+        let pty = Pty::open().unwrap();
+        let child = start(&["play", &long, "--port", pty.path().to_str().unwrap(), "--max-late", "300ms"]);
+        assert!(pty.read(&mut [0; 64]).unwrap() > 0);
+        // As a line does whose other end says XOFF: also behind a flush nothing leaves.
+        let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
+        rustix::termios::tcflow(&port, rustix::termios::Action::OOff).unwrap();
+        drop(port);
+        if kill {
+            kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+        }
+        let output = child.wait_with_output().unwrap();
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), (!kill).then_some(6), "{text}");
+        assert!(closing_line(&text).ends_with("; stop: NOT SENT - cut the power"), "{text}");
+    }
+}
+
+#[test]
+fn a_run_whose_guard_does_not_start_does_not_start() {
+    let pty = Pty::open().unwrap();
+    let port = Serial::open(pty.path(), 115_200).unwrap();
+    for program in ["true", "echo", "/no/such/program"] {
+        assert!(Guard::start(Command::new(program), port.descriptor(), 1_000_000_000, false).is_err(), "{program}");
+    }
+}
+
+#[test]
+fn realtime_plays_the_same_bytes_and_says_what_is_not_allowed() {
+    let short = script("realtime", "servo 1 1500\nwait 50ms\nservo 1 1600\n");
+    std::fs::set_permissions(&short, std::os::unix::fs::PermissionsExt::from_mode(0o644)).unwrap();
+    let far = FarEnd::new();
+    let (code, text) = end(start(&["play", &short, "--realtime", "--port", &far.path]));
+    assert_eq!((code, bytes(&far.rest())), (0, rendered(&short)), "{text}");
+    // Somebody who may do neither, on the virtual board, with a copy of the program that anybody may run.
+    let copy = std::env::temp_dir().join(format!("motionseq-realtime-{}", std::process::id()));
+    std::fs::copy(env!("CARGO_BIN_EXE_motionseq"), &copy).unwrap();
+    let mut command = Command::new("sh");
+    let shell = format!("ulimit -r 0; ulimit -l 64; exec {} play {short} --realtime --max-late 5s", copy.display());
+    command.args(["-c", &shell]).current_dir("/");
+    if rustix::process::geteuid().is_root() {
+        std::os::unix::process::CommandExt::uid(&mut command, 65_534);
+    }
+    let output = command.output().unwrap();
+    std::fs::remove_file(copy).unwrap();
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    for line in ["`@dialout - rtprio 90`", "`@dialout - memlock unlimited`"] {
+        assert!(text.contains(line), "{text}");
+    }
+}
+
 #[test]
 fn a_player_whose_guard_is_killed_stops_the_robot_itself() {
     let long = script("guard-killed", DRIVING);
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path]);
     let mut received = far.first();
-    let children = format!("/proc/{0}/task/{0}/children", child.id());
-    let guard: i32 = std::fs::read_to_string(children).unwrap().trim().parse().unwrap();
-    kill_process(Pid::from_raw(guard).unwrap(), Signal::KILL).unwrap();
+    kill_process(guard_of(&child), Signal::KILL).unwrap();
     let (code, text) = end(child);
     received.extend(bytes(&far.rest()));
     assert_eq!(code, 101, "{text}");
@@ -179,11 +253,10 @@ fn a_guard_ignores_what_ends_other_programs() {
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path]);
     let mut received = far.first();
-    let children = format!("/proc/{0}/task/{0}/children", child.id());
-    let guard: i32 = std::fs::read_to_string(children).unwrap().trim().parse().unwrap();
+    let guard = guard_of(&child);
     let signals = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP, Signal::USR1, Signal::ALARM];
     for signal in signals {
-        kill_process(Pid::from_raw(guard).unwrap(), signal).unwrap();
+        kill_process(guard, signal).unwrap();
     }
     // It still does its work.
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
