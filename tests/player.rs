@@ -464,7 +464,7 @@ fn a_write_that_fails_once_still_stops_the_robot() {
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((outcome.cause, outcome.stop), (Cause::Lost(Some(5)), Stop::Sent));
     let frames: Vec<String> = commands(&world.bytes()).iter().skip(3).map(ToString::to_string).collect();
-    assert_eq!(frames, ["stop", "stop", "buzzer off"]);
+    assert_eq!(frames, ["stop", "stop", "stop", "buzzer off"]);
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! The end of a run: what is said when nothing is sent any more, and the exit code.
 
 use std::io;
-use std::sync::{Arc, mpsc};
-use std::thread::{self, JoinHandle};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use motionseq::board::{Report, State};
@@ -14,9 +15,12 @@ use motionseq::timeline::Timeline;
 use super::exit::Exit;
 use super::news::Told;
 use super::screen::{Screen, plural, seconds};
+use super::start_thread;
 
 /// How long the end of a run waits for a screen or a file that takes nothing.
 const PATIENCE: Duration = Duration::from_millis(1_500);
+/// How much of that the recording and what is still to be shown may take.
+const NEWS: Duration = Duration::from_millis(750);
 
 /// What did not fit the rings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,29 +36,50 @@ pub(super) struct End {
     pub(super) timeline: Arc<Timeline>,
     pub(super) outcome: Outcome,
     pub(super) lost: Lost,
-    pub(super) news: JoinHandle<Told>,
+    pub(super) news: Receiver<Told>,
+    pub(super) is_recorded: bool,
     pub(super) board: Option<JoinHandle<io::Result<Received>>>,
 }
 
-impl End {
-    /// Says it, but waits no longer than [`PATIENCE`] for a screen or a file that takes nothing.
-    pub(super) fn tell(self) -> Exit {
-        let exit = exit_code(&self.outcome);
-        let (done, finished) = mpsc::channel();
-        let told = thread::Builder::new().spawn(move || {
-            self.say();
-            let _ = done.send(());
-        });
-        if told.is_ok() {
-            let _ = finished.recv_timeout(PATIENCE);
+/// The thread that says it, made before the first frame: at the end the system may have none to give.
+pub(super) struct Teller {
+    end: Sender<End>,
+    told: Receiver<()>,
+}
+
+impl Teller {
+    pub(super) fn start() -> io::Result<Self> {
+        let ((end, ends), (done, told)) = (mpsc::channel::<End>(), mpsc::channel());
+        start_thread("ending", move || {
+            if let Ok(end) = ends.recv() {
+                end.say();
+                let _ = done.send(());
+            }
+        })?;
+        Ok(Teller { end, told })
+    }
+
+    /// Says it, but waits no longer than [`PATIENCE`] for a screen that takes nothing.
+    pub(super) fn tell(self, end: End) -> Exit {
+        let exit = exit_code(&end.outcome);
+        if self.end.send(end).is_ok() {
+            let _ = self.told.recv_timeout(PATIENCE);
         }
         exit
     }
+}
 
+impl End {
     fn say(self) {
-        let End { screen, sources, timeline, outcome, lost, news, board } = self;
-        let (written, report) =
-            news.join().unwrap_or_else(|_| (Err(io::Error::other("the thread that writes it failed")), None));
+        let End { screen, sources, timeline, outcome, lost, news, is_recorded, board } = self;
+        // A recording or a screen that takes nothing must not hide how the run ended.
+        let (written, report) = news.recv_timeout(NEWS).unwrap_or_else(|why| {
+            let why = match why {
+                RecvTimeoutError::Timeout => "it takes no more bytes",
+                RecvTimeoutError::Disconnected => "the thread that writes it failed",
+            };
+            (if is_recorded { Err(io::Error::other(why)) } else { Ok(()) }, None)
+        });
         let written = match lost.bytes {
             0 => written,
             bytes => written.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),

@@ -13,6 +13,8 @@ mod screen;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::mpsc;
+use std::thread;
 
 use clap::{Args, Parser, Subcommand};
 use motionseq::Compiled;
@@ -131,6 +133,16 @@ impl Options {
         screen.diagnostics(sources, &compiled.diagnostics, denied);
         compiled
     }
+}
+
+/// Starts a thread and waits until it runs: the system may refuse it memory at its very start.
+fn start_thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
+    let (up, is_up) = mpsc::channel();
+    thread::Builder::new().name(name.to_owned()).spawn(move || {
+        let _ = up.send(());
+        work();
+    })?;
+    is_up.recv().map_err(io::Error::other)
 }
 
 /// Reads a script and shows why it cannot be read.

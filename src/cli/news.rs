@@ -3,7 +3,8 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::sync::Arc;
-use std::thread::{self, JoinHandle};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use motionseq::board::Report;
@@ -12,6 +13,7 @@ use motionseq::timeline::Timeline;
 use rtrb::Consumer;
 
 use super::screen::{Screen, seconds};
+use super::start_thread;
 
 /// How often the screen and the recording are brought up to date.
 const UPDATE: Duration = Duration::from_millis(40);
@@ -37,16 +39,20 @@ enum Clock {
 }
 
 impl News {
-    /// Starts the thread. It ends when both rings have ended and are empty.
+    /// Starts the thread. When both rings have ended and are empty, it says what is left to tell.
     pub(super) fn start(
         timeline: Arc<Timeline>,
         screen: Screen,
         recording: Option<File>,
         notices: Consumer<Notice>,
         bytes: Consumer<u8>,
-    ) -> io::Result<JoinHandle<Told>> {
+    ) -> io::Result<Receiver<Told>> {
+        let (told, end) = mpsc::channel();
         let news = News { timeline, screen, recording, report: None, clock: Clock::Runs(Instant::now()) };
-        thread::Builder::new().name("news".into()).spawn(move || news.run(notices, bytes))
+        start_thread("news", move || {
+            let _ = told.send(news.run(notices, bytes));
+        })?;
+        Ok(end)
     }
 
     fn run(mut self, mut notices: Consumer<Notice>, mut bytes: Consumer<u8>) -> Told {

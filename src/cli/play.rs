@@ -16,7 +16,7 @@ use motionseq::source::Lines;
 use rtrb::RingBuffer;
 
 use super::Script;
-use super::ending::{End, Lost};
+use super::ending::{End, Lost, Teller};
 use super::exit::Exit;
 use super::news::News;
 use super::output;
@@ -100,6 +100,7 @@ impl Play {
         let recording = recording.map(|(_, file)| file);
         let news = News::start(Arc::clone(&timeline), *screen, recording, notices_out, bytes_out);
         let news = news.map_err(|error| system(screen, &error))?;
+        let teller = Teller::start().map_err(|error| system(screen, &error))?;
         let guard = self.guard(&port.link, max_late, screen).map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
         let mut rig = Rig {
@@ -125,8 +126,9 @@ impl Play {
         lost.bytes = link.lost();
         // Both rings end, which ends the news; the closed port ends the virtual board.
         drop((link, notices_in));
-        let end = End { screen: *screen, sources, timeline, outcome, lost, news, board: port.board };
-        Ok(end.tell())
+        let is_recorded = self.record.is_some();
+        let end = End { screen: *screen, sources, timeline, outcome, lost, news, is_recorded, board: port.board };
+        Ok(teller.tell(end))
     }
 
     fn guard(&self, port: &Serial, max_late: u64, screen: &Screen) -> io::Result<Option<Guard>> {

@@ -133,10 +133,10 @@ impl Guard {
     fn is_ready(&mut self) -> io::Result<()> {
         self.pipe.set_read_timeout(Some(PATIENCE))?;
         let mut ready = [0];
-        match self.pipe.read(&mut ready) {
-            Ok(_) if ready == READY => {}
-            Ok(_) => return Err(io::Error::other("the guard did not start")),
-            Err(error) => return Err(io::Error::other(format!("the guard did not start ({error})"))),
+        let failed = |why: &str| io::Error::other(format!("the guard did not start ({why})"));
+        uninterrupted(|| self.pipe.read(&mut ready)).map_err(|error| failed(&error.to_string()))?;
+        if ready != READY {
+            return Err(failed("it ended at once"));
         }
         self.pipe.set_nonblocking(true)
     }
@@ -189,7 +189,7 @@ impl Guard {
         let ended = self.send(Record::new(GOODBYE, 0, None)).and_then(|()| {
             self.pipe.set_nonblocking(false)?;
             self.pipe.set_read_timeout(Some(PATIENCE))?;
-            self.pipe.read(&mut [0])
+            uninterrupted(|| self.pipe.read(&mut [0]))
         });
         if ended.is_err() {
             let _ = self.child.kill();
@@ -205,11 +205,16 @@ impl Guard {
 
     fn send(&mut self, record: Record) -> io::Result<()> {
         // So small a message is taken whole or not at all. A guard that lets them pile up does not watch.
-        loop {
-            match self.pipe.write(&record.0) {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                written => return written.map(|_| ()),
-            }
+        uninterrupted(|| self.pipe.write(&record.0)).map(|_| ())
+    }
+}
+
+/// Does it again where a signal has interrupted it.
+fn uninterrupted<T>(mut call: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    loop {
+        match call() {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            result => return result,
         }
     }
 }
@@ -252,11 +257,9 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
             Verdict::Done => return Ok(None),
         }
     };
-    let mut has_ended = true;
-    if hung {
-        player.kill();
-        has_ended = player.has_ended(END);
-    }
+    // Also where it seems to have died: nothing may be sent behind the stop.
+    player.kill();
+    let has_ended = !hung || player.has_ended(END);
     let mut stop = halt(&mut port, &mut out);
     if !has_ended && player.has_ended(LATE_END) {
         stop = halt(&mut port, &mut out);
@@ -283,8 +286,9 @@ fn listen(pipe: &mut UnixStream, until: Option<u64>, last: &mut Record) -> Heard
             }
             heard
         }
-        Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => Heard::Silence,
-        Err(_) => Heard::Closed,
+        Err(error) if error.kind() == io::ErrorKind::ConnectionReset => Heard::Closed,
+        // The player may well be alive. If this goes on, it is silent for too long.
+        Err(_) => Heard::Silence,
     }
 }
 

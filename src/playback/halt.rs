@@ -2,7 +2,7 @@
 //!
 //! What is queued is thrown away, then the stop frame is sent three times (a receiver that was cut off in the middle of a
 //! frame may miss the first), then buzzer off, then the script's `on abort`. Nothing skips it: a signal changes nothing, and
-//! what could not be written is tried again with the next frame.
+//! a frame that could not be written is tried again.
 
 use super::player::{Input, Order};
 use crate::board::{Command, MAX_FRAME};
@@ -12,6 +12,9 @@ use crate::timeline::Event;
 const INTERVAL: u64 = 20_000_000;
 /// How long the port may need for one frame before the stop is given up, in nanoseconds.
 const PATIENCE: u64 = 500_000_000;
+/// How long after a failure a frame is given to the port again, in nanoseconds, and how many failures there may be in all.
+const RETRY: u64 = 5_000_000;
+const MAX_FAILURES: u32 = 10;
 /// What every early end sends.
 static FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
 /// The most bytes given to the port at once.
@@ -68,6 +71,11 @@ impl Outbox {
         all
     }
 
+    /// To be taken once more from the beginning.
+    fn rewind(&mut self) {
+        self.taken = 0;
+    }
+
     pub(super) fn clear(&mut self) {
         self.bytes.clear();
         self.taken = 0;
@@ -85,6 +93,7 @@ pub(super) struct Halt<'t> {
     abort_from: u64,
     /// How many stops the port took whole.
     whole: usize,
+    failures: u32,
     /// When the next frame is due.
     next_at: u64,
     /// When the port must have taken the last one.
@@ -94,7 +103,7 @@ pub(super) struct Halt<'t> {
 impl<'t> Halt<'t> {
     /// A stop that begins at `now`, once what was queued is thrown away, and what follows it.
     pub(super) fn new(abort: &'t [Event], now: u64) -> Self {
-        Halt { abort, step: 0, abort_from: 0, whole: 0, next_at: now, give_up: now }
+        Halt { abort, step: 0, abort_from: 0, whole: 0, failures: 0, next_at: now, give_up: now }
     }
 
     /// How it went so far. One stop may be lost behind a frame that was cut.
@@ -104,13 +113,18 @@ impl<'t> Halt<'t> {
 
     /// What to do next; `None` once it is over.
     pub(super) fn poll(&mut self, now: u64, input: Input, out: &mut Outbox) -> Option<Order> {
-        if matches!(input, Input::Failed(_) | Input::HungUp | Input::Panicked) {
-            out.clear();
-        } else if let Input::Wrote(count) = input
-            && out.took(count)
-            && (1..FRAMES.len()).contains(&self.step)
-        {
-            self.whole += 1;
+        match input {
+            Input::Failed(_) if self.failures < MAX_FAILURES => {
+                self.failures += 1;
+                out.rewind();
+                return Some(Order::Pause { until: now.saturating_add(RETRY) });
+            }
+            Input::Failed(_) | Input::HungUp | Input::Panicked => out.clear(),
+            Input::Wrote(count) => {
+                let is_stop = (1..FRAMES.len()).contains(&self.step);
+                self.whole += usize::from(out.took(count) && is_stop);
+            }
+            _ => {}
         }
         if !out.is_empty() {
             // A machine that stalls is no reason to give up: only a port that takes nothing is.
