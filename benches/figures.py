@@ -5,18 +5,14 @@
     python3 benches/figures.py [PROGRAM]
 
 Start-up: wall time of `check` on a ten-line script beside /bin/true and `python3 -c "import serial"`, in turns.
-Drift: a script of 5,000 frames over 25 s on a pty; when frames arrive at the far end, against when they are due.
 Hostile input: wall time and peak memory of files that must be refused quickly.
 """
 import os
-import pty
-import select
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-import tty
 
 PROGRAM = os.path.abspath(sys.argv[1] if len(sys.argv) > 1 else "target/release/motionseq")
 FOLDER = tempfile.mkdtemp(prefix="motionseq-figures-")
@@ -55,33 +51,6 @@ def start_up():
     print(f"  size of the program: {os.path.getsize(PROGRAM) / 2**20:.2f} MiB (at most 2)")
 
 
-def drift(frames=5000, step_us=5000):
-    """Arrival of each frame at the far end of a pty, against the first."""
-    lines = (f"at {n * step_us}us servo 1 {1000 + n % 2}\n" for n in range(frames))
-    script = file("drift.motion", "".join(lines).encode())
-    far, near = pty.openpty()
-    tty.setraw(near)
-    child = subprocess.Popen([PROGRAM, "play", "-q", script, "--port", os.ttyname(near)])
-    arrivals, size = [], 8
-    pending = 0
-    while len(arrivals) < frames:
-        if not select.select([far], [], [], 5)[0]:
-            break
-        now = time.monotonic()
-        pending += len(os.read(far, 4096))
-        while pending >= size:
-            arrivals.append(now)
-            pending -= size
-    child.wait()
-    os.close(near)
-    os.close(far)
-    first = arrivals[0]
-    late = [(at - first) * 1e3 - n * step_us / 1e3 for n, at in enumerate(arrivals)]
-    last = statistics.median(late[-50:])
-    ordered = sorted(late)
-    print(f"drift over {len(arrivals)} frames, {frames * step_us / 1e6:.0f} s, ms against the first at the far end: last {late[-1]:+.3f}, median of the last 50 {last:+.3f}, p50 {ordered[len(late) // 2]:+.3f}, p99 {ordered[len(late) * 99 // 100]:+.3f}, max {ordered[-1]:+.3f} (last below 1)")
-
-
 def hostile():
     cases = {
         "empty file": b"",
@@ -112,5 +81,4 @@ if __name__ == "__main__":
     print("hostile input (each below 1000 ms and 128 MB, exit 1):")
     hostile()
     start_up()
-    drift()
     subprocess.run(["rm", "-r", FOLDER], check=True)

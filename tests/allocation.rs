@@ -52,7 +52,7 @@ fn the_thread_that_sends_allocates_nothing() {
         guard: Some(guard),
         keys: None,
         lines: Lines::of(&sources),
-        spin: false,
+        realtime: false,
     };
     let mut player = Player::new(&timeline, 5_000_000_000);
     let mut outcome = None;

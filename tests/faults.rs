@@ -158,8 +158,8 @@ fn signals_at_random_phases_stop_the_robot() {
     });
 }
 
-/// The process number of a player's guard.
-fn guard_of(child: &Child) -> Pid {
+/// The process number of a process's only child: a player's guard, say.
+fn child_of(child: &Child) -> Pid {
     let children = format!("/proc/{0}/task/{0}/children", child.id());
     Pid::from_raw(std::fs::read_to_string(children).unwrap().trim().parse().unwrap()).unwrap()
 }
@@ -170,7 +170,7 @@ fn a_player_whose_guard_no_longer_listens_stops_the_robot_itself() {
     let far = FarEnd::new();
     let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], 0);
     // Beats pile up until the pipe takes no more.
-    kill_process(guard_of(&child), Signal::STOP).unwrap();
+    kill_process(child_of(&child), Signal::STOP).unwrap();
     let (code, text) = end(child);
     received.extend(bytes(&far.rest()));
     assert_eq!(code, 101, "{text}");
@@ -239,7 +239,7 @@ fn a_player_whose_guard_is_killed_stops_the_robot_itself() {
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path]);
     let mut received = far.first();
-    kill_process(guard_of(&child), Signal::KILL).unwrap();
+    kill_process(child_of(&child), Signal::KILL).unwrap();
     let (code, text) = end(child);
     received.extend(bytes(&far.rest()));
     assert_eq!(code, 101, "{text}");
@@ -253,7 +253,7 @@ fn a_guard_ignores_what_ends_other_programs() {
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path]);
     let mut received = far.first();
-    let guard = guard_of(&child);
+    let guard = child_of(&child);
     let signals = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP, Signal::USR1, Signal::ALARM];
     for signal in signals {
         kill_process(guard, signal).unwrap();
@@ -396,13 +396,12 @@ fn whatever_the_board_sends_changes_no_byte_of_the_run() {
     }
 }
 
-/// Runs a script under `script(1)`, which gives it a terminal, and talks to it there.
 #[test]
 fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
     let long = script("terminal", "rocker x=10; buzzer on\nwait 400ms\nstop; buzzer off\n");
     let far = FarEnd::new();
     let terminal = Pty::open().unwrap();
-    // A session whose terminal this is; its shell has no part in it: the test continues the player itself.
+    // A session whose terminal this is, with something like a shell; but the test continues the player itself.
     let mut python = Command::new("python3");
     let child = python
         .args(["-c", IN_A_TERMINAL, terminal.path().to_str().unwrap(), env!("CARGO_BIN_EXE_motionseq"), "play", &long])
@@ -418,11 +417,12 @@ fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
         received.extend(far.first());
     }
     assert_stopped(&received);
-    let status = format!("/proc/{}/stat", child.id());
+    let player = child_of(&child);
+    let status = format!("/proc/{}/stat", player.as_raw_nonzero());
     while !std::fs::read_to_string(&status).unwrap().contains(") T ") {
         thread::yield_now();
     }
-    kill_process(Pid::from_child(&child), Signal::CONT).unwrap();
+    kill_process(player, Signal::CONT).unwrap();
     // Whatever was typed before is forgotten; what is typed from now on may come before it is heard, so until it goes on.
     let (sender, heard) = std::sync::mpsc::channel();
     let enter = thread::spawn(move || {
@@ -450,8 +450,8 @@ fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
     assert_eq!(all, commands(&rendered(&long)).len() + 4 + 2);
 }
 
-/// Runs a program as the leader of a session with a terminal, as a shell would, but with its own standard error.
-const IN_A_TERMINAL: &str = "import fcntl, os, sys, termios
+/// Runs a program in the foreground of a terminal, as a shell does, but with its own standard error.
+const IN_A_TERMINAL: &str = "import fcntl, os, signal, sys, termios
 os.setsid()
 terminal = os.open(sys.argv[1], os.O_RDWR)
 fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
@@ -460,4 +460,11 @@ attributes[3] |= termios.ISIG | termios.ICANON
 attributes[6][termios.VSUSP] = b'\\x1a'
 termios.tcsetattr(terminal, termios.TCSANOW, attributes)
 os.dup2(terminal, 0)
-os.execv(sys.argv[2], sys.argv[2:])";
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+player = os.fork()
+if player == 0:
+    os.setpgid(0, 0)
+    os.tcsetpgrp(terminal, os.getpgrp())
+    signal.signal(signal.SIGTTOU, signal.SIG_DFL)
+    os.execv(sys.argv[2], sys.argv[2:])
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(player, 0)[1]))";

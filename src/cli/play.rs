@@ -109,7 +109,7 @@ impl Play {
             guard,
             keys: Keys::open(),
             lines: Lines::of(&sources),
-            spin: self.realtime && become_realtime(screen),
+            realtime: self.realtime && become_realtime(screen),
         };
 
         let mut lost = Lost::default();

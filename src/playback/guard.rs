@@ -21,11 +21,12 @@ use crate::link::{Link, Serial};
 use crate::source::Place;
 
 /// How long the start of a guard, and its end, may take.
-const PATIENCE: Duration = Duration::from_secs(5);
+const START: Duration = Duration::from_secs(5);
+const END: Duration = Duration::from_millis(250);
 /// How long a player that was killed may take to end before the robot is stopped all the same, in nanoseconds.
-const END: u64 = 20_000_000;
-/// How long a guard then waits for that end, to repeat the stop behind it, in nanoseconds.
-const LATE_END: u64 = 2_000_000_000;
+const DEATH: u64 = 20_000_000;
+/// How long a guard then waits for that, to repeat the stop behind it, in nanoseconds.
+const LATE_DEATH: u64 = 2_000_000_000;
 /// How long after a beat the next one is sent where there is time for it behind a frame, in nanoseconds: so the guard knows
 /// the place well.
 const SOON: u64 = 10_000_000;
@@ -131,7 +132,7 @@ impl Guard {
     }
 
     fn is_ready(&mut self) -> io::Result<()> {
-        self.pipe.set_read_timeout(Some(PATIENCE))?;
+        self.pipe.set_read_timeout(Some(START))?;
         let mut ready = [0];
         let failed = |why: &str| io::Error::other(format!("the guard did not start ({why})"));
         uninterrupted(|| self.pipe.read(&mut ready)).map_err(|error| failed(&error.to_string()))?;
@@ -188,7 +189,7 @@ impl Guard {
     pub fn goodbye(mut self) {
         let ended = self.send(Record::new(GOODBYE, 0, None)).and_then(|()| {
             self.pipe.set_nonblocking(false)?;
-            self.pipe.set_read_timeout(Some(PATIENCE))?;
+            self.pipe.set_read_timeout(Some(END))?;
             uninterrupted(|| self.pipe.read(&mut [0]))
         });
         if ended.is_err() {
@@ -259,9 +260,9 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
     };
     // Also where it seems to have died: nothing may be sent behind the stop.
     player.kill();
-    let has_ended = !hung || player.has_ended(END);
+    let has_ended = !hung || player.has_ended(DEATH);
     let mut stop = halt(&mut port, &mut out);
-    if !has_ended && player.has_ended(LATE_END) {
+    if !has_ended && player.has_ended(LATE_DEATH) {
         stop = halt(&mut port, &mut out);
     }
     Ok(Some(Guarded { hung, at_us: last.at_us(), place: last.place(), stop }))

@@ -124,8 +124,12 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Opens it; `None` where there is none.
+    /// Opens it; `None` where there is none, or where this process is the first of its session: no shell is there that
+    /// could continue it.
     pub fn open() -> Option<Self> {
+        if rustix::process::getsid(None).is_ok_and(|leader| leader == rustix::process::getpid()) {
+            return None;
+        }
         let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let terminal = rustix::fs::open("/dev/tty", flags, Mode::empty()).ok()?;
         Some(Keys { terminal })

@@ -1,0 +1,107 @@
+//! How late frames are at write(2): plays a script over a pty and prints percentiles, in nanoseconds.
+//!
+//!     lateness [--frames N] [--step-us N] [--realtime] [--no-guard]
+//!
+//! `benches/playback.py` runs it beside its peers. A link of its own stamps each write at its entry.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::expect_used)]
+
+use std::fmt::Write as _;
+use std::io;
+use std::os::fd::BorrowedFd;
+use std::process::Command;
+use std::thread;
+
+use motionseq::link::{Link, Pty, Serial};
+use motionseq::playback::{Guard, Player, Realtime, Rig, Signals, drive, guard, now};
+use motionseq::program::Options;
+use motionseq::source::{Lines, Source, Sources};
+
+/// The word that makes this program the guard.
+const GUARD: &str = "guard";
+const MAX_LATE: u64 = 1_000_000_000;
+
+/// Bytes of the frame of one servo.
+const FRAME: usize = 8;
+
+/// Writes down when the write of each frame began: after a stall one write is several frames. The room for that is there
+/// before the first.
+struct Stamped {
+    port: Serial,
+    stamps: Vec<u64>,
+}
+
+impl Link for Stamped {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let began = now();
+        let taken = self.port.write(bytes)?;
+        self.stamps.extend(std::iter::repeat_n(began, taken / FRAME));
+        Ok(taken)
+    }
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.port.read(buffer)
+    }
+    fn discard(&mut self) -> io::Result<()> {
+        self.port.discard()
+    }
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.port.descriptor()
+    }
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    if args.first().is_some_and(|word| word == GUARD) {
+        guard(args[1].parse().unwrap(), args[2].parse().unwrap(), args[3] == "true").unwrap();
+        return;
+    }
+    let number = |name: &str, default: u64| {
+        let at = args.iter().position(|arg| arg == name);
+        at.map_or(default, |at| args[at + 1].parse().unwrap())
+    };
+    let has = |name: &str| args.iter().any(|arg| arg == name);
+    let (frames, step_us) = (number("--frames", 5_000), number("--step-us", 5_000));
+
+    let mut text = String::new();
+    for frame in 0..frames {
+        writeln!(text, "at {}us servo 1 {}", frame * step_us, 1_000 + frame % 2).unwrap();
+    }
+    let sources = Sources::from(Source::new("lateness", text));
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let pty = Pty::open().unwrap();
+    let port = Serial::open(pty.path(), timeline.baud).unwrap();
+    let far = thread::spawn(move || {
+        let mut buffer = [0; 4096];
+        while pty.read(&mut buffer).is_ok_and(|count| count > 0) {}
+    });
+    let guard = (!has("--no-guard")).then(|| {
+        let mut program = Command::new("/proc/self/exe");
+        program.arg(GUARD);
+        Guard::start(program, port.descriptor(), MAX_LATE, has("--realtime")).unwrap()
+    });
+    let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
+    let mut rig = Rig {
+        link: Stamped { port, stamps: Vec::with_capacity(timeline.events().len()) },
+        signals: Signals::catch().unwrap(),
+        guard,
+        keys: None,
+        lines: Lines::of(&sources),
+        realtime,
+    };
+    let mut player = Player::new(&timeline, MAX_LATE);
+    // Early enough that the first frame is not late before it begins.
+    let start = now() + 10_000_000;
+    let outcome = drive(&mut player, &mut rig, start, |_| {});
+    let Rig { link: Stamped { port, stamps }, guard, .. } = rig;
+    guard.into_iter().for_each(Guard::goodbye);
+    drop(port);
+    far.join().unwrap();
+
+    assert_eq!(outcome.sent, timeline.events().len(), "{outcome:?}");
+    let due = timeline.events().iter().map(|event| start + event.at_us * 1_000);
+    let mut late: Vec<u64> = stamps.iter().zip(due).map(|(stamp, due)| stamp.saturating_sub(due)).collect();
+    assert_eq!(late.len(), timeline.events().len());
+    let last = late.last().copied().unwrap();
+    late.sort_unstable();
+    let part = |per_mille: usize| late[(late.len() - 1) * per_mille / 1_000];
+    println!("p50 {} p90 {} p99 {} max {} last {last}", part(500), part(900), part(990), part(1_000));
+}
