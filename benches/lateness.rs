@@ -102,6 +102,12 @@ fn main() {
     assert_eq!(late.len(), timeline.events().len());
     let last = late.last().copied().unwrap();
     late.sort_unstable();
-    let part = |per_mille: usize| late[(late.len() - 1) * per_mille / 1_000];
-    println!("p50 {} p90 {} p99 {} max {} last {last}", part(500), part(900), part(990), part(1_000));
+    let percentile = |per_mille: usize| late[(late.len() - 1) * per_mille / 1_000];
+    println!(
+        "p50 {} p90 {} p99 {} max {} last {last}",
+        percentile(500),
+        percentile(900),
+        percentile(990),
+        percentile(1_000)
+    );
 }
