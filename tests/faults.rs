@@ -4,6 +4,7 @@
 
 mod support;
 
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -134,7 +135,7 @@ fn a_program_that_is_frozen_stops_no_robot_without_its_guard_and_says_so_before(
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
     let (_, text) = killed(child);
     received.extend(bytes(&far.rest()));
-    assert!(text.starts_with("no guard: if this program is killed or hangs, nothing stops the robot\n"), "{text}");
+    assert!(text.contains("no guard: if this program is killed or hangs, nothing stops the robot\n"), "{text}");
     assert!(!commands(&received).contains(&motionseq::board::Command::STOP));
 }
 
@@ -245,6 +246,21 @@ fn a_player_whose_guard_is_killed_stops_the_robot_itself() {
     assert_eq!(code, 101, "{text}");
     assert_stopped(&received);
     assert!(closing_line(&text).contains("the guard of this run was lost at "), "{text}");
+}
+
+#[test]
+fn the_guard_of_the_virtual_board_asks_nobody_to_cut_the_power() {
+    let long = script("virtual-killed", "say \"on\"\nrocker x=10\nwait 1h\nstop\n");
+    let mut child = start(&["play", &long]);
+    let mut pipe = BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("s: on") {
+        assert!(pipe.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+    pipe.read_to_string(&mut said).unwrap();
+    child.wait().unwrap();
+    assert!(closing_line(&said).ends_with("; the virtual board ended with it"), "{said}");
 }
 
 #[test]
@@ -361,7 +377,7 @@ fn of_two_players_that_race_a_hundred_times_exactly_one_wins() {
 
 #[test]
 fn whatever_the_board_sends_changes_no_byte_of_the_run() {
-    let asking = script("telemetry", "request report-start\nrocker x=10 for 300ms\nrequest report-stop\n");
+    let asking = script("telemetry", "refresh off\nrequest report-start\nrocker x=10 for 300ms\nrequest report-stop\n");
     let cut = b"{A-120:35:9000:11".to_vec();
     let joined = b"{A-120:35:9000:1187}#{A-121:35:9000:1187}#".to_vec();
     let noise: Vec<u8> = (0..5_000u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
@@ -398,7 +414,7 @@ fn whatever_the_board_sends_changes_no_byte_of_the_run() {
 
 #[test]
 fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
-    let long = script("terminal", "rocker x=10; buzzer on\nwait 400ms\nstop; buzzer off\n");
+    let long = script("terminal", "refresh off\nrocker x=10; buzzer on\nwait 400ms\nstop; buzzer off\n");
     let far = FarEnd::new();
     let terminal = Pty::open().unwrap();
     // A session whose terminal this is, with something like a shell; but the test continues the player itself.
@@ -444,7 +460,12 @@ fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
     drop(enter.join());
     assert_eq!(code, 0, "{text}");
     assert_at_rest(&received);
-    assert!(text.contains("paused, the robot stands") && text.contains("goes on"), "{text}");
+    assert!(
+        text.contains("s: the robot stands; `fg` comes back to it\n")
+            && text.contains("s: paused; Enter goes on (")
+            && text.contains("s: goes on\n"),
+        "{text}"
+    );
     // Everything that the script says was sent, with the stop and what held between.
     let all = commands(&received).len();
     assert_eq!(all, commands(&rendered(&long)).len() + 4 + 2);

@@ -11,6 +11,7 @@ use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Output, Stdio};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use motionseq::link::{Link, Pty, Serial};
@@ -25,19 +26,27 @@ fn code(output: &Output) -> i32 {
     output.status.code().expect("it ended by itself")
 }
 
+/// A script of which nothing may be left out, however the machine stalls: no refreshes and no samples.
+fn steady() -> &'static str {
+    static PATH: OnceLock<String> = OnceLock::new();
+    let steps = "rocker x=10 for 40ms; servo 1 900\nwait 10ms\nbuzzer on for 20ms; servo 1 2000\n";
+    PATH.get_or_init(|| script("steady", &format!("refresh off\nrepeat 20 {{\n{steps}}}\n")))
+}
+
 #[test]
 fn the_bytes_that_arrive_are_the_rendered_ones_and_none_is_early() {
+    let steady = steady();
     let far = FarEnd::new();
     let begin = Instant::now();
-    let child = start(&["play", "scripts/square.motion", "--port", &far.path]);
+    let child = start(&["play", steady, "--port", &far.path]);
     let (code, text) = end(child);
     assert_eq!(code, 0, "{text}");
     let reads = far.rest();
-    assert_eq!(bytes(&reads), rendered("scripts/square.motion"));
+    assert_eq!(bytes(&reads), rendered(steady));
 
     // Time 0 of the script was at `begin` or later, so no frame may arrive sooner after it than it is due. (What came
     // together was due together: the far end takes every byte at once.)
-    let hex = String::from_utf8(run(&["render", "scripts/square.motion", "--format", "hex"]).stdout).unwrap();
+    let hex = String::from_utf8(run(&["render", steady, "--format", "hex"]).stdout).unwrap();
     let due: Vec<(f64, usize)> = hex
         .lines()
         .map(|line| line.split_once('\t').unwrap())
@@ -133,12 +142,13 @@ fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
 
 #[test]
 fn a_recording_that_may_grow_no_further_does_not_stop_motion() {
+    let steady = steady();
     let record = std::env::temp_dir().join(format!("motionseq-limit-{}.bin", std::process::id()));
     let _ = fs::remove_file(&record);
     let far = FarEnd::new();
     // 1 block of 512 bytes; without care the system kills whoever writes more.
     let shell = format!(
-        "ulimit -f 1; exec {} play scripts/square.motion --max-late 5s --port {} --record {}",
+        "ulimit -f 1; exec {} play {steady} --max-late 5s --port {} --record {}",
         env!("CARGO_BIN_EXE_motionseq"),
         far.path,
         record.display()
@@ -146,7 +156,7 @@ fn a_recording_that_may_grow_no_further_does_not_stop_motion() {
     let output = std::process::Command::new("sh").args(["-c", &shell]).output().unwrap();
     let text = stderr(&output);
     assert_eq!(code(&output), 0, "{text}");
-    assert_eq!(bytes(&far.rest()), rendered("scripts/square.motion"));
+    assert_eq!(bytes(&far.rest()), rendered(steady));
     assert!(text.contains("the recording is not complete"), "{text}");
     fs::remove_file(record).unwrap();
 }
@@ -280,11 +290,12 @@ fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
 
 #[test]
 fn a_port_in_use_is_left_alone() {
+    let steady = steady();
     let far = FarEnd::new();
-    let owner = start(&["play", "scripts/hello.motion", "--port", &far.path]);
+    let owner = start(&["play", steady, "--port", &far.path]);
     let mut received = far.first();
     for _ in 0..3 {
-        let output = run(&["play", "scripts/hello.motion", "--port", &far.path]);
+        let output = run(&["play", steady, "--port", &far.path]);
         assert_eq!(code(&output), 5);
         let text = stderr(&output);
         assert!(text.contains("another program uses it; nothing was sent"), "{text}");
@@ -292,7 +303,7 @@ fn a_port_in_use_is_left_alone() {
     let (code, text) = end(owner);
     assert_eq!(code, 0, "{text}");
     received.extend(bytes(&far.rest()));
-    assert_eq!(received, rendered("scripts/hello.motion"));
+    assert_eq!(received, rendered(steady));
 }
 
 #[test]
@@ -360,23 +371,25 @@ fn a_forbidden_port_names_the_group() {
 
 #[test]
 fn the_port_may_come_from_the_environment() {
+    let steady = steady();
     let far = FarEnd::new();
-    let status = motionseq(&["play", "-q", "scripts/hello.motion"]).env("MOTIONSEQ_PORT", &far.path).status().unwrap();
+    let status = motionseq(&["play", "-q", steady]).env("MOTIONSEQ_PORT", &far.path).status().unwrap();
     assert_eq!(status.code(), Some(0));
-    assert_eq!(bytes(&far.rest()), rendered("scripts/hello.motion"));
+    assert_eq!(bytes(&far.rest()), rendered(steady));
 }
 
 #[test]
 fn output_that_goes_nowhere_does_not_stop_motion() {
+    let steady = steady();
     let far = FarEnd::new();
     let full = || File::options().write(true).open("/dev/full").unwrap();
-    let status = motionseq(&["play", "-v", "scripts/hello.motion", "--port", &far.path, "--record", "/dev/full"])
+    let status = motionseq(&["play", "-v", steady, "--port", &far.path, "--record", "/dev/full"])
         .stderr(full())
         .stdout(full())
         .status()
         .unwrap();
     assert_eq!(status.code(), Some(0));
-    assert_eq!(bytes(&far.rest()), rendered("scripts/hello.motion"));
+    assert_eq!(bytes(&far.rest()), rendered(steady));
 }
 
 #[test]

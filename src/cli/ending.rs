@@ -85,7 +85,7 @@ impl End {
             bytes => written.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),
         };
         if let Err(error) = written {
-            screen.error(&format!("the recording is not complete: {error}; the motion was not changed by that"));
+            screen.warning(&format!("the recording is not complete: {error}; the motion was not changed by that"));
         }
         if lost.notices > 0 {
             screen.note(&format!(
@@ -116,8 +116,12 @@ fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
         0 => String::new(),
         count => format!(", {count} dropped"),
     };
+    let extra = match outcome.extra {
+        0 => String::new(),
+        count => format!(", and {} of stops, pauses and `on abort`", plural(count, "frame")),
+    };
     screen.note(&format!(
-        "sent {frames}{dropped} in {} s; the latest was {}.{:03} ms late",
+        "sent {frames}{dropped} in {} s{extra}; the latest was {}.{:03} ms late",
         seconds(outcome.at_us),
         worst / 1_000,
         worst % 1_000
@@ -181,17 +185,17 @@ fn early_end(screen: &Screen, sources: &Sources, outcome: &Outcome) {
         Cause::Panicked => "motionseq failed, which is a bug".into(),
     };
     let place = outcome.place.map(|span| sources.place(span).to_string());
-    closing_line(screen, &cause, place, outcome.at_us, outcome.stop);
+    screen.error(&closing_line(&cause, place, outcome.at_us, outcome.stop));
 }
 
 /// What happened, where in the script, when, and whether the robot was stopped.
-pub(super) fn closing_line(screen: &Screen, cause: &str, place: Option<String>, at_us: u64, stop: Stop) {
+pub(super) fn closing_line(cause: &str, place: Option<String>, at_us: u64, stop: Stop) -> String {
     let place = place.map(|place| format!(" at {place}")).unwrap_or_default();
     let stop = match stop {
-        Stop::NotSent => "stop: NOT SENT - cut the power",
-        Stop::Sent | Stop::NotNeeded => "stop: sent",
+        Stop::NotSent => "NOT SENT - cut the power",
+        Stop::Sent | Stop::NotNeeded => "sent",
     };
-    screen.error(&format!("{cause}{place}, {} s into the script; {stop}", seconds(at_us)));
+    format!("{cause}{place}, {} s into the script; stop: {stop}", seconds(at_us))
 }
 
 fn signal_name(signal: i32) -> String {

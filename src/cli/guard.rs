@@ -12,9 +12,16 @@ use super::screen::Screen;
 /// What stands for this command on the command line.
 pub(super) const WORD: &str = "guard-a-player";
 
+/// What says that the board is the one that is built in.
+const VIRTUAL_FLAG: &str = "virtual";
+pub(super) const VIRTUAL: &str = "--virtual";
+
 /// Stop the robot of a player that is killed or hangs; only `play` can start this
 #[derive(Debug, Args)]
 pub(super) struct Guard {
+    /// The board is the player's own, and ends with it
+    #[arg(long = VIRTUAL_FLAG)]
+    is_virtual: bool,
     player: i32,
     max_late: u64,
     #[arg(action = clap::ArgAction::Set)]
@@ -33,7 +40,12 @@ impl Guard {
                 } else {
                     "motionseq was killed".into()
                 };
-                closing_line(screen, &cause, guarded.place, guarded.at_us, guarded.stop);
+                let line = closing_line(&cause, guarded.place, guarded.at_us, guarded.stop);
+                let line = match line.split_once("; stop: ") {
+                    Some((what, _)) if self.is_virtual => format!("{what}; the virtual board ended with it"),
+                    _ => line,
+                };
+                screen.late_error(&line);
                 Exit::Failed
             }
             Err(error) => {

@@ -18,6 +18,9 @@ use super::start_thread;
 /// How often the screen and the recording are brought up to date.
 const UPDATE: Duration = Duration::from_millis(40);
 
+/// What stands behind the progress of a run that stands.
+const PAUSED: &str = " paused";
+
 /// What is left to tell at the end: whether the recording is whole, and the board's last report.
 pub(super) type Told = (io::Result<()>, Option<Report>);
 
@@ -94,14 +97,14 @@ impl News {
             Notice::Report(newest) => self.report = Some(newest),
             Notice::Sent { event, .. } if self.screen.is_verbose() => self.frame("", event),
             Notice::Sent { .. } => {}
-            Notice::Dropped { event } => self.frame(" dropped", event),
-            Notice::Paused { at_us } => {
+            Notice::Dropped { event } => self.frame("dropped: ", event),
+            Notice::Sleeping { at_us } => {
                 self.clock = Clock::Stands(at_us);
-                self.screen.note(&format!(
-                    "{} s: paused, the robot stands; Enter goes on from here (the robot may move at once), Ctrl-C ends",
-                    seconds(at_us)
-                ));
+                self.screen.ask(&format!("{} s: the robot stands; `fg` comes back to it", seconds(at_us)));
             }
+            Notice::Paused { at_us } => self
+                .screen
+                .ask(&format!("{} s: paused; Enter goes on (the robot may move at once), Ctrl-C ends", seconds(at_us))),
             Notice::Resumed { at_us } => {
                 let now = Instant::now();
                 self.clock = Clock::Runs(now.checked_sub(Duration::from_micros(at_us)).unwrap_or(now));
@@ -114,14 +117,14 @@ impl News {
     fn frame(&self, what: &str, event: usize) {
         if let Some(event) = self.timeline.events().get(event) {
             let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
-            self.screen.note(&format!("{} s{what}: {}{kind}", seconds(event.at_us), event.command));
+            self.screen.note(&format!("{} s: {what}{}{kind}", seconds(event.at_us), event.command));
         }
     }
 
     /// `1.2 / 3.0 s ████░░░░░░`.
     fn progress(&self) -> String {
         // The bar gives way to the numbers on a narrow terminal.
-        let width = u64::try_from(self.screen.width().saturating_sub(30).min(30)).unwrap_or(0);
+        let width = u64::try_from(self.screen.width().saturating_sub(30 + PAUSED.len()).min(30)).unwrap_or(0);
         let end = self.timeline.end_us;
         let now = match self.clock {
             Clock::Runs(begin) => u64::try_from(begin.elapsed().as_micros()).unwrap_or(u64::MAX).min(end),
@@ -129,7 +132,7 @@ impl News {
         };
         let done = now.saturating_mul(width).checked_div(end).unwrap_or(width);
         let bar: String = (0..width).map(|place| if place < done { '█' } else { '░' }).collect();
-        let paused = if matches!(self.clock, Clock::Stands(_)) { " paused" } else { "" };
+        let paused = if matches!(self.clock, Clock::Stands(_)) { PAUSED } else { "" };
         format!("{} / {} s {bar}{paused}", seconds(now), seconds(end))
     }
 }

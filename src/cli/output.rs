@@ -10,6 +10,9 @@ use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 /// Opens a file for a result that was made from `input`, and never `input` itself. What stands in it stays until
 /// [`begin`]. Never waits for the reader of a named pipe.
 pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
+    if path.as_os_str() == "-" {
+        return Err(io::Error::other("`-` is no file here; name one"));
+    }
     let file = OpenOptions::new()
         .write(true)
         .create(true)

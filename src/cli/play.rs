@@ -25,7 +25,7 @@ use super::screen::Screen;
 /// Play a script on a board, or on a virtual one
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nA second process, the guard, stops the robot if this one is killed or hangs."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nA second process, the guard, stops the robot if this one is killed or hangs.\nEverything that play says goes to standard error."
 )]
 pub(super) struct Play {
     #[command(flatten)]
@@ -33,7 +33,7 @@ pub(super) struct Play {
     /// The serial port of the board, or else what `MOTIONSEQ_PORT` names; without it a virtual board takes the frames
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
-    /// Stop and end when a frame is later than this, from 1ms on [default: 50ms, on the virtual board 1s]
+    /// Stop and end when a frame is later than this, from 1ms to 10s [default: 50ms, on the virtual board 1s]
     #[arg(long, value_name = "TIME", value_parser = max_late)]
     max_late: Option<Duration>,
     /// Run before all other programs and stay in memory, as far as the system allows
@@ -48,11 +48,12 @@ pub(super) struct Play {
 }
 
 fn max_late(text: &str) -> Result<Duration, String> {
-    let time = humantime::parse_duration(text).map_err(|error| error.to_string())?;
-    if time < Duration::from_millis(1) {
-        return Err("no computer is that exact; write 1ms or more".into());
+    let time = humantime::parse_duration(text).map_err(|_| "write a time such as 50ms or 1s")?;
+    match time.as_millis() {
+        0 => Err("no computer is that exact; write 1ms or more".into()),
+        1..=10_000 => Ok(time),
+        _ => Err("a robot is not left alone for so long; write 10s or less".into()),
     }
-    Ok(time)
 }
 
 /// A frame later than this ends the run: on a real port, and on the virtual board.
@@ -101,7 +102,7 @@ impl Play {
         let news = News::start(Arc::clone(&timeline), *screen, recording, notices_out, bytes_out);
         let news = news.map_err(|error| system(screen, &error))?;
         let teller = Teller::start().map_err(|error| system(screen, &error))?;
-        let guard = self.guard(&port.link, max_late, screen).map_err(|error| system(screen, &error))?;
+        let guard = self.guard(&port, max_late, screen).map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
         let mut rig = Rig {
             link: Recorder::new(port.link, bytes_in),
@@ -131,15 +132,15 @@ impl Play {
         Ok(teller.tell(end))
     }
 
-    fn guard(&self, port: &Serial, max_late: u64, screen: &Screen) -> io::Result<Option<Guard>> {
+    fn guard(&self, port: &Port, max_late: u64, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
         }
         // This program once more, also where its file was replaced since it was started.
         let mut program = Command::new("/proc/self/exe");
-        program.arg0("motionseq").arg(super::guard::WORD);
-        Guard::start(program, port.descriptor(), max_late, self.realtime).map(Some)
+        program.arg0("motionseq").arg(super::guard::WORD).args(port.board.is_some().then_some(super::guard::VIRTUAL));
+        Guard::start(program, port.link.descriptor(), max_late, self.realtime).map(Some)
     }
 }
 
@@ -152,7 +153,7 @@ fn become_realtime(screen: &Screen) -> bool {
     ] {
         if let Err(error) = result {
             screen.note(&format!(
-                "--realtime: no {what} ({error}), so it plays without; to allow it, add the line `{line}` to /etc/security/limits.conf and log in again"
+                "--realtime: no {what}, so it plays without: {error}; to allow it to users of the group dialout, add the line `{line}` to /etc/security/limits.conf and log in again"
             ));
         }
     }
@@ -169,6 +170,7 @@ impl Port {
     fn open(path: Option<&Path>, baud: u32, screen: &Screen) -> Result<Self, Exit> {
         if let Some(path) = path {
             let link = Serial::open(path, baud).map_err(|error| refused(screen, path, &error))?;
+            screen.note(&format!("playing on {}", path.display()));
             return Ok(Port { link, board: None });
         }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
@@ -191,7 +193,7 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
         OpenError::Missing => {
             "look for it with `ls /dev/tty* /dev/serial*`; on a Raspberry Pi it is usually /dev/serial0"
         }
-        OpenError::InUse => "close that program, or wait until it has ended",
+        OpenError::InUse => "close that program (a paused motionseq? see `jobs`), or wait until it has ended",
         OpenError::Forbidden => "run `sudo usermod -aG dialout $USER`, then log out and in again",
         OpenError::NotAPort => "name the device that the board hangs on, usually /dev/serial0",
         OpenError::Other(_) => "check the cable and the port",

@@ -51,9 +51,10 @@ impl Screen {
         Screen { color, volume, terminal: terminal && !dumb }
     }
 
-    /// Whether a line can be drawn over and over.
+    /// Whether a line can be drawn over and over: not in the background, where the shell writes too.
     fn is_live(&self) -> bool {
-        self.terminal && self.volume != Volume::Quiet
+        let is_ours = || rustix::termios::tcgetpgrp(io::stderr()).is_ok_and(|ours| ours == rustix::process::getpgrp());
+        self.terminal && self.volume != Volume::Quiet && is_ours()
     }
 
     pub(super) fn is_verbose(&self) -> bool {
@@ -80,6 +81,25 @@ impl Screen {
     /// What clears a live line, if there can be one.
     fn clearing(&self) -> &'static str {
         if self.is_live() { "\r\x1b[K" } else { "" }
+    }
+
+    /// What somebody must know who sits before it, said even with `-q`.
+    pub(super) fn ask(&self, line: &str) {
+        print(&format!("{}{}\n", self.clearing(), escaped(line)));
+    }
+
+    /// What went wrong beside the motion.
+    pub(super) fn warning(&self, line: &str) {
+        let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };
+        print(&format!("{word}: {}\n", escaped(line)));
+    }
+
+    /// The same on a line of its own, where another program's prompt may stand before it.
+    pub(super) fn late_error(&self, line: &str) {
+        if self.terminal {
+            print("\n");
+        }
+        self.error(line);
     }
 
     /// What went wrong outside of a script: said even with `-q`.
@@ -117,7 +137,7 @@ impl Screen {
     /// Columns that a line may fill.
     pub(super) fn width(&self) -> usize {
         let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
-        size.map_or(WIDTH, |size| usize::from(size.ws_col).clamp(40, 120))
+        size.map_or(WIDTH, |size| usize::from(size.ws_col).clamp(24, 120))
     }
 }
 

@@ -104,8 +104,8 @@ impl<L: Link> Rig<'_, L> {
                     self.wait(player, start, start.saturating_add(until), writable, reports, &mut heard)
                 }
                 Order::Pause { until } => self.pause(player, start, start.saturating_add(until)),
-                Order::Suspend => self.suspend(player, start),
-                Order::Stay => self.stay(player, start, reports),
+                Order::Suspend => self.suspend(player, start, notices),
+                Order::Stay => self.stay(player, start, reports, notices),
                 Order::Done => Input::Tick,
             };
         }
@@ -230,12 +230,15 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// The robot stands: sleeps until the shell continues this process.
-    fn suspend(&mut self, player: &Player<'_>, start: u64) -> Input {
+    fn suspend(&mut self, player: &Player<'_>, start: u64, notices: &mut impl FnMut(Notice)) -> Input {
         let place = player.place().map(|span| self.lines.place(span));
         let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
         if let Some(guard) = &mut self.guard {
             guard.rest(at_us, place);
         }
+        notices(Notice::Sleeping { at_us });
+        // Whoever shows that sleeps too, a moment later.
+        clock::sleep_until(clock::now().saturating_add(100 * CLOSE));
         self.signals.suspend();
         if let Some(keys) = &self.keys {
             keys.forget();
@@ -243,11 +246,23 @@ impl<L: Link> Rig<'_, L> {
         Input::Tick
     }
 
-    /// Waits for somebody to say that the run shall go on.
-    fn stay(&mut self, player: &Player<'_>, start: u64, reports: &mut ReportDecoder) -> Input {
+    /// Waits for somebody to say that the run shall go on, and says so once somebody can.
+    fn stay(
+        &mut self,
+        player: &Player<'_>,
+        start: u64,
+        reports: &mut ReportDecoder,
+        notices: &mut impl FnMut(Notice),
+    ) -> Input {
+        let mut is_told = false;
         loop {
             self.beat(player, start, true);
-            // Without a guard to beat for, it looks now and then whether the terminal talks to this process again.
+            if !is_told && self.keys.as_ref().is_some_and(|keys| keys.descriptor().is_some()) {
+                is_told = true;
+                let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
+                notices(Notice::Paused { at_us });
+            }
+            // Now and then it looks whether the terminal talks to this process again.
             let until = clock::now().saturating_add(100 * CLOSE);
             match self.look(until, false, true, reports, &mut |_| {}) {
                 Input::Tick => {}

@@ -30,8 +30,10 @@ const LATE_DEATH: u64 = 2_000_000_000;
 /// How long after a beat the next one is sent where there is time for it behind a frame, in nanoseconds: so the guard knows
 /// the place well.
 const SOON: u64 = 10_000_000;
-/// The shortest and the longest time that a player may be silent, in nanoseconds.
-const INTERVAL: std::ops::RangeInclusive<u64> = 500_000..=100_000_000;
+/// The longest time between two beats, in nanoseconds.
+const MAX_INTERVAL: u64 = 100_000_000;
+/// A guard takes no lateness for a hang that is shorter than twice this, in nanoseconds: a player that is late says so itself.
+const LENIENCE: u64 = 25_000_000;
 
 /// One message to the guard: what it means, where the player is, and in a fixed size, so that none is cut.
 #[derive(Clone, Copy, Debug)]
@@ -110,15 +112,16 @@ impl Guard {
     /// Starts a guard over an open port, and waits until it is ready. `program` must hand the three arguments that are added
     /// to it to [`guard`].
     ///
-    /// A player that is silent for longer than twice `max_late` nanoseconds is killed.
+    /// A player that is silent for longer than twice `max_late` nanoseconds, and 50 ms at least, is killed.
     pub fn start(mut program: Command, port: BorrowedFd<'_>, max_late: u64, realtime: bool) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
+        let max_late = max_late.max(LENIENCE);
         program.args([std::process::id().to_string(), max_late.to_string(), realtime.to_string()]);
         program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
         let child = program.spawn()?;
         // With it goes our copy of the guard's end of the pipe.
         drop(program);
-        let interval = (max_late / 2).clamp(*INTERVAL.start(), *INTERVAL.end());
+        let interval = (max_late / 2).min(MAX_INTERVAL);
         let deadline = clock::now().saturating_add(interval);
         let mut guard = Guard { pipe, child, interval, soon: 0, deadline, bond: Bond::Watched };
         match guard.is_ready() {
@@ -248,7 +251,7 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
     pipe.set_nonblocking(true)?;
     pipe.write_all(&READY)?;
 
-    let mut watch = Watch::new(clock::now(), max_late.max(*INTERVAL.start()).saturating_mul(2));
+    let mut watch = Watch::new(clock::now(), max_late.saturating_mul(2));
     let mut heard = Heard::Silence;
     let hung = loop {
         match watch.poll(clock::now(), heard) {

@@ -111,6 +111,11 @@ impl<'t> Halt<'t> {
         if self.whole > 1 { Stop::Sent } else { Stop::NotSent }
     }
 
+    /// How many frames it has given to the port.
+    pub(super) fn frames(&self) -> usize {
+        self.step
+    }
+
     /// What to do next; `None` once it is over.
     pub(super) fn poll(&mut self, now: u64, input: Input, out: &mut Outbox) -> Option<Order> {
         match input {

@@ -83,7 +83,12 @@ pub enum Notice {
     },
     /// The board has sent a report.
     Report(Report),
-    /// The run stands at this time of the script until somebody says that it shall go on.
+    /// The robot stands, and the process is about to sleep.
+    Sleeping {
+        /// Microseconds from the start of the script.
+        at_us: u64,
+    },
+    /// Somebody at the terminal is waited for, to say that the run shall go on.
     Paused {
         /// Microseconds from the start of the script.
         at_us: u64,
@@ -127,8 +132,10 @@ pub struct Outcome {
     pub stop: Stop,
     /// Frames of the timeline that the port took whole.
     pub sent: usize,
-    /// Frames that were left out.
+    /// Frames of the timeline that were left out.
     pub dropped: usize,
+    /// Frames beside the timeline's: those of stops, of `on abort`, and those that go on behind a pause.
+    pub extra: usize,
     /// The worst lateness of a frame, in nanoseconds.
     pub worst_late: u64,
 }
@@ -156,6 +163,7 @@ pub struct Player<'t> {
     last: Option<usize>,
     sent: usize,
     dropped: usize,
+    extra: usize,
     worst_late: u64,
 }
 
@@ -166,8 +174,8 @@ enum Phase<'t> {
     Ending(Halt<'t>, Outcome),
     /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped.
     Pausing(Halt<'t>, u64, Outcome),
-    /// Standing at a time of the script, and whether that was said.
-    Paused(u64, bool),
+    /// Standing at a time of the script.
+    Paused(u64),
     Done(Outcome),
 }
 
@@ -190,6 +198,7 @@ impl<'t> Player<'t> {
             last: None,
             sent: 0,
             dropped: 0,
+            extra: 0,
             worst_late: 0,
         }
     }
@@ -215,7 +224,7 @@ impl<'t> Player<'t> {
     /// The time of the script at `now`, in nanoseconds.
     pub fn script_time(&self, now: u64) -> u64 {
         match self.phase {
-            Phase::Pausing(_, at, _) | Phase::Paused(at, _) => at,
+            Phase::Pausing(_, at, _) | Phase::Paused(at) => at,
             _ => now.saturating_sub(self.origin),
         }
     }
@@ -227,7 +236,7 @@ impl<'t> Player<'t> {
             Phase::Ending(halt, outcome) => match halt.poll(now, input, &mut self.out) {
                 Some(order) => order,
                 None => {
-                    let outcome = Outcome { stop: halt.stop(), ..*outcome };
+                    let outcome = Outcome { stop: halt.stop(), extra: outcome.extra + halt.frames(), ..*outcome };
                     self.done(outcome)
                 }
             },
@@ -241,16 +250,14 @@ impl<'t> Player<'t> {
                     // A robot that may still be moving is not left alone.
                     (None, Stop::NotSent) => self.done(outcome),
                     (None, _) => {
-                        self.phase = Phase::Paused(at, false);
+                        self.extra += halt.frames();
+                        self.phase = Phase::Paused(at);
                         Order::Suspend
                     }
                 }
             }
-            Phase::Paused(at, told) => {
+            Phase::Paused(at) => {
                 let at = *at;
-                if !std::mem::replace(told, true) {
-                    notices(Notice::Paused { at_us: at / 1_000 });
-                }
                 self.paused(at, now, input, notices)
             }
             Phase::Done(_) => Order::Done,
@@ -363,6 +370,7 @@ impl<'t> Player<'t> {
             stop: Stop::NotSent,
             sent: self.sent,
             dropped: self.dropped,
+            extra: self.extra,
             worst_late: self.worst_late,
         }
     }
@@ -413,6 +421,7 @@ impl<'t> Player<'t> {
         }
         for command in state.commands() {
             self.out.push(&command);
+            self.extra += 1;
         }
         self.due = at;
     }
