@@ -24,6 +24,7 @@
 compile_error!("motionseq runs on Linux only: it needs Linux's clocks, ptys and serial ports");
 
 pub mod board;
+pub mod capture;
 mod clock;
 pub mod diagnostic;
 pub mod link;

@@ -17,6 +17,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("link", &["board"]),
     ("playback", &["source", "timeline", "link", "board", "clock"]),
     ("sim", &["board", "link", "clock"]),
+    ("capture", &["board"]),
 ];
 
 /// Words that stay in one place, and that place.

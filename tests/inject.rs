@@ -240,7 +240,8 @@ impl Plan<'_> {
             strace.args(["-P", if to == To::Port { &port.path } else { &recording }]);
         }
         strace.arg(player.get_program()).args(player.get_args()).current_dir(env!("CARGO_MANIFEST_DIR"));
-        let outcome = finish(&mut strace);
+        // Cargo sets it, and the loader would look for every library in every folder of it.
+        let outcome = finish(strace.env_remove("LD_LIBRARY_PATH"));
         let trace = fs::read_to_string(trace).unwrap_or_default();
         let hangs = |error| format!("{self:?} {n}: {error}\n{}", tail(&trace));
         let (output, received) = (outcome.map_err(hangs)?, port.received().map_err(hangs)?);

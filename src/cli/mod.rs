@@ -1,14 +1,17 @@
 //! Arguments in, exit codes out; one file a command.
 
 mod check;
+mod decode;
 mod ending;
 mod exit;
 mod guard;
 mod news;
 mod output;
 mod play;
+mod ports;
 mod render;
 mod screen;
+mod shell;
 
 use std::io;
 use std::path::PathBuf;
@@ -43,6 +46,10 @@ enum Command {
     Check(check::Check),
     Render(render::Render),
     Play(play::Play),
+    Decode(decode::Decode),
+    Ports(ports::Ports),
+    Completions(shell::Completions),
+    Man(shell::Man),
     #[command(name = guard::WORD, hide = true)]
     Guard(guard::Guard),
 }
@@ -108,6 +115,10 @@ pub(crate) fn main() -> ExitCode {
         Command::Check(check) => check.run(&screen),
         Command::Render(render) => render.run(&screen),
         Command::Play(play) => play.run(&screen),
+        Command::Decode(decode) => decode.run(&screen),
+        Command::Ports(_) => ports::Ports::run(&screen),
+        Command::Completions(completions) => completions.run(&screen),
+        Command::Man(man) => man.run(&screen),
         Command::Guard(guard) => guard.run(&screen),
     };
     exit.into()

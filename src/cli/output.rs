@@ -7,6 +7,9 @@ use std::path::Path;
 
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 
+use super::exit::Exit;
+use super::screen::Screen;
+
 /// Opens a file for a result that was made from `input`, and never `input` itself. What stands in it stays until
 /// [`begin`]. Never waits for the reader of a named pipe.
 pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
@@ -30,4 +33,18 @@ pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
 /// Throws away what stood in the file before.
 pub(super) fn begin(file: &File) -> io::Result<()> {
     if file.metadata()?.is_file() { file.set_len(0) } else { Ok(()) }
+}
+
+/// The exit code of a command whose result went to a file, or to standard output, and what is to be said about it.
+pub(super) fn exit(written: io::Result<()>, path: Option<&Path>, screen: &Screen) -> Exit {
+    match written {
+        Ok(()) => Exit::Ok,
+        // Whoever read it has seen enough.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
+        Err(error) => {
+            let target = path.unwrap_or(Path::new("standard output"));
+            screen.error(&format!("cannot write {}: {error}", target.display()));
+            Exit::Usage
+        }
+    }
 }

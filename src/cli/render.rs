@@ -1,10 +1,11 @@
 //! `motionseq render`: what would be sent, without sending it.
 
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use motionseq::timeline::{Timeline, write_bin, write_hex, write_listing};
+use motionseq::source::{Lines, Sources};
+use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_listing};
 
 use super::Script;
 use super::exit::Exit;
@@ -35,41 +36,38 @@ enum Format {
     Hex,
     /// The bytes, one frame after another
     Bin,
+    /// One JSON object a line, with the place in the script
+    Jsonl,
 }
 
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let timeline = match self.script.compile(screen) {
-            Ok((_, timeline)) => timeline,
+        let (sources, timeline) = match self.script.compile(screen) {
+            Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
         let written = match &self.output {
-            None => self.write(&timeline, io::stdout().lock()),
+            None => self.write(&sources, &timeline, io::stdout().lock()),
             Some(path) => output::open(path, &self.script.file).and_then(|file| {
                 output::begin(&file)?;
-                self.write(&timeline, file)
+                self.write(&sources, &timeline, file)
             }),
         };
-        match written {
-            Ok(()) => Exit::Ok,
-            // Whoever read it has seen enough.
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
-            Err(error) => {
-                let target = self.output.as_deref().unwrap_or(Path::new("standard output"));
-                screen.error(&format!("cannot write {}: {error}", target.display()));
-                Exit::Usage
-            }
-        }
+        output::exit(written, self.output.as_deref(), screen)
     }
 
-    fn write(&self, timeline: &Timeline, out: impl Write) -> io::Result<()> {
+    fn write(&self, sources: &Sources, timeline: &Timeline, out: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let events = timeline.events();
         match self.format {
             Format::Listing => write_listing(events, &mut out)?,
             Format::Hex => write_hex(events, &mut out)?,
             Format::Bin => write_bin(events, &mut out)?,
+            Format::Jsonl => {
+                let lines = Lines::of(sources);
+                timeline.tracks.iter().try_for_each(|track| write_jsonl(track, &lines, &mut out))?;
+            }
         }
         out.flush()
     }

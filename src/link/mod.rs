@@ -9,7 +9,7 @@ use std::os::fd::BorrowedFd;
 
 pub use pty::Pty;
 pub use recorder::Recorder;
-pub use serial::{OpenError, Serial};
+pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
 
 /// A port that never blocks.
 pub trait Link {

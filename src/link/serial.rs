@@ -20,6 +20,50 @@ pub struct Serial {
     port: OwnedFd,
 }
 
+/// A serial port that this computer has.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PortInfo {
+    /// The path to open it by.
+    pub path: String,
+    /// What is known of it, in words.
+    pub description: String,
+    /// Whether it looks like the board.
+    pub likely: Likely,
+}
+
+/// Whether the board hangs on a port, as far as can be told without opening it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Likely {
+    /// It is the serial line of a Raspberry Pi's pins, where the board is plugged on.
+    Board,
+    /// It is a USB adapter.
+    Maybe,
+    /// Neither.
+    No,
+}
+
+/// The serial ports of this computer, sorted by path.
+pub fn ports() -> io::Result<Vec<PortInfo>> {
+    let found = serialport::available_ports().map_err(io::Error::other)?;
+    let mut ports: Vec<PortInfo> = found.into_iter().map(port_info).collect();
+    ports.sort_by(|one, other| one.path.cmp(&other.path));
+    ports.dedup_by(|one, other| one.path == other.path);
+    Ok(ports)
+}
+
+fn port_info(port: serialport::SerialPortInfo) -> PortInfo {
+    let (description, likely) = match &port.port_type {
+        serialport::SerialPortType::UsbPort(usb) => {
+            let name = usb.product.as_deref().or(usb.manufacturer.as_deref()).unwrap_or("serial adapter");
+            (format!("USB {:04x}:{:04x} {name}", usb.vid, usb.pid), Likely::Maybe)
+        }
+        // A Raspberry Pi has its good UART here; the small one does not keep its speed.
+        _ if port.port_name.ends_with("/ttyAMA0") => ("serial line of the pins".to_owned(), Likely::Board),
+        _ => ("serial port".to_owned(), Likely::No),
+    };
+    PortInfo { path: port.port_name, description, likely }
+}
+
 /// Why a port cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {

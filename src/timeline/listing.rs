@@ -3,8 +3,11 @@
 use std::fmt;
 use std::io::{self, Write};
 
-use super::Event;
+use serde::Serialize;
+
+use super::{Event, Track};
 use crate::board::Frame;
+use crate::source::Lines;
 
 /// Microseconds, shown as seconds with six decimals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +33,36 @@ pub fn write_listing(events: &[Event], out: &mut impl Write) -> io::Result<()> {
 /// One line a frame: seconds, TAB, the frame in hex.
 pub fn write_hex(events: &[Event], out: &mut impl Write) -> io::Result<()> {
     each(events, |event, frame| writeln!(out, "{}\t{frame}", Seconds(event.at_us)))
+}
+
+/// One JSON object a line. The time is in microseconds, `file` and `line` say where in the script the command stands.
+pub fn write_jsonl(track: &Track, lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
+    each(&track.events, |event, frame| {
+        let place = lines.place(event.span);
+        let object = Object {
+            t_us: event.at_us,
+            frame: frame.to_string().replace(' ', ""),
+            command: event.command.to_string(),
+            kind: event.kind.word().unwrap_or("command"),
+            file: place.file,
+            line: place.line,
+            robot: track.robot.as_deref(),
+        };
+        serde_json::to_writer(&mut *out, &object)?;
+        out.write_all(b"\n")
+    })
+}
+
+/// One frame, as `render --format jsonl` writes it. Fields may be added, and never change their meaning.
+#[derive(Serialize)]
+struct Object<'a> {
+    t_us: u64,
+    frame: String,
+    command: String,
+    kind: &'static str,
+    file: &'a str,
+    line: usize,
+    robot: Option<&'a str>,
 }
 
 /// The bytes of the frames, one after another: exactly what the port is given.

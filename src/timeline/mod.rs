@@ -12,7 +12,7 @@ use crate::diagnostic::Diagnostics;
 use crate::program::{Action, Program, Shape, TraceId, Traces};
 use crate::source::Span;
 
-pub use listing::{Seconds, write_bin, write_hex, write_listing};
+pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
 
 /// Everything that a script sends and shows, for every robot.
 #[derive(Clone, Debug, PartialEq, Eq)]

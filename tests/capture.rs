@@ -1,0 +1,192 @@
+//! `decode`: streams of bytes and hex digits as a listing, whatever is wrong with them; and the smaller commands.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::io::{self, Read, Write};
+use std::process::Stdio;
+
+use motionseq::capture::{DecodeError, Decoded, decode};
+use support::{motionseq, rendered, run, stderr, stdout};
+
+fn listing(bytes: &[u8]) -> (String, Decoded) {
+    let mut out = Vec::new();
+    let decoded = decode(bytes, &mut out).unwrap();
+    (String::from_utf8(out).unwrap(), decoded)
+}
+
+#[test]
+fn the_bytes_of_a_script_are_its_commands_again() {
+    let bytes = rendered("scripts/hello.motion");
+    let (text, decoded) = listing(&bytes);
+    let rendered = stdout(&run(&["render", "scripts/hello.motion"]));
+    let columns = |text: &str| -> Vec<String> {
+        text.lines().map(|line| line.split('\t').skip(1).take(2).collect::<Vec<_>>().join("\t")).collect()
+    };
+    assert_eq!(columns(&text), columns(&rendered));
+    assert_eq!((decoded.frames, decoded.bytes, decoded.skipped), (22, 281, 0));
+    assert!(text.starts_with("0\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n8\t"));
+}
+
+#[test]
+fn what_is_no_frame_is_shown_and_skipped() {
+    // Noise; a checksum that is wrong; a frame that no row knows; one out of range; half a frame.
+    let bytes = [
+        &[0x00, 0x11][..],
+        &[0xFF, 0xFE, 0x04, 0x01, 0x01, 0x07],
+        &[0xFF, 0xFE, 0x40, 0x01, 0x01, 0x42],
+        &[0xFF, 0xFE, 0x02, 0x03, 0x01, 0x00, 0x01, 0x07],
+        &[0xFF, 0xFE, 0x02, 0x03],
+    ]
+    .concat();
+    let (text, decoded) = listing(&bytes);
+    let expected = "\
+0\t00 11\t\tskipped 2: no frame starts here
+2\tFF FE 04 01 01 07\t\tskipped 6: checksum 0x07 instead of 0x06
+8\tFF FE 40 01 01 42\traw 0x40 0x01\tunknown: no command has this function and length
+14\tFF FE 02 03 01 00 01 07\traw 0x02 0x01 0x00 0x01\tunknown: 1 is outside 500 to 2500
+22\tFF FE 02 03\t\tskipped 4: the stream ends inside a frame
+";
+    assert_eq!(text, expected);
+    assert_eq!(decoded, Decoded { bytes: 26, frames: 2, unknown: 2, skipped: 12, not_hex: 0 });
+}
+
+#[test]
+fn hex_digits_are_read_however_they_are_set() {
+    let frames = "0\tFF FE 04 01 01 06\tbuzzer on\n6\tFF FE 04 01 00 05\tbuzzer off\n";
+    for text in [
+        "FF FE 04 01 01 06 FF FE 04 01 00 05",
+        "fffe04010106\nfffe04010005\n",
+        "\r\n FFF E04 0101\t06 FFFE04010005\r\n",
+    ] {
+        assert_eq!(listing(text.as_bytes()).0, frames, "{text:?}");
+    }
+    assert_eq!(listing(b"FF FE 04 01 01 06 F").1.not_hex, 1);
+    assert_eq!(listing(b""), (String::new(), Decoded::default()));
+}
+
+/// A stream that comes in pieces of one size, and never ends before it must.
+struct Pieces<'b>(&'b [u8], usize);
+
+impl Read for Pieces<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.1.min(self.0.len()).min(buffer.len());
+        buffer[..count].copy_from_slice(&self.0[..count]);
+        self.0 = &self.0[count..];
+        Ok(count)
+    }
+}
+
+#[test]
+fn however_a_stream_is_cut_into_reads_it_says_the_same() {
+    let mut bytes = rendered("scripts/hello.motion");
+    let noise = (0..3_000u32).map(|n| u8::try_from(n.wrapping_mul(2_654_435_761) >> 24).unwrap());
+    bytes.extend(noise);
+    bytes.extend(rendered("scripts/wheels.motion"));
+    let whole = listing(&bytes);
+    for size in [1, 2, 3, 7, 13, 4_096] {
+        let mut out = Vec::new();
+        let decoded = decode(Pieces(&bytes, size), &mut out).unwrap();
+        assert!((String::from_utf8(out).unwrap(), decoded) == whole, "in pieces of {size}");
+    }
+}
+
+#[test]
+fn a_listing_that_cannot_be_written_ends_at_once() {
+    struct Full;
+    impl Write for Full {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::StorageFull.into())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    // A stream that never ends.
+    struct Endless([u8; 6], usize);
+    impl Read for Endless {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            for byte in buffer.iter_mut() {
+                *byte = self.0[self.1 % 6];
+                self.1 += 1;
+            }
+            Ok(buffer.len())
+        }
+    }
+    let frames = [0xFF, 0xFE, 0x04, 0x01, 0x01, 0x06];
+    assert!(matches!(decode(Endless(frames, 0), &mut Full), Err(DecodeError::Write(_))));
+}
+
+#[test]
+fn the_command_reads_files_and_standard_input() {
+    let mut child = motionseq(&["decode", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(&rendered("scripts/hello.motion")[..10]).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(
+        stdout(&output),
+        "0\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n8\tFF FE\t\tskipped 2: the stream ends inside a frame\n"
+    );
+    assert_eq!(stderr(&output), "1 frame in 10 bytes, 2 bytes skipped\n");
+    let output = run(&["decode", "/no/such/file"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("cannot read /no/such/file"));
+    assert_eq!(run(&["decode", "scripts"]).status.code(), Some(1));
+}
+
+#[test]
+fn jsonl_names_the_line_of_every_frame() {
+    let text = stdout(&run(&["render", "scripts/greeting.motion", "--format", "jsonl"]));
+    let listing = stdout(&run(&["render", "scripts/greeting.motion"]));
+    assert_eq!(text.lines().count(), listing.lines().count());
+    for (object, line) in text.lines().zip(listing.lines()) {
+        let object: serde_json::Value = serde_json::from_str(object).unwrap();
+        let columns: Vec<&str> = line.split('\t').collect();
+        let micros: u64 = columns[0].replace('.', "").parse().unwrap();
+        assert_eq!(object["t_us"], micros);
+        assert_eq!(object["frame"], columns[1].replace(' ', ""));
+        assert_eq!(object["command"], columns[2]);
+        assert_eq!(object["kind"], columns.get(3).copied().unwrap_or("command"));
+        assert_eq!(object["robot"], serde_json::Value::Null);
+        let file = std::fs::read_to_string(object["file"].as_str().unwrap()).unwrap();
+        let at = usize::try_from(object["line"].as_u64().unwrap()).unwrap();
+        // The line does something, in the script or in the file that it uses.
+        assert!(!file.lines().nth(at - 1).unwrap().trim_start().starts_with('#'), "{object}");
+    }
+    assert!(text.contains("scripts/lib/phrases.motion"));
+}
+
+#[test]
+fn shells_and_man_are_told_every_command_but_the_hidden_one() {
+    for shell in ["bash", "zsh", "fish"] {
+        let text = stdout(&run(&["completions", shell]));
+        assert!(text.contains("render") && text.contains("max-late") && !text.contains("guard-a-player"), "{shell}");
+    }
+    assert_eq!(run(&["completions", "tcsh"]).status.code(), Some(2));
+    let page = stdout(&run(&["man"]));
+    assert!(page.contains(".TH motionseq 1") && !page.contains("guard-a-player"));
+    assert!(stdout(&run(&["man", "play"])).contains("motionseq\\-play"));
+    let output = run(&["man", "guard-a-player"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("there is no command `guard-a-player`; there are check, render, play"));
+    // A closed pipe is no reason to panic.
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = motionseq(&["completions", "bash"]).stdout(full).stderr(Stdio::piped()).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn ports_lists_what_is_there() {
+    let output = run(&["ports"]);
+    assert_eq!(output.status.code(), Some(0));
+    let is_told = stderr(&output).contains("there is no serial port");
+    assert_eq!(stdout(&output).is_empty(), is_told);
+    for line in stdout(&output).lines() {
+        assert!(line.split('\t').count() >= 2 && std::fs::exists(line.split('\t').next().unwrap()).unwrap(), "{line}");
+    }
+}
