@@ -4,7 +4,7 @@
 
 mod support;
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -97,10 +97,7 @@ fn a_player_that_hangs_is_killed_and_its_robot_stopped() {
         assert_eq!(signal, Some(9));
         assert_stopped(&received);
         let line = closing_line(&text);
-        assert!(
-            line.contains("motionseq hung for 200 ms and was killed at ") && line.ends_with("; stop: sent"),
-            "{line}"
-        );
+        assert!(line.contains("motionseq hung for 200 ms and was killed") && line.ends_with("; stop: sent"), "{line}");
     });
 }
 
@@ -264,13 +261,68 @@ fn the_guard_of_the_virtual_board_asks_nobody_to_cut_the_power() {
 }
 
 #[test]
+fn a_guard_that_cannot_say_what_it_did_holds_no_port() {
+    let long = script("mute", DRIVING);
+    let (reader, mut full) = std::io::pipe().unwrap();
+    rustix::fs::fcntl_setfl(&full, rustix::fs::OFlags::NONBLOCK).unwrap();
+    while full.write(&[0; 4096]).is_ok() {}
+    rustix::fs::fcntl_setfl(&full, rustix::fs::OFlags::empty()).unwrap();
+    let far = FarEnd::new();
+    let mut child = motionseq(&["play", "-q", &long, "--port", &far.path]).stderr(full).spawn().unwrap();
+    let mut received = far.first();
+    kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+    // It ends only when nobody has the port any more.
+    received.extend(bytes(&far.rest()));
+    assert_stopped(&received);
+    child.wait().unwrap();
+    drop(reader);
+}
+
+#[test]
+fn the_recording_of_a_killed_run_holds_what_was_sent() {
+    let long = script("recorded", DRIVING);
+    let record = std::env::temp_dir().join(format!("motionseq-killed-{}.bin", std::process::id()));
+    let far = FarEnd::new();
+    let (child, mut received) =
+        start_and_wait(&far, &["play", &long, "--port", &far.path, "--record", record.to_str().unwrap()], 3);
+    while std::fs::metadata(&record).unwrap().len() == 0 {
+        received.extend(far.first());
+    }
+    kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
+    killed(child);
+    received.extend(bytes(&far.rest()));
+    let recorded = std::fs::read(&record).unwrap();
+    std::fs::remove_file(record).unwrap();
+    assert!(!recorded.is_empty() && received.starts_with(&recorded));
+}
+
+#[test]
+fn a_ctrl_c_beside_a_ctrl_z_is_not_lost() {
+    let long = script("both", DRIVING);
+    for _ in 0..5 {
+        let far = FarEnd::new();
+        // On a terminal a Ctrl-Z alone would pause it; in a session of its own it ends it with another code.
+        let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], 0);
+        kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
+        kill_process(Pid::from_child(&child), Signal::TSTP).unwrap();
+        kill_process(Pid::from_child(&child), Signal::INT).unwrap();
+        kill_process(Pid::from_child(&child), Signal::CONT).unwrap();
+        let (code, text) = end(child);
+        received.extend(bytes(&far.rest()));
+        assert_eq!(code, 130, "{text}");
+        assert_stopped(&received);
+    }
+}
+
+#[test]
 fn a_guard_ignores_what_ends_other_programs() {
     let long = script("guard-signals", DRIVING);
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path]);
     let mut received = far.first();
     let guard = child_of(&child);
-    let signals = [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP, Signal::USR1, Signal::ALARM];
+    let signals =
+        [Signal::HUP, Signal::INT, Signal::QUIT, Signal::TERM, Signal::TSTP, Signal::USR1, Signal::ALARM, Signal::PROF];
     for signal in signals {
         kill_process(guard, signal).unwrap();
     }
@@ -414,13 +466,21 @@ fn whatever_the_board_sends_changes_no_byte_of_the_run() {
 
 #[test]
 fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
+    // Without a shell nobody could wake a process that sleeps, so it does not.
+    for with_shell in [true, false] {
+        pause_and_resume(with_shell);
+    }
+}
+
+fn pause_and_resume(with_shell: bool) {
     let long = script("terminal", "refresh off\nrocker x=10; buzzer on\nwait 400ms\nstop; buzzer off\n");
     let far = FarEnd::new();
     let terminal = Pty::open().unwrap();
     // A session whose terminal this is, with something like a shell; but the test continues the player itself.
     let mut python = Command::new("python3");
     let child = python
-        .args(["-c", IN_A_TERMINAL, terminal.path().to_str().unwrap(), env!("CARGO_BIN_EXE_motionseq"), "play", &long])
+        .args(["-c", IN_A_TERMINAL, terminal.path().to_str().unwrap(), if with_shell { "shell" } else { "" }])
+        .args([env!("CARGO_BIN_EXE_motionseq"), "play", &long])
         .args(["--max-late", "5s", "--port", &far.path])
         .stdin(Stdio::null())
         .stderr(Stdio::piped())
@@ -433,12 +493,14 @@ fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
         received.extend(far.first());
     }
     assert_stopped(&received);
-    let player = child_of(&child);
-    let status = format!("/proc/{}/stat", player.as_raw_nonzero());
-    while !std::fs::read_to_string(&status).unwrap().contains(") T ") {
-        thread::yield_now();
+    if with_shell {
+        let player = child_of(&child);
+        let status = format!("/proc/{}/stat", player.as_raw_nonzero());
+        while !std::fs::read_to_string(&status).unwrap().contains(") T ") {
+            thread::yield_now();
+        }
+        kill_process(player, Signal::CONT).unwrap();
     }
-    kill_process(player, Signal::CONT).unwrap();
     // Whatever was typed before is forgotten; what is typed from now on may come before it is heard, so until it goes on.
     let (sender, heard) = std::sync::mpsc::channel();
     let enter = thread::spawn(move || {
@@ -482,10 +544,11 @@ attributes[6][termios.VSUSP] = b'\\x1a'
 termios.tcsetattr(terminal, termios.TCSANOW, attributes)
 os.dup2(terminal, 0)
 signal.signal(signal.SIGTTOU, signal.SIG_IGN)
-player = os.fork()
+player = os.fork() if sys.argv[2] else 0
 if player == 0:
-    os.setpgid(0, 0)
-    os.tcsetpgrp(terminal, os.getpgrp())
+    if sys.argv[2]:
+        os.setpgid(0, 0)
+        os.tcsetpgrp(terminal, os.getpgrp())
     signal.signal(signal.SIGTTOU, signal.SIG_DFL)
-    os.execv(sys.argv[2], sys.argv[2:])
+    os.execv(sys.argv[3], sys.argv[3:])
 sys.exit(os.waitstatus_to_exitcode(os.waitpid(player, 0)[1]))";

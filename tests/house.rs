@@ -32,7 +32,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("libc::", "src/playback/os.rs"),
     ("clock_gettime", "src/clock.rs"),
     ("strsim::", "src/program/suggest.rs"),
-    ("rustix::", "src/clock.rs src/playback/os.rs src/link src/source.rs"),
+    ("rustix::", "src/clock.rs src/playback/os.rs src/playback/guard.rs src/link src/source.rs"),
     ("Instant::now", ""),
     ("thread::sleep", ""),
     ("println!", ""),

@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use motionseq::board::{Report, State};
+use motionseq::link::Serial;
 use motionseq::playback::{Cause, Outcome, Stop};
 use motionseq::sim::Received;
 use motionseq::source::Sources;
@@ -39,6 +40,8 @@ pub(super) struct End {
     pub(super) news: Receiver<Told>,
     pub(super) is_recorded: bool,
     pub(super) board: Option<JoinHandle<io::Result<Received>>>,
+    /// A real port, which is closed when all was said: the system may wait for it as long as half a minute.
+    pub(super) port: Option<Serial>,
 }
 
 /// The thread that says it, made before the first frame: at the end the system may have none to give.
@@ -71,7 +74,7 @@ impl Teller {
 
 impl End {
     fn say(self) {
-        let End { screen, sources, timeline, outcome, lost, news, is_recorded, board } = self;
+        let End { screen, sources, timeline, outcome, lost, news, is_recorded, board, port } = self;
         // A recording or a screen that takes nothing must not hide how the run ended.
         let (written, report) = news.recv_timeout(NEWS).unwrap_or_else(|why| {
             let why = match why {
@@ -106,6 +109,7 @@ impl End {
             Some(Err(_)) => screen.error("the virtual board failed"),
         }
         early_end(&screen, &sources, &outcome);
+        drop(port);
     }
 }
 
@@ -185,17 +189,21 @@ fn early_end(screen: &Screen, sources: &Sources, outcome: &Outcome) {
         Cause::Panicked => "motionseq failed, which is a bug".into(),
     };
     let place = outcome.place.map(|span| sources.place(span).to_string());
-    screen.error(&closing_line(&cause, place, outcome.at_us, outcome.stop));
+    screen.error(&closing_line(&cause, place, outcome.at_us, stop_words(outcome.stop)));
 }
 
-/// What happened, where in the script, when, and whether the robot was stopped.
-pub(super) fn closing_line(cause: &str, place: Option<String>, at_us: u64, stop: Stop) -> String {
+/// What became of the robot, for the end of a closing line.
+pub(super) fn stop_words(stop: Stop) -> &'static str {
+    match stop {
+        Stop::NotSent => "stop: NOT SENT - cut the power",
+        Stop::Sent | Stop::NotNeeded => "stop: sent",
+    }
+}
+
+/// What happened, where in the script, when, and what became of the robot.
+pub(super) fn closing_line(cause: &str, place: Option<String>, at_us: u64, robot: &str) -> String {
     let place = place.map(|place| format!(" at {place}")).unwrap_or_default();
-    let stop = match stop {
-        Stop::NotSent => "NOT SENT - cut the power",
-        Stop::Sent | Stop::NotNeeded => "sent",
-    };
-    format!("{cause}{place}, {} s into the script; stop: {stop}", seconds(at_us))
+    format!("{cause}{place}, {} s into the script; {robot}", seconds(at_us))
 }
 
 fn signal_name(signal: i32) -> String {

@@ -1,7 +1,7 @@
 //! The thread that writes while it plays: the progress line, `say` lines, the recording. Motion never waits for it.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -59,7 +59,7 @@ impl News {
     }
 
     fn run(mut self, mut notices: Consumer<Notice>, mut bytes: Consumer<u8>) -> Told {
-        let mut recording = self.recording.take().map(BufWriter::new);
+        let mut recording = self.recording.take();
         let mut written = Ok(());
         loop {
             // Looked at before the rings are emptied, so that nothing is left in them at the end.
@@ -81,9 +81,6 @@ impl News {
             thread::park_timeout(UPDATE);
         }
         self.screen.live("");
-        if let Some(mut file) = recording {
-            written = written.and_then(|()| file.flush());
-        }
         (written, self.report)
     }
 

@@ -102,15 +102,22 @@ impl Play {
         let news = News::start(Arc::clone(&timeline), *screen, recording, notices_out, bytes_out);
         let news = news.map_err(|error| system(screen, &error))?;
         let teller = Teller::start().map_err(|error| system(screen, &error))?;
-        let guard = self.guard(&port, max_late, screen).map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
         let mut rig = Rig {
             link: Recorder::new(port.link, bytes_in),
             signals,
-            guard,
+            guard: None,
             keys: Keys::open(),
             lines: Lines::of(&sources),
             realtime: self.realtime && become_realtime(screen),
+        };
+        // The last of all: from here on the player must beat.
+        rig.guard = match self.guard(&rig.link, port.board.is_some(), max_late, screen) {
+            Ok(guard) => guard,
+            // A Ctrl-C reaches the guard, too, while it starts.
+            Err(error) => {
+                return Err(rig.signals.pending().map_or_else(|| system(screen, &error), Exit::Signal));
+            }
         };
 
         let mut lost = Lost::default();
@@ -118,29 +125,45 @@ impl Play {
             // Where the screen cannot follow, it misses something; the motion does not wait.
             lost.notices += u64::from(notices_in.push(notice).is_err());
         });
-        let Rig { link, guard, .. } = rig;
-        // A player that failed before it could stop the robot leaves that to its guard.
+        let Rig { mut link, guard, .. } = rig;
         match guard {
-            Some(guard) if (outcome.cause, outcome.stop) != (Cause::Panicked, Stop::NotSent) => guard.goodbye(),
-            _ => {}
+            // A player that failed before it could stop the robot leaves that to its guard, which kills it first.
+            Some(guard) if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) => drop(guard),
+            Some(guard) => guard.goodbye(),
+            None => {}
+        }
+        if outcome.stop == Stop::NotSent {
+            // What the port never took must not keep it from closing.
+            let _ = link.discard();
         }
         lost.bytes = link.lost();
-        // Both rings end, which ends the news; the closed port ends the virtual board.
-        drop((link, notices_in));
+        // Both rings end, which ends the news.
+        drop(notices_in);
+        let is_real = port.board.is_none();
+        // The virtual board ends when its port is closed.
+        let held = Some(link.into_inner()).filter(|_| is_real);
         let is_recorded = self.record.is_some();
-        let end = End { screen: *screen, sources, timeline, outcome, lost, news, is_recorded, board: port.board };
+        let board = port.board;
+        let end = End { screen: *screen, sources, timeline, outcome, lost, news, is_recorded, board, port: held };
         Ok(teller.tell(end))
     }
 
-    fn guard(&self, port: &Port, max_late: u64, screen: &Screen) -> io::Result<Option<Guard>> {
+    fn guard(
+        &self,
+        port: &Recorder<Serial>,
+        with_board: bool,
+        max_late: u64,
+        screen: &Screen,
+    ) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
         }
         // This program once more, also where its file was replaced since it was started.
         let mut program = Command::new("/proc/self/exe");
-        program.arg0("motionseq").arg(super::guard::WORD).args(port.board.is_some().then_some(super::guard::VIRTUAL));
-        Guard::start(program, port.link.descriptor(), max_late, self.realtime).map(Some)
+        program.arg0("motionseq").args([super::guard::WORD, screen.color_option()]);
+        program.args(with_board.then_some("--with-board"));
+        Guard::start(program, port.descriptor(), max_late, self.realtime).map(Some)
     }
 }
 

@@ -6,6 +6,7 @@ use std::io::{self, IsTerminal, Write as _};
 use clap::ValueEnum;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostics, Printable, escaped};
+use motionseq::playback::is_in_foreground;
 use motionseq::source::Sources;
 
 /// When messages have colors.
@@ -53,8 +54,12 @@ impl Screen {
 
     /// Whether a line can be drawn over and over: not in the background, where the shell writes too.
     fn is_live(&self) -> bool {
-        let is_ours = || rustix::termios::tcgetpgrp(io::stderr()).is_ok_and(|ours| ours == rustix::process::getpgrp());
-        self.terminal && self.volume != Volume::Quiet && is_ours()
+        self.terminal && self.volume != Volume::Quiet && is_in_foreground(io::stderr())
+    }
+
+    /// What `--color` must be for another process to look the same.
+    pub(super) fn color_option(&self) -> &'static str {
+        if self.color { "--color=always" } else { "--color=never" }
     }
 
     pub(super) fn is_verbose(&self) -> bool {

@@ -22,6 +22,11 @@ impl<L: Link> Recorder<L> {
         Recorder { inner, ring, lost: 0 }
     }
 
+    /// Ends the recording and gives the link back.
+    pub fn into_inner(self) -> L {
+        self.inner
+    }
+
     /// How many bytes did not fit the ring.
     pub fn lost(&self) -> u64 {
         self.lost

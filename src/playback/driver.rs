@@ -76,7 +76,6 @@ impl<L: Link> Rig<'_, L> {
     ) -> Outcome {
         loop {
             if input == Input::Tick {
-                // Also where one write follows another, and before the first.
                 input = self.signals.pending().map_or(Input::Tick, |signal| self.meaning(signal));
             }
             if input == Input::Tick && self.guard.as_mut().is_some_and(Guard::is_newly_lost) {
@@ -89,7 +88,11 @@ impl<L: Link> Rig<'_, L> {
                 return outcome;
             }
             input = match order {
-                Order::Write => transfer(self.link.write(player.bytes())),
+                // Also where one write follows another, and before the first.
+                Order::Write => match self.signals.pending() {
+                    Some(signal) => self.meaning(signal),
+                    None => transfer(self.link.write(player.bytes())),
+                },
                 Order::Discard => {
                     // Where the port is gone there is nothing to throw away, and the stop tells.
                     let _ = self.link.discard();
@@ -240,9 +243,6 @@ impl<L: Link> Rig<'_, L> {
         // Whoever shows that sleeps too, a moment later.
         clock::sleep_until(clock::now().saturating_add(100 * CLOSE));
         self.signals.suspend();
-        if let Some(keys) = &self.keys {
-            keys.forget();
-        }
         Input::Tick
     }
 
@@ -257,8 +257,11 @@ impl<L: Link> Rig<'_, L> {
         let mut is_told = false;
         loop {
             self.beat(player, start, true);
-            if !is_told && self.keys.as_ref().is_some_and(|keys| keys.descriptor().is_some()) {
-                is_told = true;
+            let keys = self.keys.as_ref().filter(|keys| keys.descriptor().is_some());
+            let was_told = std::mem::replace(&mut is_told, keys.is_some());
+            if let Some(keys) = keys.filter(|_| !was_told) {
+                // What was typed before was not meant for a robot.
+                keys.forget();
                 let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
                 notices(Notice::Paused { at_us });
             }

@@ -5,6 +5,7 @@
 //! sends. Where the pipe closes without a goodbye, the player has died; where no beat came for too long, it hangs, and is
 //! killed first, because nothing else could keep it from sending after the stop. The bytes of the script do not pass here.
 
+use std::fs::File;
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
@@ -268,6 +269,9 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
     if !has_ended && player.has_ended(LATE_DEATH) {
         stop = halt(&mut port, &mut out);
     }
+    // Whoever plays next must not wait until this was told.
+    drop(port);
+    let _ = File::open("/dev/null").map(rustix::stdio::dup2_stdin);
     Ok(Some(Guarded { hung, at_us: last.at_us(), place: last.place(), stop }))
 }
 

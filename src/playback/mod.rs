@@ -15,5 +15,5 @@ pub use crate::clock::now;
 pub use driver::{Rig, drive};
 pub use guard::{Guard, Guarded, guard};
 pub use halt::Stop;
-pub use os::{Keys, Realtime, Signals};
+pub use os::{Keys, Realtime, Signals, is_in_foreground};
 pub use player::{Cause, Input, Notice, Order, Outcome, Player};

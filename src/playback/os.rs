@@ -5,7 +5,7 @@ use std::num::NonZeroU64;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rustix::event::{PollFd, PollFlags};
 use rustix::fs::{Mode, OFlags};
@@ -13,9 +13,7 @@ use rustix::io::Errno;
 use rustix::mm::MlockAllFlags;
 use rustix::process::{Pid, PidfdFlags, Signal};
 use rustix::termios::QueueSelector;
-use signal_hook::consts::{
-    SIGALRM, SIGCONT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGXFSZ,
-};
+use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGXFSZ};
 
 use crate::clock::timespec;
 
@@ -50,63 +48,81 @@ pub(super) fn is_gone(ready: Ready) -> bool {
     ready.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
 }
 
-/// The signals that end a run: Ctrl-C, Ctrl-\\, Ctrl-Z, a request to terminate, a closed terminal.
+/// The signals that end a run, or let it pause: Ctrl-C, Ctrl-\\, Ctrl-Z, a request to terminate, a closed terminal.
 #[derive(Debug)]
 pub struct Signals {
     pipe: UnixStream,
-    last: Arc<AtomicUsize>,
+    /// Whether each of [`CAUGHT`] has come.
+    caught: [(i32, Arc<AtomicBool>); CAUGHT.len()],
     continued: Arc<AtomicBool>,
 }
+
+/// In the order in which they count where several have come: one that ends the run before the one that lets it pause.
+const CAUGHT: [i32; 5] = [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP];
+/// How long a process that wants to sleep waits to be put to sleep: the system puts none to sleep that no shell could wake.
+const DOZE: u64 = 200_000_000;
 
 impl Signals {
     /// Catches them from now on, for the whole process.
     pub fn catch() -> io::Result<Self> {
         let (pipe, sender) = UnixStream::pair()?;
         pipe.set_nonblocking(true)?;
-        let last = Arc::new(AtomicUsize::new(0));
-        for signal in [SIGINT, SIGQUIT, SIGTERM, SIGHUP, SIGTSTP] {
-            // In this order, so that the number is there when the pipe wakes somebody.
-            let number = usize::try_from(signal).unwrap_or(0);
-            signal_hook::flag::register_usize(signal, Arc::clone(&last), number)?;
+        let flag = |signal| {
+            let flag = Arc::new(AtomicBool::new(false));
+            // In this order, so that the flag is there when the pipe wakes somebody.
+            signal_hook::flag::register(signal, Arc::clone(&flag))?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
-        }
-        let continued = Arc::new(AtomicBool::new(false));
-        signal_hook::flag::register(SIGCONT, Arc::clone(&continued))?;
-        signal_hook::low_level::pipe::register(SIGCONT, sender)?;
+            io::Result::Ok((signal, flag))
+        };
+        let [int, term, hup, quit, tstp] = CAUGHT;
+        let caught = [flag(int)?, flag(term)?, flag(hup)?, flag(quit)?, flag(tstp)?];
+        let (_, continued) = flag(SIGCONT)?;
         // A recording that grows past the limit of file sizes would kill the player while the robot drives. Ignored, it is
         // a write that fails. Likewise a terminal that stops programs in the background that write to it or read from it.
-        ignore(&[SIGXFSZ, SIGTTOU, SIGTTIN]);
-        Ok(Signals { pipe, last, continued })
+        ignore([SIGXFSZ, SIGTTOU, SIGTTIN]);
+        Ok(Signals { pipe, caught, continued })
     }
 
-    /// The last signal that came; empties the pipe.
+    /// The first signal that counts; empties the pipe.
     pub(super) fn take(&self) -> Option<i32> {
-        let mut buffer = [0; 64];
-        while matches!((&self.pipe).read(&mut buffer), Ok(count) if count > 0) {}
+        self.empty();
         self.pending()
     }
 
-    /// The last signal that came, without a system call. What it leaves in the pipe only wakes the next wait.
-    pub(super) fn pending(&self) -> Option<i32> {
-        match self.last.swap(0, Ordering::AcqRel) {
-            0 => None,
-            signal => i32::try_from(signal).ok(),
-        }
+    /// The first signal that counts, without a system call. What it leaves in the pipe only wakes the next wait.
+    pub fn pending(&self) -> Option<i32> {
+        let mut caught = self.caught.iter();
+        caught.find(|(_, flag)| flag.swap(false, Ordering::AcqRel)).map(|(signal, _)| *signal)
     }
 
-    /// Sleeps as a stopped process until it is continued.
+    fn empty(&self) {
+        let mut buffer = [0; 64];
+        while matches!((&self.pipe).read(&mut buffer), Ok(count) if count > 0) {}
+    }
+
+    /// Whether a signal has come that ends the run.
+    fn is_ending(&self) -> bool {
+        self.caught.iter().any(|(signal, flag)| *signal != SIGTSTP && flag.load(Ordering::Acquire))
+    }
+
+    /// Sleeps as a stopped process until it is continued; not where a signal wants the run to end, or where no shell could
+    /// continue it. A further Ctrl-Z meanwhile is not one more pause.
     pub(super) fn suspend(&self) {
         self.continued.store(false, Ordering::Release);
-        if rustix::process::kill_process(rustix::process::getpid(), Signal::STOP).is_err() {
-            return;
-        }
-        // Another thread may be the one that is stopped first.
-        while !self.continued.load(Ordering::Acquire) {
-            if wait([(Some(self.pipe.as_fd()), Ready::IN)], None).is_err() {
-                return;
+        if !self.is_ending() {
+            stop_this_process();
+            // It may be another thread that is stopped first, and none is where the system does not do it.
+            let until = crate::clock::now().saturating_add(DOZE);
+            while !self.continued.load(Ordering::Acquire) && !self.is_ending() {
+                let left = until.saturating_sub(crate::clock::now());
+                if left == 0 || wait([(Some(self.pipe.as_fd()), Ready::IN)], Some(left)).is_err() {
+                    break;
+                }
+                self.empty();
             }
-            let mut buffer = [0; 64];
-            while matches!((&self.pipe).read(&mut buffer), Ok(count) if count > 0) {}
+        }
+        for (_, flag) in self.caught.iter().filter(|(signal, _)| *signal == SIGTSTP) {
+            flag.store(false, Ordering::Release);
         }
     }
 }
@@ -117,6 +133,11 @@ impl AsFd for Signals {
     }
 }
 
+/// Whether a terminal talks to this process, and not to another one of its session.
+pub fn is_in_foreground(terminal: impl AsFd) -> bool {
+    rustix::termios::tcgetpgrp(terminal).is_ok_and(|group| group.as_raw_nonzero().get() == own_group())
+}
+
 /// The terminal that this process was started from, for somebody to say there that a paused run shall go on.
 #[derive(Debug)]
 pub struct Keys {
@@ -124,12 +145,8 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Opens it; `None` where there is none, or where this process is the first of its session: no shell is there that
-    /// could continue it.
+    /// Opens it; `None` where there is none.
     pub fn open() -> Option<Self> {
-        if rustix::process::getsid(None).is_ok_and(|leader| leader == rustix::process::getpid()) {
-            return None;
-        }
         let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let terminal = rustix::fs::open("/dev/tty", flags, Mode::empty()).ok()?;
         Some(Keys { terminal })
@@ -137,15 +154,12 @@ impl Keys {
 
     /// The descriptor to wait on, while this process is the one that the terminal talks to.
     pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
-        let talks_to = rustix::termios::tcgetpgrp(&self.terminal).ok()?;
-        (talks_to == rustix::process::getpgrp()).then(|| self.terminal.as_fd())
+        is_in_foreground(&self.terminal).then(|| self.terminal.as_fd())
     }
 
     /// Forgets what was typed before.
     pub(super) fn forget(&self) {
-        if self.descriptor().is_some() {
-            let _ = rustix::termios::tcflush(&self.terminal, QueueSelector::IFlush);
-        }
+        let _ = rustix::termios::tcflush(&self.terminal, QueueSelector::IFlush);
     }
 
     /// Whether a line was typed.
@@ -183,9 +197,23 @@ pub(super) fn wake_exactly() {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
 
+/// What cannot be ignored, or tells of a fault of the program itself, or of a child's end.
+const FAULTS: [i32; 10] = [
+    libc::SIGKILL,
+    libc::SIGSTOP,
+    libc::SIGSEGV,
+    libc::SIGBUS,
+    libc::SIGILL,
+    libc::SIGFPE,
+    libc::SIGTRAP,
+    libc::SIGSYS,
+    libc::SIGABRT,
+    libc::SIGCHLD,
+];
+
 /// Makes this process a guard: nothing but a kill or a stop reaches it, and it wakes as soon as it can.
 pub(super) fn become_guard(realtime: bool) {
-    ignore(&[SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGALRM, SIGXFSZ]);
+    ignore((1..=libc::SIGRTMAX()).filter(|signal| !FAULTS.contains(signal)));
     // Fails only for a process that leads its session already.
     let _ = rustix::process::setsid();
     wake_exactly();
@@ -225,11 +253,34 @@ impl Process {
 }
 
 #[expect(unsafe_code, reason = "neither the standard library nor rustix can ignore a signal")]
-fn ignore(signals: &[i32]) {
-    for &signal in signals {
+fn ignore(signals: impl IntoIterator<Item = i32>) {
+    for signal in signals {
         // SAFETY: no handler runs: SIG_IGN takes a valid signal number or fails with EINVAL.
         unsafe { libc::signal(signal, libc::SIG_IGN) };
     }
+}
+
+/// Does what Ctrl-Z does to a program that does not catch it: nothing where no shell could continue it.
+#[expect(unsafe_code, reason = "the handler must be put aside for it, and back")]
+fn stop_this_process() {
+    // SAFETY: all pointers are to live values of the type that the calls read and write, and the handler that is put back is
+    // the one that was there.
+    unsafe {
+        let mut default: libc::sigaction = std::mem::zeroed();
+        let mut caught: libc::sigaction = std::mem::zeroed();
+        default.sa_sigaction = libc::SIG_DFL;
+        if libc::sigaction(libc::SIGTSTP, &raw const default, &raw mut caught) == 0 {
+            libc::kill(libc::getpid(), libc::SIGTSTP);
+            libc::sigaction(libc::SIGTSTP, &raw const caught, std::ptr::null_mut());
+        }
+    }
+}
+
+/// The process group of this process. Zero in a namespace that does not know it, which rustix takes for impossible.
+#[expect(unsafe_code, reason = "rustix cannot tell of a group that its namespace does not know")]
+fn own_group() -> i32 {
+    // SAFETY: it takes nothing and cannot fail.
+    unsafe { libc::getpgrp() }
 }
 
 /// `SCHED_FIFO` for this thread, and for none that it starts.
