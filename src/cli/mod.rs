@@ -2,6 +2,7 @@
 
 mod check;
 mod decode;
+mod diff;
 mod ending;
 mod exit;
 mod guard;
@@ -46,6 +47,7 @@ enum Command {
     Check(check::Check),
     Render(render::Render),
     Play(play::Play),
+    Diff(diff::Diff),
     Decode(decode::Decode),
     Ports(ports::Ports),
     Completions(shell::Completions),
@@ -115,6 +117,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Check(check) => check.run(&screen),
         Command::Render(render) => render.run(&screen),
         Command::Play(play) => play.run(&screen),
+        Command::Diff(diff) => diff.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
         Command::Completions(completions) => completions.run(&screen),

@@ -72,6 +72,13 @@ impl Traces {
         diagnostic
     }
 
+    /// The calls and passes that led to `leaf`, the innermost first: where the call or the `repeat` stands, and which pass it
+    /// is, counted from 1; 0 for a call.
+    pub fn chain(&self, leaf: TraceId) -> impl Iterator<Item = (Span, u32)> {
+        let first = self.get(leaf);
+        std::iter::successors(first, |trace| self.get(trace.within)).map(|trace| (trace.span, trace.pass))
+    }
+
     fn get(&self, at: TraceId) -> Option<&Trace> {
         self.all.get(usize::try_from(at.0).ok()?.checked_sub(1)?)
     }

@@ -3,16 +3,20 @@
 //! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
 //! one time: commands and samples in script order, then refreshes, then closing frames.
 
+mod diff;
 mod lay;
 mod listing;
 mod order;
+mod snapshot;
 
 use crate::board::{Command, ServoIndex};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Action, Program, Shape, TraceId, Traces};
-use crate::source::Span;
+use crate::source::{Lines, Sources, Span};
 
+pub use diff::{Change, Diff, What, diff};
 pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
+pub use snapshot::{Moment, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 
 /// Everything that a script sends and shows, for every robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,6 +77,9 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Every kind there is.
+    pub const ALL: &[Kind] = &[Kind::Command, Kind::Sample, Kind::Refresh, Kind::Closing, Kind::Abort];
+
     /// The order of frames at one time: commands and samples, refreshes, closing frames.
     pub fn rank(self) -> u8 {
         match self {
@@ -116,6 +123,23 @@ impl Timeline {
         self.tracks.first().map(|track| track.abort.as_slice()).unwrap_or_default()
     }
 }
+
+impl Timeline {
+    /// Where an event comes from, in words: `dance.motion:14, nod, pass 3`.
+    pub fn origin(&self, event: &Event, sources: &Sources, lines: &Lines<'_>) -> String {
+        let way = self.traces.chain(event.trace).take(SHOWN).map(|(span, pass)| match pass {
+            0 => {
+                let call = sources.file(span).slice(span);
+                call.split('(').next().unwrap_or(call).trim().to_owned()
+            }
+            pass => format!("pass {pass}"),
+        });
+        std::iter::once(lines.place(event.span).to_string()).chain(way).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// How many calls and passes an origin names, the innermost first.
+const SHOWN: usize = 4;
 
 impl Event {
     /// Appends the bytes of its frame.

@@ -1,0 +1,138 @@
+//! What `diff` says of an edit, and what it makes of snapshots.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+
+mod support;
+
+use std::fs;
+
+use motionseq::program::Options;
+use motionseq::source::{Lines, Source, Sources};
+use motionseq::timeline::{Moment, diff, is_snapshot, read_snapshot, write_snapshot};
+use proptest::prelude::*;
+use support::{run, script, stderr, stdout};
+
+/// The words for an edit, each with its place as `diff` chooses it.
+fn words(old: &str, new: &str) -> String {
+    let side = |text: &str| {
+        let sources = Sources::from(Source::new("x.motion", text));
+        let timeline = motionseq::compile(&sources, &Options::default()).timeline.expect("the script compiles");
+        (sources, timeline)
+    };
+    let (old, new) = (side(old), side(new));
+    let moments = |side: &(Sources, motionseq::timeline::Timeline)| -> Vec<Moment> {
+        side.1.events().iter().map(Moment::from).collect()
+    };
+    let origin = |side: &(Sources, motionseq::timeline::Timeline), at: Option<usize>| {
+        Some(side.1.origin(side.1.events().get(at?)?, &side.0, &Lines::of(&side.0)))
+    };
+    let changes = diff(&moments(&old), &moments(&new)).changes;
+    let lines = changes.iter().map(|change| {
+        let place = origin(&new, change.new).or_else(|| origin(&old, change.old));
+        change.words(place.as_deref()) + "\n"
+    });
+    lines.collect()
+}
+
+#[test]
+fn every_edit_is_said_in_the_words_of_the_script() {
+    insta::with_settings!({ snapshot_path => "diffs", prepend_module_to_snapshot => false, omit_expression => true }, {
+        insta::glob!("diffs/*.txt", |path| {
+            let text = fs::read_to_string(path).unwrap();
+            let (old, new) = text.split_once("=== new\n").unwrap();
+            insta::assert_snapshot!("diffs", words(old, new));
+        });
+    });
+}
+
+#[test]
+fn a_script_and_its_snapshot_are_the_same() {
+    for name in ["hello", "dance", "sweep", "checkup"] {
+        let path = format!("scripts/{name}.motion");
+        let sources = Sources::from(Source::read(path.as_ref()).unwrap());
+        let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+        let mut snapshot = Vec::new();
+        write_snapshot(&path, timeline.events(), &mut snapshot).unwrap();
+        assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 1\n# scripts/"));
+        let moments: Vec<Moment> = timeline.events().iter().map(Moment::from).collect();
+        assert_eq!(read_snapshot(&snapshot).unwrap(), moments);
+        // Line ends as another system writes them.
+        let other = String::from_utf8(snapshot).unwrap().replace('\n', "\r\n");
+        assert_eq!(read_snapshot(other.as_bytes()).unwrap(), moments);
+    }
+}
+
+#[test]
+fn what_is_no_snapshot_says_where_and_why() {
+    let head = "# motionseq frames 1\n# x.motion\n";
+    let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
+    for (text, message) in [
+        (String::new(), "line 1: it does not begin with `# motionseq frames 1`"),
+        ("servo 1 1500\n".into(), "line 1: it does not begin with `# motionseq frames 1`"),
+        ("# motionseq frames 2\n".into(), "line 1: it is of version 2; this motionseq reads up to 1, so update it"),
+        ("# motionseq frames x\n".into(), "line 1: there is no version `x`"),
+        (format!("{head}{good}{}", &good[..20]), "line 4: the command is missing"),
+        (format!("{head}{}", good.trim_end()), "line 3: the file ends inside this line"),
+        (format!("{head}0.5\tFF\tstop\n"), "line 3: `0.5` is no time with six decimals"),
+        (format!("{head}{}", good.replace("DC", "DD")), "line 3: checksum E7 instead of E8"),
+        (
+            format!("{head}{}", good.replace("1500", "1501")),
+            "line 3: the frame is `servo 1 1500`, and not `servo 1 1501`",
+        ),
+        (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: `odd` is no kind of frame"),
+        (
+            format!("{head}{}{good}", good.replace("0.000000", "1.000000")),
+            "line 4: its time is before that of the line above",
+        ),
+    ] {
+        assert_eq!(read_snapshot(text.as_bytes()).unwrap_err().to_string(), message, "{text:?}");
+    }
+    assert_eq!(read_snapshot(b"# motionseq frames 1\n\xFF\n").unwrap_err().to_string(), "line 2: it is not UTF-8 text");
+}
+
+#[test]
+fn the_command_compares_scripts_and_snapshots() {
+    let (old, new) =
+        (script("old", "servo 1 1500\nwait 1s\nservo 1 900\n"), script("new", "servo 1 1500\nwait 1s\nservo 1 950\n"));
+    let output = run(&["diff", &old, &new]);
+    assert_eq!(
+        (output.status.code(), stdout(&output)),
+        (Some(1), format!("at 1.000 s ({new}:3): servo 1 900 -> 950\n"))
+    );
+    let output = run(&["diff", &old, &old]);
+    assert_eq!(
+        (output.status.code(), stdout(&output), stderr(&output)),
+        (Some(0), String::new(), "both send the same 2 frames\n".into())
+    );
+    let snapshot = script("snapshot", &format!("# motionseq frames 1\n# old\n{}", stdout(&run(&["render", &old]))));
+    assert_eq!(run(&["diff", &snapshot, &old]).status.code(), Some(0));
+    let output = run(&["diff", &snapshot, &new]);
+    assert_eq!(stdout(&output), format!("at 1.000 s ({new}:3): servo 1 900 -> 950\n"));
+    let broken = script("broken", "# motionseq frames 1\n0.0\n");
+    let output = run(&["diff", &broken, &new]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("is no snapshot: line 2: the frame is missing"), "{}", stderr(&output));
+    assert_eq!(run(&["diff", &old, "/no/such/file"]).status.code(), Some(1));
+}
+
+proptest! {
+    /// Whatever is edited: the same is the same, and what differs is never said to be the same.
+    #[test]
+    fn a_difference_is_never_silent(
+        old in prop::collection::vec((0u64..4, 1u8..4, 0u16..4), 0..12),
+        new in prop::collection::vec((0u64..4, 1u8..4, 0u16..4), 0..12),
+    ) {
+        let text = |commands: &[(u64, u8, u16)]| {
+            let lines = commands.iter().map(|(wait, servo, pulse)| format!("servo {servo} {}\nwait {}ms\n", 1_000 + pulse, 10 * wait + 1));
+            format!("buzzer off\nwait 1ms\n{}", lines.collect::<Vec<_>>().concat())
+        };
+        let (old, new) = (text(&old), text(&new));
+        let same = moments(&old) == moments(&new);
+        prop_assert_eq!(words(&old, &new).is_empty(), same);
+        prop_assert!(words(&old, &old).is_empty());
+    }
+}
+
+fn moments(text: &str) -> Vec<Moment> {
+    let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
+    compiled.timeline.unwrap().events().iter().map(Moment::from).collect()
+}
