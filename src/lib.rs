@@ -30,10 +30,12 @@ pub mod diagnostic;
 pub mod link;
 pub mod playback;
 pub mod program;
+pub mod report;
 pub mod sim;
 pub mod source;
 pub mod syntax;
 pub mod timeline;
+pub mod verify;
 
 use diagnostic::Diagnostics;
 use program::Options;

@@ -18,6 +18,9 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("playback", &["source", "timeline", "link", "board", "clock"]),
     ("sim", &["board", "link", "clock"]),
     ("capture", &["board"]),
+    // `compile` stands in the library's root.
+    ("verify", &["source", "diagnostic", "program", "timeline", "compile"]),
+    ("report", &["verify"]),
 ];
 
 /// Words that stay in one place, and that place.

@@ -13,6 +13,7 @@ mod ports;
 mod render;
 mod screen;
 mod shell;
+mod test;
 
 use std::io;
 use std::path::PathBuf;
@@ -47,6 +48,7 @@ enum Command {
     Check(check::Check),
     Render(render::Render),
     Play(play::Play),
+    Test(test::Test),
     Diff(diff::Diff),
     Decode(decode::Decode),
     Ports(ports::Ports),
@@ -117,6 +119,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Check(check) => check.run(&screen),
         Command::Render(render) => render.run(&screen),
         Command::Play(play) => play.run(&screen),
+        Command::Test(test) => test.run(&screen),
         Command::Diff(diff) => diff.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
@@ -140,10 +143,14 @@ impl Script {
 }
 
 impl Options {
+    /// The same for the library.
+    fn of_library(&self) -> motionseq::program::Options {
+        motionseq::program::Options { events: self.max_events, set: self.set.clone() }
+    }
+
     /// Compiles a script and shows what is wrong with it.
     fn compile(&self, sources: &Sources, screen: &Screen, denied: bool) -> Compiled {
-        let options = motionseq::program::Options { events: self.max_events, set: self.set.clone() };
-        let compiled = motionseq::compile(sources, &options);
+        let compiled = motionseq::compile(sources, &self.of_library());
         screen.diagnostics(sources, &compiled.diagnostics, denied);
         compiled
     }

@@ -1,0 +1,239 @@
+//! Holds scripts against their snapshots: finds both, compiles, compares, and gives data. It prints nothing.
+
+mod find;
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::diagnostic::{Code, Diagnostic};
+use crate::program::Options;
+use crate::source::{Lines, Source, Sources};
+use crate::timeline::{Moment, Timeline, diff, read_snapshot, write_snapshot};
+
+pub use find::{Found, find};
+
+/// What stands behind the name of a script to make the name of its snapshot.
+pub const SNAPSHOT: &str = ".frames";
+/// How a script begins that must not compile; the code of its error stands behind it.
+const EXPECT: &str = "# expect-error:";
+/// How many problems of one script are kept.
+const KEPT: usize = 200;
+
+/// What became of one script.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Case {
+    /// Its path, as it was found.
+    pub name: String,
+    /// How it went.
+    pub verdict: Verdict,
+    /// What is wrong, in the order in which it should be read. Empty where nothing is.
+    pub problems: Vec<Problem>,
+    /// How many more there are.
+    pub left_out: usize,
+}
+
+/// How it went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It sends what its snapshot says.
+    Same,
+    /// Its snapshot was written: it had none, or another one.
+    Blessed,
+    /// It sends nothing: a file of phrases, for others to use.
+    Phrases,
+    /// It does not compile, as it says itself.
+    ExpectedError,
+    /// It sends something else than its snapshot says.
+    Differs,
+    /// It has no snapshot.
+    NoSnapshot,
+    /// Its snapshot cannot be read or written.
+    BadSnapshot,
+    /// It does not compile, or compiles where it says that it does not.
+    Wrong,
+    /// It cannot be read.
+    Unreadable,
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// The file, and the line in it, counted from 1; 0 where it is no line in particular.
+    pub file: String,
+    /// The line.
+    pub line: usize,
+    /// The code of an error of the script; `difference` or `snapshot` else.
+    pub code: &'static str,
+    /// What is wrong, in words.
+    pub message: String,
+}
+
+impl Verdict {
+    /// Whether all is well.
+    pub fn is_passed(self) -> bool {
+        matches!(self, Verdict::Same | Verdict::Blessed | Verdict::Phrases | Verdict::ExpectedError)
+    }
+
+    /// It in a word or two.
+    pub fn words(self) -> &'static str {
+        match self {
+            Verdict::Same => "ok",
+            Verdict::Blessed => "blessed",
+            Verdict::Phrases => "ok, phrases only",
+            Verdict::ExpectedError => "ok, fails as expected",
+            Verdict::Differs => "sends something else than its snapshot",
+            Verdict::NoSnapshot => "has no snapshot",
+            Verdict::BadSnapshot => "has a snapshot that is none",
+            Verdict::Wrong => "does not compile as expected",
+            Verdict::Unreadable => "cannot be read",
+        }
+    }
+}
+
+/// What is done besides comparing.
+#[derive(Clone, Debug, Default)]
+pub struct Job {
+    /// How scripts are compiled.
+    pub options: Options,
+    /// Whether snapshots are written where they are missing or differ.
+    pub bless: bool,
+}
+
+impl Job {
+    /// Holds every script against its snapshot, on all threads of the pool; the order is that of `scripts`.
+    pub fn run(&self, scripts: &[PathBuf]) -> Vec<Case> {
+        scripts.par_iter().map(|script| self.case(script)).collect()
+    }
+
+    fn case(&self, script: &Path) -> Case {
+        let name = script.display().to_string();
+        let case = |verdict, problems: Vec<Problem>| {
+            let left_out = problems.len().saturating_sub(KEPT);
+            let problems = problems.into_iter().take(KEPT).collect();
+            Case { name: name.clone(), verdict, problems, left_out }
+        };
+        let source = match Source::read(script) {
+            Ok(source) => source,
+            Err(error) => {
+                let message = error.to_string();
+                return case(Verdict::Unreadable, vec![problem(&name, 0, "source", message)]);
+            }
+        };
+        let expected =
+            source.text().lines().next().and_then(|line| line.strip_prefix(EXPECT)).map(str::trim).map(str::to_owned);
+        let sources = Sources::from(source);
+        let compiled = crate::compile(&sources, &self.options);
+        let lines = Lines::of(&sources);
+        let errors: Vec<&Diagnostic> =
+            compiled.diagnostics.sorted().into_iter().filter(|diagnostic| diagnostic.is_error()).collect();
+        match (expected, compiled.timeline) {
+            (Some(expected), timeline) => {
+                let wrong = expectation(&expected, timeline.is_none(), &errors);
+                let wrong: Vec<Problem> =
+                    wrong.into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
+                case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::Wrong }, wrong)
+            }
+            (None, None) => {
+                let problems = errors.iter().map(|error| {
+                    let place = lines.place(error.span);
+                    problem(place.file, place.line, error.code.name(), format!("{}; {}", error.message, error.help))
+                });
+                case(Verdict::Wrong, problems.collect())
+            }
+            (None, Some(timeline)) if is_phrases(&timeline) => case(Verdict::Phrases, Vec::new()),
+            (None, Some(timeline)) => {
+                let (verdict, problems) = self.compare(script, &timeline, &sources, &lines);
+                case(verdict, problems)
+            }
+        }
+    }
+
+    fn compare(
+        &self,
+        script: &Path,
+        timeline: &Timeline,
+        sources: &Sources,
+        lines: &Lines<'_>,
+    ) -> (Verdict, Vec<Problem>) {
+        let snapshot = snapshot_of(script);
+        let name = snapshot.display().to_string();
+        let new: Vec<Moment> = timeline.events().iter().map(Moment::from).collect();
+        let old = match fs::read(&snapshot) {
+            Ok(text) => read_snapshot(&text).map_err(|error| problem(&name, error.line, "snapshot", error.why)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                if self.bless {
+                    return bless(script, &snapshot, timeline);
+                }
+                let message = format!("there is no {name}; `motionseq test --bless {}` writes it", script.display());
+                return (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)]);
+            }
+            Err(error) => Err(problem(&name, 0, "snapshot", error.to_string())),
+        };
+        match old {
+            Ok(old) if old == new => (Verdict::Same, Vec::new()),
+            _ if self.bless => bless(script, &snapshot, timeline),
+            Err(wrong) => (Verdict::BadSnapshot, vec![wrong]),
+            Ok(old) => {
+                let problems = diff(&old, &new).changes.into_iter().map(|change| {
+                    let event = change.new.and_then(|at| timeline.events().get(at));
+                    let origin = event.map(|event| timeline.origin(event, sources, lines));
+                    let place = event.map(|event| lines.place(event.span));
+                    let (file, line) = place.map_or((sources.main().name(), 0), |place| (place.file, place.line));
+                    problem(file, line, "difference", change.words(origin.as_deref()))
+                });
+                (Verdict::Differs, problems.collect())
+            }
+        }
+    }
+}
+
+fn problem(file: &str, line: usize, code: &'static str, message: String) -> Problem {
+    Problem { file: file.to_owned(), line, code, message }
+}
+
+/// What is wrong with the errors of a script that says which one it has.
+fn expectation(expected: &str, fails: bool, errors: &[&Diagnostic]) -> Option<String> {
+    if !Code::ALL.iter().any(|code| code.name() == expected) {
+        return Some(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
+    }
+    let found: Vec<&str> = errors.iter().map(|error| error.code.name()).collect();
+    match found.iter().find(|found| **found != expected) {
+        _ if !fails => Some(format!("it should fail with `{expected}`, and it compiles")),
+        Some(other) => Some(format!("it should fail with `{expected}`, and it has the error `{other}`")),
+        None => None,
+    }
+}
+
+/// Whether a script does nothing: it is there for its phrases.
+fn is_phrases(timeline: &Timeline) -> bool {
+    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end_us == 0
+}
+
+/// The path of a script's snapshot.
+pub fn snapshot_of(script: &Path) -> PathBuf {
+    let mut name = script.as_os_str().to_owned();
+    name.push(SNAPSHOT);
+    PathBuf::from(name)
+}
+
+/// Writes a snapshot, whole or not at all: under another name first, which then takes the place of the old one.
+fn bless(script: &Path, snapshot: &Path, timeline: &Timeline) -> (Verdict, Vec<Problem>) {
+    let name = script.file_name().unwrap_or_default().to_string_lossy();
+    let mut text = Vec::new();
+    let part = snapshot.with_extension(format!("frames.{}.part", std::process::id()));
+    let written = write_snapshot(&name, timeline.events(), &mut text)
+        .and_then(|()| fs::File::create(&part))
+        .and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()))
+        .and_then(|()| fs::rename(&part, snapshot));
+    match written {
+        Ok(()) => (Verdict::Blessed, Vec::new()),
+        Err(error) => {
+            let _ = fs::remove_file(&part);
+            let message = format!("it cannot be written: {error}; what was there before still is");
+            (Verdict::BadSnapshot, vec![problem(&snapshot.display().to_string(), 0, "snapshot", message)])
+        }
+    }
+}
