@@ -286,6 +286,16 @@ impl Source {
     }
 }
 
+impl Source {
+    /// The line, and the column in characters, of the byte at `offset`; both counted from 1.
+    pub fn line_and_column(&self, offset: u32) -> (usize, usize) {
+        let local = offset.saturating_sub(self.base) as usize;
+        let before = self.text.get(..local).unwrap_or(&self.text);
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        (self.line(offset), line.chars().count() + 1)
+    }
+}
+
 /// Why a file cannot be used by another.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UseError {

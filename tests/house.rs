@@ -20,7 +20,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("capture", &["board"]),
     // `compile` stands in the library's root.
     ("verify", &["source", "diagnostic", "program", "timeline", "compile"]),
-    ("report", &["verify"]),
+    ("report", &["source", "diagnostic", "verify"]),
 ];
 
 /// Words that stay in one place, and that place.

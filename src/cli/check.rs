@@ -1,13 +1,17 @@
 //! `motionseq check`: what is wrong with scripts.
 
-use std::path::PathBuf;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use motionseq::source::Sources;
+use motionseq::diagnostic::{Diagnostic, Diagnostics};
+use motionseq::report::{self, Finding};
+use motionseq::source::{Source, Sources};
 
 use super::exit::Exit;
+use super::output;
 use super::screen::{Screen, plural, seconds};
-use super::{Options, read};
+use super::{Options, read, read_source};
 
 /// Check scripts: show every error and warning, send nothing
 #[derive(Debug, Args)]
@@ -21,8 +25,23 @@ pub(super) struct Check {
     /// Let warnings fail too
     #[arg(long, value_enum, value_name = "WHAT")]
     deny: Option<Deny>,
+    /// How errors and warnings are printed; all but `human` go to standard output
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
     #[command(flatten)]
     options: Options,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// For people, with the lines of the script
+    Human,
+    /// One JSON object
+    Json,
+    /// Annotations of a `GitHub` workflow
+    Github,
+    /// SARIF 2.1.0, for code scanning
+    Sarif,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -35,13 +54,23 @@ impl Check {
     /// Checks every file; fails if any of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let mut exit = Exit::Ok;
+        let mut findings = Vec::new();
         for file in &self.files {
-            let Ok(source) = read(file, screen) else {
-                exit = Exit::Script;
-                continue;
+            let source = match self.read(file, screen) {
+                Ok(source) => source,
+                Err(found) => {
+                    findings.extend(found);
+                    exit = Exit::Script;
+                    continue;
+                }
             };
             let sources = Sources::from(source);
-            let compiled = self.options.compile(&sources, screen, self.deny.is_some());
+            let compiled = motionseq::compile(&sources, &self.options.of_library());
+            if self.format == Format::Human {
+                screen.diagnostics(&sources, &compiled.diagnostics, self.deny.is_some());
+            } else {
+                findings.extend(report::findings(&sources, &compiled.diagnostics));
+            }
             let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
                 Some(timeline) if !denied => {
@@ -55,6 +84,36 @@ impl Check {
                 None => exit = Exit::Script,
             }
         }
-        exit
+        let text = match self.format {
+            Format::Human => return exit,
+            Format::Json => report::findings_json(&findings),
+            Format::Github => report::findings_github(&findings),
+            Format::Sarif => report::findings_sarif(&findings),
+        };
+        match output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen) {
+            Exit::Ok => exit,
+            failed => failed,
+        }
+    }
+
+    /// Reads a script. What is wrong with one that is none is shown, or is a finding.
+    fn read(&self, file: &Path, screen: &Screen) -> Result<Source, Vec<Finding>> {
+        if self.format == Format::Human {
+            return read(file, screen).map_err(|_| Vec::new());
+        }
+        read_source(file).map_err(|error| {
+            let words = error.to_string();
+            match Diagnostic::of_source(error) {
+                None => {
+                    screen.error(&words);
+                    Vec::new()
+                }
+                Some((source, diagnostic)) => {
+                    let mut diagnostics = Diagnostics::default();
+                    diagnostics.push(diagnostic);
+                    report::findings(&Sources::from(source), &diagnostics)
+                }
+            }
+        })
     }
 }

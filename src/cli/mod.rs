@@ -24,7 +24,7 @@ use std::thread;
 use clap::{Args, Parser, Subcommand};
 use motionseq::Compiled;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
-use motionseq::source::{Source, Sources};
+use motionseq::source::{Source, SourceError, Sources};
 use motionseq::timeline::Timeline;
 
 use exit::Exit;
@@ -166,11 +166,14 @@ fn start_thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<
     is_up.recv().map_err(io::Error::other)
 }
 
+/// Reads a script, or standard input where it is called `-`.
+fn read_source(path: &std::path::Path) -> Result<Source, SourceError> {
+    if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Source::read(path) }
+}
+
 /// Reads a script and shows why it cannot be read.
 fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
-    let source =
-        if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Source::read(path) };
-    source.map_err(|error| {
+    read_source(path).map_err(|error| {
         let words = error.to_string();
         match Diagnostic::of_source(error) {
             None => screen.error(&words),

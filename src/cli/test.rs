@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::report;
-use motionseq::verify::{Case, Job, find};
+use motionseq::verify::{Case, Job, Verdict, find};
 
 use super::Options;
 use super::exit::Exit;
@@ -82,7 +82,7 @@ impl Test {
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
         if let Some(path) = &self.junit
-            && let Err(error) = fs::write(path, report::junit(&cases))
+            && let Err(error) = fs::write(path, report::cases_junit(&cases))
         {
             screen.error(&format!("cannot write {}: {error}", path.display()));
             return Exit::Usage;
@@ -96,9 +96,9 @@ impl Test {
     fn print(&self, cases: &[Case], screen: &Screen) -> io::Result<()> {
         let text = match self.format {
             Format::Human => human(cases, screen),
-            Format::Json => report::json(cases),
-            Format::Tap => report::tap(cases),
-            Format::Github => report::github(cases),
+            Format::Json => report::cases_json(cases),
+            Format::Tap => report::cases_tap(cases),
+            Format::Github => report::cases_github(cases),
         };
         io::stdout().lock().write_all(text.as_bytes())
     }
@@ -118,13 +118,16 @@ fn human(cases: &[Case], screen: &Screen) -> String {
         if more > 0 {
             lines.push(format!("  and {} more", plural(more, "change")));
         }
+        if case.verdict == Verdict::Differs {
+            lines.push(format!("  if that is meant: motionseq test --bless {}", case.name));
+        }
     }
     lines.iter().map(|line| escaped(line) + "\n").collect()
 }
 
 /// `12 scripts: 10 passed, 2 failed`.
 fn summary(cases: &[Case], failed: usize) -> String {
-    let blessed = cases.iter().filter(|case| case.verdict == motionseq::verify::Verdict::Blessed).count();
+    let blessed = cases.iter().filter(|case| case.verdict == Verdict::Blessed).count();
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
     format!("{}: {} passed{blessed}, {failed} failed", plural(cases.len(), "script"), cases.len() - failed)
 }

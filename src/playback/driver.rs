@@ -42,7 +42,8 @@ pub struct Rig<'s, L> {
     pub realtime: bool,
 }
 
-/// Plays until the end, or until something ends it early. Time 0 of the script is at `start` on [`now`](super::now)'s clock.
+/// Plays until the end, or until something ends it early. Time 0 of the script is at `start` on [`now`](super::now)'s clock,
+/// which must not lie ahead.
 ///
 /// The guard, if there is one, still waits for its goodbye afterwards.
 pub fn drive<L: Link>(

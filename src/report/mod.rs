@@ -1,87 +1,10 @@
 //! Results as text for other programs: pure functions of the data.
 
-use std::fmt::Write;
+mod cases;
+mod findings;
 
-use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
-use serde::Serialize;
-
-use crate::verify::{Case, Problem};
-
-/// One JSON object: the version of its form, the counts, and every case with its problems.
-pub fn json(cases: &[Case]) -> String {
-    #[derive(Serialize)]
-    struct Document<'a> {
-        version: u32,
-        passed: usize,
-        failed: usize,
-        cases: Vec<Row<'a>>,
-    }
-    #[derive(Serialize)]
-    struct Row<'a> {
-        file: &'a str,
-        passed: bool,
-        verdict: &'static str,
-        problems: Vec<Trouble<'a>>,
-        left_out: usize,
-    }
-    #[derive(Serialize)]
-    struct Trouble<'a> {
-        file: &'a str,
-        line: Option<usize>,
-        code: &'static str,
-        message: &'a str,
-    }
-    let line = |problem: &'_ Problem| Some(problem.line).filter(|line| *line > 0);
-    let rows = cases.iter().map(|case| Row {
-        file: &case.name,
-        passed: case.verdict.is_passed(),
-        verdict: case.verdict.words(),
-        problems: case
-            .problems
-            .iter()
-            .map(|problem| Trouble {
-                file: &problem.file,
-                line: line(problem),
-                code: problem.code,
-                message: &problem.message,
-            })
-            .collect(),
-        left_out: case.left_out,
-    });
-    let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
-    let document = Document { version: 1, passed: cases.len() - failed, failed, cases: rows.collect() };
-    // Strings and numbers cannot fail to be written.
-    serde_json::to_string_pretty(&document).unwrap_or_default() + "\n"
-}
-
-/// The Test Anything Protocol, version 14.
-pub fn tap(cases: &[Case]) -> String {
-    let mut text = format!("TAP version 14\n1..{}\n", cases.len());
-    for (case, number) in cases.iter().zip(1..) {
-        let ok = if case.verdict.is_passed() { "ok" } else { "not ok" };
-        // `#` begins a directive, and a line end would end the line.
-        let name = case.name.replace('\\', "\\\\").replace('#', "\\#").replace(['\r', '\n'], " ");
-        let _ = writeln!(text, "{ok} {number} - {name}: {}", case.verdict.words());
-        for problem in &case.problems {
-            let _ = writeln!(text, "# {}", one_line(&located(problem)));
-        }
-        if case.left_out > 0 {
-            let _ = writeln!(text, "# and {} more", case.left_out);
-        }
-    }
-    text
-}
-
-/// What `GitHub` shows at the lines of a pull request.
-pub fn github(cases: &[Case]) -> String {
-    let mut text = String::new();
-    for problem in cases.iter().filter(|case| !case.verdict.is_passed()).flat_map(|case| &case.problems) {
-        let line = if problem.line > 0 { format!(",line={}", problem.line) } else { String::new() };
-        let file = property(&problem.file);
-        let _ = writeln!(text, "::error file={file}{line},title={}::{}", problem.code, data(&problem.message));
-    }
-    text
-}
+pub use cases::{cases_github, cases_json, cases_junit, cases_tap, located};
+pub use findings::{Finding, findings, findings_github, findings_json, findings_sarif};
 
 /// A value of a workflow command, as GitHub's own toolkit escapes it.
 fn data(text: &str) -> String {
@@ -90,40 +13,4 @@ fn data(text: &str) -> String {
 
 fn property(text: &str) -> String {
     data(text).replace(':', "%3A").replace(',', "%2C")
-}
-
-/// A `JUnit` file, as Jenkins and `GitLab` read it.
-pub fn junit(cases: &[Case]) -> String {
-    let mut suite = TestSuite::new("motionseq test");
-    for case in cases {
-        let status = if case.verdict.is_passed() {
-            TestCaseStatus::success()
-        } else {
-            let lines: Vec<String> = case.problems.iter().map(located).collect();
-            let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
-            status.set_message(case.verdict.words()).set_type(case.problems.first().map_or("", |problem| problem.code));
-            status.set_description(lines.join("\n"));
-            status
-        };
-        let mut test = TestCase::new(case.name.as_str(), status);
-        test.set_classname("motion");
-        suite.add_test_case(test);
-    }
-    let mut report = Report::new("motionseq");
-    report.add_test_suite(suite);
-    // It is written to a string, from strings.
-    report.to_string().unwrap_or_default() + "\n"
-}
-
-/// A problem with its place before it, where its words do not name it.
-pub fn located(problem: &Problem) -> String {
-    match problem.code {
-        "difference" => problem.message.clone(),
-        code if problem.line > 0 => format!("{}:{}: {code}: {}", problem.file, problem.line, problem.message),
-        code => format!("{}: {code}: {}", problem.file, problem.message),
-    }
-}
-
-fn one_line(text: &str) -> String {
-    text.replace(['\r', '\n'], " ")
 }

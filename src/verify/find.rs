@@ -29,7 +29,11 @@ pub fn find(paths: &[PathBuf]) -> Found {
         for entry in walk.into_iter().filter_entry(|entry| !is_hidden(entry)) {
             match entry {
                 Ok(entry) if entry.file_type().is_dir() => {}
-                Ok(entry) => found.take(entry.path(), entry.depth() == 0),
+                Ok(entry) => {
+                    // `./dance.motion` is `dance.motion` to whoever reads it.
+                    let path = entry.path().strip_prefix(".").unwrap_or(entry.path());
+                    found.take(path, entry.depth() == 0);
+                }
                 Err(error) => {
                     let at = error.path().unwrap_or(path).to_owned();
                     let why = match error.loop_ancestor() {

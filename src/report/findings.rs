@@ -1,0 +1,145 @@
+//! Errors and warnings of scripts, as text for other programs.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{data, property};
+use crate::diagnostic::{Code, Diagnostics, Severity};
+use crate::source::Sources;
+
+/// One error or warning at its place. Lines and columns count from 1, columns in characters; the end is behind the last one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The file.
+    pub file: String,
+    /// Where it begins.
+    pub line: usize,
+    /// Where it begins.
+    pub column: usize,
+    /// Where it ends.
+    pub end_line: usize,
+    /// Where it ends.
+    pub end_column: usize,
+    /// `error` or `warning`.
+    pub severity: &'static str,
+    /// The stable code.
+    pub code: &'static str,
+    /// What is wrong.
+    pub message: String,
+    /// What to write instead.
+    pub help: String,
+}
+
+/// The errors and warnings of one script, sorted by place.
+pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
+    let sorted = diagnostics.sorted();
+    let all = sorted.iter().map(|diagnostic| {
+        let file = sources.file(diagnostic.span);
+        let (line, column) = file.line_and_column(diagnostic.span.start);
+        let (end_line, end_column) = file.line_and_column(diagnostic.span.end);
+        Finding {
+            file: file.name().to_owned(),
+            line,
+            column,
+            end_line,
+            end_column,
+            severity: severity(diagnostic.code),
+            code: diagnostic.code.name(),
+            message: diagnostic.message.clone(),
+            help: diagnostic.help.clone(),
+        }
+    });
+    all.collect()
+}
+
+fn severity(code: Code) -> &'static str {
+    match code.severity() {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+    }
+}
+
+/// One JSON object: the version of its form, the counts, and every finding.
+pub fn findings_json(findings: &[Finding]) -> String {
+    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
+    let document =
+        json!({ "version": 1, "errors": count("error"), "warnings": count("warning"), "findings": findings });
+    pretty(&document)
+}
+
+/// What `GitHub` shows at the lines of a pull request.
+pub fn findings_github(findings: &[Finding]) -> String {
+    let mut text = String::new();
+    for finding in findings {
+        let Finding { line, column, end_line, end_column, severity, code, .. } = finding;
+        let file = property(&finding.file);
+        let message = data(&format!("{}\n{}", finding.message, finding.help));
+        // GitHub takes columns only within one line.
+        let columns = if line == end_line { format!(",col={column},endColumn={end_column}") } else { String::new() };
+        let _ =
+            writeln!(text, "::{severity} file={file},line={line},endLine={end_line}{columns},title={code}::{message}");
+    }
+    text
+}
+
+/// SARIF 2.1.0, as code scanning reads it.
+pub fn findings_sarif(findings: &[Finding]) -> String {
+    let rules: Vec<Value> = Code::ALL
+        .iter()
+        .map(|code| {
+            json!({
+                "id": code.name(),
+                "shortDescription": { "text": code.title() },
+                "defaultConfiguration": { "level": severity(*code) },
+            })
+        })
+        .collect();
+    let results: Vec<Value> = findings
+        .iter()
+        .map(|finding| {
+            json!({
+                "ruleId": finding.code,
+                "level": finding.severity,
+                "message": { "text": format!("{}\n{}", finding.message, finding.help) },
+                "locations": [{ "physicalLocation": {
+                    "artifactLocation": { "uri": uri(&finding.file) },
+                    "region": {
+                        "startLine": finding.line,
+                        "startColumn": finding.column,
+                        "endLine": finding.end_line,
+                        "endColumn": finding.end_column,
+                    },
+                }}],
+            })
+        })
+        .collect();
+    pretty(&json!({
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{
+            "tool": { "driver": { "name": "motionseq", "version": env!("CARGO_PKG_VERSION"), "rules": rules } },
+            "columnKind": "unicodeCodePoints",
+            "results": results,
+        }],
+    }))
+}
+
+/// A path as a relative reference: what has a meaning in a URI is escaped.
+fn uri(path: &str) -> String {
+    let mut uri = String::new();
+    for byte in path.bytes() {
+        if byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte) {
+            uri.push(char::from(byte));
+        } else {
+            let _ = write!(uri, "%{byte:02X}");
+        }
+    }
+    uri
+}
+
+fn pretty(document: &Value) -> String {
+    // Strings and numbers cannot fail to be written.
+    serde_json::to_string_pretty(document).unwrap_or_default() + "\n"
+}

@@ -1,0 +1,252 @@
+//! `test` and `check --format`: scripts against their snapshots, in folders of their own, and what other programs are told.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use support::{motionseq, stderr, stdout};
+
+/// A folder of scripts, removed at the end.
+struct Repository(PathBuf);
+
+impl Repository {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("motionseq-verify-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).unwrap();
+        Repository(folder)
+    }
+
+    fn file(&self, name: &str, text: &str) -> &Self {
+        let path = self.0.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
+        self
+    }
+
+    fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.0.join(name)).unwrap()
+    }
+
+    fn run(&self, args: &[&str]) -> Output {
+        motionseq(args).current_dir(&self.0).output().unwrap()
+    }
+}
+
+impl Drop for Repository {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap()
+}
+
+const DANCE: &str = "def nod(depth = 200us) {\n  servo 2 (1500us + depth)\n  wait 200ms\n  servo 2 1500\n}\n\
+    repeat 2 {\n  nod()\n  wait 100ms\n}\n";
+
+/// A repository with a script, a used file and a script that must not compile, all blessed.
+fn blessed(name: &str) -> Repository {
+    let repository = Repository::new(name);
+    repository
+        .file("dance.motion", DANCE)
+        .file("lib/phrases.motion", "def bow() { servo 2 1700 }\n")
+        .file("more/bow.motion", "servo 2 1700\n")
+        .file("more/never.motion", "# expect-error: out-of-range\nservo 1 3000\n");
+    let output = repository.run(&["test", "--bless"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(stderr(&output), "4 scripts: 4 passed (2 blessed), 0 failed\n");
+    repository
+}
+
+#[test]
+fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
+    let repository = blessed("changed");
+    let snapshot = repository.read("dance.motion.frames");
+    assert!(
+        snapshot.starts_with("# motionseq frames 1\n# dance.motion\n0.000000\tFF FE 02 03 02 06 A4 B1\tservo 2 1700\n")
+    );
+    // Phrases and what must not compile have none.
+    assert!(!repository.0.join("lib/phrases.motion.frames").exists());
+    assert!(!repository.0.join("more/never.motion.frames").exists());
+    let output = repository.run(&["test"]);
+    assert_eq!((code(&output), stdout(&output).as_str()), (0, ""));
+
+    repository.file("dance.motion", &DANCE.replace("200us", "250us"));
+    let output = repository.run(&["test", "--junit", "report.xml"]);
+    assert_eq!(code(&output), 1);
+    assert_eq!(
+        stdout(&output),
+        "FAILED dance.motion: sends something else than its snapshot\n  \
+         at 0.000 s (dance.motion:2, nod, pass 1): servo 2 1700 -> 1750\n  \
+         at 0.300 s (dance.motion:2, nod, pass 2): servo 2 1700 -> 1750\n  \
+         if that is meant: motionseq test --bless dance.motion\n"
+    );
+    assert_eq!(stderr(&output), "4 scripts: 3 passed, 1 failed\n");
+    let report = repository.read("report.xml");
+    assert!(report.contains("tests=\"4\"") && report.contains("failures=\"1\""), "{report}");
+    assert!(
+        report.contains("<testcase name=\"dance.motion\"") && report.contains("servo 2 1700 -&gt; 1750"),
+        "{report}"
+    );
+    // Nothing was changed by looking.
+    assert_eq!(repository.read("dance.motion.frames"), snapshot);
+    assert_eq!(code(&repository.run(&["test", "--bless", "dance.motion"])), 0);
+    assert_eq!(code(&repository.run(&["test"])), 0);
+}
+
+#[test]
+fn every_form_tells_the_same() {
+    let repository = blessed("forms");
+    repository.file("dance.motion", &DANCE.replace("200us", "250us")).file("worse.motion", "servo 1 3000\n");
+    let output = repository.run(&["test", "--format", "json"]);
+    assert_eq!(code(&output), 1);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(
+        (json["version"].as_u64(), json["passed"].as_u64(), json["failed"].as_u64()),
+        (Some(1), Some(3), Some(2))
+    );
+    assert_eq!(json["cases"][0]["problems"][0]["line"], 2);
+    assert_eq!(json["cases"][4]["problems"][0]["code"], "out-of-range");
+    let tap = stdout(&repository.run(&["test", "--format", "tap"]));
+    assert!(tap.starts_with(
+        "TAP version 14\n1..5\nnot ok 1 - dance.motion: sends something else than its snapshot\n# at 0.000 s"
+    ));
+    assert!(tap.contains("\nok 4 - more/never.motion: ok, fails as expected\nnot ok 5 - worse.motion:"), "{tap}");
+    let github = stdout(&repository.run(&["test", "--format", "github"]));
+    assert!(github.contains("::error file=dance.motion,line=2,title=difference::at 0.000 s"), "{github}");
+    assert!(github.contains("::error file=worse.motion,line=1,title=out-of-range::"), "{github}");
+    // Whatever the number of threads, the order is the same.
+    let one = stdout(&repository.run(&["test", "--jobs", "1"]));
+    let many = stdout(&repository.run(&["test", "--jobs", "8"]));
+    assert_eq!(one, many);
+}
+
+#[test]
+fn what_is_missing_orphaned_or_broken_says_what_to_do() {
+    let repository = blessed("broken");
+    fs::remove_file(repository.0.join("dance.motion.frames")).unwrap();
+    repository
+        .file("gone.motion.frames", "# motionseq frames 1\n")
+        .file("more/bow.motion.frames", "# motionseq frames 1\n0.0");
+    let output = repository.run(&["test"]);
+    assert_eq!(code(&output), 1);
+    let text = stdout(&output);
+    assert!(
+        text.contains("there is no dance.motion.frames; `motionseq test --bless dance.motion` writes it"),
+        "{text}"
+    );
+    assert!(text.contains("more/bow.motion.frames:2: snapshot: the frame is missing"), "{text}");
+    assert!(stderr(&output).starts_with("warning: gone.motion.frames is the snapshot of a script that is not there\n"));
+    // `--bless` mends both, and leaves nothing else behind.
+    assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
+    let names = |folder: &Path| {
+        let mut names: Vec<_> =
+            fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(&repository.0.join("more")), ["bow.motion", "bow.motion.frames", "never.motion"]);
+    // A newer snapshot than this program knows.
+    repository.file("more/bow.motion.frames", "# motionseq frames 9\n");
+    assert!(
+        stdout(&repository.run(&["test"])).contains("it is of version 9; this motionseq reads up to 1, so update it")
+    );
+}
+
+#[test]
+fn a_script_that_must_not_compile_is_held_to_its_word() {
+    let repository = Repository::new("expected");
+    for (text, words) in [
+        ("# expect-error: out-of-range\nservo 1 1500\n", "it should fail with `out-of-range`, and it compiles"),
+        ("# expect-error: clash\nservo 1 3000\n", "it should fail with `clash`, and it has the error `out-of-range`"),
+        ("# expect-error: nonsense\nservo 1 3000\n", "there is no code `nonsense`"),
+    ] {
+        repository.file("x.motion", text);
+        let output = repository.run(&["test"]);
+        assert_eq!(code(&output), 1);
+        assert!(stdout(&output).contains(words), "{}", stdout(&output));
+    }
+}
+
+#[test]
+fn links_that_go_round_and_folders_without_scripts_are_told() {
+    let repository = blessed("links");
+    std::os::unix::fs::symlink("..", repository.0.join("more/round")).unwrap();
+    let output = repository.run(&["test"]);
+    assert_eq!(code(&output), 1);
+    assert!(stderr(&output).contains("cannot look into ./more/round: the link leads back to ."), "{}", stderr(&output));
+    let empty = Repository::new("empty");
+    let output = empty.run(&["test"]);
+    assert_eq!((code(&output), stderr(&output).as_str()), (1, "error: there is no *.motion in .\n"));
+    assert_eq!(code(&empty.run(&["test", "/no/such/folder"])), 1);
+    // What begins with a dot is not looked into.
+    let output = empty.file(".git/x.motion", "nonsense").run(&["test"]);
+    assert!(stderr(&output).contains("there is no *.motion"));
+}
+
+#[test]
+fn a_bless_that_cannot_write_leaves_what_was_there() {
+    let repository = blessed("full");
+    let before = repository.read("dance.motion.frames");
+    repository.file("dance.motion", &DANCE.replace("200us", "250us"));
+    // The largest file that may be written has no byte.
+    let shell = format!("ulimit -f 0; exec {} test --bless", env!("CARGO_BIN_EXE_motionseq"));
+    let output = std::process::Command::new("sh").args(["-c", &shell]).current_dir(&repository.0).output().unwrap();
+    assert_ne!(output.status.code(), Some(0));
+    assert_eq!(repository.read("dance.motion.frames"), before);
+}
+
+#[test]
+fn ten_thousand_scripts_are_no_burden() {
+    let repository = Repository::new("many");
+    for number in 0..10_000 {
+        repository.file(&format!("{}/{number}.motion", number / 1_000), "servo 1 1500\n");
+    }
+    assert_eq!(code(&repository.run(&["test", "--bless", "-q"])), 0);
+    let output = repository.run(&["test"]);
+    assert_eq!(stderr(&output), "10000 scripts: 10000 passed, 0 failed\n");
+}
+
+#[test]
+fn check_tells_other_programs_what_it_tells_people() {
+    let repository = Repository::new("check");
+    repository.file("sub dir/x.motion", "servo 1 3000\nlet ä = 1\nservo 2 2000\n").file("ok.motion", "servo 1 1500\n");
+    let args = ["check", "ok.motion", "sub dir/x.motion", "--format"];
+    let json = repository.run(&[&args[..], &["json"]].concat());
+    assert_eq!(code(&json), 1);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&json)).unwrap();
+    assert_eq!(json["errors"], 2);
+    let first = &json["findings"][0];
+    assert_eq!(
+        (first["file"].as_str(), first["line"].as_u64(), first["column"].as_u64()),
+        (Some("sub dir/x.motion"), Some(1), Some(9))
+    );
+    assert_eq!((first["code"].as_str(), first["severity"].as_str()), (Some("out-of-range"), Some("error")));
+    // Columns count characters.
+    assert_eq!(
+        (json["findings"][1]["column"].as_u64(), json["findings"][1]["end_column"].as_u64()),
+        (Some(5), Some(6))
+    );
+    let github = stdout(&repository.run(&[&args[..], &["github"]].concat()));
+    assert!(
+        github.starts_with(
+            "::error file=sub dir/x.motion,line=1,endLine=1,col=9,endColumn=13,title=out-of-range::a pulse"
+        )
+    );
+    let sarif: serde_json::Value =
+        serde_json::from_str(&stdout(&repository.run(&[&args[..], &["sarif"]].concat()))).unwrap();
+    assert_eq!(sarif["version"], "2.1.0");
+    let result = &sarif["runs"][0]["results"][0];
+    assert_eq!(result["ruleId"], "out-of-range");
+    assert_eq!(result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"], "sub%20dir/x.motion");
+    assert_eq!(result["locations"][0]["physicalLocation"]["region"]["startColumn"], 9);
+    // Every code that a script can have is a rule.
+    let rules = sarif["runs"][0]["tool"]["driver"]["rules"].as_array().unwrap();
+    assert!(rules.iter().any(|rule| rule["id"] == "left-running") && rules.len() > 30);
+    assert_eq!(code(&repository.run(&["check", "ok.motion", "--format", "sarif"])), 0);
+}
