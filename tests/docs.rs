@@ -37,7 +37,7 @@ fn blocks(document: &str) -> Vec<(String, usize, String)> {
     found
 }
 
-const DOCUMENTS: &[&str] = &["README.md", "docs/language.md", "docs/safety.md"];
+const DOCUMENTS: &[&str] = &["README.md", "docs/language.md", "docs/safety.md", "docs/ci.md"];
 
 #[test]
 fn every_script_in_the_documents_compiles_as_it_says() {
@@ -198,6 +198,44 @@ fn every_script_is_in_the_readme() {
         let name = if entry.path().is_dir() { format!("{name}/") } else { name };
         assert!(text.contains(&format!("| `{name}` |")), "README.md has no row for {name}");
     }
+}
+
+#[test]
+fn the_files_for_ci_are_the_ones_in_the_folder_and_their_commands_run() {
+    let shown = blocks("docs/ci.md");
+    let folder = std::env::temp_dir().join(format!("motionseq-docs-ci-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("x.motion"), "servo 1 1500\n").unwrap();
+    let program = std::path::Path::new(env!("CARGO_BIN_EXE_motionseq")).parent().unwrap().to_str().unwrap();
+    let path = format!("{program}:{}", std::env::var("PATH").unwrap());
+    let shell = |command: &str| {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", command]).env("PATH", &path).current_dir(&folder).output().unwrap()
+    };
+    assert!(shell("git init -q . && motionseq test --bless && git add .").status.success());
+    let mut ran = 0;
+    for name in ["github.yml", "gitlab.yml", "pre-commit"] {
+        let text = fs::read_to_string(format!("docs/ci/{name}")).unwrap();
+        assert!(shown.iter().any(|(_, _, block)| *block == text), "docs/ci.md does not show docs/ci/{name}");
+        if name == "pre-commit" {
+            assert!(shell(&text).status.success());
+            continue;
+        }
+        for command in text.lines().filter_map(|line| {
+            line.trim_start()
+                .trim_start_matches("- ")
+                .strip_prefix("run: ")
+                .or(Some(line.trim_start().trim_start_matches("- ")))
+        }) {
+            if command.starts_with("motionseq ") {
+                ran += 1;
+                let output = shell(command);
+                assert!(output.status.success(), "{command}: {}", support::stderr(&output));
+            }
+        }
+    }
+    fs::remove_dir_all(folder).unwrap();
+    assert_eq!(ran, 4);
 }
 
 #[test]
