@@ -161,7 +161,10 @@ fn once(cut: usize, input: Input) -> impl FnMut(u64, Order, usize) -> Option<(u6
 
 /// The scripts that are shipped.
 fn scripts() -> impl Iterator<Item = std::path::PathBuf> {
-    std::fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file())
+    std::fs::read_dir("scripts")
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "motion"))
 }
 
 #[test]

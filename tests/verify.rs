@@ -64,6 +64,20 @@ fn blessed(name: &str) -> Repository {
 }
 
 #[test]
+fn the_scripts_that_are_shipped_do_what_their_snapshots_say() {
+    let output = support::run(&["test", "scripts"]);
+    assert_eq!(code(&output), 0, "{}", stdout(&output));
+    assert_eq!(stderr(&output), "12 scripts: 12 passed, 0 failed\n");
+    // Each one is worth reading, so none has a warning.
+    for entry in fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()) {
+        if entry.extension().is_some_and(|extension| extension == "motion") {
+            let output = support::run(&["check", "--deny", "warnings", entry.to_str().unwrap()]);
+            assert_eq!(code(&output), 0, "{}", stderr(&output));
+        }
+    }
+}
+
+#[test]
 fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     let repository = blessed("changed");
     let snapshot = repository.read("dance.motion.frames");

