@@ -263,4 +263,8 @@ fn check_tells_other_programs_what_it_tells_people() {
     let rules = sarif["runs"][0]["tool"]["driver"]["rules"].as_array().unwrap();
     assert!(rules.iter().any(|rule| rule["id"] == "left-running") && rules.len() > 30);
     assert_eq!(code(&repository.run(&["check", "ok.motion", "--format", "sarif"])), 0);
+    // A file that is not there is no silence.
+    let output = repository.run(&["check", "gone.motion", "--format", "github"]);
+    assert_eq!(code(&output), 1);
+    assert!(stdout(&output).starts_with("::error file=gone.motion,line=1,"), "{}", stdout(&output));
 }

@@ -104,10 +104,7 @@ impl Check {
         read_source(file).map_err(|error| {
             let words = error.to_string();
             match Diagnostic::of_source(error) {
-                None => {
-                    screen.error(&words);
-                    Vec::new()
-                }
+                None => vec![Finding::unreadable(&file.display().to_string(), words)],
                 Some((source, diagnostic)) => {
                     let mut diagnostics = Diagnostics::default();
                     diagnostics.push(diagnostic);

@@ -32,6 +32,23 @@ pub struct Finding {
     pub help: String,
 }
 
+impl Finding {
+    /// A file that cannot be read, of which no text is known.
+    pub fn unreadable(file: &str, message: String) -> Self {
+        Finding {
+            file: file.to_owned(),
+            line: 1,
+            column: 1,
+            end_line: 1,
+            end_column: 1,
+            severity: "error",
+            code: "unreadable",
+            message,
+            help: "look at its name, and whether you may read it".to_owned(),
+        }
+    }
+}
+
 /// The errors and warnings of one script, sorted by place.
 pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
     let sorted = diagnostics.sorted();

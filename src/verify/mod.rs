@@ -52,8 +52,10 @@ pub enum Verdict {
     NoSnapshot,
     /// Its snapshot cannot be read or written.
     BadSnapshot,
-    /// It does not compile, or compiles where it says that it does not.
-    Wrong,
+    /// It does not compile.
+    DoesNotCompile,
+    /// It says that it does not compile, and does, or has another error.
+    NotAsExpected,
     /// It cannot be read.
     Unreadable,
 }
@@ -87,7 +89,8 @@ impl Verdict {
             Verdict::Differs => "sends something else than its snapshot",
             Verdict::NoSnapshot => "has no snapshot",
             Verdict::BadSnapshot => "has a snapshot that is none",
-            Verdict::Wrong => "does not compile as expected",
+            Verdict::DoesNotCompile => "does not compile",
+            Verdict::NotAsExpected => "does not fail as it says",
             Verdict::Unreadable => "cannot be read",
         }
     }
@@ -119,7 +122,7 @@ impl Job {
             Ok(source) => source,
             Err(error) => {
                 let message = error.to_string();
-                return case(Verdict::Unreadable, vec![problem(&name, 0, "source", message)]);
+                return case(Verdict::Unreadable, vec![problem(&name, 0, "unreadable", message)]);
             }
         };
         let expected =
@@ -134,14 +137,14 @@ impl Job {
                 let wrong = expectation(&expected, timeline.is_none(), &errors);
                 let wrong: Vec<Problem> =
                     wrong.into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
-                case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::Wrong }, wrong)
+                case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::NotAsExpected }, wrong)
             }
             (None, None) => {
                 let problems = errors.iter().map(|error| {
                     let place = lines.place(error.span);
                     problem(place.file, place.line, error.code.name(), format!("{}; {}", error.message, error.help))
                 });
-                case(Verdict::Wrong, problems.collect())
+                case(Verdict::DoesNotCompile, problems.collect())
             }
             (None, Some(timeline)) if is_phrases(&timeline) => case(Verdict::Phrases, Vec::new()),
             (None, Some(timeline)) => {
