@@ -119,7 +119,11 @@ impl Sources {
     /// What messages call a file: its path from the folder of the main script on, where that is known.
     pub fn name_of(&self, path: &Path) -> String {
         let main = self.main().path.as_deref().and_then(Path::parent);
-        let inside = main.and_then(|main| Some((main, path.strip_prefix(main.canonicalize().ok()?).ok()?.to_owned())));
+        let inside = main.and_then(|main| {
+            // A script that is named without a folder stands in this one.
+            let folder = if main.as_os_str().is_empty() { Path::new(".") } else { main };
+            Some((main, path.strip_prefix(folder.canonicalize().ok()?).ok()?.to_owned()))
+        });
         match inside {
             Some((main, inside)) => main.join(inside).display().to_string(),
             None => path.display().to_string(),

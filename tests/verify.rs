@@ -141,6 +141,19 @@ fn every_form_tells_the_same() {
 }
 
 #[test]
+fn a_used_file_is_named_from_the_folder_of_the_script() {
+    let repository = Repository::new("used");
+    repository.file("lib/p.motion", "def bow() { servo 2 1700 }\n").file("b.motion", "use \"lib/p.motion\"\nbow()\n");
+    assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
+    repository.file("lib/p.motion", "def bow() { servo 2 1600 }\n");
+    let output = stdout(&repository.run(&["test", "--format", "github"]));
+    assert!(output.starts_with("::error file=lib/p.motion,line=1,title=difference::"), "{output}");
+    // The same on every machine, wherever the folder stands.
+    let output = stdout(&repository.run(&["render", "b.motion", "--format", "jsonl"]));
+    assert!(output.contains("\"file\":\"lib/p.motion\""), "{output}");
+}
+
+#[test]
 fn what_is_missing_orphaned_or_broken_says_what_to_do() {
     let repository = blessed("broken");
     fs::remove_file(repository.0.join("dance.motion.frames")).unwrap();
