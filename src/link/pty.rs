@@ -6,6 +6,7 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 
+use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::OptionalActions;
 
@@ -39,8 +40,10 @@ impl Pty {
     /// Reads what the program wrote. Zero bytes, or the error that Linux gives instead, mean that it has closed its end and
     /// everything was read.
     pub fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
-        match rustix::io::read(&self.far, buffer) {
-            Err(rustix::io::Errno::IO) => Ok(0),
+        let mut read = || rustix::io::read(&self.far, &mut *buffer);
+        // Linux may tell of the end before the last bytes are through: once in some thousand runs a second look finds them.
+        match read().or_else(|error| if error == Errno::IO { read() } else { Err(error) }) {
+            Err(Errno::IO) => Ok(0),
             other => Ok(other?),
         }
     }
