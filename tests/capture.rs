@@ -48,7 +48,7 @@ fn what_is_no_frame_is_shown_and_skipped() {
 22\tFF FE 02 03\t\tskipped 4: the stream ends inside a frame
 ";
     assert_eq!(text, expected);
-    assert_eq!(decoded, Decoded { bytes: 26, frames: 2, unknown: 2, skipped: 12, not_hex: 0 });
+    assert_eq!(decoded, Decoded { bytes: 26, frames: 2, unknown: 2, skipped: 12, ..Decoded::default() });
 }
 
 #[test]
@@ -58,10 +58,18 @@ fn hex_digits_are_read_however_they_are_set() {
         "FF FE 04 01 01 06 FF FE 04 01 00 05",
         "fffe04010106\nfffe04010005\n",
         "\r\n FFF E04 0101\t06 FFFE04010005\r\n",
+        "0xFF, 0xFE,0x4,0x1,0x01,0x6 \n \\xff\\xfe\\x04\\x01\\x00\\x05",
+        // What `render` and this command print, and a snapshot.
+        "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
+        "# motionseq frames 1\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\tclosing\n",
+        frames,
+        "00000000: fffe 0401 0106 fffe 0401 0005            ............\n",
+        "00000000  ff fe 04 01 01 06 ff fe  04 01 00 05              |............|\n0000000c\n",
     ] {
         assert_eq!(listing(text.as_bytes()).0, frames, "{text:?}");
     }
-    assert_eq!(listing(b"FF FE 04 01 01 06 F").1.not_hex, 1);
+    assert!(listing(b"FF FE 04 01 01 06 F").1.half_byte);
+    assert_eq!(listing(b"FF FE 04 zz 01 01 06").1.not_hex, 2);
     assert_eq!(listing(b""), (String::new(), Decoded::default()));
 }
 

@@ -7,7 +7,7 @@ use std::fs;
 
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
-use motionseq::timeline::{Moment, diff, is_snapshot, read_snapshot, write_snapshot};
+use motionseq::timeline::{Change, Moment, Snapshot, Timeline, diff, is_snapshot, read_snapshot, write_snapshot};
 use proptest::prelude::*;
 use support::{run, script, stderr, stdout};
 
@@ -19,13 +19,15 @@ fn words(old: &str, new: &str) -> String {
         (sources, timeline)
     };
     let (old, new) = (side(old), side(new));
-    let moments = |side: &(Sources, motionseq::timeline::Timeline)| -> Vec<Moment> {
-        side.1.events().iter().map(Moment::from).collect()
-    };
-    let origin = |side: &(Sources, motionseq::timeline::Timeline), at: Option<usize>| {
+    let sent = |side: &(Sources, Timeline)| Snapshot::of(side.1.events(), side.1.tweens());
+    let origin = |side: &(Sources, Timeline), at: Option<usize>| {
         Some(side.1.origin(side.1.events().get(at?)?, &side.0, &Lines::of(&side.0)))
     };
-    let changes = diff(&moments(&old), &moments(&new)).changes;
+    let line = |change: &Change| {
+        let (side, at) = if change.new.is_some() { (&new, change.new) } else { (&old, change.old) };
+        Some((change.new.is_some(), Lines::of(&side.0).place(side.1.events().get(at?)?.span).line))
+    };
+    let changes = diff(&sent(&old), &sent(&new), line);
     let lines = changes.iter().map(|change| {
         let place = origin(&new, change.new).or_else(|| origin(&old, change.old));
         change.words(place.as_deref()) + "\n"
@@ -51,24 +53,28 @@ fn a_script_and_its_snapshot_are_the_same() {
         let sources = Sources::from(Source::read(path.as_ref()).unwrap());
         let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
         let mut snapshot = Vec::new();
-        write_snapshot(&path, timeline.events(), &mut snapshot).unwrap();
-        assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 1\n# scripts/"));
-        let moments: Vec<Moment> = timeline.events().iter().map(Moment::from).collect();
-        assert_eq!(read_snapshot(&snapshot).unwrap(), moments);
+        write_snapshot(&path, timeline.events(), timeline.tweens(), &mut snapshot).unwrap();
+        assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 2\n# scripts/"));
+        let sent = Snapshot::of(timeline.events(), timeline.tweens());
+        assert_eq!(read_snapshot(&snapshot).unwrap(), sent);
         // Line ends as another system writes them.
-        let other = String::from_utf8(snapshot).unwrap().replace('\n', "\r\n");
-        assert_eq!(read_snapshot(other.as_bytes()).unwrap(), moments);
+        let other = String::from_utf8(snapshot.clone()).unwrap().replace('\n', "\r\n");
+        assert_eq!(read_snapshot(other.as_bytes()).unwrap(), sent);
+        // The first version said nothing of moves.
+        let first = String::from_utf8(snapshot).unwrap().replace("frames 2\n", "frames 1\n");
+        let first = read_snapshot(first.as_bytes()).unwrap();
+        assert_eq!((first.moments, first.tweens), (sent.moments, None));
     }
 }
 
 #[test]
 fn what_is_no_snapshot_says_where_and_why() {
-    let head = "# motionseq frames 1\n# x.motion\n";
+    let head = "# motionseq frames 2\n# x.motion\n";
     let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
     for (text, message) in [
-        (String::new(), "line 1: it does not begin with `# motionseq frames 1`"),
-        ("servo 1 1500\n".into(), "line 1: it does not begin with `# motionseq frames 1`"),
-        ("# motionseq frames 2\n".into(), "line 1: it is of version 2; this motionseq reads up to 1, so update it"),
+        (String::new(), "line 1: it does not begin with `# motionseq frames 2`"),
+        ("servo 1 1500\n".into(), "line 1: it does not begin with `# motionseq frames 2`"),
+        ("# motionseq frames 3\n".into(), "line 1: it is of version 3; this motionseq reads up to 2, so update it"),
         ("# motionseq frames x\n".into(), "line 1: there is no version `x`"),
         (format!("{head}{good}{}", &good[..20]), "line 4: the command is missing"),
         (format!("{head}{}", good.trim_end()), "line 3: the file ends inside this line"),
@@ -79,6 +85,18 @@ fn what_is_no_snapshot_says_where_and_why() {
             "line 3: the frame is `servo 1 1500`, and not `servo 1 1501`",
         ),
         (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: `odd` is no kind of frame"),
+        (
+            format!("{head}{}", good.replace("1500\n", "1500\tsample\n")),
+            "line 3: the step at 0.000000 s belongs to no move",
+        ),
+        (
+            format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{}", good.replace("1500\n", "1500\tsample\n")),
+            "line 4: there is a move whose steps are not all there",
+        ),
+        (
+            format!("{head}# move\t0.000000\t1.000000\tlinaer\t2\n"),
+            "line 3: it does not say of a move its start, its end, its easing and its number of steps",
+        ),
         (
             format!("{head}{}{good}", good.replace("0.000000", "1.000000")),
             "line 4: its time is before that of the line above",
@@ -112,17 +130,32 @@ fn the_command_compares_scripts_and_snapshots() {
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("is no snapshot: line 2: the frame is missing"), "{}", stderr(&output));
     assert_eq!(run(&["diff", &old, "/no/such/file"]).status.code(), Some(1));
+    // What is named like a snapshot is one, also where nothing is left of it.
+    let empty = format!("{broken}.frames");
+    fs::write(&empty, b"\0\xFF").unwrap();
+    let output = run(&["diff", &empty, &new]);
+    assert_eq!((output.status.code(), stdout(&output)), (Some(1), String::new()));
+    assert!(
+        stderr(&output).ends_with(&format!("`motionseq test --bless {broken}` writes it anew\n")),
+        "{}",
+        stderr(&output)
+    );
+    assert_eq!(run(&["diff", "-", "-"]).status.code(), Some(2));
+    assert_eq!(run(&["check", "-", "-"]).status.code(), Some(2));
 }
 
 proptest! {
     /// Whatever is edited: the same is the same, and what differs is never said to be the same.
     #[test]
     fn a_difference_is_never_silent(
-        old in prop::collection::vec((0u64..4, 1u8..4, 0u16..4), 0..12),
-        new in prop::collection::vec((0u64..4, 1u8..4, 0u16..4), 0..12),
+        old in prop::collection::vec((0u64..4, 1u8..4, 0u16..4, 0u64..3), 0..12),
+        new in prop::collection::vec((0u64..4, 1u8..4, 0u16..4, 0u64..3), 0..12),
     ) {
-        let text = |commands: &[(u64, u8, u16)]| {
-            let lines = commands.iter().map(|(wait, servo, pulse)| format!("servo {servo} {}\nwait {}ms\n", 1_000 + pulse, 10 * wait + 1));
+        let text = |commands: &[(u64, u8, u16, u64)]| {
+            let lines = commands.iter().map(|(wait, servo, pulse, over)| {
+                let over = if *over > 0 { format!("900 -> {} over {}ms", 1_000 + pulse, 30 * over) } else { format!("{}", 1_000 + pulse) };
+                format!("servo {servo} {over}\nwait {}ms\n", 10 * wait + 1)
+            });
             format!("buzzer off\nwait 1ms\n{}", lines.collect::<Vec<_>>().concat())
         };
         let (old, new) = (text(&old), text(&new));

@@ -82,7 +82,7 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     let repository = blessed("changed");
     let snapshot = repository.read("dance.motion.frames");
     assert!(
-        snapshot.starts_with("# motionseq frames 1\n# dance.motion\n0.000000\tFF FE 02 03 02 06 A4 B1\tservo 2 1700\n")
+        snapshot.starts_with("# motionseq frames 2\n# dance.motion\n0.000000\tFF FE 02 03 02 06 A4 B1\tservo 2 1700\n")
     );
     // Phrases and what must not compile have none.
     assert!(!repository.0.join("lib/phrases.motion.frames").exists());
@@ -96,8 +96,7 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     assert_eq!(
         stdout(&output),
         "FAILED dance.motion: sends something else than its snapshot\n  \
-         at 0.000 s (dance.motion:2, nod, pass 1): servo 2 1700 -> 1750\n  \
-         at 0.300 s (dance.motion:2, nod, pass 2): servo 2 1700 -> 1750\n  \
+         at 0.000 s (dance.motion:2, nod, pass 1): servo 2 1700 -> 1750, and so once more at 0.300 s\n  \
          if that is meant: motionseq test --bless dance.motion\n"
     );
     assert_eq!(stderr(&output), "4 scripts: 3 passed, 1 failed\n");
@@ -168,7 +167,10 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
         "{text}"
     );
     assert!(text.contains("more/bow.motion.frames:2: snapshot: the frame is missing"), "{text}");
-    assert!(stderr(&output).starts_with("warning: gone.motion.frames is the snapshot of a script that is not there\n"));
+    assert!(text.contains("warning: gone.motion.frames: is the snapshot of a script that is not there\n"), "{text}");
+    assert_eq!(stderr(&output), "4 scripts: 2 passed, 2 failed, 1 snapshot without a script\n");
+    let github = stdout(&repository.run(&["test", "--format", "github"]));
+    assert!(github.contains("::warning file=gone.motion.frames,title=orphan::"), "{github}");
     // `--bless` mends both, and leaves nothing else behind.
     assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
     let names = |folder: &Path| {
@@ -181,7 +183,7 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
     // A newer snapshot than this program knows.
     repository.file("more/bow.motion.frames", "# motionseq frames 9\n");
     assert!(
-        stdout(&repository.run(&["test"])).contains("it is of version 9; this motionseq reads up to 1, so update it")
+        stdout(&repository.run(&["test"])).contains("it is of version 9; this motionseq reads up to 2, so update it")
     );
 }
 
@@ -191,6 +193,7 @@ fn a_script_that_must_not_compile_is_held_to_its_word() {
     for (text, words) in [
         ("# expect-error: out-of-range\nservo 1 1500\n", "it should fail with `out-of-range`, and it compiles"),
         ("# expect-error: clash\nservo 1 3000\n", "it should fail with `clash`, and it has the error `out-of-range`"),
+        ("# expect-error:\nservo 1 3000\n", "the code of its error is missing, such as `# expect-error: out-of-range`"),
         ("# expect-error: nonsense\nservo 1 3000\n", "there is no code `nonsense`"),
     ] {
         repository.file("x.motion", text);
@@ -206,11 +209,27 @@ fn links_that_go_round_and_folders_without_scripts_are_told() {
     std::os::unix::fs::symlink("..", repository.0.join("more/round")).unwrap();
     let output = repository.run(&["test"]);
     assert_eq!(code(&output), 1);
-    assert!(stderr(&output).contains("cannot look into ./more/round: the link leads back to ."), "{}", stderr(&output));
+    assert!(
+        stdout(&output)
+            .contains("FAILED more/round: cannot be read\n  more/round: unreadable: the link leads back to ."),
+        "{}",
+        stdout(&output)
+    );
+    // Programs are told the same.
+    for (format, words) in [
+        ("json", "\"verdict\": \"cannot be read\""),
+        ("tap", "not ok 1 - more/round: cannot be read"),
+        ("github", "::error file=more/round,title=unreadable::"),
+    ] {
+        let output = repository.run(&["test", "--format", format]);
+        assert!(code(&output) == 1 && stdout(&output).contains(words), "{}", stdout(&output));
+    }
     let empty = Repository::new("empty");
     let output = empty.run(&["test"]);
     assert_eq!((code(&output), stderr(&output).as_str()), (1, "error: there is no *.motion in .\n"));
-    assert_eq!(code(&empty.run(&["test", "/no/such/folder"])), 1);
+    let output = empty.run(&["test", "nothere"]);
+    assert_eq!((code(&output), stderr(&output).as_str()), (1, "1 script: 0 passed, 1 failed\n"));
+    assert!(stdout(&output).contains("nothere: unreadable: No such file"), "{}", stdout(&output));
     // What begins with a dot is not looked into.
     let output = empty.file(".git/x.motion", "nonsense").run(&["test"]);
     assert!(stderr(&output).contains("there is no *.motion"));

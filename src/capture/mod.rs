@@ -1,11 +1,11 @@
 //! Bytes that another program sent, read back: as a listing, whatever is wrong with them.
 
-mod hex;
+mod text;
 
 use std::io::{self, Read, Write};
 
 use crate::board::{Command, Decoder, Frame, Item, Skip};
-use hex::Hex;
+use text::Text;
 
 /// The most bytes of a run that are shown where they belong to no frame.
 const SHOWN: usize = 16;
@@ -24,6 +24,8 @@ pub struct Decoded {
     pub skipped: u64,
     /// Characters in a text of hex digits that are none.
     pub not_hex: u64,
+    /// Whether such a text ends with half a byte.
+    pub half_byte: bool,
 }
 
 /// Why a stream was not decoded to its end.
@@ -37,7 +39,7 @@ pub enum DecodeError {
     Write(io::Error),
 }
 
-/// Reads a stream of frames, or the same as hex digits with blanks wherever, and writes a line for each frame and for each
+/// Reads a stream of frames, or the same written down as hex digits (bare, in a listing, or in a dump), and writes a line for each frame and for each
 /// run of bytes that belongs to none: the position of the first byte, counted from 0; the bytes in hex; what they are.
 ///
 /// Nothing in the stream is fatal. Keeps one block of the input and one frame.
@@ -45,7 +47,8 @@ pub fn decode(mut input: impl Read, out: &mut impl Write) -> Result<Decoded, Dec
     let mut listing = Listing { out, position: 0, decoded: Decoded::default(), run: None, failed: None };
     let mut decoder = Decoder::new();
     let mut buffer = vec![0; CHUNK];
-    let mut hex: Option<Hex> = None;
+    let mut text: Option<Text> = None;
+    let mut bytes = Vec::new();
     let mut is_first = true;
     loop {
         let count = match input.read(&mut buffer) {
@@ -54,22 +57,30 @@ pub fn decode(mut input: impl Read, out: &mut impl Write) -> Result<Decoded, Dec
             Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
             Err(error) => return Err(DecodeError::Read(error)),
         };
-        let block = buffer.get_mut(..count).unwrap_or_default();
+        let block = buffer.get(..count).unwrap_or_default();
         if std::mem::take(&mut is_first) {
-            hex = Hex::of(block);
+            text = Text::of(block);
         }
-        let block = match &mut hex {
-            Some(hex) => hex.decode(block),
-            None => block,
-        };
-        decoder.feed(block, |item| listing.take(item));
+        match &mut text {
+            Some(text) => {
+                bytes.clear();
+                text.feed(block, &mut bytes);
+                decoder.feed(&bytes, |item| listing.take(item));
+            }
+            None => decoder.feed(block, |item| listing.take(item)),
+        }
         listing.failure()?;
+    }
+    if let Some(text) = &mut text {
+        bytes.clear();
+        text.finish(&mut bytes);
+        decoder.feed(&bytes, |item| listing.take(item));
     }
     decoder.finish(|item| listing.take(item));
     listing.end_run();
     listing.failure()?;
-    let not_hex = hex.map_or(0, |hex| hex.strangers());
-    Ok(Decoded { not_hex, ..listing.decoded })
+    let (not_hex, half_byte) = text.map_or((0, false), |text| (text.strangers(), text.is_half()));
+    Ok(Decoded { not_hex, half_byte, ..listing.decoded })
 }
 
 /// Bytes in a row that belong to no frame.

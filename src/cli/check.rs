@@ -53,6 +53,10 @@ enum Deny {
 impl Check {
     /// Checks every file; fails if any of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
+            screen.error("standard input can be read only once: give `-` once");
+            return Exit::Usage;
+        }
         let mut exit = Exit::Ok;
         let mut findings = Vec::new();
         for file in &self.files {

@@ -14,7 +14,7 @@ use super::screen::{Screen, plural};
 /// Show the frames in a stream of bytes, or of hex digits
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n\nA line holds the position of the first byte, the bytes, and the command. Bytes that belong to no frame are shown and skipped."
+    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n\nA line holds the position of the first byte, the bytes, and the command. Bytes that belong to no frame are shown and skipped.\nHex digits may stand bare, with 0x before them, in a listing of `render`, or as xxd and hexdump -C write them.\n\nExit code 0 whatever the bytes are, 1 where they cannot be read, 2 where the listing cannot be written."
 )]
 pub(super) struct Decode {
     /// The stream, or `-` for standard input
@@ -67,7 +67,8 @@ fn summary(decoded: Decoded, screen: &Screen) {
     let parts = [
         (decoded.unknown, count(decoded.unknown, "frame") + " no command"),
         (decoded.skipped, count(decoded.skipped, "byte") + " skipped"),
-        (decoded.not_hex, count(decoded.not_hex, "character") + " no hex digit"),
+        (decoded.not_hex, count(decoded.not_hex, "character") + " passed over, being no hex digit"),
+        (u64::from(decoded.half_byte), "one hex digit left alone at the end".to_owned()),
     ];
     let found = format!("{} in {}", count(decoded.frames, "frame"), count(decoded.bytes, "byte"));
     let parts = parts.into_iter().filter(|(count, _)| *count > 0).map(|(_, words)| words);

@@ -1,11 +1,13 @@
 //! `motionseq diff`: what has changed between two scripts or snapshots.
 
+use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use motionseq::source::{Lines, Sources};
-use motionseq::timeline::{Moment, Timeline, diff, is_snapshot, read_snapshot};
+use motionseq::timeline::{Change, Snapshot, Timeline, diff, is_snapshot, read_snapshot};
+use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::exit::Exit;
 use super::output;
@@ -31,7 +33,7 @@ const SHOWN: usize = 50;
 
 /// One side of a comparison.
 struct Side {
-    moments: Vec<Moment>,
+    sent: Snapshot,
     /// The script, where it is one.
     script: Option<(Sources, Timeline)>,
 }
@@ -39,6 +41,10 @@ struct Side {
 impl Diff {
     /// Compares, and prints the changes.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        if self.old.as_os_str() == "-" && self.new.as_os_str() == "-" {
+            screen.error("standard input can be read only once: name a file for one of the two");
+            return Exit::Usage;
+        }
         match (self.side(&self.old, screen), self.side(&self.new, screen)) {
             (Ok(old), Ok(new)) => compare(&old, &new, screen),
             (Err(exit), _) | (_, Err(exit)) => exit,
@@ -46,32 +52,49 @@ impl Diff {
     }
 
     fn side(&self, path: &Path, screen: &Screen) -> Result<Side, Exit> {
-        let source = read(path, screen)?;
-        if is_snapshot(source.text().as_bytes()) {
-            let moments = read_snapshot(source.text().as_bytes()).map_err(|error| {
-                screen.error(&format!("{} is no snapshot: {error}", source.name()));
+        // What is called one is one, whatever has become of it.
+        if let Some(script) = path.to_str().and_then(|name| name.strip_suffix(SNAPSHOT)) {
+            let text = fs::read(path).map_err(|error| {
+                screen.error(&format!("cannot read {}: {error}", path.display()));
                 Exit::Script
             })?;
-            return Ok(Side { moments, script: None });
+            return snapshot(&path.display().to_string(), &text, Some(script), screen);
+        }
+        let source = read(path, screen)?;
+        if is_snapshot(source.text().as_bytes()) {
+            return snapshot(source.name(), source.text().as_bytes(), None, screen);
         }
         let sources = Sources::from(source);
         let timeline = self.options.compile(&sources, screen, false).timeline.ok_or(Exit::Script)?;
-        let moments = timeline.events().iter().map(Moment::from).collect();
-        Ok(Side { moments, script: Some((sources, timeline)) })
+        let sent = Snapshot::of(timeline.events(), timeline.tweens());
+        Ok(Side { sent, script: Some((sources, timeline)) })
     }
 }
 
+fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
+    let sent = read_snapshot(text).map_err(|error| {
+        let anew = script.map(|script| format!("; `motionseq test --bless {}` writes it anew", shell_word(script)));
+        screen.error(&format!("{name} is no snapshot: {error}{}", anew.unwrap_or_default()));
+        Exit::Script
+    })?;
+    Ok(Side { sent, script: None })
+}
+
 fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
-    let changes = diff(&old.moments, &new.moments).changes;
+    let (was, is) = (old.places(), new.places());
+    let line = |change: &Change| {
+        let place = change.new.and_then(|at| is(at, false)).or_else(|| change.old.and_then(|at| was(at, false)));
+        place.map(|place| (place, change.new.is_some()))
+    };
+    let changes = diff(&old.sent, &new.sent, line);
     if changes.is_empty() {
-        screen.note(&format!("both send the same {}", plural(new.moments.len(), "frame")));
+        screen.note(&format!("both send the same {}", plural(new.sent.moments.len(), "frame")));
         return Exit::Ok;
     }
-    let (old, new) = (old.origins(), new.origins());
     let shown = if screen.is_verbose() { changes.len() } else { SHOWN };
     let mut out = io::stdout().lock();
     let written = changes.iter().take(shown).try_for_each(|change| {
-        let place = change.new.and_then(&new).or_else(|| change.old.and_then(&old));
+        let place = change.new.and_then(|at| is(at, true)).or_else(|| change.old.and_then(|at| was(at, true)));
         writeln!(out, "{}", change.words(place.as_deref()))
     });
     if let Some(more) = changes.len().checked_sub(shown).filter(|more| *more > 0) {
@@ -84,12 +107,13 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
 }
 
 impl Side {
-    /// Says where a frame comes from.
-    fn origins(&self) -> impl Fn(usize) -> Option<String> {
+    /// Says which line a frame comes from, and if asked which calls and passes led there.
+    fn places(&self) -> impl Fn(usize, bool) -> Option<String> {
         let script = self.script.as_ref().map(|(sources, timeline)| (sources, timeline, Lines::of(sources)));
-        move |at| {
+        move |at, way| {
             let (sources, timeline, lines) = script.as_ref()?;
-            Some(timeline.origin(timeline.events().get(at)?, sources, lines))
+            let event = timeline.events().get(at)?;
+            Some(if way { timeline.origin(event, sources, lines) } else { lines.place(event.span).to_string() })
         }
     }
 }

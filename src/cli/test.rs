@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::report;
-use motionseq::verify::{Case, Job, Verdict, find};
+use motionseq::verify::{Case, Job, Verdict, find, shell_word};
 
 use super::Options;
 use super::exit::Exit;
@@ -33,8 +33,8 @@ pub(super) struct Test {
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
     /// Compile so many scripts at once [default: one for each processor]
-    #[arg(long, value_name = "N")]
-    jobs: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
     #[command(flatten)]
     options: Options,
 }
@@ -58,21 +58,17 @@ impl Test {
     /// Tests; fails if any script does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let found = find(&self.paths);
-        for orphan in &found.orphans {
-            screen.warning(&format!("{} is the snapshot of a script that is not there", orphan.display()));
-        }
-        for (path, why) in &found.unreadable {
-            screen.error(&format!("cannot look into {}: {why}", path.display()));
-        }
-        if found.scripts.is_empty() {
+        if found.scripts.is_empty() && found.unreadable.is_empty() {
             let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("there is no *.motion in {}", paths.join(", ")));
             return Exit::Script;
         }
         let job = Job { options: self.options.of_library(), bless: self.bless };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.jobs.unwrap_or(0)).build();
+        // More threads than scripts have nothing to do.
+        let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let cases = match pool {
-            Ok(pool) => pool.install(|| job.run(&found.scripts)),
+            Ok(pool) => pool.install(|| job.run(&found)),
             Err(error) => {
                 screen.error(&format!("cannot start threads: {error}"));
                 return Exit::Usage;
@@ -88,7 +84,7 @@ impl Test {
             return Exit::Usage;
         }
         match output::exit(written, None, screen) {
-            Exit::Ok if failed > 0 || !found.unreadable.is_empty() => Exit::Script,
+            Exit::Ok if failed > 0 => Exit::Script,
             exit => exit,
         }
     }
@@ -107,19 +103,25 @@ impl Test {
 fn human(cases: &[Case], screen: &Screen) -> String {
     let mut lines = Vec::new();
     for case in cases {
-        if case.verdict.is_passed() && !screen.is_verbose() {
+        let orphan = case.verdict == Verdict::Orphan;
+        if case.verdict.is_passed() && !orphan && !screen.is_verbose() {
             continue;
         }
-        let mark = if case.verdict.is_passed() { "" } else { "FAILED " };
+        let mark = match (orphan, case.verdict.is_passed()) {
+            (true, _) => "warning: ",
+            (_, true) => "",
+            (_, false) => "FAILED ",
+        };
         lines.push(format!("{mark}{}: {}", case.name, case.verdict.words()));
         let shown = if screen.is_verbose() { usize::MAX } else { SHOWN };
         lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", report::located(problem))));
         let more = case.problems.len().saturating_sub(shown) + case.left_out;
         if more > 0 {
-            lines.push(format!("  and {} more", plural(more, "change")));
+            let how = if case.left_out == 0 { "; -v shows them" } else { "" };
+            lines.push(format!("  and {}{how}", more_of(more, case.verdict)));
         }
         if case.verdict == Verdict::Differs {
-            lines.push(format!("  if that is meant: motionseq test --bless {}", case.name));
+            lines.push(format!("  if that is meant: motionseq test --bless {}", shell_word(&case.name)));
         }
     }
     lines.iter().map(|line| escaped(line) + "\n").collect()
@@ -127,7 +129,16 @@ fn human(cases: &[Case], screen: &Screen) -> String {
 
 /// `12 scripts: 10 passed, 2 failed`.
 fn summary(cases: &[Case], failed: usize) -> String {
+    let orphans = cases.iter().filter(|case| case.verdict == Verdict::Orphan).count();
+    let count = cases.len() - orphans;
+    let orphans =
+        if orphans > 0 { format!(", {} without a script", plural(orphans, "snapshot")) } else { String::new() };
     let blessed = cases.iter().filter(|case| case.verdict == Verdict::Blessed).count();
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
-    format!("{}: {} passed{blessed}, {failed} failed", plural(cases.len(), "script"), cases.len() - failed)
+    format!("{}: {} passed{blessed}, {failed} failed{orphans}", plural(count, "script"), count - failed)
+}
+
+fn more_of(count: usize, verdict: Verdict) -> String {
+    let word = if verdict == Verdict::Differs { "change" } else { "error" };
+    plural(count, &format!("more {word}"))
 }

@@ -115,6 +115,17 @@ impl Ease {
         std::iter::once("linear".to_owned()).chain(curves).collect()
     }
 
+    /// Its name.
+    pub fn name(self) -> String {
+        let prefix = match self.direction {
+            Direction::Linear => return "linear".to_owned(),
+            Direction::In => "in-",
+            Direction::Out => "out-",
+            Direction::InOut => "in-out-",
+        };
+        format!("{prefix}{}", CURVES.get(self.curve).map_or("", |curve| curve.name))
+    }
+
     /// How far it is, from 0 to 1 and for some curves beyond, after this part of the time.
     pub fn at(self, part: f64) -> f64 {
         let Some(curve) = CURVES.get(self.curve) else {
@@ -138,6 +149,7 @@ mod tests {
     fn every_curve_starts_at_0_and_ends_at_1() {
         for name in Ease::names() {
             let ease = Ease::named(&name).unwrap();
+            assert_eq!(ease.name(), name);
             assert!(ease.at(0.0).abs() < 1e-9 && (ease.at(1.0) - 1.0).abs() < 1e-9, "{name}");
         }
         assert_eq!(Ease::names().len(), 31);

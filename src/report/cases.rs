@@ -6,7 +6,7 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
 
 use super::{data, property};
-use crate::verify::{Case, Problem};
+use crate::verify::{Case, Problem, TOTAL, Verdict};
 
 /// One JSON object: the version of its form, the counts, and every case with its problems.
 pub fn cases_json(cases: &[Case]) -> String {
@@ -76,10 +76,16 @@ pub fn cases_tap(cases: &[Case]) -> String {
 /// What `GitHub` shows at the lines of a pull request.
 pub fn cases_github(cases: &[Case]) -> String {
     let mut text = String::new();
-    for problem in cases.iter().filter(|case| !case.verdict.is_passed()).flat_map(|case| &case.problems) {
+    let problems = cases.iter().flat_map(|case| case.problems.iter().map(move |problem| (case.verdict, problem)));
+    for (verdict, problem) in problems {
+        let level = match (verdict, problem.code) {
+            (Verdict::Orphan, _) => "warning",
+            (_, TOTAL) => "notice",
+            _ => "error",
+        };
         let line = if problem.line > 0 { format!(",line={}", problem.line) } else { String::new() };
         let file = property(&problem.file);
-        let _ = writeln!(text, "::error file={file}{line},title={}::{}", problem.code, data(&problem.message));
+        let _ = writeln!(text, "::{level} file={file}{line},title={}::{}", problem.code, data(&problem.message));
     }
     text
 }
@@ -112,7 +118,7 @@ pub fn cases_junit(cases: &[Case]) -> String {
 /// A problem with its place before it, where its words do not name it.
 pub fn located(problem: &Problem) -> String {
     match problem.code {
-        "difference" => problem.message.clone(),
+        "difference" | TOTAL => problem.message.clone(),
         code if problem.line > 0 => format!("{}:{}: {code}: {}", problem.file, problem.line, problem.message),
         code => format!("{}: {code}: {}", problem.file, problem.message),
     }

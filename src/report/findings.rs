@@ -146,7 +146,8 @@ pub fn findings_sarif(findings: &[Finding]) -> String {
 /// A path as a relative reference: what has a meaning in a URI is escaped.
 fn uri(path: &str) -> String {
     let mut uri = String::new();
-    for byte in path.bytes() {
+    // Standard input is no path.
+    for byte in path.trim_matches(['<', '>']).bytes() {
         if byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte) {
             uri.push(char::from(byte));
         } else {

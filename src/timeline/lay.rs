@@ -1,6 +1,6 @@
 //! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
-use super::{BUZZER, Cue, DRIVE, Event, Kind, THINGS, Timeline, Track, things};
+use super::{BUZZER, Cue, DRIVE, Event, Kind, THINGS, Timeline, Track, Tween, things};
 use crate::board::{Command, State, TiltPulseWidth};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{
@@ -14,11 +14,11 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
     let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
     lay.run(steps, &mut cues);
     lay.close(end);
-    let events = lay.finish();
+    let (events, tweens) = lay.finish();
     let (abort, abort_cues) =
         abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
     Timeline {
-        tracks: vec![Track { robot: None, events, abort }],
+        tracks: vec![Track { robot: None, events, tweens, abort }],
         cues,
         abort_cues,
         end_us: end.micros(),
@@ -46,7 +46,7 @@ fn lay_abort(
         let from = From { order: usize::MAX, ..lay.last(BUZZER) };
         lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, from);
     }
-    let mut events = lay.finish();
+    let (mut events, _) = lay.finish();
     for event in &mut events {
         event.kind = Kind::Abort;
     }
@@ -86,6 +86,8 @@ struct Lay<'d> {
     limit: usize,
     /// Commands and samples, with their place in script order.
     events: Vec<(Event, usize)>,
+    /// The moves, each with the time and the place in script order of its first step.
+    tweens: Vec<(Tween, (u64, usize))>,
     /// Refreshes, sorted by time.
     refreshes: Vec<Event>,
     state: State,
@@ -111,6 +113,7 @@ impl<'d> Lay<'d> {
             traces,
             limit,
             events: Vec::new(),
+            tweens: Vec::new(),
             refreshes: Vec::new(),
             state: State::default(),
             held: None,
@@ -208,10 +211,21 @@ impl<'d> Lay<'d> {
         if !self.has_room(frames(count), from) {
             return;
         }
-        if motion.has_start() {
-            self.sample(at, going, &starts, from);
-        }
+        let before = self.events.len();
         let end = at.plus(*over);
+        self.samples(at, end, going, &starts, from);
+        let steps = self.events.get(before..).unwrap_or_default();
+        if let Some((first, order)) = steps.first() {
+            let tween = Tween { at_us: at.micros(), end_us: end.micros(), ease: *ease, steps: steps.len() };
+            self.tweens.push((tween, (first.at_us, *order)));
+        }
+    }
+
+    fn samples(&mut self, at: Time, end: Time, going: &Move, starts: &[f64], from: From) {
+        let Move { motion, over, ease, .. } = going;
+        if motion.has_start() {
+            self.sample(at, going, starts, from);
+        }
         for k in 1_u64.. {
             let passed = self.period.times(k);
             if passed >= *over || self.full {
@@ -398,8 +412,11 @@ impl<'d> Lay<'d> {
         room
     }
 
-    /// All events in the order of sending. The sort is stable: closing frames keep theirs.
-    fn finish(mut self) -> Vec<Event> {
+    /// All events in the order of sending, and the moves in that of their first steps. The sort is stable: closing frames keep
+    /// theirs.
+    fn finish(mut self) -> (Vec<Event>, Vec<Tween>) {
+        self.tweens.sort_by_key(|(_, first)| *first);
+        let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
         self.events.sort_by_key(|(event, order)| {
             (event.at_us, event.kind.rank(), if event.kind == Kind::Closing { 0 } else { *order })
         });
@@ -408,7 +425,7 @@ impl<'d> Lay<'d> {
             events.extend(self.refreshes);
             events.sort_by_key(|event| (event.at_us, event.kind.rank()));
         }
-        events
+        (events, tweens)
     }
 }
 

@@ -21,13 +21,18 @@ impl fmt::Display for Seconds {
 
 /// One line a frame, TAB-separated: seconds, the frame in hex, the command, and what it is where that is no plain command.
 pub fn write_listing(events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    each(events, |event, frame| {
-        write!(out, "{}\t{frame}\t{}", Seconds(event.at_us), event.command)?;
-        match event.kind.word() {
-            Some(word) => writeln!(out, "\t{word}"),
-            None => writeln!(out),
-        }
-    })
+    let mut bytes = Vec::new();
+    events.iter().try_for_each(|event| write_line(event, &mut bytes, out))
+}
+
+/// The line of one frame; `bytes` is a buffer to use again.
+pub(super) fn write_line(event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
+    let frame = encode(event, bytes)?;
+    write!(out, "{}\t{frame}\t{}", Seconds(event.at_us), event.command)?;
+    match event.kind.word() {
+        Some(word) => writeln!(out, "\t{word}"),
+        None => writeln!(out),
+    }
 }
 
 /// One line a frame: seconds, TAB, the frame in hex.
@@ -72,11 +77,11 @@ pub fn write_bin(events: &[Event], out: &mut impl Write) -> io::Result<()> {
 
 fn each(events: &[Event], mut write: impl FnMut(&Event, Frame<'_>) -> io::Result<()>) -> io::Result<()> {
     let mut bytes = Vec::new();
-    for event in events {
-        bytes.clear();
-        event.encode(&mut bytes);
-        let frame = Frame::new(&bytes).map_err(io::Error::other)?;
-        write(event, frame)?;
-    }
-    Ok(())
+    events.iter().try_for_each(|event| write(event, encode(event, &mut bytes)?))
+}
+
+fn encode<'b>(event: &Event, bytes: &'b mut Vec<u8>) -> io::Result<Frame<'b>> {
+    bytes.clear();
+    event.encode(bytes);
+    Frame::new(bytes).map_err(io::Error::other)
 }

@@ -8,15 +8,17 @@ mod lay;
 mod listing;
 mod order;
 mod snapshot;
+mod tween;
 
 use crate::board::{Command, ServoIndex};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Action, Program, Shape, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 
-pub use diff::{Change, Diff, What, diff};
+pub use diff::{Change, Shift, What, diff};
 pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
-pub use snapshot::{Moment, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
+pub use snapshot::{Moment, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
+pub use tween::Tween;
 
 /// Everything that a script sends and shows, for every robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,6 +44,8 @@ pub struct Track {
     pub robot: Option<String>,
     /// Every frame, in the order of sending.
     pub events: Vec<Event>,
+    /// The moves whose steps are among the events, in the order of their first steps.
+    pub tweens: Vec<Tween>,
     /// What is sent when something ends a run early, after the stop; times count from there.
     pub abort: Vec<Event>,
 }
@@ -116,6 +120,11 @@ impl Timeline {
     /// The only track, while scripts have one.
     pub fn events(&self) -> &[Event] {
         self.tracks.first().map(|track| track.events.as_slice()).unwrap_or_default()
+    }
+
+    /// The moves of the only track.
+    pub fn tweens(&self) -> &[Tween] {
+        self.tracks.first().map(|track| track.tweens.as_slice()).unwrap_or_default()
     }
 
     /// What the only track sends where something ends a run early.
@@ -193,6 +202,24 @@ fn things_of(action: &Action) -> [Option<usize>; 2] {
             Shape::Servos => [Some(2), Some(3)],
             _ => [Some(DRIVE), None],
         },
+    }
+}
+
+/// Lanes behind those of the things: what occupies two of them or none.
+const SERVOS: usize = THINGS;
+const PID: usize = THINGS + 1;
+const REQUESTS: usize = THINGS + 2;
+const RAW: usize = THINGS + 3;
+const LANES: usize = THINGS + 4;
+
+/// The lane of a command: one for each thing, and one each for what occupies two of them or none.
+fn lane(command: &Command) -> usize {
+    match command {
+        Command::Servos { .. } => SERVOS,
+        Command::Pid(..) => PID,
+        Command::Request(_) => REQUESTS,
+        Command::Raw { .. } => RAW,
+        other => things(other).into_iter().flatten().next().unwrap_or(RAW),
     }
 }
 

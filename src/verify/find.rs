@@ -17,7 +17,8 @@ pub struct Found {
     pub unreadable: Vec<(PathBuf, String)>,
 }
 
-/// Finds the scripts below each path: `*.motion` in folders, and any file that is named itself. Links are followed, but not
+/// Finds the scripts below each path: `*.motion` in folders, and any file that is named itself; a snapshot that is
+/// named stands for its script. Links are followed, but not
 /// round in a circle; names that begin with a dot are passed over.
 pub fn find(paths: &[PathBuf]) -> Found {
     let mut found = Found::default();
@@ -35,7 +36,8 @@ pub fn find(paths: &[PathBuf]) -> Found {
                     found.take(path, entry.depth() == 0);
                 }
                 Err(error) => {
-                    let at = error.path().unwrap_or(path).to_owned();
+                    let at = error.path().unwrap_or(path);
+                    let at = at.strip_prefix("./").unwrap_or(at).to_owned();
                     let why = match error.loop_ancestor() {
                         Some(ancestor) => format!("the link leads back to {}", ancestor.display()),
                         None => error.io_error().map_or_else(|| error.to_string(), ToString::to_string),
@@ -54,9 +56,11 @@ impl Found {
     fn take(&mut self, path: &Path, is_named: bool) {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let script = name.strip_suffix(SNAPSHOT).filter(|script| script.ends_with(".motion"));
-        if let Some(script) = script {
-            if !path.with_file_name(script).exists() {
+        if let Some(script) = script.map(|script| path.with_file_name(script)) {
+            if !script.exists() {
                 self.orphans.push(path.to_owned());
+            } else if is_named {
+                self.scripts.push(script);
             }
         } else if name.ends_with(".motion") || is_named {
             self.scripts.push(path.to_owned());

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::diagnostic::{Code, Diagnostic};
 use crate::program::Options;
 use crate::source::{Lines, Source, Sources};
-use crate::timeline::{Moment, Timeline, diff, read_snapshot, write_snapshot};
+use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
 
 pub use find::{Found, find};
 
@@ -19,6 +19,8 @@ pub use find::{Found, find};
 pub const SNAPSHOT: &str = ".frames";
 /// How a script begins that must not compile; the code of its error stands behind it.
 const EXPECT: &str = "# expect-error:";
+/// The code of a problem that sums up others.
+pub const TOTAL: &str = "total";
 /// How many problems of one script are kept.
 const KEPT: usize = 200;
 
@@ -56,8 +58,10 @@ pub enum Verdict {
     DoesNotCompile,
     /// It says that it does not compile, and does, or has another error.
     NotAsExpected,
-    /// It cannot be read.
+    /// It cannot be read, or looked into.
     Unreadable,
+    /// It is a snapshot, and its script is not there.
+    Orphan,
 }
 
 /// One thing that is wrong.
@@ -76,7 +80,7 @@ pub struct Problem {
 impl Verdict {
     /// Whether all is well.
     pub fn is_passed(self) -> bool {
-        matches!(self, Verdict::Same | Verdict::Blessed | Verdict::Phrases | Verdict::ExpectedError)
+        matches!(self, Verdict::Same | Verdict::Blessed | Verdict::Phrases | Verdict::ExpectedError | Verdict::Orphan)
     }
 
     /// It in a word or two.
@@ -92,6 +96,7 @@ impl Verdict {
             Verdict::DoesNotCompile => "does not compile",
             Verdict::NotAsExpected => "does not fail as it says",
             Verdict::Unreadable => "cannot be read",
+            Verdict::Orphan => "is the snapshot of a script that is not there",
         }
     }
 }
@@ -106,18 +111,26 @@ pub struct Job {
 }
 
 impl Job {
-    /// Holds every script against its snapshot, on all threads of the pool; the order is that of `scripts`.
-    pub fn run(&self, scripts: &[PathBuf]) -> Vec<Case> {
-        scripts.par_iter().map(|script| self.case(script)).collect()
+    /// Holds every script against its snapshot, on all threads of the pool; the order is that of `found`: what cannot be
+    /// looked into first, then scripts, then snapshots without one.
+    pub fn run(&self, found: &Found) -> Vec<Case> {
+        let unreadable = found.unreadable.iter().map(|(path, why)| {
+            let name = path.display().to_string();
+            Case::new(&name, Verdict::Unreadable, vec![problem(&name, 0, "unreadable", why.clone())])
+        });
+        let mut cases: Vec<Case> = unreadable.collect();
+        cases.par_extend(found.scripts.par_iter().map(|script| self.case(script)));
+        cases.extend(found.orphans.iter().map(|orphan| {
+            let name = orphan.display().to_string();
+            let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
+            Case::new(&name, Verdict::Orphan, vec![problem(&name, 0, "orphan", message)])
+        }));
+        cases
     }
 
     fn case(&self, script: &Path) -> Case {
         let name = script.display().to_string();
-        let case = |verdict, problems: Vec<Problem>| {
-            let left_out = problems.len().saturating_sub(KEPT);
-            let problems = problems.into_iter().take(KEPT).collect();
-            Case { name: name.clone(), verdict, problems, left_out }
-        };
+        let case = |verdict, problems| Case::new(&name, verdict, problems);
         let source = match Source::read(script) {
             Ok(source) => source,
             Err(error) => {
@@ -163,33 +176,59 @@ impl Job {
     ) -> (Verdict, Vec<Problem>) {
         let snapshot = snapshot_of(script);
         let name = snapshot.display().to_string();
-        let new: Vec<Moment> = timeline.events().iter().map(Moment::from).collect();
+        let new = Snapshot::of(timeline.events(), timeline.tweens());
         let old = match fs::read(&snapshot) {
-            Ok(text) => read_snapshot(&text).map_err(|error| problem(&name, error.line, "snapshot", error.why)),
+            Ok(text) => read_snapshot(&text).map_err(|error| {
+                let anew =
+                    format!("`motionseq test --bless {}` writes it anew", shell_word(&script.display().to_string()));
+                problem(&name, error.line, "snapshot", format!("{}; {anew}", error.why))
+            }),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 if self.bless {
                     return bless(script, &snapshot, timeline);
                 }
-                let message = format!("there is no {name}; `motionseq test --bless {}` writes it", script.display());
+                let script_name = shell_word(&script.display().to_string());
+                let message = format!("there is no {name}; `motionseq test --bless {script_name}` writes it");
                 return (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)]);
             }
             Err(error) => Err(problem(&name, 0, "snapshot", error.to_string())),
         };
         match old {
-            Ok(old) if old == new => (Verdict::Same, Vec::new()),
+            // An old format says less of moves than this one.
+            Ok(old) if old.moments == new.moments && (old == new || !self.bless) => (Verdict::Same, Vec::new()),
             _ if self.bless => bless(script, &snapshot, timeline),
             Err(wrong) => (Verdict::BadSnapshot, vec![wrong]),
             Ok(old) => {
-                let problems = diff(&old, &new).changes.into_iter().map(|change| {
-                    let event = change.new.and_then(|at| timeline.events().get(at));
-                    let origin = event.map(|event| timeline.origin(event, sources, lines));
-                    let place = event.map(|event| lines.place(event.span));
-                    let (file, line) = place.map_or((sources.main().name(), 0), |place| (place.file, place.line));
-                    problem(file, line, "difference", change.words(origin.as_deref()))
+                let event = |change: &Change| change.new.and_then(|at| timeline.events().get(at));
+                let place = |change: &Change| event(change).map(|event| lines.place(event.span));
+                let line = |change: &Change| place(change).map(|place| (place.file, place.line));
+                let problems = diff(&old, &new, line).into_iter().map(|change| {
+                    let origin = event(&change).map(|event| timeline.origin(event, sources, lines));
+                    let (file, line) = line(&change).unwrap_or((sources.main().name(), 0));
+                    let code = if change.what.is_total() { TOTAL } else { "difference" };
+                    problem(file, line, code, change.words(origin.as_deref()))
                 });
                 (Verdict::Differs, problems.collect())
             }
         }
+    }
+}
+
+impl Case {
+    fn new(name: &str, verdict: Verdict, problems: Vec<Problem>) -> Self {
+        let left_out = problems.len().saturating_sub(KEPT);
+        let problems = problems.into_iter().take(KEPT).collect();
+        Case { name: name.to_owned(), verdict, problems, left_out }
+    }
+}
+
+/// A name as a shell reads it back.
+pub fn shell_word(name: &str) -> String {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._-+,:@%".contains(&byte) || !byte.is_ascii();
+    if !name.is_empty() && name.bytes().all(plain) {
+        name.to_owned()
+    } else {
+        format!("'{}'", name.replace('\'', r"'\''"))
     }
 }
 
@@ -199,6 +238,9 @@ fn problem(file: &str, line: usize, code: &'static str, message: String) -> Prob
 
 /// What is wrong with the errors of a script that says which one it has.
 fn expectation(expected: &str, fails: bool, errors: &[&Diagnostic]) -> Option<String> {
+    if expected.is_empty() {
+        return Some(format!("the code of its error is missing, such as `{EXPECT} out-of-range`"));
+    }
     if !Code::ALL.iter().any(|code| code.name() == expected) {
         return Some(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
     }
@@ -227,7 +269,7 @@ fn bless(script: &Path, snapshot: &Path, timeline: &Timeline) -> (Verdict, Vec<P
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
     let part = snapshot.with_extension(format!("frames.{}.part", std::process::id()));
-    let written = write_snapshot(&name, timeline.events(), &mut text)
+    let written = write_snapshot(&name, timeline.events(), timeline.tweens(), &mut text)
         .and_then(|()| fs::File::create(&part))
         .and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()))
         .and_then(|()| fs::rename(&part, snapshot));

@@ -2,116 +2,144 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use super::{Command, Kind, Moment, things};
+use super::Span;
+use crate::program::Ease;
+use crate::timeline::tween::{Part, Walk};
+use crate::timeline::{Kind, LANES, Moment, Snapshot, Tween, lane};
 
-/// Lanes behind those of the things that do one thing at a time.
-pub(super) const SERVOS: usize = super::super::THINGS;
-pub(super) const PID: usize = SERVOS + 1;
-pub(super) const REQUESTS: usize = SERVOS + 2;
-pub(super) const RAW: usize = SERVOS + 3;
-pub(super) const LANES: usize = SERVOS + 4;
-
-/// One command, or one move as far as it goes one way.
+/// One command, or one move.
 #[derive(Debug)]
 pub(super) struct Item {
     pub(super) lane: usize,
+    /// How many items of its lane come before it.
+    pub(super) place: usize,
+    /// When it starts.
     pub(super) at_us: u64,
     /// Its first frame.
     pub(super) first: usize,
-    /// The command; of a move the last one.
+    /// The command; of a move the one it arrives at.
     pub(super) says: String,
-    /// What the steps of a move are, in one number; 0 for a command.
-    pub(super) steps: u64,
-    /// How many steps it has, and how long they take.
-    count: usize,
-    pub(super) lasts_us: u64,
+    pub(super) moves: Option<Moves>,
+    /// When its last frame before any refresh was sent.
+    sent_us: u64,
     /// The time between two refreshes, if there is any.
     pub(super) refresh: Option<u64>,
-    /// Which way the values of a move go.
-    way: Vec<i8>,
-    last: Command,
+    /// How long what it leaves behind holds, until the next item of its lane.
+    pub(super) holds_us: u64,
+}
+
+/// What makes a command a move.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Moves {
+    /// Microseconds from its start to its end, and how it gets there; `None` where nobody said.
+    pub(super) meant: Option<(u64, Ease)>,
+    /// How many steps it has.
+    pub(super) steps: usize,
+    /// What they are, in one number.
+    pub(super) hash: u64,
 }
 
 impl Item {
-    /// `servo 2 1700`, `servo 2 1700 (a move of 24 steps)`.
-    pub(super) fn words(&self) -> String {
-        match self.count {
-            0 => self.says.clone(),
-            1 => format!("{} (a move of 1 step)", self.says),
-            count => format!("{} (a move of {count} steps)", self.says),
+    /// `servo 2 1700`, `servo 2 1700 over 500 ms`, in parts that are compared one by one.
+    pub(super) fn parts(&self) -> Vec<String> {
+        let mut parts: Vec<String> = self.says.split(' ').map(str::to_owned).collect();
+        match &self.moves {
+            None => {}
+            Some(Moves { meant: Some((lasts_us, ease)), .. }) => {
+                parts.extend([format!("over {}", Span(*lasts_us)), format!("ease {}", ease.name())]);
+            }
+            Some(Moves { meant: None, steps, .. }) => parts.push(format!("in {steps} steps")),
         }
+        parts
+    }
+
+    /// The same as a script would say it.
+    pub(super) fn words(&self) -> String {
+        let mut parts = self.parts();
+        parts.retain(|part| part != "ease linear");
+        parts.join(" ")
+    }
+
+    /// Microseconds from its start to its end; 0 for a command.
+    pub(super) fn lasts_us(&self) -> u64 {
+        self.moves.as_ref().and_then(|moves| moves.meant).map_or(0, |(lasts_us, _)| lasts_us)
     }
 }
 
-fn lane(command: &Command) -> usize {
-    match command {
-        Command::Servos { .. } => SERVOS,
-        Command::Pid(..) => PID,
-        Command::Request(_) => REQUESTS,
-        Command::Raw { .. } => RAW,
-        other => things(other).into_iter().flatten().next().unwrap_or(RAW),
-    }
-}
-
-/// Groups frames. What is left of two neighbouring moves is where they turn.
-pub(super) fn items(moments: &[Moment]) -> Vec<Item> {
+/// Groups frames. Without `tweens`, what is not divided by another command is one move.
+pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut newest: [Option<usize>; LANES] = [None; LANES];
+    let mut walk = Walk::new(tweens.unwrap_or_default());
     for (first, moment) in moments.iter().enumerate() {
         let lane = lane(&moment.command);
+        let part = walk.take(&moment.command, moment.kind);
         let before = newest.get(lane).copied().flatten().and_then(|at| items.get_mut(at));
-        let taken = match (moment.kind, before) {
-            (Kind::Refresh, Some(item)) => {
-                item.refresh.get_or_insert(moment.at_us - item.at_us - item.lasts_us);
-                true
+        let tween = match (moment.kind, part, before) {
+            (Kind::Refresh, _, Some(item)) => {
+                item.refresh.get_or_insert(moment.at_us - item.sent_us);
+                item.holds_us = moment.at_us - item.sent_us;
+                continue;
             }
-            (Kind::Sample, Some(item)) => item.count > 0 && item.refresh.is_none() && extend(item, moment),
-            _ => false,
+            (Kind::Sample, Part::Further, Some(item)) => {
+                item.extend(moment);
+                continue;
+            }
+            (Kind::Sample, Part::Stray, Some(item)) if item.moves.is_some() && item.refresh.is_none() => {
+                item.extend(moment);
+                continue;
+            }
+            (_, Part::First(tween), _) => Some(tween),
+            _ => None,
         };
-        if taken {
-            continue;
-        }
-        let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
+        let mut place = 0;
         if let Some(newest) = newest.get_mut(lane) {
+            if let Some(before) = newest.and_then(|at| items.get_mut(at)) {
+                before.holds_us = moment.at_us - before.sent_us;
+                place = before.place + 1;
+            }
             *newest = Some(items.len());
         }
-        items.push(Item {
+        let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
+        let meant = tween.map(|tween| (tween.end_us - tween.at_us, tween.ease));
+        let mut item = Item {
             lane,
-            at_us: moment.at_us,
+            place,
+            at_us: tween.map_or(moment.at_us, |tween| tween.at_us),
             first,
             says: format!("{}{closing}", moment.command),
-            steps: 0,
-            count: usize::from(moment.kind == Kind::Sample),
-            lasts_us: 0,
+            moves: (moment.kind == Kind::Sample).then_some(Moves { meant, steps: 0, hash: 0 }),
+            sent_us: moment.at_us,
             refresh: None,
-            way: Vec::new(),
-            last: moment.command.clone(),
-        });
+            holds_us: 0,
+        };
+        if moment.kind == Kind::Sample {
+            item.extend(moment);
+        }
+        items.push(item);
     }
     items
 }
 
-/// Takes a further step into a move, if it goes on the same way.
-fn extend(item: &mut Item, moment: &Moment) -> bool {
-    let way = way(&item.last, &moment.command);
-    if !item.way.is_empty() && item.way != way {
-        return false;
+/// The items of both sides, and whether both say of every step which move it belongs to.
+pub(super) fn both(old: &Snapshot, new: &Snapshot) -> (Vec<Item>, Vec<Item>) {
+    match (&old.tweens, &new.tweens) {
+        (Some(before), Some(after)) => (items(&old.moments, Some(before)), items(&new.moments, Some(after))),
+        _ => (items(&old.moments, None), items(&new.moments, None)),
     }
-    let mut hasher = DefaultHasher::new();
-    item.lasts_us = moment.at_us - item.at_us;
-    (item.steps, item.lasts_us, &item.says).hash(&mut hasher);
-    item.steps = hasher.finish();
-    item.says = moment.command.to_string();
-    item.count += 1;
-    item.way = way;
-    item.last = moment.command.clone();
-    true
 }
 
-/// Which of the values rise and which fall.
-fn way(from: &Command, to: &Command) -> Vec<i8> {
-    let (from, to) = (from.to_string(), to.to_string());
-    let number = |word: &str| word.rsplit('=').next().and_then(|number| number.parse::<i64>().ok());
-    let values = from.split(' ').map(number).zip(to.split(' ').map(number));
-    values.map(|(from, to)| if to > from { 1 } else { -i8::from(to < from) }).collect()
+impl Item {
+    /// Takes a step into a move.
+    fn extend(&mut self, moment: &Moment) {
+        self.says = moment.command.to_string();
+        self.sent_us = moment.at_us;
+        let since = moment.at_us.saturating_sub(self.at_us);
+        if let Some(moves) = &mut self.moves {
+            let mut hasher = DefaultHasher::new();
+            (moves.hash, since, &self.says).hash(&mut hasher);
+            moves.hash = hasher.finish();
+            moves.steps += 1;
+        }
+    }
 }

@@ -1,0 +1,66 @@
+//! The moves of a timeline: which steps belong together, and how they were meant.
+
+use super::{Kind, LANES, lane};
+use crate::board::Command;
+use crate::program::Ease;
+
+/// One move, as it was laid. Its steps are frames of kind [`Kind::Sample`]; those that would change nothing are left out, and
+/// a move without any step leaves no trace.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tween {
+    /// When it starts, in microseconds from the start of the script. Its first step may be later.
+    pub at_us: u64,
+    /// When it arrives.
+    pub end_us: u64,
+    /// How it gets there.
+    pub ease: Ease,
+    /// How many steps it has, at least 1.
+    pub steps: usize,
+}
+
+/// Gives each step its move, frame by frame: a thing does one thing at a time, so the steps of a lane belong to its moves
+/// in their order.
+pub(super) struct Walk<'t> {
+    next: std::slice::Iter<'t, Tween>,
+    /// Of each lane, how many steps of its move are still to come.
+    left: [usize; LANES],
+}
+
+/// What a frame is to the moves.
+pub(super) enum Part<'t> {
+    /// No step.
+    None,
+    /// The first step of this move.
+    First(&'t Tween),
+    /// A further step of the move of its lane.
+    Further,
+    /// A step of a move that is not there.
+    Stray,
+}
+
+impl<'t> Walk<'t> {
+    pub(super) fn new(tweens: &'t [Tween]) -> Self {
+        Walk { next: tweens.iter(), left: [0; LANES] }
+    }
+
+    /// Whether every move was taken whole.
+    pub(super) fn is_over(&self) -> bool {
+        self.next.len() == 0 && self.left.iter().all(|left| *left == 0)
+    }
+
+    /// Takes the next frame.
+    pub(super) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
+        let Some(left) = self.left.get_mut(lane(command)).filter(|_| kind == Kind::Sample) else { return Part::None };
+        if let Some(fewer) = left.checked_sub(1) {
+            *left = fewer;
+            return Part::Further;
+        }
+        match self.next.next() {
+            Some(tween) => {
+                *left = tween.steps.saturating_sub(1);
+                Part::First(tween)
+            }
+            None => Part::Stray,
+        }
+    }
+}
