@@ -5,7 +5,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
@@ -137,6 +137,28 @@ impl Sources {
     }
 }
 
+/// Writes a file whole or not at all: under another name first, which then takes the place of the old one. A link stays one, and
+/// a file keeps its mode.
+pub fn replace_file(path: &Path, text: &[u8]) -> io::Result<()> {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    let part = path.with_file_name(name);
+    let written = File::create(&part)
+        .and_then(|mut file| {
+            if let Ok(old) = path.metadata() {
+                file.set_permissions(old.permissions())?;
+            }
+            file.write_all(text)?;
+            file.sync_all()
+        })
+        .and_then(|()| std::fs::rename(&part, &path));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&part);
+    }
+    written
+}
+
 /// A line of a file, shown as `FILE:LINE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place<'s> {
@@ -248,6 +270,12 @@ impl Source {
     #[must_use]
     pub fn named(self, name: &str) -> Self {
         Source { name: name.to_owned(), ..self }
+    }
+
+    /// The same file with another text.
+    #[must_use]
+    pub fn with_text(&self, text: impl Into<String>) -> Self {
+        Source { text: text.into(), ..self.clone() }
     }
 
     /// What messages call this text: the path as it was given, or `-`.

@@ -5,6 +5,7 @@ mod decode;
 mod diff;
 mod ending;
 mod exit;
+mod fmt;
 mod guard;
 mod news;
 mod output;
@@ -50,6 +51,7 @@ enum Command {
     Play(play::Play),
     Test(test::Test),
     Diff(diff::Diff),
+    Fmt(fmt::Fmt),
     Decode(decode::Decode),
     Ports(ports::Ports),
     Completions(shell::Completions),
@@ -121,6 +123,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Play(play) => play.run(&screen),
         Command::Test(test) => test.run(&screen),
         Command::Diff(diff) => diff.run(&screen),
+        Command::Fmt(fmt) => fmt.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
         Command::Completions(completions) => completions.run(&screen),

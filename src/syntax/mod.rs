@@ -7,6 +7,7 @@
 mod ast;
 mod build;
 mod expression;
+mod print;
 mod scan;
 mod trouble;
 
@@ -14,6 +15,7 @@ pub use ast::{
     Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node,
     NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
+pub use print::format;
 pub use scan::{MAX_LINE, MAX_NESTING};
 
 use pest::Parser as _;

@@ -3,14 +3,14 @@
 mod find;
 
 use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use crate::diagnostic::{Code, Diagnostic};
 use crate::program::Options;
-use crate::source::{Lines, Source, Sources};
+use crate::source::{Lines, Source, Sources, replace_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
 
 pub use find::{Found, find};
@@ -264,19 +264,15 @@ pub fn snapshot_of(script: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Writes a snapshot, whole or not at all: under another name first, which then takes the place of the old one.
+/// Writes a snapshot, whole or not at all.
 fn bless(script: &Path, snapshot: &Path, timeline: &Timeline) -> (Verdict, Vec<Problem>) {
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
-    let part = snapshot.with_extension(format!("frames.{}.part", std::process::id()));
     let written = write_snapshot(&name, timeline.events(), timeline.tweens(), &mut text)
-        .and_then(|()| fs::File::create(&part))
-        .and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()))
-        .and_then(|()| fs::rename(&part, snapshot));
+        .and_then(|()| replace_file(snapshot, &text));
     match written {
         Ok(()) => (Verdict::Blessed, Vec::new()),
         Err(error) => {
-            let _ = fs::remove_file(&part);
             let message = format!("it cannot be written: {error}; what was there before still is");
             (Verdict::BadSnapshot, vec![problem(&snapshot.display().to_string(), 0, "snapshot", message)])
         }
