@@ -63,12 +63,17 @@ fn hex_digits_are_read_however_they_are_set() {
         "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
         "# motionseq frames 1\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\tclosing\n",
         frames,
+        "FF FE 4 1 1 6\nFF FE 4 1 0 5\n",
         "00000000: fffe 0401 0106 fffe 0401 0005            ............\n",
         "00000000  ff fe 04 01 01 06 ff fe  04 01 00 05              |............|\n0000000c\n",
     ] {
         assert_eq!(listing(text.as_bytes()).0, frames, "{text:?}");
     }
-    assert!(listing(b"FF FE 04 01 01 06 F").1.half_byte);
+    assert!(listing(b"FF FE 04 01 01 06F").1.half_byte);
+    // Rows that are the same stand there once.
+    let row = "ff fe 04 01 01 06 ff fe  04 01 01 06 00 00 00 00";
+    let dump = format!("00000000  {row}  |................|\n*\n00000030\n");
+    assert_eq!(listing(dump.as_bytes()).1, Decoded { bytes: 48, frames: 6, skipped: 12, ..Decoded::default() });
     assert_eq!(listing(b"FF FE 04 zz 01 01 06").1.not_hex, 2);
     assert_eq!(listing(b""), (String::new(), Decoded::default()));
 }

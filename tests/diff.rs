@@ -19,17 +19,17 @@ fn words(old: &str, new: &str) -> String {
         (sources, timeline)
     };
     let (old, new) = (side(old), side(new));
-    let sent = |side: &(Sources, Timeline)| Snapshot::of(side.1.events(), side.1.tweens());
-    let origin = |side: &(Sources, Timeline), at: Option<usize>| {
-        Some(side.1.origin(side.1.events().get(at?)?, &side.0, &Lines::of(&side.0)))
+    let sent = |side: &(Sources, Timeline)| Snapshot::of(&side.1);
+    let origin = |side: &(Sources, Timeline), aborts: bool, at: Option<usize>| {
+        Some(side.1.origin(side.1.frames(aborts).get(at?)?, &side.0, &Lines::of(&side.0)))
     };
     let line = |change: &Change| {
         let (side, at) = if change.new.is_some() { (&new, change.new) } else { (&old, change.old) };
-        Some((change.new.is_some(), Lines::of(&side.0).place(side.1.events().get(at?)?.span).line))
+        Some((change.new.is_some(), Lines::of(&side.0).place(side.1.frames(change.aborts).get(at?)?.span).line))
     };
     let changes = diff(&sent(&old), &sent(&new), line);
     let lines = changes.iter().map(|change| {
-        let place = origin(&new, change.new).or_else(|| origin(&old, change.old));
+        let place = origin(&new, change.aborts, change.new).or_else(|| origin(&old, change.aborts, change.old));
         change.words(place.as_deref()) + "\n"
     });
     lines.collect()
@@ -53,17 +53,18 @@ fn a_script_and_its_snapshot_are_the_same() {
         let sources = Sources::from(Source::read(path.as_ref()).unwrap());
         let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
         let mut snapshot = Vec::new();
-        write_snapshot(&path, timeline.events(), timeline.tweens(), &mut snapshot).unwrap();
+        write_snapshot(&path, &timeline, &mut snapshot).unwrap();
         assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 2\n# scripts/"));
-        let sent = Snapshot::of(timeline.events(), timeline.tweens());
+        let sent = Snapshot::of(&timeline);
         assert_eq!(read_snapshot(&snapshot).unwrap(), sent);
         // Line ends as another system writes them.
         let other = String::from_utf8(snapshot.clone()).unwrap().replace('\n', "\r\n");
         assert_eq!(read_snapshot(other.as_bytes()).unwrap(), sent);
-        // The first version said nothing of moves.
+        // The first version was the listing alone.
         let first = String::from_utf8(snapshot).unwrap().replace("frames 2\n", "frames 1\n");
+        let first = first.split("# on abort").next().unwrap().to_owned();
         let first = read_snapshot(first.as_bytes()).unwrap();
-        assert_eq!((first.moments, first.tweens), (sent.moments, None));
+        assert_eq!((first.moments, first.more), (sent.moments, None));
     }
 }
 
@@ -71,6 +72,9 @@ fn a_script_and_its_snapshot_are_the_same() {
 fn what_is_no_snapshot_says_where_and_why() {
     let head = "# motionseq frames 2\n# x.motion\n";
     let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
+    let end = "# end\t0.000000\tframes\t1\tbaud\t115200\n";
+    assert!(read_snapshot(format!("{head}{good}{end}").as_bytes()).is_ok());
+    let step = good.replace("1500\n", "1500\tsample\n");
     for (text, message) in [
         (String::new(), "line 1: it does not begin with `# motionseq frames 2`"),
         ("servo 1 1500\n".into(), "line 1: it does not begin with `# motionseq frames 2`"),
@@ -78,6 +82,13 @@ fn what_is_no_snapshot_says_where_and_why() {
         ("# motionseq frames x\n".into(), "line 1: there is no version `x`"),
         (format!("{head}{good}{}", &good[..20]), "line 4: the command is missing"),
         (format!("{head}{}", good.trim_end()), "line 3: the file ends inside this line"),
+        (format!("{head}{good}"), "line 3: the file is cut off: its last line is missing"),
+        (format!("{head}{good}{good}{end}"), "line 5: there are 2 frames, not 1"),
+        (format!("{head}{good}{end}{good}"), "line 5: something stands behind the end"),
+        (
+            format!("{head}{good}# end\t0.0\tframes\t1\n"),
+            "line 4: it does not say when the script ends, how many frames there are, and the speed of the line",
+        ),
         (format!("{head}0.5\tFF\tstop\n"), "line 3: `0.5` is no time with six decimals"),
         (format!("{head}{}", good.replace("DC", "DD")), "line 3: checksum E7 instead of E8"),
         (
@@ -85,13 +96,10 @@ fn what_is_no_snapshot_says_where_and_why() {
             "line 3: the frame is `servo 1 1500`, and not `servo 1 1501`",
         ),
         (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: `odd` is no kind of frame"),
+        (format!("{head}{step}{end}"), "line 4: the step at 0.000000 s belongs to no move"),
         (
-            format!("{head}{}", good.replace("1500\n", "1500\tsample\n")),
-            "line 3: the step at 0.000000 s belongs to no move",
-        ),
-        (
-            format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{}", good.replace("1500\n", "1500\tsample\n")),
-            "line 4: there is a move whose steps are not all there",
+            format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{step}{end}"),
+            "line 5: there is a move whose steps are not all there",
         ),
         (
             format!("{head}# move\t0.000000\t1.000000\tlinaer\t2\n"),

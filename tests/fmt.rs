@@ -1,5 +1,5 @@
 //! `fmt`: what it changes, and what it never does.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::string_slice)]
 
 mod support;
 

@@ -15,6 +15,7 @@ cd "$work"
 printf '# expect-error: clash\nservo 1 3000\n' >scripts/wrong.motion
 printf 'servo 1 1500 <&"\x27>\n' >'scripts/<img onerror=x>.motion'
 sed -i 's/1500/1550/' scripts/hello.motion
+cp scripts/hello.motion.frames scripts/gone.motion.frames
 
 "$motionseq" test scripts --junit junit.xml --format json >test.json && exit 1
 "$motionseq" check scripts/*.motion --format sarif >check.sarif && exit 1

@@ -169,6 +169,15 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
     assert!(text.contains("more/bow.motion.frames:2: snapshot: the frame is missing"), "{text}");
     assert!(text.contains("warning: gone.motion.frames: is the snapshot of a script that is not there\n"), "{text}");
     assert_eq!(stderr(&output), "4 scripts: 2 passed, 2 failed, 1 snapshot without a script\n");
+    assert!(
+        stdout(&repository.run(&["test", "--format", "json"]))
+            .contains("\"passed\": 2,\n  \"failed\": 2,\n  \"orphans\": 1")
+    );
+    assert!(
+        stdout(&repository.run(&["test", "--format", "tap"]))
+            .contains("ok 5 - gone.motion.frames: is the snapshot of a script that is not there # SKIP")
+    );
+    assert!(!stdout(&repository.run(&["test", "-q"])).contains("gone.motion.frames"));
     let github = stdout(&repository.run(&["test", "--format", "github"]));
     assert!(github.contains("::warning file=gone.motion.frames,title=orphan::"), "{github}");
     // `--bless` mends both, and leaves nothing else behind.
@@ -180,11 +189,13 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
         names
     };
     assert_eq!(names(&repository.0.join("more")), ["bow.motion", "bow.motion.frames", "never.motion"]);
-    // A newer snapshot than this program knows.
+    // A newer snapshot than this program knows, which it does not write over.
     repository.file("more/bow.motion.frames", "# motionseq frames 9\n");
     assert!(
-        stdout(&repository.run(&["test"])).contains("it is of version 9; this motionseq reads up to 2, so update it")
+        stdout(&repository.run(&["test"])).contains("it is of version 9; this motionseq reads up to 2, so update it\n")
     );
+    assert_eq!(code(&repository.run(&["test", "--bless"])), 1);
+    assert_eq!(repository.read("more/bow.motion.frames"), "# motionseq frames 9\n");
 }
 
 #[test]
@@ -295,6 +306,15 @@ fn check_tells_other_programs_what_it_tells_people() {
     let rules = sarif["runs"][0]["tool"]["driver"]["rules"].as_array().unwrap();
     assert!(rules.iter().any(|rule| rule["id"] == "left-running") && rules.len() > 30);
     assert_eq!(code(&repository.run(&["check", "ok.motion", "--format", "sarif"])), 0);
+    // A folder is every script in it, without those that say which error they have.
+    repository
+        .file("never.motion", "# expect-error: clash\nservo 1 1000\nservo 1 2000\n")
+        .file("lib/p.motion", "def bow() { stop }\n");
+    assert_eq!(code(&repository.run(&["check", "never.motion"])), 1);
+    let output = repository.run(&["check", "--deny", "warnings", "."]);
+    assert_eq!((code(&output), stderr(&output).matches("out-of-range").count()), (1, 1), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("unused") && !stderr(&output).contains("clash\n"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("never.motion: ok, fails with `clash` as it says"), "{}", stderr(&output));
     // A file that is not there is no silence.
     let output = repository.run(&["check", "gone.motion", "--format", "github"]);
     assert_eq!(code(&output), 1);

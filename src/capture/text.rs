@@ -3,6 +3,9 @@
 /// A longer line is read in pieces.
 const LINE: usize = 64 * 1024;
 
+/// The most bytes that a `*` of a dump stands for.
+const REPEATED: usize = 64 << 20;
+
 /// Turns text into bytes, block by block.
 #[derive(Debug, Default)]
 pub(super) struct Text {
@@ -10,8 +13,11 @@ pub(super) struct Text {
     line: Vec<u8>,
     /// The first digit of a byte that is not whole.
     half: Option<u8>,
-    /// Whether lines begin with positions, as `hexdump -C` writes them.
-    dump: bool,
+    /// The last row of a dump that begins its lines with positions, and where the row behind it begins.
+    row: Vec<u8>,
+    next: u64,
+    /// Whether a `*` stands for rows like the last one.
+    repeats: bool,
     strangers: u64,
 }
 
@@ -56,30 +62,53 @@ impl Text {
         }
         if let Some(frame) = listed(line) {
             self.digits(frame, bytes);
-        } else if let Some(dumped) = self.dumped(line) {
+        } else if line.trim_ascii() == b"*" && !self.row.is_empty() {
+            self.repeats = true;
+        } else if let Some((position, dumped)) = self.dumped(line) {
+            self.repeat(position, bytes);
+            let from = bytes.len();
             self.digits(dumped, bytes);
+            self.row = bytes.get(from..).unwrap_or_default().to_vec();
+            self.next = position.saturating_add(self.row.len() as u64);
+        } else if is_sparse(line) {
+            for digit in line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty()) {
+                bytes.extend(digit.iter().copied().filter_map(self::digit).reduce(|high, low| high << 4 | low));
+            }
         } else {
             self.digits(line, bytes);
         }
     }
 
-    /// The bytes in a line of a dump: behind the position, before the characters.
-    fn dumped<'l>(&mut self, line: &'l [u8]) -> Option<&'l [u8]> {
-        let position = line.iter().take_while(|byte| byte.is_ascii_hexdigit()).count();
-        let rest = line.get(position..)?;
-        if position >= 4
+    /// Writes the rows that a `*` stands for, up to a position.
+    fn repeat(&mut self, position: u64, bytes: &mut Vec<u8>) {
+        if !std::mem::take(&mut self.repeats) {
+            return;
+        }
+        let missing = position.saturating_sub(self.next);
+        match usize::try_from(missing) {
+            Ok(missing) if missing <= REPEATED => bytes.extend(self.row.iter().cycle().take(missing)),
+            _ => self.strangers += 1,
+        }
+    }
+
+    /// The position that begins a line of a dump, and the bytes behind it, before the characters.
+    fn dumped<'l>(&self, line: &'l [u8]) -> Option<(u64, &'l [u8])> {
+        let digits = line.iter().take_while(|byte| byte.is_ascii_hexdigit()).count();
+        let (position, rest) = line.split_at_checked(digits)?;
+        let position = u64::from_str_radix(std::str::from_utf8(position).ok()?, 16).ok()?;
+        if digits >= 4
             && let Some(rest) = rest.strip_prefix(b": ")
         {
             // xxd: the characters stand behind two blanks.
             let end = rest.windows(2).position(|pair| pair == b"  ").unwrap_or(rest.len());
-            return rest.get(..end);
+            return Some((position, rest.get(..end)?));
         }
-        if position == 8 && rest.starts_with(b"  ") && rest.contains(&b'|') {
-            self.dump = true;
-            return rest.split(|&byte| byte == b'|').next();
+        if digits == 8 && rest.starts_with(b"  ") && rest.contains(&b'|') {
+            return Some((position, rest.split(|&byte| byte == b'|').next()?));
         }
         // The last line of `hexdump -C` is the length alone.
-        (self.dump && position == 8 && rest.trim_ascii().is_empty()).then_some(&[])
+        let is_length = digits == 8 && rest.trim_ascii().is_empty() && (self.repeats || position == self.next);
+        (is_length && !self.row.is_empty()).then_some((position, &[]))
     }
 
     /// Reads digits in pairs, whatever blanks and commas stand between them. `0x` begins a byte, which may have one digit.
@@ -119,6 +148,18 @@ impl Text {
     pub(super) fn is_half(&self) -> bool {
         self.half.is_some()
     }
+}
+
+/// Whether a line is bytes with blanks between them, some of one digit.
+fn is_sparse(line: &[u8]) -> bool {
+    let mut tokens = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty());
+    let mut short = 0;
+    let is_hex = tokens.all(|token| {
+        short += usize::from(token.len() == 1);
+        token.len() <= 2 && token.iter().all(u8::is_ascii_hexdigit)
+    });
+    let is_whole = line.split(u8::is_ascii_whitespace).filter(|token| token.len() == 2).count() > 0;
+    is_hex && short > 0 && is_whole
 }
 
 /// Whether a line is more than a comment.

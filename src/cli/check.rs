@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::report::{self, Finding};
 use motionseq::source::{Source, Sources};
+use motionseq::verify::{expectation, expected_error, find};
 
 use super::exit::Exit;
 use super::output;
@@ -16,10 +17,10 @@ use super::{Options, read, read_source};
 /// Check scripts: show every error and warning, send nothing
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings scripts/*.motion"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .    every *.motion below this folder"
 )]
 pub(super) struct Check {
-    /// The scripts, or `-` for standard input
+    /// The scripts, folders of scripts, or `-` for standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Let warnings fail too
@@ -59,7 +60,21 @@ impl Check {
         }
         let mut exit = Exit::Ok;
         let mut findings = Vec::new();
-        for file in &self.files {
+        // In a folder, a script that says which error it has is there for that.
+        let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
+        let found = find(&folders);
+        if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
+            let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
+            screen.error(&format!("there is no *.motion in {}", folders.join(", ")));
+            exit = Exit::Script;
+        }
+        for (path, why) in &found.unreadable {
+            screen.error(&format!("cannot look into {}: {why}", path.display()));
+            findings.push(Finding::unreadable(&path.display().to_string(), why.clone()));
+            exit = Exit::Script;
+        }
+        let files = files.iter().map(|file| (file, false)).chain(found.scripts.iter().map(|file| (file, true)));
+        for (file, is_found) in files {
             let source = match self.read(file, screen) {
                 Ok(source) => source,
                 Err(found) => {
@@ -70,6 +85,12 @@ impl Check {
             };
             let sources = Sources::from(source);
             let compiled = motionseq::compile(&sources, &self.options.of_library());
+            if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
+                && expectation(expected, &compiled.diagnostics).is_ok()
+            {
+                screen.note(&format!("{}: ok, fails with `{expected}` as it says", sources.main().name()));
+                continue;
+            }
             if self.format == Format::Human {
                 screen.diagnostics(&sources, &compiled.diagnostics, self.deny.is_some());
             } else {

@@ -66,7 +66,7 @@ impl Diff {
         }
         let sources = Sources::from(source);
         let timeline = self.options.compile(&sources, screen, false).timeline.ok_or(Exit::Script)?;
-        let sent = Snapshot::of(timeline.events(), timeline.tweens());
+        let sent = Snapshot::of(&timeline);
         Ok(Side { sent, script: Some((sources, timeline)) })
     }
 }
@@ -83,7 +83,8 @@ fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> R
 fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
     let (was, is) = (old.places(), new.places());
     let line = |change: &Change| {
-        let place = change.new.and_then(|at| is(at, false)).or_else(|| change.old.and_then(|at| was(at, false)));
+        let place = change.new.and_then(|at| is(change.aborts, at, false));
+        let place = place.or_else(|| change.old.and_then(|at| was(change.aborts, at, false)));
         place.map(|place| (place, change.new.is_some()))
     };
     let changes = diff(&old.sent, &new.sent, line);
@@ -94,7 +95,8 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
     let shown = if screen.is_verbose() { changes.len() } else { SHOWN };
     let mut out = io::stdout().lock();
     let written = changes.iter().take(shown).try_for_each(|change| {
-        let place = change.new.and_then(|at| is(at, true)).or_else(|| change.old.and_then(|at| was(at, true)));
+        let place = change.new.and_then(|at| is(change.aborts, at, true));
+        let place = place.or_else(|| change.old.and_then(|at| was(change.aborts, at, true)));
         writeln!(out, "{}", change.words(place.as_deref()))
     });
     if let Some(more) = changes.len().checked_sub(shown).filter(|more| *more > 0) {
@@ -108,11 +110,11 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
 
 impl Side {
     /// Says which line a frame comes from, and if asked which calls and passes led there.
-    fn places(&self) -> impl Fn(usize, bool) -> Option<String> {
+    fn places(&self) -> impl Fn(bool, usize, bool) -> Option<String> {
         let script = self.script.as_ref().map(|(sources, timeline)| (sources, timeline, Lines::of(sources)));
-        move |at, way| {
+        move |aborts, at, way| {
             let (sources, timeline, lines) = script.as_ref()?;
-            let event = timeline.events().get(at)?;
+            let event = timeline.frames(aborts).get(at)?;
             Some(if way { timeline.origin(event, sources, lines) } else { lines.place(event.span).to_string() })
         }
     }

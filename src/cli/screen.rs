@@ -62,6 +62,10 @@ impl Screen {
         if self.color { "--color=always" } else { "--color=never" }
     }
 
+    pub(super) fn is_quiet(&self) -> bool {
+        self.volume == Volume::Quiet
+    }
+
     pub(super) fn is_verbose(&self) -> bool {
         self.volume == Volume::Verbose
     }

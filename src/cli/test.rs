@@ -104,7 +104,8 @@ fn human(cases: &[Case], screen: &Screen) -> String {
     let mut lines = Vec::new();
     for case in cases {
         let orphan = case.verdict == Verdict::Orphan;
-        if case.verdict.is_passed() && !orphan && !screen.is_verbose() {
+        let is_shown = !case.verdict.is_passed() || screen.is_verbose() || orphan && !screen.is_quiet();
+        if !is_shown {
             continue;
         }
         let mark = match (orphan, case.verdict.is_passed()) {

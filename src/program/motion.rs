@@ -89,6 +89,28 @@ fn ranged<const MIN: i32, const MAX: i32>(value: f64, at: usize) -> Result<Range
 }
 
 impl Motion {
+    /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.
+    pub fn with_starts(&self) -> String {
+        let value = |glide: &Glide| {
+            let usual = match self.shape {
+                Shape::Servo(_) | Shape::Servos if glide.to < 1_500.0 => 2_000.0,
+                Shape::Servo(_) | Shape::Servos => 1_000.0,
+                _ => 0.0,
+            };
+            format!("{} -> {}", glide.from.unwrap_or(usual), glide.to)
+        };
+        let (word, axes): (String, &[&str]) = match self.shape {
+            Shape::Servo(index) => (format!("servo {index}"), &[]),
+            Shape::Servos => ("servos".into(), &[]),
+            Shape::Rocker => ("rocker".into(), &["x=", "y=", "z="]),
+            Shape::YawHold => ("yawhold".into(), &["x=", "y="]),
+            Shape::Wheels => ("wheels".into(), &[]),
+        };
+        let axes = axes.iter().copied().chain(std::iter::repeat(""));
+        let values = self.values.iter().zip(axes).map(|(glide, axis)| format!(" {axis}{}", value(glide)));
+        std::iter::once(word).chain(values).collect()
+    }
+
     /// Whether any value says where it starts.
     pub fn has_start(&self) -> bool {
         self.values.iter().any(|glide| glide.from.is_some())

@@ -15,6 +15,7 @@ pub fn cases_json(cases: &[Case]) -> String {
         version: u32,
         passed: usize,
         failed: usize,
+        orphans: usize,
         cases: Vec<Row<'a>>,
     }
     #[derive(Serialize)]
@@ -50,7 +51,9 @@ pub fn cases_json(cases: &[Case]) -> String {
         left_out: case.left_out,
     });
     let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
-    let document = Document { version: 1, passed: cases.len() - failed, failed, cases: rows.collect() };
+    let orphans = cases.iter().filter(|case| case.verdict == Verdict::Orphan).count();
+    let passed = cases.len() - failed - orphans;
+    let document = Document { version: 1, passed, failed, orphans, cases: rows.collect() };
     // Strings and numbers cannot fail to be written.
     serde_json::to_string_pretty(&document).unwrap_or_default() + "\n"
 }
@@ -62,7 +65,8 @@ pub fn cases_tap(cases: &[Case]) -> String {
         let ok = if case.verdict.is_passed() { "ok" } else { "not ok" };
         // `#` begins a directive, and a line end would end the line.
         let name = case.name.replace('\\', "\\\\").replace('#', "\\#").replace(['\r', '\n'], " ");
-        let _ = writeln!(text, "{ok} {number} - {name}: {}", case.verdict.words());
+        let skipped = if case.verdict == Verdict::Orphan { " # SKIP there is no script" } else { "" };
+        let _ = writeln!(text, "{ok} {number} - {name}: {}{skipped}", case.verdict.words());
         for problem in &case.problems {
             let _ = writeln!(text, "# {}", one_line(&located(problem)));
         }
@@ -94,7 +98,10 @@ pub fn cases_github(cases: &[Case]) -> String {
 pub fn cases_junit(cases: &[Case]) -> String {
     let mut suite = TestSuite::new("motionseq test");
     for case in cases {
-        let status = if case.verdict.is_passed() {
+        let status = if case.verdict == Verdict::Orphan {
+            // Jenkins' schema has no words for why.
+            TestCaseStatus::skipped()
+        } else if case.verdict.is_passed() {
             TestCaseStatus::success()
         } else {
             let lines: Vec<String> = case.problems.iter().map(located).collect();
@@ -112,7 +119,8 @@ pub fn cases_junit(cases: &[Case]) -> String {
     // It is written to a string, from strings.
     let text = report.to_string().unwrap_or_default();
     // Jenkins' schema allows this of a suite, and not of all suites together.
-    text.replacen(" skipped=\"0\"", "", 1) + "\n"
+    let skipped = cases.iter().filter(|case| case.verdict == Verdict::Orphan).count();
+    text.replacen(&format!(" skipped=\"{skipped}\""), "", 1) + "\n"
 }
 
 /// A problem with its place before it, where its words do not name it.

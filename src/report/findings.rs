@@ -32,6 +32,9 @@ pub struct Finding {
     pub help: String,
 }
 
+/// The code of a file that cannot be read.
+const UNREADABLE: &str = "unreadable";
+
 impl Finding {
     /// A file that cannot be read, of which no text is known.
     pub fn unreadable(file: &str, message: String) -> Self {
@@ -42,7 +45,7 @@ impl Finding {
             end_line: 1,
             end_column: 1,
             severity: "error",
-            code: "unreadable",
+            code: UNREADABLE,
             message,
             help: "look at its name, and whether you may read it".to_owned(),
         }
@@ -112,6 +115,11 @@ pub fn findings_sarif(findings: &[Finding]) -> String {
                 "defaultConfiguration": { "level": severity(*code) },
             })
         })
+        .chain([json!({
+            "id": UNREADABLE,
+            "shortDescription": { "text": "A file cannot be read." },
+            "defaultConfiguration": { "level": "error" },
+        })])
         .collect();
     let results: Vec<Value> = findings
         .iter()

@@ -228,10 +228,8 @@ fn is_apart(last: &str, was: State, token: Token<'_>, state: State) -> bool {
         (Class::OpenBrace, Class::CloseBrace)
         | (_, Class::Comma | Class::Semicolon | Class::Close | Class::Colon | Class::Range)
         | (Class::Open | Class::Range, _) => false,
-        (_, Class::OpenBrace | Class::CloseBrace)
-        | (Class::OpenBrace | Class::CloseBrace | Class::Semicolon | Class::Colon, _)
-        | (Class::Sign, _)
-        | (_, Class::Sign) => true,
+        (_, Class::OpenBrace | Class::CloseBrace | Class::Sign)
+        | (Class::OpenBrace | Class::CloseBrace | Class::Semicolon | Class::Colon | Class::Sign, _) => true,
         // `let a = 1`, `nod(depth = 5)`, and `x=10` for a command.
         (Class::Equals, _) => was.is_expression(),
         (_, Class::Equals) => state.is_expression(),

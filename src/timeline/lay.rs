@@ -254,15 +254,13 @@ impl<'d> Lay<'d> {
             let start = glide.from.or_else(|| known.as_ref()?.get(at).copied().flatten());
             let Some(start) = start else {
                 let name = names.get(at).copied().unwrap_or("value");
-                let to = glide.to;
-                let drive = !matches!(motion.shape, Shape::Servo(_) | Shape::Servos);
-                let help = if drive {
-                    "put a `stop` before it, or write where each value starts: `rocker x=0 -> 0 y=0 -> 12 z=0 -> 0`"
-                        .to_owned()
-                } else {
-                    let other = if to < 1_500.0 { 2_000 } else { 1_000 };
-                    format!("send it somewhere first, or write where it starts, such as `{other} -> {to}`")
+                let help = match motion.shape {
+                    Shape::Servo(_) | Shape::Servos => "send it somewhere first, or write where it starts".to_owned(),
+                    _ => {
+                        "put a `stop` before it, so that it starts from 0, or write where each value starts".to_owned()
+                    }
                 };
+                let help = format!("{help}: `{}`", motion.with_starts());
                 let message = format!("nobody knows where the {name} starts");
                 self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
                 // From here on it is known, so that one mistake is one message.

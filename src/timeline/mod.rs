@@ -15,9 +15,9 @@ use crate::diagnostic::Diagnostics;
 use crate::program::{Action, Program, Shape, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 
-pub use diff::{Change, Shift, What, diff};
+pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
-pub use snapshot::{Moment, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
+pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
 
 /// Everything that a script sends and shows, for every robot.
@@ -134,6 +134,11 @@ impl Timeline {
 }
 
 impl Timeline {
+    /// What the only track sends, or what it sends where something ends a run early.
+    pub fn frames(&self, aborts: bool) -> &[Event] {
+        if aborts { self.abort() } else { self.events() }
+    }
+
     /// Where an event comes from, in words: `dance.motion:14, nod, pass 3`.
     pub fn origin(&self, event: &Event, sources: &Sources, lines: &Lines<'_>) -> String {
         let way = self.traces.chain(event.trace).take(SHOWN).map(|(span, pass)| match pass {

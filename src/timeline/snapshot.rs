@@ -1,14 +1,16 @@
 //! A timeline in a file that is kept beside its script: the listing behind two comment lines, read back strictly.
 //!
 //! Before the first step of each move stands a comment that says how the move was meant, TAB-separated: `# move`, when it
-//! starts, when it arrives, its easing, and how many steps it has. Version 1 had none of these.
+//! starts, when it arrives, its easing, and how many steps it has. What is sent where something ends a run early follows
+//! behind `# on abort`, its times counted from the stop. The last line says when the script ends, how many frames there are,
+//! and the speed of the line, so that a file that was cut is seen to be. Version 1 had none of these.
 
 use std::fmt;
 use std::io::{self, Write};
 
 use super::listing::write_line;
 use super::tween::{Part, Walk};
-use super::{Event, Kind, Seconds, Tween};
+use super::{Event, Kind, Seconds, Timeline, Tween};
 use crate::board::{Command, Frame};
 use crate::program::Ease;
 
@@ -18,20 +20,50 @@ const VERSION: u32 = 2;
 const MAGIC: &str = "# motionseq frames ";
 /// How the comment before a move begins.
 const MOVE: &str = "# move\t";
+/// What stands before the frames that are sent where something ends a run early.
+const ABORT: &str = "# on abort";
+/// How the last line begins.
+const END: &str = "# end\t";
 
 /// What a script sends, as a snapshot or the script itself has it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Snapshot {
     /// Every frame, in the order of sending.
     pub moments: Vec<Moment>,
-    /// The moves, in the order of their first steps; `None` where the format was too old to say.
-    pub tweens: Option<Vec<Tween>>,
+    /// What only version 2 says.
+    pub more: Option<More>,
+}
+
+/// What a snapshot says besides its frames.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct More {
+    /// The moves, in the order of their first steps.
+    pub tweens: Vec<Tween>,
+    /// What is sent where something ends a run early; times count from the stop.
+    pub abort: Vec<Moment>,
+    /// When the script ends, in microseconds from its start.
+    pub end_us: u64,
+    /// Speed of the line in bits a second.
+    pub baud: u32,
 }
 
 impl Snapshot {
-    /// What frames and moves say.
-    pub fn of(events: &[Event], tweens: &[Tween]) -> Self {
-        Snapshot { moments: events.iter().map(Moment::from).collect(), tweens: Some(tweens.to_vec()) }
+    /// What a timeline sends.
+    pub fn of(timeline: &Timeline) -> Self {
+        let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
+        let Timeline { end_us, baud, .. } = *timeline;
+        let more = More { tweens: timeline.tweens().to_vec(), abort: moments(timeline.abort()), end_us, baud };
+        Snapshot { moments: moments(timeline.events()), more: Some(more) }
+    }
+
+    /// Whether the robot does the same, as far as both say what it does. Moves that send the same frames are the same.
+    pub fn does_the_same(&self, other: &Snapshot) -> bool {
+        let more = |more: &More| (more.end_us, more.baud);
+        self.moments == other.moments
+            && match (&self.more, &other.more) {
+                (Some(one), Some(two)) => more(one) == more(two) && one.abort == two.abort,
+                _ => true,
+            }
     }
 }
 
@@ -59,6 +91,8 @@ pub struct SnapshotError {
     pub line: usize,
     /// What is wrong with it, in words.
     pub why: String,
+    /// Whether it is only that this program is too old for it.
+    pub is_newer: bool,
 }
 
 impl fmt::Display for SnapshotError {
@@ -68,17 +102,24 @@ impl fmt::Display for SnapshotError {
 }
 
 /// Writes the snapshot of a script that is called `name`.
-pub fn write_snapshot(name: &str, events: &[Event], tweens: &[Tween], out: &mut impl Write) -> io::Result<()> {
+pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
-    let mut walk = Walk::new(tweens);
+    let mut walk = Walk::new(timeline.tweens());
     let mut bytes = Vec::new();
-    for event in events {
+    for event in timeline.events() {
         if let Part::First(Tween { at_us, end_us, ease, steps }) = walk.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{}\t{}\t{}\t{steps}", Seconds(*at_us), Seconds(*end_us), ease.name())?;
         }
         write_line(event, &mut bytes, out)?;
     }
-    Ok(())
+    if !timeline.abort().is_empty() {
+        writeln!(out, "{ABORT}")?;
+    }
+    for event in timeline.abort() {
+        write_line(event, &mut bytes, out)?;
+    }
+    let count = timeline.events().len() + timeline.abort().len();
+    writeln!(out, "{END}{}\tframes\t{count}\tbaud\t{}", Seconds(timeline.end_us), timeline.baud)
 }
 
 /// Whether a text says that it is a snapshot.
@@ -86,57 +127,66 @@ pub fn is_snapshot(text: &[u8]) -> bool {
     text.starts_with(MAGIC.as_bytes())
 }
 
-/// Reads a snapshot. Strict: frame and command must be the same, times must not go back.
+/// Reads a snapshot. Strict: frame and command must be the same, times must not go back, and nothing may be missing.
 pub fn read_snapshot(text: &[u8]) -> Result<Snapshot, SnapshotError> {
+    let wrong = |line: usize, why: &str| SnapshotError { line, why: why.to_owned(), is_newer: false };
     let text = std::str::from_utf8(text).map_err(|error| {
         let before = text.get(..error.valid_up_to()).unwrap_or_default();
-        SnapshotError {
-            line: before.iter().filter(|&&byte| byte == b'\n').count() + 1,
-            why: "it is not UTF-8 text".into(),
-        }
+        wrong(before.iter().filter(|&&byte| byte == b'\n').count() + 1, "it is not UTF-8 text")
     })?;
     let whole = text.is_empty() || text.ends_with('\n');
     let mut lines = text.lines().zip(1..);
     let (head, _) = lines.next().unwrap_or_default();
-    let version = head
-        .strip_prefix(MAGIC)
-        .ok_or_else(|| SnapshotError { line: 1, why: format!("it does not begin with `{MAGIC}{VERSION}`") })?;
+    let version =
+        head.strip_prefix(MAGIC).ok_or_else(|| wrong(1, &format!("it does not begin with `{MAGIC}{VERSION}`")))?;
     let version = match version.trim().parse() {
         Ok(version @ 1..=VERSION) => version,
         Ok(newer) if newer > VERSION => {
             let why = format!("it is of version {newer}; this motionseq reads up to {VERSION}, so update it");
-            return Err(SnapshotError { line: 1, why });
+            return Err(SnapshotError { line: 1, why, is_newer: true });
         }
-        _ => return Err(SnapshotError { line: 1, why: format!("there is no version `{version}`") }),
+        _ => return Err(wrong(1, &format!("there is no version `{version}`"))),
     };
     let mut moments: Vec<Moment> = Vec::new();
-    let mut tweens = Vec::new();
+    let (mut more, mut end) = (More::default(), None);
+    let mut aborts = false;
     let mut last = 1;
     for (text, line) in lines {
         last = line;
+        if end.is_some() {
+            return Err(wrong(line, "something stands behind the end"));
+        }
         if let Some(words) = text.strip_prefix(MOVE) {
-            tweens.push(read_move(words).ok_or_else(|| {
-                let why = "it does not say of a move its start, its end, its easing and its number of steps".to_owned();
-                SnapshotError { line, why }
-            })?);
+            let why = "it does not say of a move its start, its end, its easing and its number of steps";
+            more.tweens.push(read_move(words).ok_or_else(|| wrong(line, why))?);
+        } else if let Some(words) = text.strip_prefix(END) {
+            let why = "it does not say when the script ends, how many frames there are, and the speed of the line";
+            end = Some(read_end(words).ok_or_else(|| wrong(line, why))?);
+        } else if text == ABORT {
+            aborts = true;
         }
         if text.starts_with('#') {
             continue;
         }
-        let moment = read_line(text).map_err(|why| SnapshotError { line, why })?;
+        let moment = read_line(text).map_err(|why| wrong(line, &why))?;
+        let moments = if aborts { &mut more.abort } else { &mut moments };
         if moments.last().is_some_and(|before| before.at_us > moment.at_us) {
-            return Err(SnapshotError { line, why: "its time is before that of the line above".into() });
+            return Err(wrong(line, "its time is before that of the line above"));
         }
         moments.push(moment);
     }
     if !whole {
-        return Err(SnapshotError { line: last, why: "the file ends inside this line".into() });
+        return Err(wrong(last, "the file ends inside this line"));
     }
-    let tweens = (version > 1).then_some(tweens);
-    if let Some(tweens) = &tweens {
-        belong(&moments, tweens).map_err(|why| SnapshotError { line: last, why })?;
+    if version == 1 {
+        return Ok(Snapshot { moments, more: None });
     }
-    Ok(Snapshot { moments, tweens })
+    let (end_us, count, baud) = end.ok_or_else(|| wrong(last, "the file is cut off: its last line is missing"))?;
+    if count != moments.len() + more.abort.len() {
+        return Err(wrong(last, &format!("there are {} frames, not {count}", moments.len() + more.abort.len())));
+    }
+    belong(&moments, &more.tweens).map_err(|why| wrong(last, &why))?;
+    Ok(Snapshot { moments, more: Some(More { end_us, baud, ..more }) })
 }
 
 /// Whether every step has its move, and every move its steps.
@@ -155,6 +205,13 @@ fn read_move(words: &str) -> Option<Tween> {
     let (at_us, end_us) = (micros(words.next()?)?, micros(words.next()?)?);
     let (ease, steps) = (Ease::named(words.next()?)?, words.next()?.parse().ok()?);
     (at_us <= end_us && steps > 0 && words.next().is_none()).then_some(Tween { at_us, end_us, ease, steps })
+}
+
+fn read_end(words: &str) -> Option<(u64, usize, u32)> {
+    match words.split('\t').collect::<Vec<_>>().as_slice() {
+        [end, "frames", count, "baud", baud] => Some((micros(end)?, count.parse().ok()?, baud.parse().ok()?)),
+        _ => None,
+    }
 }
 
 fn read_line(text: &str) -> Result<Moment, String> {

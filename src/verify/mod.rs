@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Code, Diagnostics};
 use crate::program::Options;
 use crate::source::{Lines, Source, Sources, replace_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
@@ -21,6 +21,8 @@ pub const SNAPSHOT: &str = ".frames";
 const EXPECT: &str = "# expect-error:";
 /// The code of a problem that sums up others.
 pub const TOTAL: &str = "total";
+/// The code of a snapshot that this program is too old for.
+const NEWER: &str = "newer-snapshot";
 /// How many problems of one script are kept.
 const KEPT: usize = 200;
 
@@ -138,22 +140,19 @@ impl Job {
                 return case(Verdict::Unreadable, vec![problem(&name, 0, "unreadable", message)]);
             }
         };
-        let expected =
-            source.text().lines().next().and_then(|line| line.strip_prefix(EXPECT)).map(str::trim).map(str::to_owned);
         let sources = Sources::from(source);
         let compiled = crate::compile(&sources, &self.options);
         let lines = Lines::of(&sources);
-        let errors: Vec<&Diagnostic> =
-            compiled.diagnostics.sorted().into_iter().filter(|diagnostic| diagnostic.is_error()).collect();
-        match (expected, compiled.timeline) {
-            (Some(expected), timeline) => {
-                let wrong = expectation(&expected, timeline.is_none(), &errors);
+        match (expected_error(sources.main()), compiled.timeline) {
+            (Some(expected), _) => {
+                let wrong = expectation(expected, &compiled.diagnostics);
                 let wrong: Vec<Problem> =
-                    wrong.into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
+                    wrong.err().into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
                 case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::NotAsExpected }, wrong)
             }
             (None, None) => {
-                let problems = errors.iter().map(|error| {
+                let errors = compiled.diagnostics.sorted();
+                let problems = errors.iter().filter(|diagnostic| diagnostic.is_error()).map(|error| {
                     let place = lines.place(error.span);
                     problem(place.file, place.line, error.code.name(), format!("{}; {}", error.message, error.help))
                 });
@@ -176,9 +175,12 @@ impl Job {
     ) -> (Verdict, Vec<Problem>) {
         let snapshot = snapshot_of(script);
         let name = snapshot.display().to_string();
-        let new = Snapshot::of(timeline.events(), timeline.tweens());
+        let new = Snapshot::of(timeline);
         let old = match fs::read(&snapshot) {
             Ok(text) => read_snapshot(&text).map_err(|error| {
+                if error.is_newer {
+                    return problem(&name, error.line, NEWER, error.why);
+                }
                 let anew =
                     format!("`motionseq test --bless {}` writes it anew", shell_word(&script.display().to_string()));
                 problem(&name, error.line, "snapshot", format!("{}; {anew}", error.why))
@@ -195,17 +197,22 @@ impl Job {
         };
         match old {
             // An old format says less of moves than this one.
-            Ok(old) if old.moments == new.moments && (old == new || !self.bless) => (Verdict::Same, Vec::new()),
+            Ok(old) if old.does_the_same(&new) && (old == new || !self.bless) => (Verdict::Same, Vec::new()),
+            // A newer motionseq wrote it, and knows more.
+            Err(wrong) if wrong.code == NEWER => (Verdict::BadSnapshot, vec![wrong]),
             _ if self.bless => bless(script, &snapshot, timeline),
             Err(wrong) => (Verdict::BadSnapshot, vec![wrong]),
             Ok(old) => {
-                let event = |change: &Change| change.new.and_then(|at| timeline.events().get(at));
+                let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
                 let place = |change: &Change| event(change).map(|event| lines.place(event.span));
                 let line = |change: &Change| place(change).map(|place| (place.file, place.line));
-                let problems = diff(&old, &new, line).into_iter().map(|change| {
+                let changes = diff(&old, &new, line);
+                let is_total = |change: &Change| change.what.is_total();
+                let sums_up = !changes.iter().all(is_total);
+                let problems = changes.into_iter().map(|change| {
                     let origin = event(&change).map(|event| timeline.origin(event, sources, lines));
                     let (file, line) = line(&change).unwrap_or((sources.main().name(), 0));
-                    let code = if change.what.is_total() { TOTAL } else { "difference" };
+                    let code = if sums_up && is_total(&change) { TOTAL } else { "difference" };
                     problem(file, line, code, change.words(origin.as_deref()))
                 });
                 (Verdict::Differs, problems.collect())
@@ -236,19 +243,25 @@ fn problem(file: &str, line: usize, code: &'static str, message: String) -> Prob
     Problem { file: file.to_owned(), line, code, message }
 }
 
-/// What is wrong with the errors of a script that says which one it has.
-fn expectation(expected: &str, fails: bool, errors: &[&Diagnostic]) -> Option<String> {
+/// The code of the error that a script says it has, on its first line.
+pub fn expected_error(source: &Source) -> Option<&str> {
+    source.text().lines().next()?.strip_prefix(EXPECT).map(str::trim)
+}
+
+/// Whether a script that says which error it has has this one and no other; what is wrong, in words, where it has not.
+pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), String> {
     if expected.is_empty() {
-        return Some(format!("the code of its error is missing, such as `{EXPECT} out-of-range`"));
+        return Err(format!("the code of its error is missing, such as `{EXPECT} out-of-range`"));
     }
     if !Code::ALL.iter().any(|code| code.name() == expected) {
-        return Some(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
+        return Err(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
     }
-    let found: Vec<&str> = errors.iter().map(|error| error.code.name()).collect();
-    match found.iter().find(|found| **found != expected) {
-        _ if !fails => Some(format!("it should fail with `{expected}`, and it compiles")),
-        Some(other) => Some(format!("it should fail with `{expected}`, and it has the error `{other}`")),
-        None => None,
+    let sorted = diagnostics.sorted();
+    let mut errors = sorted.iter().filter(|diagnostic| diagnostic.is_error()).map(|error| error.code.name());
+    match errors.find(|found| *found != expected) {
+        _ if !diagnostics.has_errors() => Err(format!("it should fail with `{expected}`, and it compiles")),
+        Some(other) => Err(format!("it should fail with `{expected}`, and it has the error `{other}`")),
+        None => Ok(()),
     }
 }
 
@@ -268,8 +281,7 @@ pub fn snapshot_of(script: &Path) -> PathBuf {
 fn bless(script: &Path, snapshot: &Path, timeline: &Timeline) -> (Verdict, Vec<Problem>) {
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
-    let written = write_snapshot(&name, timeline.events(), timeline.tweens(), &mut text)
-        .and_then(|()| replace_file(snapshot, &text));
+    let written = write_snapshot(&name, timeline, &mut text).and_then(|()| replace_file(snapshot, &text));
     match written {
         Ok(()) => (Verdict::Blessed, Vec::new()),
         Err(error) => {

@@ -194,8 +194,10 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             let help = "write a command, such as `servo 1 1500`";
             self.report(Code::EmptyScript, Span::new(0, 0), "the script does nothing", help);
         }
-        // What was not run because of an error may have used it.
-        let unused = if self.context.diagnostics.has_errors() { Vec::new() } else { self.context.scope.unused() };
+        // A script that does nothing is there for its phrases. What was not run because of an error may have used a name.
+        let is_phrases = self.steps.is_empty() && end == Time::ZERO;
+        let unused =
+            if is_phrases || self.context.diagnostics.has_errors() { Vec::new() } else { self.context.scope.unused() };
         for (name, span) in unused {
             let message = format!("nothing uses `{name}`");
             self.report(Code::Unused, span, message, "take it away, or use it");

@@ -5,7 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use super::Span;
 use crate::program::Ease;
 use crate::timeline::tween::{Part, Walk};
-use crate::timeline::{Kind, LANES, Moment, Snapshot, Tween, lane};
+use crate::timeline::{Kind, LANES, Moment, Tween, lane};
 
 /// One command, or one move.
 #[derive(Debug)]
@@ -33,6 +33,8 @@ pub(super) struct Item {
 pub(super) struct Moves {
     /// Microseconds from its start to its end, and how it gets there; `None` where nobody said.
     pub(super) meant: Option<(u64, Ease)>,
+    /// The frame that it starts with, where it sends one.
+    start: Option<String>,
     /// How many steps it has.
     pub(super) steps: usize,
     /// What they are, in one number.
@@ -47,6 +49,7 @@ impl Item {
             None => {}
             Some(Moves { meant: Some((lasts_us, ease)), .. }) => {
                 parts.extend([format!("over {}", Span(*lasts_us)), format!("ease {}", ease.name())]);
+                parts.push(format!("from {}", self.start().unwrap_or_else(|| "where it was".to_owned())));
             }
             Some(Moves { meant: None, steps, .. }) => parts.push(format!("in {steps} steps")),
         }
@@ -56,8 +59,15 @@ impl Item {
     /// The same as a script would say it.
     pub(super) fn words(&self) -> String {
         let mut parts = self.parts();
-        parts.retain(|part| part != "ease linear");
+        parts.retain(|part| super::words::is_told(part));
         parts.join(" ")
+    }
+
+    /// Where it starts, without the words that its target says, too.
+    fn start(&self) -> Option<String> {
+        let start = self.moves.as_ref()?.start.as_ref()?;
+        let same = start.split(' ').zip(self.says.split(' ')).take_while(|(word, other)| word == other).count();
+        Some(start.split(' ').skip(same).collect::<Vec<_>>().join(" "))
     }
 
     /// Microseconds from its start to its end; 0 for a command.
@@ -108,7 +118,10 @@ pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
             at_us: tween.map_or(moment.at_us, |tween| tween.at_us),
             first,
             says: format!("{}{closing}", moment.command),
-            moves: (moment.kind == Kind::Sample).then_some(Moves { meant, steps: 0, hash: 0 }),
+            moves: (moment.kind == Kind::Sample).then(|| {
+                let start = tween.filter(|tween| tween.at_us == moment.at_us).map(|_| moment.command.to_string());
+                Moves { meant, start, steps: 0, hash: 0 }
+            }),
             sent_us: moment.at_us,
             refresh: None,
             holds_us: 0,
@@ -119,14 +132,6 @@ pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
         items.push(item);
     }
     items
-}
-
-/// The items of both sides, and whether both say of every step which move it belongs to.
-pub(super) fn both(old: &Snapshot, new: &Snapshot) -> (Vec<Item>, Vec<Item>) {
-    match (&old.tweens, &new.tweens) {
-        (Some(before), Some(after)) => (items(&old.moments, Some(before)), items(&new.moments, Some(after))),
-        _ => (items(&old.moments, None), items(&new.moments, None)),
-    }
 }
 
 impl Item {

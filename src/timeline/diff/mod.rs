@@ -7,10 +7,9 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use imara_diff::{Algorithm, Token};
+use super::{LANES, Moment, PID, RAW, REQUESTS, SERVOS, Snapshot, Tween, thing_name};
 
-use super::{LANES, PID, RAW, REQUESTS, SERVOS, Snapshot, thing_name};
-
+mod align;
 mod items;
 mod shifts;
 mod words;
@@ -23,14 +22,27 @@ use words::Span;
 pub struct Change {
     /// When it is, or was where it is gone, in microseconds.
     pub at_us: u64,
+    /// Whether it concerns what is sent where something ends a run early; times and frames count there.
+    pub aborts: bool,
     /// The first frame of it in the old timeline, if it is there.
     pub old: Option<usize>,
     /// The first frame of it in the new one, if it is there.
     pub new: Option<usize>,
     /// What has changed.
     pub what: What,
-    /// Where the same changes are put together: how many there are besides, and when the last of them is.
-    pub more: Option<(usize, u64)>,
+    /// Where the changes of one line are put together: what there is besides.
+    pub more: Option<Again>,
+}
+
+/// The same change again, later.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Again {
+    /// How often.
+    pub count: usize,
+    /// When the last time, in microseconds.
+    pub last_us: u64,
+    /// Whether it is not quite the same: other values.
+    pub otherwise: bool,
 }
 
 /// What has changed.
@@ -51,8 +63,8 @@ pub enum What {
         to: Vec<String>,
         /// By how many microseconds it has moved beside the others.
         by_us: i64,
-        /// How everything behind it has moved with it: it takes longer or shorter.
-        then: Option<Shift>,
+        /// It takes longer or shorter, and so what follows has moved: everything, or only its own thing, which is named then.
+        then: Option<(Option<String>, Shift)>,
     },
     /// One item has moved beside the others.
     Moved {
@@ -83,7 +95,14 @@ pub enum What {
     },
     /// Frames of one time are sent in another order.
     Reordered,
-    /// The last frame is sent at another time, in microseconds.
+    /// The speed of the line, in bits a second.
+    Baud {
+        /// Before.
+        from: u32,
+        /// Now.
+        to: u32,
+    },
+    /// The script ends at another time, in microseconds.
     Length {
         /// Before.
         from_us: u64,
@@ -115,25 +134,59 @@ impl What {
     }
 }
 
-/// Compares two timelines: the changes, sorted by time. Empty where both send the same.
+/// Compares two timelines: the changes, sorted by time. Empty where a robot does the same.
 ///
 /// Changes that say the same of one line of the script, such as the passes of a `repeat`, are put together; `line` says where
 /// a change stands.
 pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change) -> Option<L>) -> Vec<Change> {
-    if old.moments == new.moments {
+    if old.does_the_same(new) {
         return Vec::new();
     }
-    let (before, after) = items::both(old, new);
+    let both = old.more.as_ref().zip(new.more.as_ref());
+    let tweens = both.map(|(old, new)| (old.tweens.as_slice(), new.tweens.as_slice()));
+    let mut changes = fold(frames(&old.moments, &new.moments, tweens), &line);
+    if let Some((old, new)) = both {
+        let mut aborts = frames(&old.abort, &new.abort, None);
+        for change in &mut aborts {
+            change.aborts = true;
+        }
+        changes.extend(fold(aborts, &line));
+    }
+    let ends = both.map_or((0, 0), |(old, new)| (old.end_us, new.end_us));
+    let baud = both.map_or((0, 0), |(old, new)| (old.baud, new.baud));
+    let (from, to) = (load(&old.moments), load(&new.moments));
+    let totals = [
+        (baud.0 != baud.1, What::Baud { from: baud.0, to: baud.1 }),
+        (ends.0 != ends.1, What::Length { from_us: ends.0, to_us: ends.1 }),
+        (from != to, What::Load { from, to }),
+    ];
+    let totals = totals.into_iter().filter(|(differs, _)| *differs);
+    changes.extend(totals.map(|(_, what)| Change::new(ends.1, None, None, what)));
+    changes
+}
+
+/// Compares frames, with the moves that they belong to where both sides say so.
+fn frames(old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) -> Vec<Change> {
+    if old == new {
+        return Vec::new();
+    }
+    let before = items::items(old, tweens.map(|(old, _)| old));
+    let after = items::items(new, tweens.map(|(_, new)| new));
     let mut changes = Vec::new();
     let mut lanes = Vec::new();
-    let mut tokens = HashMap::new();
     for lane in 0..LANES {
-        let (old, new) = (lane_of(&before, lane), lane_of(&after, lane));
-        lanes.push(Lane { pairs: align(&old, &new, &mut tokens, &mut changes) });
+        let old: Vec<&Item> = before.iter().filter(|item| item.lane == lane).collect();
+        let new: Vec<&Item> = after.iter().filter(|item| item.lane == lane).collect();
+        let align::Aligned { pairs, gone, come } = align::align(&old, &new);
+        changes.extend(
+            gone.iter().map(|item| Change::new(item.at_us, Some(item.first), None, What::Removed(item.words()))),
+        );
+        changes
+            .extend(come.iter().map(|item| Change::new(item.at_us, None, Some(item.first), What::Added(item.words()))));
+        lanes.push(Lane { pairs });
     }
     shifts::tell(&lanes, &mut changes);
     refreshes(&lanes, &mut changes);
-    let (old, new) = (&old.moments, &new.moments);
     if changes.is_empty() {
         let at = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
         let at_us = new.get(at).or(old.get(at)).map_or(0, |moment| moment.at_us);
@@ -141,13 +194,6 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
         changes.push(Change::new(at_us, there(old.len()), there(new.len()), What::Reordered));
     }
     changes.sort_by_key(|change| (change.at_us, change.new, change.old));
-    changes = fold(changes, line);
-    let end = |moments: &[super::Moment]| moments.last().map_or(0, |moment| moment.at_us);
-    let (from_us, to_us) = (end(old), end(new));
-    let (from, to) = (load(old), load(new));
-    let totals = [(from_us != to_us, What::Length { from_us, to_us }), (from != to, What::Load { from, to })];
-    let totals = totals.into_iter().filter(|(differs, _)| *differs);
-    changes.extend(totals.map(|(_, what)| Change::new(to_us, None, None, what)));
     changes
 }
 
@@ -157,15 +203,17 @@ fn fold<L: Eq + Hash>(changes: Vec<Change>, line: impl Fn(&Change) -> Option<L>)
     let mut known = HashMap::new();
     for change in changes {
         let everywhere = matches!(change.what, What::Refreshed { .. } | What::Steps { .. });
-        let key = (if everywhere { None } else { line(&change) }, change.kind());
+        let line = if everywhere { None } else { line(&change) };
+        // Without a script nothing says that other values are of one line.
+        let key = (change.kind(line.is_some()), line);
         let first = known.get(&key).and_then(|&at: &usize| folded.get_mut(at));
-        let Some(first) = first else {
-            known.insert(key, folded.len());
-            folded.push(change);
-            continue;
-        };
-        first.more = Some((first.more.map_or(1, |(more, _)| more + 1), change.at_us));
-        first.grow(&change);
+        match first {
+            Some(first) => first.grow(&change),
+            None => {
+                known.insert(key, folded.len());
+                folded.push(change);
+            }
+        }
     }
     folded
 }
@@ -175,66 +223,20 @@ struct Lane<'i> {
     pairs: Vec<(&'i Item, &'i Item)>,
 }
 
-fn lane_of(items: &[Item], lane: usize) -> Vec<&Item> {
-    items.iter().filter(|item| item.lane == lane).collect()
-}
-
-/// Aligns the items of one thing by what they say. What is only on one side is a change at once.
-fn align<'i>(
-    old: &[&'i Item],
-    new: &[&'i Item],
-    tokens: &mut HashMap<(&'i str, bool), u32>,
-    changes: &mut Vec<Change>,
-) -> Vec<(&'i Item, &'i Item)> {
-    let mut token = |item: &&'i Item| {
-        let next = u32::try_from(tokens.len()).unwrap_or(u32::MAX);
-        Token(*tokens.entry((item.says.as_str(), item.moves.is_some())).or_insert(next))
-    };
-    let before: Vec<Token> = old.iter().map(&mut token).collect();
-    let after: Vec<Token> = new.iter().map(&mut token).collect();
-    let count = u32::try_from(tokens.len()).unwrap_or(u32::MAX);
-    let mut found = imara_diff::Diff::default();
-    found.compute_with(Algorithm::Histogram, &before, &after, count);
-    let mut pairs = Vec::new();
-    let (mut old_at, mut new_at) = (0, 0);
-    for hunk in found.hunks() {
-        let (old_end, new_end) = (hunk.before.start as usize, hunk.after.start as usize);
-        pairs.extend(slice(old, old_at, old_end).iter().copied().zip(slice(new, new_at, new_end).iter().copied()));
-        (old_at, new_at) = (hunk.before.end as usize, hunk.after.end as usize);
-        let (gone, come) = (slice(old, old_end, old_at), slice(new, new_end, new_at));
-        pairs.extend(gone.iter().copied().zip(come.iter().copied()));
-        changes.extend(
-            gone.iter()
-                .skip(come.len())
-                .map(|item| Change::new(item.at_us, Some(item.first), None, What::Removed(item.words()))),
-        );
-        changes.extend(
-            come.iter()
-                .skip(gone.len())
-                .map(|item| Change::new(item.at_us, None, Some(item.first), What::Added(item.words()))),
-        );
-    }
-    pairs.extend(slice(old, old_at, old.len()).iter().copied().zip(slice(new, new_at, new.len()).iter().copied()));
-    pairs
-}
-
-fn slice<T>(all: &[T], from: usize, to: usize) -> &[T] {
-    all.get(from..to).unwrap_or_default()
-}
-
-/// Other intervals of refreshes. A hold that is shorter than an interval tells nothing.
+/// Other intervals of refreshes. A hold that is shorter than an interval tells nothing, and nor does another command.
 fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
     let told = |item: &Item, other: Option<u64>| item.refresh.is_some() || other.is_some_and(|us| item.holds_us > us);
     for (old, new) in lanes.iter().flat_map(|lane| &lane.pairs) {
         let (from_us, to_us) = (old.refresh, new.refresh);
-        if from_us != to_us && told(old, to_us) && told(new, from_us) {
+        let comparable = old.says == new.says || from_us.is_some() && to_us.is_some();
+        if from_us != to_us && comparable && told(old, to_us) && told(new, from_us) {
             changes.push(Change::of(old, new, What::Refreshed { from_us, to_us }));
         }
     }
 }
 
 /// Bytes in all, and in the busiest second of the script.
-fn load(moments: &[super::Moment]) -> (u64, u64) {
+fn load(moments: &[Moment]) -> (u64, u64) {
     let (mut all, mut second, mut now, mut busiest) = (0, 0, 0, 0);
     for moment in moments {
         let bytes = moment.command.to_frame().len() as u64;
@@ -260,7 +262,7 @@ fn lane_name(lane: usize) -> String {
 
 impl Change {
     fn new(at_us: u64, old: Option<usize>, new: Option<usize>, what: What) -> Self {
-        Change { at_us, old, new, what, more: None }
+        Change { at_us, aborts: false, old, new, what, more: None }
     }
 
     /// Of an item that is on both sides, at its new time.

@@ -19,104 +19,147 @@ impl Pair<'_> {
     }
 }
 
-fn difference(old: u64, new: u64) -> i64 {
+/// How much later the second is, in microseconds.
+pub(super) fn difference(old: u64, new: u64) -> i64 {
     i64::try_from(new).unwrap_or(i64::MAX).saturating_sub_unsigned(old)
 }
 
-/// Goes through all items in the order of time, with what each lane has moved by so far.
+/// The items of all lanes in the order of time, and how far they are told.
+struct Walk<'i> {
+    pairs: Vec<Pair<'i>>,
+    /// The places of each lane's items.
+    lanes: Vec<Vec<usize>>,
+    /// Of each lane, the place of the next item.
+    heads: Vec<Option<usize>>,
+    /// By how many microseconds each lane has moved so far.
+    shifted: Vec<i64>,
+}
+
+/// A move that takes longer or shorter.
+struct Longer {
+    /// The change that says so.
+    change: usize,
+    lane: usize,
+    end_us: u64,
+    by_us: i64,
+}
+
+/// Goes through all items in the order of time.
 pub(super) fn tell(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
-    let pairs = merged(lanes);
-    let mut shifted: Vec<i64> = vec![0; lanes.len()];
-    // The newest change that made a move longer or shorter: which it is, when it ended, and by how much.
-    let mut longer: Option<(usize, u64, i64)> = None;
-    for (at, pair) in pairs.iter().enumerate() {
-        let Pair { old, new, .. } = *pair;
-        let total_us = pair.delta();
-        let before = shifted.get(old.lane).copied().unwrap_or(0);
-        let by = Shift { step_us: total_us - before, total_us };
-        let next = pair.next.and_then(|next| pairs.get(next)).map(Pair::delta);
-        let moved = total_us != before;
-        let everything = moved && is_everything(&pairs, at, &shifted);
+    let mut walk = Walk::new(lanes);
+    // The newest move of each lane that takes longer or shorter.
+    let mut longer: Vec<Option<Longer>> = lanes.iter().map(|_| None).collect();
+    for at in 0..walk.pairs.len() {
+        let Some(&Pair { old, new, next, .. }) = walk.pairs.get(at) else { continue };
+        let total_us = difference(old.at_us, new.at_us);
+        let step_us = total_us - walk.shifted(old.lane);
+        if let Some(head) = walk.heads.get_mut(old.lane) {
+            *head = next;
+        }
+        let moved = step_us != 0;
+        let everything = moved && walk.is_everything(at);
         // One that goes its own way while what follows goes on as before, or whose lane ends with it, has moved alone.
-        let alone = moved && (next == Some(before) || next.is_none() && (!everything || at + 1 == pairs.len()));
-        let by_us = if alone { by.step_us } else { 0 };
-        let cause = longer.filter(|(_, end_us, by_us)| *end_us <= old.at_us && *by_us == by.step_us);
+        let follower = next.and_then(|next| walk.pairs.get(next)).map(Pair::delta);
+        let is_last = at + 1 == walk.pairs.len();
+        let alone = moved && (follower == Some(total_us - step_us) || follower.is_none() && (!everything || is_last));
+        let by = Shift { step_us, total_us };
         let differs = old.says != new.says || old.moves != new.moves;
-        if let (true, true, Some((change, ..))) = (moved, everything || alone && next.is_none(), cause) {
+        let is_cause = |cause: &&Longer| {
+            cause.end_us <= old.at_us && cause.by_us == step_us && (everything || cause.lane == old.lane)
+        };
+        let cause = longer.iter().flatten().find(is_cause).filter(|_| moved && (!alone || follower.is_none()));
+        let cause = cause.and_then(|cause| changes.get_mut(cause.change));
+        if let Some(Change { what: What::Changed { then, .. }, .. }) = cause {
             // What made it later was said already.
-            if let Some(Change { what: What::Changed { then, .. }, .. }) = changes.get_mut(change) {
-                *then = Some(by);
-            }
-            (longer, shifted) = (None, vec![total_us; lanes.len()]);
+            *then = Some(((!everything).then(|| lane_name(old.lane)), by));
+            walk.shift(total_us, old.lane, everything);
         } else if moved && !alone {
             let things = if everything { Vec::new() } else { vec![lane_name(old.lane)] };
             changes.push(Change::new(old.at_us, Some(old.first), Some(new.first), What::Shifted { things, by }));
-            if everything {
-                shifted = vec![total_us; lanes.len()];
-            } else if let Some(shifted) = shifted.get_mut(old.lane) {
-                *shifted = total_us;
-            }
+            walk.shift(total_us, old.lane, everything);
         } else if alone && !differs {
-            changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us }));
+            changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: step_us }));
         }
-        if let Some(what) = differs.then(|| change(pair, by_us)).flatten() {
-            let longer_by = difference(old.lasts_us(), new.lasts_us());
-            if longer_by != 0 {
-                longer = Some((changes.len(), old.at_us + old.lasts_us(), longer_by));
+        let by_us = if alone { step_us } else { 0 };
+        let Some(what) = walk.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us)) else { continue };
+        let longer_by = difference(old.lasts_us(), new.lasts_us());
+        if let Some(longer) = longer.get_mut(old.lane).filter(|_| longer_by != 0) {
+            let end_us = old.at_us + old.lasts_us();
+            *longer = Some(Longer { change: changes.len(), lane: old.lane, end_us, by_us: longer_by });
+        }
+        changes.push(Change::of(old, new, what));
+    }
+}
+
+impl<'i> Walk<'i> {
+    /// Sorts the items of all lanes by time; those that start together, in the order of sending.
+    fn new(lanes: &[Lane<'i>]) -> Self {
+        let mut pairs: Vec<Pair<'i>> = Vec::new();
+        for lane in lanes {
+            let mut last: Option<(&Item, &Item)> = None;
+            for (old, new) in &lane.pairs {
+                let followed = last.is_some_and(|(before, after)| {
+                    before.says == after.says && before.place + 1 == old.place && after.place + 1 == new.place
+                });
+                let comes_from_elsewhere = !followed && (old.place, new.place) != (0, 0);
+                pairs.push(Pair { old, new, next: None, comes_from_elsewhere });
+                last = Some((old, new));
             }
-            changes.push(Change::of(old, new, what));
+        }
+        pairs.sort_by_key(|pair| (pair.old.at_us, pair.old.first));
+        let mut heads = vec![None; lanes.len()];
+        let mut places = vec![Vec::new(); lanes.len()];
+        for (at, pair) in pairs.iter_mut().enumerate().rev() {
+            pair.next = heads.get_mut(pair.old.lane).and_then(|head: &mut Option<usize>| head.replace(at));
+        }
+        for (at, pair) in pairs.iter().enumerate() {
+            if let Some(places) = places.get_mut(pair.old.lane) {
+                places.push(at);
+            }
+        }
+        Walk { pairs, lanes: places, heads, shifted: vec![0; lanes.len()] }
+    }
+
+    fn shifted(&self, lane: usize) -> i64 {
+        self.shifted.get(lane).copied().unwrap_or(0)
+    }
+
+    fn shift(&mut self, by_us: i64, lane: usize, everything: bool) {
+        for (other, shifted) in self.shifted.iter_mut().enumerate() {
+            if everything || other == lane {
+                *shifted = by_us;
+            }
         }
     }
-}
 
-/// The items of all lanes in the order of time; of those that start together, in that of sending.
-fn merged<'i>(lanes: &[Lane<'i>]) -> Vec<Pair<'i>> {
-    let mut pairs: Vec<Pair<'i>> = Vec::new();
-    for lane in lanes {
-        let mut last: Option<(&Item, &Item)> = None;
-        for (old, new) in &lane.pairs {
-            let followed = last.is_some_and(|(before, after)| {
-                before.says == after.says && before.place + 1 == old.place && after.place + 1 == new.place
-            });
-            pairs.push(Pair {
-                old,
-                new,
-                next: None,
-                comes_from_elsewhere: !followed && (old.place, new.place) != (0, 0),
-            });
-            last = Some((old, new));
+    /// Whether everything moves with the item at `at`, until further notice: of every other lane, the next item has moved as
+    /// this one or, where that is later, as this lane has by then.
+    fn is_everything(&self, at: usize) -> bool {
+        let Some(Pair { old: item, .. }) = self.pairs.get(at) else { return false };
+        let by_us = self.pairs.get(at).map_or(0, Pair::delta);
+        let mut beside = self.pairs.iter().take(at).rev().take_while(|other| other.old.at_us == item.at_us);
+        if beside.any(|other| other.delta() != by_us) {
+            return false;
         }
+        let others = self.heads.iter().enumerate().filter(|(lane, _)| *lane != item.lane);
+        let next = others.filter_map(|(lane, head)| Some((lane, self.pairs.get((*head)?)?)));
+        next.into_iter().all(|(lane, next)| {
+            let stays = self.shifted(lane) == next.delta();
+            let agrees = next.delta() == by_us
+                || next.old.at_us > item.at_us && self.around(item.lane, next.old.at_us).contains(&Some(next.delta()));
+            agrees && !stays
+        })
     }
-    pairs.sort_by_key(|pair| (pair.old.at_us, pair.old.first));
-    let mut next = vec![None; lanes.len()];
-    for (at, pair) in pairs.iter_mut().enumerate().rev() {
-        pair.next = next.get_mut(pair.old.lane).and_then(|next| next.replace(at));
-    }
-    pairs
-}
 
-/// Whether everything moves with the item at `at`, until further notice: what comes next and has moved otherwise belongs to
-/// no lane that stays as it was, and the lane of the item has left its time by then, too.
-fn is_everything(pairs: &[Pair<'_>], at: usize, shifted: &[i64]) -> bool {
-    let Some(pair) = pairs.get(at) else { return false };
-    let by_us = pair.delta();
-    let of_this_time = |other: &&Pair<'_>| other.old.at_us == pair.old.at_us;
-    let mut beside = pairs.iter().take(at).rev().take_while(of_this_time);
-    if beside.any(|other| other.delta() != by_us) {
-        return false;
+    /// How much later the items of a lane are just before and just behind a time.
+    fn around(&self, lane: usize, at_us: u64) -> [Option<i64>; 2] {
+        let places = self.lanes.get(lane).map(Vec::as_slice).unwrap_or_default();
+        let delta = |place: Option<&usize>| place.and_then(|&place| self.pairs.get(place)).map(Pair::delta);
+        let time = |place: &usize| self.pairs.get(*place).map_or(0, |pair| pair.old.at_us);
+        let until = places.partition_point(|place| time(place) <= at_us);
+        let from = places.partition_point(|place| time(place) < at_us);
+        [delta(until.checked_sub(1).and_then(|at| places.get(at))), delta(places.get(from))]
     }
-    let Some((other_at, other)) = pairs.iter().enumerate().skip(at + 1).find(|(_, other)| other.delta() != by_us)
-    else {
-        return true;
-    };
-    let stays = shifted.get(other.old.lane) == Some(&other.delta());
-    let mut follower = pair.next;
-    while let Some(next) = follower.filter(|next| *next < other_at) {
-        follower = pairs.get(next).and_then(|pair| pair.next);
-    }
-    !stays
-        && !of_this_time(&other)
-        && follower.and_then(|next| pairs.get(next)).is_none_or(|next| next.delta() != by_us)
 }
 
 /// What an item says that it did not say before; nothing where that only follows from the item before it.

@@ -2,32 +2,35 @@
 
 use std::fmt;
 
-use super::{Change, Shift, What};
+use super::{Again, Change, Shift, What};
 
 impl Change {
     /// The change in words, with the place in the script where that is known.
     pub fn words(&self, place: Option<&str>) -> String {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
-        let at = format!("at {}{place}: ", Secs(self.at_us));
+        let when = if self.aborts { "on abort, " } else { "" };
+        let at = format!("{when}at {}{place}: ", Secs(self.at_us));
         match &self.what {
             What::Shifted { things, by } => {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
-                let words = format!("from {} on{place} {things} is {}", Secs(self.at_us), Later(by.step_us));
-                match self.more {
-                    None => words + &in_all(by),
-                    Some(_) => format!("{words}{}: {} in all", self.again(", and again"), Later(by.total_us)),
+                let words = format!("{when}from {} on{place} {things} is ", Secs(self.at_us));
+                match (by.total_us, self.more) {
+                    (0, _) => words + "at its old time again",
+                    (_, None) => format!("{words}{}{}", Later(by.step_us), in_all(by)),
+                    (_, Some(_)) => {
+                        format!("{words}{}{}: {} in all", Later(by.step_us), self.again(", and"), Later(by.total_us))
+                    }
                 }
             }
             What::Changed { from, to, by_us, then } => {
                 let moved = if *by_us == 0 { String::new() } else { format!(", {}", Later(*by_us)) };
-                let then = then.map(|by| (by, format!(", and what follows is {}", Later(by.step_us))));
                 let words = format!("{at}{}{moved}", between(from, to));
-                match (then, self.more) {
-                    (None, _) => words + &self.again(", and so"),
-                    (Some((by, then)), None) => words + &then + &in_all(&by),
-                    (Some((by, then)), Some(_)) => {
-                        format!("{words}{then}{}: {} in all", self.again(", and so"), Later(by.total_us))
-                    }
+                let Some((thing, by)) = then else { return words + &self.again(", and so") };
+                let of = thing.as_ref().map(|thing| format!(" of {thing}")).unwrap_or_default();
+                let words = format!("{words}, and what follows{of} is {}{}", Later(by.step_us), self.again(", and so"));
+                match self.more {
+                    None => words + &in_all(by),
+                    Some(_) => format!("{words}: {} in all", Later(by.total_us)),
                 }
             }
             What::Moved { what, by_us } => format!("{at}{what} is {}{}", Later(*by_us), self.again(", and so")),
@@ -39,23 +42,26 @@ impl Change {
                 } else {
                     format!("gets there in {from} -> {to} steps")
                 };
-                let more = self.more.map_or(String::new(), |(more, _)| match more {
+                let more = self.more.map_or(String::new(), |again| match again.count {
                     1 => ", and one more move takes other steps".into(),
                     more => format!(", and {more} more moves take other steps"),
                 });
                 format!("{at}{what} {steps}{more}")
             }
             What::Refreshed { from_us, to_us } => {
-                let interval = |us: &Option<u64>| us.map_or("never".into(), |us| format!("every {}", Span(us)));
-                format!(
-                    "while the drive holds, its frame is sent again {} -> {} (`refresh`)",
-                    interval(from_us),
-                    interval(to_us)
-                )
+                let interval = |us: &u64| format!("every {}", Span(*us));
+                let now = match (from_us, to_us) {
+                    (Some(from), Some(to)) => format!("sent again {} -> {}", interval(from), interval(to)),
+                    (Some(from), None) => format!("not sent again any more; it was, {}", interval(from)),
+                    (None, Some(to)) => format!("sent again {}; it was not", interval(to)),
+                    (None, None) => "sent again as before".into(),
+                };
+                format!("while the drive holds, its frame is {now}")
             }
             What::Reordered => format!("{at}the frames of this time are sent in another order"),
+            What::Baud { from, to } => format!("in all: baud {from} -> {to}"),
             What::Length { from_us, to_us } => {
-                format!("in all: the last frame is sent at {} -> {}", Secs(*from_us), Secs(*to_us))
+                format!("in all: the script ends at {} -> {}", Secs(*from_us), Secs(*to_us))
             }
             What::Load { from, to } => {
                 let all =
@@ -72,37 +78,61 @@ impl Change {
 
     /// How often it is besides.
     fn again(&self, words: &str) -> String {
-        match self.more {
-            None => String::new(),
-            Some((1, last_us)) => format!("{words} once more at {}", Secs(last_us)),
-            Some((more, last_us)) => format!("{words} {more} more times until {}", Secs(last_us)),
+        let Some(Again { count, last_us, otherwise }) = self.more else { return String::new() };
+        let words = match &self.what {
+            What::Added(_) | What::Removed(_) if otherwise => {
+                let frames = if count == 1 { "one more command".into() } else { format!("{count} more commands") };
+                return format!(", and {frames} of this line until {}", Secs(last_us));
+            }
+            _ if otherwise => ", and to other values",
+            _ => words,
+        };
+        match count {
+            1 => format!("{words} once more at {}", Secs(last_us)),
+            more => format!("{words} {more} more times until {}", Secs(last_us)),
         }
     }
 
-    /// What must be the same for two changes to be said together.
-    pub(super) fn kind(&self) -> What {
+    /// What must be the same for two changes to be said together; `of_one_line` where both are of one line of the script.
+    pub(super) fn kind(&self, of_one_line: bool) -> (What, bool) {
         let mut what = self.what.clone();
         match &mut what {
-            What::Shifted { by, .. } | What::Changed { then: Some(by), .. } => by.total_us = 0,
+            What::Shifted { by, .. } => by.total_us = 0,
+            What::Changed { from, to, then, .. } => {
+                if let Some((_, by)) = then {
+                    by.total_us = 0;
+                }
+                if of_one_line {
+                    from.truncate(1);
+                    to.truncate(1);
+                }
+            }
+            What::Added(what) | What::Removed(what) if of_one_line => {
+                what.truncate(what.find(' ').unwrap_or(what.len()));
+            }
             What::Steps { what, from, to } => {
                 what.clear();
                 (*from, *to) = (0, 0);
             }
             _ => {}
         }
-        what
+        (what, self.aborts)
     }
 
     /// Takes another change of the same kind into this one.
     pub(super) fn grow(&mut self, other: &Change) {
-        let by = |what: &What| match what {
-            What::Shifted { by, .. } | What::Changed { then: Some(by), .. } => Some(by.total_us),
-            _ => None,
+        let told = match (&self.what, &other.what) {
+            (What::Changed { from, to, .. }, What::Changed { from: was, to: is, .. }) => from != was || to != is,
+            (What::Added(one) | What::Removed(one), What::Added(two) | What::Removed(two)) => one != two,
+            _ => false,
         };
-        let total = by(&other.what);
-        if let (What::Shifted { by, .. } | What::Changed { then: Some(by), .. }, Some(total_us)) =
-            (&mut self.what, total)
-        {
+        let again = self.more.get_or_insert(Again { count: 0, last_us: 0, otherwise: false });
+        (again.count, again.last_us, again.otherwise) = (again.count + 1, other.at_us, again.otherwise || told);
+        let total_us = match &other.what {
+            What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } => by.total_us,
+            _ => return,
+        };
+        if let What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } = &mut self.what {
             by.total_us = total_us;
         }
     }
@@ -113,10 +143,14 @@ fn in_all(by: &Shift) -> String {
     if by.step_us == by.total_us { String::new() } else { format!(": {} in all", Later(by.total_us)) }
 }
 
+/// Whether a part is told where it has not changed.
+pub(super) fn is_told(part: &str) -> bool {
+    part != "ease linear" && !part.starts_with("from ")
+}
+
 /// `servo 2 1500 -> 1600 over 500 ms`: what is the same is said once.
 fn between(from: &[String], to: &[String]) -> String {
-    let is_told = |part: &&String| *part != "ease linear";
-    let whole = |parts: &[String]| parts.iter().filter(is_told).cloned().collect::<Vec<_>>().join(" ");
+    let whole = |parts: &[String]| parts.iter().filter(|part| is_told(part)).cloned().collect::<Vec<_>>().join(" ");
     if from.len() != to.len() || from.first() != to.first() {
         return format!("{} -> {}", whole(from), whole(to));
     }
