@@ -167,13 +167,13 @@ proptest! {
             format!("buzzer off\nwait 1ms\n{}", lines.collect::<Vec<_>>().concat())
         };
         let (old, new) = (text(&old), text(&new));
-        let same = moments(&old) == moments(&new);
+        let same = sent(&old) == sent(&new);
         prop_assert_eq!(words(&old, &new).is_empty(), same);
         prop_assert!(words(&old, &old).is_empty());
     }
 }
 
-fn moments(text: &str) -> Vec<Moment> {
-    let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
-    compiled.timeline.unwrap().events().iter().map(Moment::from).collect()
+fn sent(text: &str) -> (Vec<Moment>, u64) {
+    let timeline = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default()).timeline.unwrap();
+    (timeline.events().iter().map(Moment::from).collect(), timeline.end_us)
 }
