@@ -93,7 +93,12 @@ fn check_counts_what_it_found() {
     let all = run(&["check", &bad, &warning, HELLO]);
     let text = stderr(&all);
     assert_eq!(code(&all), 1);
-    for part in ["did you mean `servo`?", "bad.motion: 2 errors\n", "warning.motion: 1 warning\n", "hello.motion: ok"] {
+    for part in [
+        "did you mean `servo`?",
+        "bad.motion: 2 errors; motionseq explain unknown-word\n",
+        "warning.motion: 1 warning; motionseq explain left-running\n",
+        "hello.motion: ok",
+    ] {
         assert!(text.contains(part), "{part} is not in:\n{text}");
     }
     assert_eq!(code(&run(&["check", &warning])), 0);

@@ -1,5 +1,12 @@
 //! What `diff` says of an edit, and what it makes of snapshots.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::string_slice)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::string_slice,
+    clippy::format_push_string
+)]
 
 mod support;
 
@@ -7,7 +14,7 @@ use std::fs;
 
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
-use motionseq::timeline::{Change, Moment, Snapshot, Timeline, diff, is_snapshot, read_snapshot, write_snapshot};
+use motionseq::timeline::{Change, Moment, Snapshot, Timeline, What, diff, is_snapshot, read_snapshot, write_snapshot};
 use proptest::prelude::*;
 use support::{run, script, stderr, stdout};
 
@@ -170,6 +177,52 @@ proptest! {
         let same = sent(&old) == sent(&new);
         prop_assert_eq!(words(&old, &new).is_empty(), same);
         prop_assert!(words(&old, &old).is_empty());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever moves in time: what is said of each command is by how much it has moved.
+    #[test]
+    fn every_time_that_is_said_is_true(
+        commands in prop::collection::vec((1u64..8, 1u64..5, prop::sample::select(vec![0i64, 0, 0, 0, 100, 250, -50])), 1..25),
+        one_lane in prop::bool::ANY,
+    ) {
+        // Each command has a pulse width of its own, and none overtakes another.
+        let (mut old_us, mut new_us) = (0, 0);
+        let (mut before, mut after, mut moved) = (String::new(), String::new(), Vec::new());
+        for (at, (gap, servo, later)) in commands.iter().enumerate() {
+            let servo = if one_lane { 1 } else { *servo };
+            old_us += gap * 100_000;
+            new_us += (i64::try_from(gap * 100_000).unwrap() + later * 1_000).max(1_000);
+            let pulse = 600 + at;
+            before += &format!("at {old_us}us servo {servo} {pulse}\n");
+            after += &format!("at {new_us}us servo {servo} {pulse}\n");
+            moved.push((servo, old_us, new_us - i64::try_from(old_us).unwrap()));
+        }
+        let side = |text: &str| {
+            let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
+            Snapshot::of(&compiled.timeline.unwrap())
+        };
+        let changes = diff(&side(&before), &side(&after), |change| change.new);
+        for (at, (servo, old_us, by_us)) in moved.into_iter().enumerate() {
+            let thing = format!("servo {servo}");
+            let mut said = 0;
+            for change in changes.iter().filter(|change| change.at_us <= old_us) {
+                if let What::Shifted { things, by } = &change.what
+                    && (things.is_empty() || things.contains(&thing))
+                {
+                    said = by.total_us;
+                }
+            }
+            for change in changes.iter().filter(|change| change.new == Some(at)) {
+                if let What::Moved { by_us, .. } = change.what {
+                    said = by_us;
+                }
+            }
+            prop_assert_eq!(said, by_us, "servo {} at {} us: {:#?}\n{}\n{}", servo, old_us, changes, before, after);
+        }
     }
 }
 

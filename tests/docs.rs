@@ -13,6 +13,7 @@ mod support;
 use std::fs;
 use std::process::Command;
 
+use motionseq::diagnostic::{Code, Severity};
 use motionseq::program::{COMMANDS, Row, SETTINGS, UNITS};
 use motionseq::program::{CURVES, FUNCTIONS, Options};
 use motionseq::source::Source;
@@ -170,6 +171,31 @@ fn the_tables_of_the_reference_are_those_of_the_code() {
     if std::env::var_os("UPDATE_DOCS").is_some() {
         fs::write(path, &wanted).unwrap();
     }
+    assert_eq!(text, wanted, "run `UPDATE_DOCS=1 cargo test --test docs` and look at what changed");
+}
+
+/// `docs/codes.md` is printed from the table of codes.
+#[test]
+fn every_code_is_in_the_documents() {
+    let rows = Code::ALL.iter().map(|code| {
+        let kind = if code.severity() == Severity::Error { "error" } else { "warning" };
+        let (wrong, right) = code.example();
+        format!(
+            "## {code}\n\n{kind}: {}\n\n{}\n\nWrong:\n\n```text\n{wrong}```\n\nRight:\n\n```text\n{right}```\n\n",
+            code.title(),
+            code.explanation()
+        )
+    });
+    let wanted = format!(
+        "# Errors and warnings\n\n`motionseq explain CODE` prints the same. A code never changes its meaning. A comment `# allow: CODE` at the end of a line \
+         keeps that warning back on this line; errors cannot be allowed.\n\n{}",
+        rows.collect::<String>()
+    );
+    let wanted = wanted.trim_end().to_owned() + "\n";
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        fs::write("docs/codes.md", &wanted).unwrap();
+    }
+    let text = fs::read_to_string("docs/codes.md").unwrap_or_default();
     assert_eq!(text, wanted, "run `UPDATE_DOCS=1 cargo test --test docs` and look at what changed");
 }
 

@@ -388,7 +388,7 @@ fn take_slowly(child: Child, pty: &Pty, chunk: usize, pause: Duration) -> (Vec<u
 fn a_reader_slower_than_the_script_ends_the_run_and_gets_the_stop() {
     // 400 frames of 260 bytes, one a millisecond: 260,000 bytes a second, for a reader that takes a tenth of that.
     let raw = format!("raw 0x40 {}\nwait 1ms\n", "0 ".repeat(255));
-    let flood = script("slow", &format!("rocker x=10\n{}stop\n", raw.repeat(400)));
+    let flood = script("slow", &format!("baud 4000000\nrocker x=10\n{}stop\n", raw.repeat(400)));
     let pty = Pty::open().unwrap();
     let path = pty.path().to_str().unwrap().to_owned();
     let child = start(&["play", &flood, "--port", &path, "--max-late", "300ms"]);
@@ -404,7 +404,7 @@ fn a_reader_slower_than_the_script_ends_the_run_and_gets_the_stop() {
 fn a_reader_as_fast_as_the_line_gets_every_byte_through_short_writes() {
     // 60 frames at once are 15,600 bytes: the port takes them in pieces.
     let raw = format!("raw 0x40 {}\n", "0 ".repeat(255));
-    let burst = script("burst", &format!("{}wait 2s\nservo 1 1500\n", raw.repeat(60)));
+    let burst = script("burst", &format!("baud 4000000\n{}wait 2s\nservo 1 1500\n", raw.repeat(60)));
     let pty = Pty::open().unwrap();
     let path = pty.path().to_str().unwrap().to_owned();
     let child = start(&["play", &burst, "--port", &path]);

@@ -27,7 +27,7 @@ const ROOMS: &[(&str, &[&str])] = &[
 const AT_HOME: &[(&str, &str)] = &[
     ("pest", "src/syntax"),
     ("serialport::", "src/link/serial.rs"),
-    ("miette::", "src/diagnostic.rs"),
+    ("miette::", "src/diagnostic/show.rs"),
     ("humantime::", "src/program/value.rs"),
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),

@@ -38,7 +38,7 @@ const SCRIPT: &str = "\
     wait 50ms\nstop; buzzer off\nwait 20ms\n";
 /// 19 kB to record and 50 kB to say with `-v`; no frame of it may be left out.
 const LOUD: &str = "\
-    buzzer on\nrepeat 600 {\nservo 1 1500; servo 2 1000; servo 3 1500; servo 4 2000\nwait 500us\n}\nbuzzer off\n";
+    baud 4000000\nbuzzer on\nrepeat 600 {\nservo 1 1500; servo 2 1000; servo 3 1500; servo 4 2000\nwait 500us\n}\nbuzzer off\n";
 
 /// A folder that goes away with its owner.
 struct Folder(PathBuf);

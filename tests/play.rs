@@ -270,9 +270,9 @@ fn a_port_that_goes_away_is_lost() {
 
 #[test]
 fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
-    // 200 frames of 260 bytes at once are more than a pty holds.
-    let raw = format!("raw 0x40 {}\n", "0 ".repeat(255));
-    let flood = script("stalled", &raw.repeat(200));
+    // 200 frames of 260 bytes in a fifth of a second are more than a pty holds.
+    let raw = format!("raw 0x40 {}\nwait 1ms\n", "0 ".repeat(255));
+    let flood = script("stalled", &format!("baud 4000000\n{}", raw.repeat(200)));
     let pty = Pty::open().unwrap();
     let path = pty.path().to_str().unwrap().to_owned();
     let (code, text) = end(start(&["play", &flood, "--port", &path, "--max-late", "500ms"]));

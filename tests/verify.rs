@@ -312,7 +312,7 @@ fn check_tells_other_programs_what_it_tells_people() {
         .file("lib/p.motion", "def bow() { stop }\n");
     assert_eq!(code(&repository.run(&["check", "never.motion"])), 1);
     let output = repository.run(&["check", "--deny", "warnings", "."]);
-    assert_eq!((code(&output), stderr(&output).matches("out-of-range").count()), (1, 1), "{}", stderr(&output));
+    assert_eq!((code(&output), stderr(&output).matches("out-of-range\n\n").count()), (1, 1), "{}", stderr(&output));
     assert!(!stderr(&output).contains("unused") && !stderr(&output).contains("clash\n"), "{}", stderr(&output));
     assert!(stderr(&output).contains("never.motion: ok, fails with `clash` as it says"), "{}", stderr(&output));
     // A file that is not there is no silence.

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::report::{self, Finding};
-use motionseq::source::{Source, Sources};
+use motionseq::source::{Lines, Source, Sources};
+use motionseq::timeline::{Timeline, wire};
 use motionseq::verify::{expectation, expected_error, find};
 
 use super::exit::Exit;
@@ -17,7 +18,7 @@ use super::{Options, read, read_source};
 /// Check scripts: show every error and warning, send nothing
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .    every *.motion below this folder"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .    every *.motion below this folder\n  motionseq check -v dance.motion    also how busy the serial line is, second by second"
 )]
 pub(super) struct Check {
     /// The scripts, folders of scripts, or `-` for standard input
@@ -101,6 +102,11 @@ impl Check {
                 Some(timeline) if !denied => {
                     let frames = plural(timeline.events().len(), "frame");
                     screen.note(&format!("{}: ok, {frames} in {} s", sources.main().name(), seconds(timeline.end_us)));
+                    if screen.is_verbose() {
+                        for line in load(&timeline, &sources) {
+                            screen.note(&line);
+                        }
+                    }
                 }
                 Some(_) => {
                     screen.error(&format!("{}: warnings are denied", sources.main().name()));
@@ -138,4 +144,37 @@ impl Check {
             }
         })
     }
+}
+
+/// How many lines the load of a script takes at most.
+const SHOWN: usize = 60;
+
+/// How busy the serial line is: bytes by second, seconds that are alike on one line, and the frame that has to wait longest.
+fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
+    let wire::Load { seconds: load, worst } = wire::load(timeline);
+    let capacity = wire::Wire::new(timeline.baud).capacity();
+    let mut lines = vec![format!("  on the wire, which carries {capacity} bytes a second:")];
+    let mut second = 0;
+    let groups: Vec<&[u64]> = load.chunk_by(|one, two| one == two).collect();
+    for group in groups.iter().take(SHOWN) {
+        let bytes = group.first().copied().unwrap_or(0);
+        let until = second + group.len();
+        let when = if group.len() == 1 { format!("{second} s") } else { format!("{second}-{until} s") };
+        lines.push(format!("  {when:>13}  {bytes:>6} bytes/s  {:>3} %", bytes * 100 / capacity.max(1)));
+        second = until;
+    }
+    if groups.len() > SHOWN {
+        let busiest = load.iter().enumerate().max_by_key(|(at, bytes)| (**bytes, std::cmp::Reverse(*at)));
+        let (at, bytes) = busiest.map_or((0, 0), |(at, bytes)| (at, *bytes));
+        lines.push(format!("  and {} s more; the busiest is {at} s with {bytes} bytes", load.len() - second));
+    }
+    if let Some((at, late_us)) = worst
+        && let Some(event) = timeline.events().get(at)
+    {
+        let origin = timeline.origin(event, sources, &Lines::of(sources));
+        let late = format!("{}.{:03} ms", late_us / 1_000, late_us % 1_000);
+        let when = seconds(event.at_us);
+        lines.push(format!("  longest wait for the line: {late}, `{}` at {when} s ({origin})", event.command));
+    }
+    lines
 }

@@ -35,15 +35,16 @@ impl Fmt {
             return Exit::Usage;
         }
         let mut exit = Exit::Ok;
-        let mut changed = 0_usize;
+        let (mut changed, mut failed) = (0_usize, 0_usize);
         for file in &self.files {
             match self.file(file, screen) {
                 Ok(is_changed) => changed += usize::from(is_changed),
-                Err(failed) => exit = failed,
+                Err(cause) => (exit, failed) = (cause, failed + 1),
             }
         }
         let unchanged = plural(self.files.len(), "script");
         screen.note(&match (self.check, changed) {
+            (_, 0) if failed > 0 => format!("{unchanged} looked at, {failed} cannot be formatted"),
             (_, 0) => format!("{unchanged} looked at, nothing to change"),
             (true, _) => format!("{unchanged} looked at, {changed} would change: motionseq fmt FILE"),
             (false, _) => format!("{unchanged} looked at, {changed} formatted"),

@@ -5,6 +5,7 @@ mod decode;
 mod diff;
 mod ending;
 mod exit;
+mod explain;
 mod fmt;
 mod guard;
 mod news;
@@ -52,6 +53,7 @@ enum Command {
     Test(test::Test),
     Diff(diff::Diff),
     Fmt(fmt::Fmt),
+    Explain(explain::Explain),
     Decode(decode::Decode),
     Ports(ports::Ports),
     Completions(shell::Completions),
@@ -124,6 +126,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Test(test) => test.run(&screen),
         Command::Diff(diff) => diff.run(&screen),
         Command::Fmt(fmt) => fmt.run(&screen),
+        Command::Explain(explain) => explain.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
         Command::Completions(completions) => completions.run(&screen),

@@ -139,7 +139,8 @@ impl Screen {
         }
         print(&text);
         if diagnostics.errors() + diagnostics.warnings() > 0 {
-            self.note(&format!("{}: {}", sources.main().name(), count(diagnostics)));
+            let code = diagnostics.sorted().first().map(|first| format!("; motionseq explain {}", first.code));
+            self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
         }
     }
 

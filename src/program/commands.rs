@@ -237,7 +237,10 @@ fn servo(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
             Code::TiltRange,
             argument.span,
             format!("servo 2 is the tilt servo, and does not survive {} µs", libm::round(widest)),
-            format!("stay at or below {} unless another servo is connected there", TiltPulseWidth::MAX),
+            format!(
+                "stay at or below {}, or, with another servo there, end the line with `# allow: tilt-range`",
+                TiltPulseWidth::MAX
+            ),
         ));
     }
     Some(Motion { shape: Shape::Servo(index), values: vec![glide] })
@@ -407,7 +410,7 @@ fn raw(args: &mut Args<'_, '_, '_, '_>) -> Option<board::Command> {
         Code::RawFrame,
         args.command.span,
         "nothing checks what this frame makes the robot do",
-        "use the command that sends it, if there is one",
+        "use the command that sends it, or end the line with `# allow: raw-frame`",
     ));
     Some(board::Command::Raw { function, payload })
 }

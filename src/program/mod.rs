@@ -27,6 +27,7 @@ pub use functions::{FUNCTIONS, Function};
 pub use limits::{Limit, Limited, broken, diagnostic as broken_limit};
 pub use motion::{Glide, Motion, Move, Shape};
 pub use settings::SETTINGS;
+pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};
@@ -120,7 +121,12 @@ pub struct Settings {
     pub seed: u64,
     /// Ranges that the script narrows.
     pub limits: Vec<Limit>,
+    /// How fast the four servos are taken to turn, in µs of pulse width a second.
+    pub servo_speeds: [u32; 4],
 }
+
+/// How fast a servo is taken to turn where the script does not say: the usual 60° in 0.12 s, in µs of pulse width a second.
+pub const SERVO_SPEED: u32 = 5_500;
 
 impl Default for Settings {
     fn default() -> Self {
@@ -131,6 +137,7 @@ impl Default for Settings {
             tempo: Tempo::default(),
             seed: 0,
             limits: Vec::new(),
+            servo_speeds: [SERVO_SPEED; 4],
         }
     }
 }

@@ -6,9 +6,9 @@ use super::commands::{Args, Build, Row};
 use super::limits::{Limit, Limited};
 use super::time::Time;
 use super::value::Quantity;
-use crate::board::Ranged;
+use crate::board::{Ranged, ServoIndex};
 use crate::diagnostic::{Code, Diagnostic};
-use crate::syntax::{Item, NumberShape, ValueKind};
+use crate::syntax::{Item, NumberShape, Value, ValueKind};
 
 /// What may stand before every command.
 pub const SETTINGS: &[Row] = &[
@@ -53,7 +53,7 @@ pub const SETTINGS: &[Row] = &[
         "limit",
         "limit servo N MIN..MAX",
         "limit servo 2 900..1700",
-        "narrows a range: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error",
+        "narrows a range: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
         Build::Set(limit),
     ),
     Row::later("robots"),
@@ -118,6 +118,14 @@ fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<(
             "write an interval such as `refresh 50ms`, or `refresh off`",
         ));
         return None;
+    }
+    if interval > Time::from_millis(500) {
+        args.context.report(Diagnostic::new(
+            Code::SlowRefresh,
+            value.span,
+            "a drive frame that is sent again so seldom may not keep the robot moving",
+            "the board stops by itself where frames stop, after a time that nobody published: stay at or below `refresh 500ms`",
+        ));
     }
     settings.refresh = Some(interval);
     Some(())
@@ -201,6 +209,10 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         }
     };
     let argument = args.next_argument()?;
+    if let (Limited::Servo(index), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (limited, &argument.item)
+    {
+        return servo_speed(index, args, settings);
+    }
     let Item::Range(low, high) = &argument.item else {
         let help = "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`";
         args.context.report(Diagnostic::new(Code::Arguments, argument.span, "a range is needed here", help));
@@ -229,5 +241,25 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         return None;
     }
     settings.limits.push(limit);
+    Some(())
+}
+
+/// `limit servo N speed PULSE`: how far a servo goes in a second.
+fn servo_speed(index: ServoIndex, args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+    let value = args.next()?;
+    let speed = args.micros(value, "a speed")?;
+    let range = 100.0..=100_000.0;
+    let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
+    let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
+        args.context.report(Diagnostic::new(
+            Code::OutOfRange,
+            value.span,
+            "a servo's speed is 100 to 100000 µs of pulse width a second",
+            "60° in 0.12 s is 5500: write `limit servo 2 speed 5500us`",
+        ));
+        return None;
+    };
+    let at = usize::try_from(index.get()).ok()?.checked_sub(1)?;
+    *settings.servo_speeds.get_mut(at)? = speed;
     Some(())
 }

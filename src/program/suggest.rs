@@ -1,7 +1,7 @@
 //! Words for messages: what a user may have meant, and lists of what there is.
 
 /// The candidate nearest to `word`, where one is near enough to be meant.
-pub(super) fn suggest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn suggest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // Long words cannot be near a short one, and measuring them would take long.
     if word.len() > 40 {
         return None;

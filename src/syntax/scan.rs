@@ -3,7 +3,7 @@
 
 use std::borrow::Cow;
 
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics, Severity};
 use crate::source::{Source, Span};
 
 /// How deep brackets may be nested.
@@ -163,10 +163,51 @@ impl<'s> Scan<'s, '_> {
         if let Some(at) = line.bytes().position(is_hidden) {
             self.hidden(from + at);
         }
+        for codes in line.split('#').filter_map(|words| words.trim_start().strip_prefix("allow:")) {
+            self.allow(codes, from, from + line.trim_end().len());
+        }
         if self.parens > 0 {
             self.blanks.push((from, from + line.len(), ' '));
         }
         from + line.len()
+    }
+
+    /// `# allow: CODE`: on this line those warnings are none.
+    fn allow(&mut self, codes: &str, from: usize, to: usize) {
+        let before = self.text.get(..from).unwrap_or_default();
+        let line = before.rfind('\n').map_or(0, |at| at + 1);
+        let comment = Span::new(self.base + from, self.base + to);
+        let mut report = |message: String, help: String| {
+            self.diagnostics.push(Diagnostic::new(Code::Allow, comment, message, help));
+        };
+        if before.get(line..).is_none_or(|code| code.trim().is_empty()) {
+            let help = "put it at the end of the line that has the warning".to_owned();
+            return report("this comment stands on a line of its own, and so allows nothing".to_owned(), help);
+        }
+        // Behind a code may stand why.
+        for name in codes.split(',').filter_map(|words| words.split_whitespace().next()) {
+            let code = Code::ALL.iter().copied().find(|code| code.name() == name);
+            match code.map(|code| (code, code.severity())) {
+                Some((code, Severity::Warning)) => {
+                    self.diagnostics.allow(code, Span::new(self.base + line, self.base + to));
+                }
+                Some((_, Severity::Error)) => {
+                    let help = "mend what it says; only warnings can be allowed".to_owned();
+                    self.diagnostics.push(Diagnostic::new(Code::Allow, comment, format!("`{name}` is an error"), help));
+                }
+                None => {
+                    let warnings = Code::ALL.iter().filter(|code| code.severity() == Severity::Warning);
+                    let warnings: Vec<_> = warnings.map(|code| code.name()).collect();
+                    let help = format!("the warnings are: {}", warnings.join(", "));
+                    self.diagnostics.push(Diagnostic::new(
+                        Code::Allow,
+                        comment,
+                        format!("there is no warning `{name}`"),
+                        help,
+                    ));
+                }
+            }
+        }
     }
 
     /// To behind the closing quotation mark, or to the end of the line.

@@ -42,8 +42,14 @@ pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
         Code::Syntax,
         span,
         "a calculation as an argument needs parentheses around it",
-        format!("write `({written})`"),
+        format!("write `({})`", on_one_line(written)),
     )
+}
+
+/// What was written, also where it breaks its line.
+fn on_one_line(written: &str) -> String {
+    let lines = written.lines().map(|line| line.split('#').next().unwrap_or_default());
+    lines.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ")
 }
 
 /// Two arguments that touch.
@@ -52,7 +58,7 @@ pub(super) fn lacks_blank(first: &str, second: &str, span: Span) -> Diagnostic {
         Code::Syntax,
         span,
         "a blank is missing between two arguments",
-        format!("write `{first} {second}`, or `({first}{second})` for a calculation"),
+        format!("write `{0} {1}`, or `({0}{1})` for a calculation", on_one_line(first), on_one_line(second)),
     )
 }
 

@@ -53,6 +53,9 @@ fn lay_abort(
     (events, cues)
 }
 
+/// A hold without `for` that lasts longer looks like a forgotten `stop`.
+const LONG_HOLD: Time = Time::from_millis(10_000);
+
 /// The step that a frame belongs to.
 #[derive(Clone, Copy, Default)]
 struct From {
@@ -71,7 +74,8 @@ struct Point {
 }
 
 enum What {
-    Send(Command),
+    /// A command, and whether it ends by itself.
+    Send(Command, bool),
     Go(Box<Move>),
     /// The end of a `for`.
     End(Command),
@@ -93,6 +97,8 @@ struct Lay<'d> {
     state: State,
     /// The drive command that holds, with the time it was sent.
     held: Option<(Time, Command, From)>,
+    /// Whether it goes on until something ends it: it has no `for`.
+    open_ended: bool,
     /// Of each thing, the last step that used it.
     last: [From; THINGS],
     /// When the last move of the drive ends.
@@ -117,6 +123,7 @@ impl<'d> Lay<'d> {
             refreshes: Vec::new(),
             state: State::default(),
             held: None,
+            open_ended: false,
             last: [From::default(); THINGS],
             drive_until: Time::ZERO,
             raw: None,
@@ -140,7 +147,7 @@ impl<'d> Lay<'d> {
                         let end = if command.is_drive() { Command::STOP } else { Command::Buzzer(false) };
                         points.push(Point { at: step.at.plus(hold), from, what: What::End(end) });
                     }
-                    What::Send(command)
+                    What::Send(command, hold.is_some())
                 }
                 Action::Go(going) => What::Go(going),
             };
@@ -154,7 +161,11 @@ impl<'d> Lay<'d> {
             for point in group {
                 match &point.what {
                     What::End(end) if superseded(end, point, group) => {}
-                    What::End(command) | What::Send(command) => self.send(point.at, command, Kind::Command, point.from),
+                    What::End(command) => self.send(point.at, command, Kind::Command, point.from),
+                    What::Send(command, ends) => {
+                        self.send(point.at, command, Kind::Command, point.from);
+                        self.open_ended &= !(*ends && command.is_drive());
+                    }
                     What::Go(going) => self.go(point.at, going, point.from),
                 }
             }
@@ -178,8 +189,10 @@ impl<'d> Lay<'d> {
             return;
         }
         if command.is_drive() {
+            self.long_hold(at);
             self.release(at);
             self.held = command.keeps_driving().then(|| (at, command.clone(), from));
+            self.open_ended = true;
         }
         for thing in things(command).into_iter().flatten() {
             if let Some(last) = self.last.get_mut(thing) {
@@ -353,6 +366,25 @@ impl<'d> Lay<'d> {
         }
     }
 
+    /// A hold that nothing in its own line ends, and that lasted long.
+    fn long_hold(&mut self, until: Time) {
+        let Some((start, command, from)) = self.held.as_ref().filter(|_| self.open_ended) else { return };
+        let lasted = until.minus(*start);
+        if lasted <= LONG_HOLD {
+            return;
+        }
+        let seconds = lasted.micros() / 1_000_000;
+        let diagnostic = Diagnostic::new(
+            Code::LongHold,
+            from.span,
+            format!("`{command}` drives on for {seconds} s, until another line ends it"),
+            format!("if that is meant, say so where it starts: `{command} for {seconds}s`"),
+        )
+        .label("no `for`");
+        let from = *from;
+        self.report(diagnostic, from);
+    }
+
     /// Ends a hold just before `until`, and sends its refreshes.
     fn release(&mut self, until: Time) {
         let (Some((start, command, from)), Some(interval)) = (self.held.take(), self.refresh) else {
@@ -439,7 +471,7 @@ fn frames(count: f64) -> usize {
 fn superseded(end: &Command, point: &Point, group: &[Point]) -> bool {
     let [thing, _] = things(end);
     group.iter().any(|other| match &other.what {
-        What::Send(command) => other.from.order != point.from.order && things(command)[0] == thing,
+        What::Send(command, _) => other.from.order != point.from.order && things(command)[0] == thing,
         What::Go(_) | What::End(_) => false,
     })
 }

@@ -5,10 +5,12 @@
 
 mod diff;
 mod lay;
+mod lints;
 mod listing;
 mod order;
 mod snapshot;
 mod tween;
+pub mod wire;
 
 use crate::board::{Command, ServoIndex};
 use crate::diagnostic::Diagnostics;
@@ -166,7 +168,11 @@ impl Event {
 /// reported.
 pub fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     order(&program, diagnostics);
-    lay::lay(program, events, diagnostics)
+    let speeds = program.settings.servo_speeds;
+    let timeline = lay::lay(program, events, diagnostics);
+    wire::check(&timeline, diagnostics);
+    lints::servo_speed(&timeline, speeds, diagnostics);
+    timeline
 }
 
 /// Only looks for what is wrong in the order of time, for a program that has other errors but whose times are right.

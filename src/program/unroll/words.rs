@@ -7,7 +7,7 @@ use super::super::value::not_yet;
 use super::Unroll;
 use crate::diagnostic::Code;
 use crate::source::Span;
-use crate::syntax::{Block, Command, Item, Name, Statement};
+use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
 
 impl<'s> Unroll<'_, 's, '_> {
     pub(super) fn top_level(&mut self, word: &str, span: Span) {
@@ -103,7 +103,11 @@ impl<'s> Unroll<'_, 's, '_> {
     /// A word of the language whose line could not be read as what it is, or that this version does not run.
     pub(super) fn malformed_or_later(&mut self, row: &Row, command: &Command<'s>) {
         let (message, help) = match row.name {
-            "let" => ("a `let` is a name and its value", "write `let depth = 300us`"),
+            "let" => {
+                let help = self.mended_let(command);
+                self.report(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help);
+                return;
+            }
             "def" => {
                 ("a `def` is a name, parameters in parentheses and a block", "write `def nod(depth = 200us) { … }`")
             }
@@ -118,11 +122,28 @@ impl<'s> Unroll<'_, 's, '_> {
     }
 }
 
+impl<'s> Unroll<'_, 's, '_> {
+    /// `let a 5`, as it was most likely meant; the name is meant to exist.
+    fn mended_let(&mut self, command: &Command<'s>) -> String {
+        let [first, rest @ ..] = command.arguments.as_slice() else { return "write `let depth = 300us`".to_owned() };
+        let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
+            return "a name begins with a small letter: write `let depth = 300us`".to_owned();
+        };
+        self.context.broken.push(name);
+        let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
+        let value = value.map_or("300us", |span| self.sources.file(span).slice(span).trim());
+        format!("write `let {name} = {}`", value.trim_start_matches(['=', ':']).trim())
+    }
+}
+
 /// The names of the commands that this version runs.
 fn runnable() -> impl Iterator<Item = &'static str> {
     let runs = |row: &&Row| !matches!(row.build, Build::Later);
     COMMANDS.iter().filter(runs).map(|row| row.name)
 }
+
+/// How many phrases of a script are listed.
+const PHRASES: usize = 12;
 
 /// What to write instead of a word that nothing is called.
 fn suggestion(word: &str, phrases: &[&str]) -> String {
@@ -149,6 +170,13 @@ fn suggestion(word: &str, phrases: &[&str]) -> String {
     }
     match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
         Some(near) => format!("did you mean `{near}`?"),
-        None => format!("the commands are {}", list(runnable())),
+        None if phrases.is_empty() => format!("the commands are {}", list(runnable())),
+        None => {
+            let mut phrases = phrases.to_vec();
+            phrases.sort_unstable();
+            let shown = list(phrases.iter().copied().take(PHRASES));
+            let more = if phrases.len() > PHRASES { " and others" } else { "" };
+            format!("the phrases of this script are {shown}{more}; the commands are {}", list(runnable()))
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! Which items of one thing stand opposite each other in two timelines.
 //!
-//! First by what they say and how long after the one before: an inserted pause then touches one item only. What is left
-//! between is aligned by what it says, with as little moved in time as possible.
+//! There are three ways to see it: by what items say and how long after the one before they start, so that an inserted pause touches
+//! one item only; by what they say and when; and by when they should be as another thing has moved. The one that leaves
+//! least to say is taken. What a way leaves open between two places is aligned with as little moved in time as possible.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -25,16 +26,83 @@ pub(super) struct Aligned<'i> {
 /// The most combinations of two items that are weighed one by one.
 const WEIGHED: usize = 40_000;
 
-pub(super) fn align<'i>(old: &[&'i Item], new: &[&'i Item]) -> Aligned<'i> {
+/// By how much the items of a lane have moved: their old times, in order, and microseconds.
+#[derive(Default)]
+struct Moved {
+    points: Vec<(u64, i64)>,
+    /// Whether a time between two points has moved as the one behind it, and not as the one before.
+    early: bool,
+}
+
+impl Moved {
+    fn of(lane: &Aligned<'_>, early: bool) -> Self {
+        Moved { points: lane.pairs.iter().map(|pair| (pair.0.at_us, delta(pair))).collect(), early }
+    }
+
+    fn at(&self, at_us: u64) -> i64 {
+        let until = self.points.partition_point(|(from, _)| *from <= at_us);
+        let from = self.points.partition_point(|(from, _)| *from < at_us);
+        let before = until.checked_sub(1).and_then(|at| self.points.get(at));
+        let behind = self.points.get(from);
+        // Before the first point nothing is known, and nothing has moved.
+        let point = before.and_then(|before| if self.early { behind.or(Some(before)) } else { Some(before) });
+        point.map_or(0, |(_, by_us)| *by_us)
+    }
+}
+
+/// Aligns the items of every lane.
+pub(super) fn align<'i>(lanes: &[(Vec<&'i Item>, Vec<&'i Item>)]) -> Vec<Aligned<'i>> {
+    let still = [Moved::default()];
+    let mut aligned: Vec<Aligned<'i>> =
+        lanes.iter().map(|(old, new)| best([by_gaps(old, new), by_times(old, new, &still[0])], &still)).collect();
+    // The lane that has most of its items on both sides tells best how time has moved.
+    let surest = aligned.iter().max_by_key(|lane| (lane.gone.len() + lane.come.len() == 0, lane.pairs.len()));
+    let Some(moved) = surest.map(|lane| [false, true].map(|early| Moved::of(lane, early))) else { return aligned };
+    for (lane, (old, new)) in aligned.iter_mut().zip(lanes) {
+        if lane.gone.len() + lane.come.len() > 0 {
+            let [late, early] = &moved;
+            *lane = best([std::mem::take(lane), by_times(old, new, late), by_times(old, new, early)], &moved);
+        }
+    }
+    aligned
+}
+
+fn delta((old, new): &(&Item, &Item)) -> i64 {
+    difference(old.at_us, new.at_us)
+}
+
+/// The one that leaves least to say, by itself and beside what has moved; the first of those that leave the same.
+fn best<'i, const N: usize>(all: [Aligned<'i>; N], moved: &[Moved]) -> Aligned<'i> {
+    let still = Moved::default();
+    let least = |aligned: &Aligned<'i>| {
+        let beside = moved.iter().map(|moved| aligned.statements(moved)).min().unwrap_or(0);
+        aligned.statements(&still) + beside
+    };
+    all.into_iter().min_by_key(least).unwrap_or_default()
+}
+
+fn by_gaps<'i>(old: &[&'i Item], new: &[&'i Item]) -> Aligned<'i> {
+    aligned(old, new, &keyed(old), &keyed(new))
+}
+
+/// `moved` says where old items should be now.
+fn by_times<'i>(old: &[&'i Item], new: &[&'i Item], moved: &Moved) -> Aligned<'i> {
+    let keyed = |items: &[&'i Item], moved: &Moved| -> Vec<_> {
+        let time = |item: &Item| item.at_us.saturating_add_signed(moved.at(item.at_us));
+        items.iter().map(|item| (item.says.as_str(), item.moves.is_some(), time(item))).collect()
+    };
+    aligned(old, new, &keyed(old, moved), &keyed(new, &Moved::default()))
+}
+
+fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], after: &[T]) -> Aligned<'i> {
     let mut aligned = Aligned::default();
-    // A gap between two items that were aligned, from the last of them on: by how much that one was later.
-    let gaps = hunks(&keyed(old), &keyed(new));
     let (mut old_at, mut new_at) = (0, 0);
-    for (before, after) in gaps {
+    for (before, after) in hunks(before, after) {
         aligned.beside(slice(old, old_at, before.0), slice(new, new_at, after.0));
         let (gone, come) = (slice(old, before.0, before.1), slice(new, after.0, after.1));
         (old_at, new_at) = (before.1, after.1);
-        let last = aligned.pairs.last().map_or(0, |(old, new)| difference(old.at_us, new.at_us));
+        // A gap between two items that were aligned: by how much the one before it has moved, and the one behind it.
+        let last = aligned.pairs.last().map_or(0, delta);
         let next = old.get(old_at).zip(new.get(new_at)).map_or(last, |(old, new)| difference(old.at_us, new.at_us));
         if gone.len().saturating_mul(come.len()) <= WEIGHED {
             aligned.weigh(gone, come, [last, next]);
@@ -76,6 +144,17 @@ fn slice<T>(all: &[T], from: usize, to: usize) -> &[T] {
 }
 
 impl<'i> Aligned<'i> {
+    /// How much there is to say: what is on one side only, says something else, or moves otherwise than what came before it.
+    fn statements(&self, moved: &Moved) -> usize {
+        let mut last = 0;
+        let changes = self.pairs.iter().filter(|pair| {
+            let beside = delta(pair) - moved.at(pair.0.at_us);
+            let otherwise = std::mem::replace(&mut last, beside) != beside;
+            otherwise || pair.0.says != pair.1.says
+        });
+        self.gone.len() + self.come.len() + changes.count()
+    }
+
     fn beside(&mut self, old: &[&'i Item], new: &[&'i Item]) {
         self.pairs.extend(old.iter().copied().zip(new.iter().copied()));
     }

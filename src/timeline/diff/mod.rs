@@ -43,6 +43,8 @@ pub struct Again {
     pub last_us: u64,
     /// Whether it is not quite the same: other values.
     pub otherwise: bool,
+    /// By how many microseconds everything is later from then on, where it is about that.
+    pub total_us: i64,
 }
 
 /// What has changed.
@@ -61,8 +63,8 @@ pub enum What {
         from: Vec<String>,
         /// What it says.
         to: Vec<String>,
-        /// By how many microseconds it has moved beside the others.
-        by_us: i64,
+        /// By how many microseconds it is later than it was, where it has moved beside the others.
+        by_us: Option<i64>,
         /// It takes longer or shorter, and so what follows has moved: everything, or only its own thing, which is named then.
         then: Option<(Option<String>, Shift)>,
     },
@@ -70,7 +72,7 @@ pub enum What {
     Moved {
         /// What it says.
         what: String,
-        /// By how many microseconds.
+        /// By how many microseconds it is later than it was; 0 where it alone has not moved.
         by_us: i64,
     },
     /// It is new.
@@ -174,10 +176,12 @@ fn frames(old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) 
     let after = items::items(new, tweens.map(|(_, new)| new));
     let mut changes = Vec::new();
     let mut lanes = Vec::new();
-    for lane in 0..LANES {
-        let old: Vec<&Item> = before.iter().filter(|item| item.lane == lane).collect();
-        let new: Vec<&Item> = after.iter().filter(|item| item.lane == lane).collect();
-        let align::Aligned { pairs, gone, come } = align::align(&old, &new);
+    let of_lane = |lane| -> (Vec<&Item>, Vec<&Item>) {
+        let is_of_lane = |item: &&Item| item.lane == lane;
+        (before.iter().filter(is_of_lane).collect(), after.iter().filter(is_of_lane).collect())
+    };
+    let both: Vec<_> = (0..LANES).map(of_lane).collect();
+    for align::Aligned { pairs, gone, come } in align::align(&both) {
         changes.extend(
             gone.iter().map(|item| Change::new(item.at_us, Some(item.first), None, What::Removed(item.words()))),
         );

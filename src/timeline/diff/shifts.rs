@@ -64,6 +64,8 @@ pub(super) fn tell(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
         let alone = moved && (follower == Some(total_us - step_us) || follower.is_none() && (!everything || is_last));
         let by = Shift { step_us, total_us };
         let differs = old.says != new.says || old.moves != new.moves;
+        let by_us = alone.then_some(total_us);
+        let what = walk.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
         let is_cause = |cause: &&Longer| {
             cause.end_us <= old.at_us && cause.by_us == step_us && (everything || cause.lane == old.lane)
         };
@@ -77,11 +79,10 @@ pub(super) fn tell(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
             let things = if everything { Vec::new() } else { vec![lane_name(old.lane)] };
             changes.push(Change::new(old.at_us, Some(old.first), Some(new.first), What::Shifted { things, by }));
             walk.shift(total_us, old.lane, everything);
-        } else if alone && !differs {
-            changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: step_us }));
+        } else if alone && !matches!(what, Some(What::Changed { .. })) {
+            changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));
         }
-        let by_us = if alone { step_us } else { 0 };
-        let Some(what) = walk.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us)) else { continue };
+        let Some(what) = what else { continue };
         let longer_by = difference(old.lasts_us(), new.lasts_us());
         if let Some(longer) = longer.get_mut(old.lane).filter(|_| longer_by != 0) {
             let end_us = old.at_us + old.lasts_us();
@@ -141,7 +142,13 @@ impl<'i> Walk<'i> {
         if beside.any(|other| other.delta() != by_us) {
             return false;
         }
+        // A move that has begun already, and goes on.
         let others = self.heads.iter().enumerate().filter(|(lane, _)| *lane != item.lane);
+        let mut running = others.clone().filter_map(|(lane, _)| self.last_until(lane, item.at_us));
+        let end = |item: &Item| item.at_us + item.lasts_us();
+        if running.any(|last| end(last.old) > item.at_us && difference(end(last.old), end(last.new)) != by_us) {
+            return false;
+        }
         let next = others.filter_map(|(lane, head)| Some((lane, self.pairs.get((*head)?)?)));
         next.into_iter().all(|(lane, next)| {
             let stays = self.shifted(lane) == next.delta();
@@ -151,25 +158,31 @@ impl<'i> Walk<'i> {
         })
     }
 
+    /// The last item of a lane that starts at a time or before it.
+    fn last_until(&self, lane: usize, at_us: u64) -> Option<&Pair<'i>> {
+        let places = self.lanes.get(lane)?;
+        let until = places.partition_point(|place| self.pairs.get(*place).is_some_and(|pair| pair.old.at_us <= at_us));
+        self.pairs.get(*places.get(until.checked_sub(1)?)?)
+    }
+
     /// How much later the items of a lane are just before and just behind a time.
     fn around(&self, lane: usize, at_us: u64) -> [Option<i64>; 2] {
         let places = self.lanes.get(lane).map(Vec::as_slice).unwrap_or_default();
         let delta = |place: Option<&usize>| place.and_then(|&place| self.pairs.get(place)).map(Pair::delta);
         let time = |place: &usize| self.pairs.get(*place).map_or(0, |pair| pair.old.at_us);
-        let until = places.partition_point(|place| time(place) <= at_us);
         let from = places.partition_point(|place| time(place) < at_us);
-        [delta(until.checked_sub(1).and_then(|at| places.get(at))), delta(places.get(from))]
+        [self.last_until(lane, at_us).map(Pair::delta), delta(places.get(from))]
     }
 }
 
 /// What an item says that it did not say before; nothing where that only follows from the item before it.
-fn change(pair: &Pair<'_>, by_us: i64) -> Option<What> {
+fn change(pair: &Pair<'_>, by_us: Option<i64>) -> Option<What> {
     let Pair { old, new, comes_from_elsewhere, .. } = pair;
     let (from, to) = (old.parts(), new.parts());
     if from != to {
         return Some(What::Changed { from, to, by_us, then: None });
     }
     let (from, to) = (old.moves.as_ref()?, new.moves.as_ref()?);
-    let follows = *comes_from_elsewhere && from.meant.is_some() && by_us == 0;
+    let follows = *comes_from_elsewhere && from.meant.is_some();
     (!follows).then(|| What::Steps { what: new.words(), from: from.steps, to: to.steps })
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Again, Change, Shift, What};
+use super::{Again, Change, What};
 
 impl Change {
     /// The change in words, with the place in the script where that is known.
@@ -13,25 +13,15 @@ impl Change {
         match &self.what {
             What::Shifted { things, by } => {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
-                let words = format!("{when}from {} on{place} {things} is ", Secs(self.at_us));
-                match (by.total_us, self.more) {
-                    (0, _) => words + "at its old time again",
-                    (_, None) => format!("{words}{}{}", Later(by.step_us), in_all(by)),
-                    (_, Some(_)) => {
-                        format!("{words}{}{}: {} in all", Later(by.step_us), self.again(", and"), Later(by.total_us))
-                    }
-                }
+                let words = format!("{when}from {} on{place} {things} is {}", Secs(self.at_us), Later(by.total_us));
+                words + &self.again(&format!(", and again {}", Later(by.step_us)))
             }
             What::Changed { from, to, by_us, then } => {
-                let moved = if *by_us == 0 { String::new() } else { format!(", {}", Later(*by_us)) };
+                let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();
                 let words = format!("{at}{}{moved}", between(from, to));
                 let Some((thing, by)) = then else { return words + &self.again(", and so") };
                 let of = thing.as_ref().map(|thing| format!(" of {thing}")).unwrap_or_default();
-                let words = format!("{words}, and what follows{of} is {}{}", Later(by.step_us), self.again(", and so"));
-                match self.more {
-                    None => words + &in_all(by),
-                    Some(_) => format!("{words}: {} in all", Later(by.total_us)),
-                }
+                format!("{words}, and what follows{of} is {}{}", Later(by.total_us), self.again(", and so"))
             }
             What::Moved { what, by_us } => format!("{at}{what} is {}{}", Later(*by_us), self.again(", and so")),
             What::Added(what) => format!("{at}{what} is new{}", self.again(", and so")),
@@ -78,18 +68,25 @@ impl Change {
 
     /// How often it is besides.
     fn again(&self, words: &str) -> String {
-        let Some(Again { count, last_us, otherwise }) = self.more else { return String::new() };
+        let Some(Again { count, last_us, otherwise, total_us }) = self.more else { return String::new() };
         let words = match &self.what {
             What::Added(_) | What::Removed(_) if otherwise => {
                 let frames = if count == 1 { "one more command".into() } else { format!("{count} more commands") };
                 return format!(", and {frames} of this line until {}", Secs(last_us));
             }
             _ if otherwise => ", and to other values",
+            What::Shifted { by, .. } if by.total_us == total_us => ", and so",
             _ => words,
         };
+        let then = match &self.what {
+            What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } if by.total_us != total_us => {
+                format!(": then {}", Later(total_us))
+            }
+            _ => String::new(),
+        };
         match count {
-            1 => format!("{words} once more at {}", Secs(last_us)),
-            more => format!("{words} {more} more times until {}", Secs(last_us)),
+            1 => format!("{words} once more at {}{then}", Secs(last_us)),
+            more => format!("{words} {more} more times until {}{then}", Secs(last_us)),
         }
     }
 
@@ -97,7 +94,8 @@ impl Change {
     pub(super) fn kind(&self, of_one_line: bool) -> (What, bool) {
         let mut what = self.what.clone();
         match &mut what {
-            What::Shifted { by, .. } => by.total_us = 0,
+            // Whether it is at its old time again is a thing of its own.
+            What::Shifted { by, .. } => by.total_us = i64::from(by.total_us == 0),
             What::Changed { from, to, then, .. } => {
                 if let Some((_, by)) = then {
                     by.total_us = 0;
@@ -126,21 +124,13 @@ impl Change {
             (What::Added(one) | What::Removed(one), What::Added(two) | What::Removed(two)) => one != two,
             _ => false,
         };
-        let again = self.more.get_or_insert(Again { count: 0, last_us: 0, otherwise: false });
-        (again.count, again.last_us, again.otherwise) = (again.count + 1, other.at_us, again.otherwise || told);
         let total_us = match &other.what {
             What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } => by.total_us,
-            _ => return,
+            _ => 0,
         };
-        if let What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } = &mut self.what {
-            by.total_us = total_us;
-        }
+        let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
+        self.more = Some(Again { count: count + 1, last_us: other.at_us, otherwise: otherwise || told, total_us });
     }
-}
-
-/// Where a shift adds to an earlier one: what both come to.
-fn in_all(by: &Shift) -> String {
-    if by.step_us == by.total_us { String::new() } else { format!(": {} in all", Later(by.total_us)) }
 }
 
 /// Whether a part is told where it has not changed.
@@ -196,7 +186,9 @@ struct Later(i64);
 
 impl fmt::Display for Later {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let word = if self.0 < 0 { "earlier" } else { "later" };
-        write!(f, "{} {word}", Span(self.0.unsigned_abs()))
+        match self.0 {
+            0 => f.write_str("at its old time again"),
+            us => write!(f, "{} {}", Span(us.unsigned_abs()), if us < 0 { "earlier" } else { "later" }),
+        }
     }
 }

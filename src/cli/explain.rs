@@ -1,0 +1,82 @@
+//! `motionseq explain`: what an error or a warning means.
+
+use std::io::{self, Write};
+
+use clap::Args;
+use motionseq::diagnostic::{Code, Severity};
+
+use super::exit::Exit;
+use super::output;
+use super::screen::Screen;
+
+/// Say what an error or a warning means, with an example of wrong and right
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  motionseq explain clash\n  motionseq explain            every code, a line each")]
+pub(super) struct Explain {
+    /// The code, as a message shows it; every code with its title where none is given
+    code: Option<String>,
+}
+
+impl Explain {
+    /// Prints the explanation; fails if there is no such code.
+    pub(super) fn run(&self, screen: &Screen) -> Exit {
+        let text = match &self.code {
+            None => {
+                let rows = Code::ALL.iter().map(|code| format!("{:<18} {}", code.name(), code.title()));
+                rows.collect::<Vec<_>>().join("\n") + "\n"
+            }
+            Some(name) => match Code::named(name.trim_matches(['[', ']', '`'])) {
+                Some(code) => explained(code),
+                None => {
+                    let near = motionseq::program::suggest(name, Code::ALL.iter().map(|code| code.name()));
+                    let help = match near {
+                        Some(near) => format!("did you mean `{near}`?"),
+                        None => "`motionseq explain` lists them".to_owned(),
+                    };
+                    screen.error(&format!("there is no code `{name}`; {help}"));
+                    return Exit::Usage;
+                }
+            },
+        };
+        output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen)
+    }
+}
+
+fn explained(code: Code) -> String {
+    let kind = match code.severity() {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+    };
+    let (wrong, right) = code.example();
+    let indented = |text: &str| text.lines().fold(String::new(), |out, line| out + "    " + line + "\n");
+    let allowed = match code.severity() {
+        Severity::Error => String::new(),
+        Severity::Warning => format!("\nTo keep it back on one line, end the line with: # allow: {code}\n"),
+    };
+    format!(
+        "{kind} {code}: {}\n\n{}\n\nWrong:\n{}\nRight:\n{}{allowed}",
+        code.title(),
+        wrapped(code.explanation()),
+        indented(wrong),
+        indented(right)
+    )
+}
+
+/// Text in lines that a terminal shows whole.
+fn wrapped(text: &str) -> String {
+    const WIDTH: usize = 80;
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let full = lines.last().is_some_and(|line| line.chars().count() + 1 + word.chars().count() > WIDTH);
+        if full {
+            lines.push(String::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            if !line.is_empty() {
+                line.push(' ');
+            }
+            line.push_str(word);
+        }
+    }
+    lines.join("\n")
+}

@@ -1,0 +1,171 @@
+//! Errors and warnings as data: a stable code, a place, words, and what to write instead.
+//!
+//! No stage prints. Each one adds to a [`Diagnostics`]; whoever shows them attaches the source once, with [`Attached`].
+
+mod codes;
+mod show;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::source::{Source, SourceError, Span};
+
+pub use codes::{Code, Severity};
+pub use show::{Attached, Printable, escaped};
+
+/// How many diagnostics of one script are kept. The rest are only counted, so that a large broken file stays small.
+pub const MAX_KEPT: usize = 500;
+
+/// A second place that belongs to a [`Diagnostic`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Related {
+    /// Where.
+    pub span: Span,
+    /// What stands there.
+    pub label: String,
+}
+
+/// One error or warning.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// The stable code, which also says how bad it is.
+    pub code: Code,
+    /// Where it is.
+    pub span: Span,
+    /// What is wrong, in the user's words.
+    pub message: String,
+    /// A word or two at the place itself.
+    pub label: Option<String>,
+    /// Other places that belong to it.
+    pub related: Vec<Related>,
+    /// What to write instead.
+    pub help: String,
+}
+
+impl Diagnostic {
+    /// A diagnostic with the words that say what is wrong, and those that say what to write instead.
+    pub fn new(code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
+        Diagnostic { code, span, message: message.into(), label: None, related: Vec::new(), help: help.into() }
+    }
+
+    /// What is wrong with a file that was read but is no script, with the text to show it in. `None` for a file that
+    /// cannot be read, of which there is no text.
+    pub fn of_source(error: SourceError) -> Option<(Source, Diagnostic)> {
+        match error {
+            SourceError::Unreadable { .. } => None,
+            SourceError::TooLarge(name) => Some((
+                Source::new(name, ""),
+                Diagnostic::new(
+                    Code::SourceTooLarge,
+                    Span::default(),
+                    "the script is larger than 64 MiB",
+                    "split it into several scripts; nothing of it was read",
+                ),
+            )),
+            SourceError::NotUtf8 { lossy, at, byte } => Some((
+                lossy,
+                Diagnostic::new(
+                    Code::NotUtf8,
+                    Span::new(at, at + '\u{FFFD}'.len_utf8()),
+                    format!("the byte 0x{byte:02X} is not UTF-8 text"),
+                    "save the file as UTF-8 in your editor; a script is plain text",
+                ),
+            )),
+        }
+    }
+
+    /// Whether it stops the script from compiling.
+    pub fn is_error(&self) -> bool {
+        self.code.severity() == Severity::Error
+    }
+
+    /// Adds a word or two that stand at the place itself.
+    #[must_use]
+    pub fn label(mut self, label: impl Into<String>) -> Self {
+        self.label = Some(label.into());
+        self
+    }
+
+    /// Adds a second place.
+    #[must_use]
+    pub fn related(mut self, span: Span, label: impl Into<String>) -> Self {
+        self.related.push(Related { span, label: label.into() });
+        self
+    }
+}
+
+/// The errors and warnings of one script.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Diagnostics {
+    kept: Vec<Diagnostic>,
+    seen: BTreeSet<(Code, Span)>,
+    /// Lines on which a comment allows a warning, each code's in order.
+    allowed: BTreeMap<Code, Vec<Span>>,
+    errors: usize,
+    warnings: usize,
+}
+
+impl Diagnostics {
+    /// Allows a warning on a line, for what is added from now on. Lines come in order.
+    pub fn allow(&mut self, code: Code, line: Span) {
+        self.allowed.entry(code).or_default().push(line);
+    }
+
+    /// Whether a comment allows a warning at a place: on the line where it begins.
+    pub fn is_allowed(&self, code: Code, span: Span) -> bool {
+        let lines = self.allowed.get(&code).map(Vec::as_slice).unwrap_or_default();
+        let behind = lines.partition_point(|line| line.start <= span.start);
+        let line = behind.checked_sub(1).and_then(|at| lines.get(at));
+        code.severity() == Severity::Warning && line.is_some_and(|line| span.start <= line.end)
+    }
+
+    /// Adds one. A warning that is allowed at its place is none. Beyond [`MAX_KEPT`] it is only counted, except that the first error is always kept.
+    pub fn push(&mut self, diagnostic: Diagnostic) {
+        if self.is_allowed(diagnostic.code, diagnostic.span) {
+            return;
+        }
+        // A mistake inside a `repeat` or `def` is one mistake, however often it is run.
+        if !self.seen.insert((diagnostic.code, diagnostic.span)) {
+            return;
+        }
+        let first_error = match diagnostic.code.severity() {
+            Severity::Error => {
+                self.errors += 1;
+                self.errors == 1
+            }
+            Severity::Warning => {
+                self.warnings += 1;
+                false
+            }
+        };
+        if self.kept.len() < MAX_KEPT || first_error {
+            self.kept.push(diagnostic);
+        }
+    }
+
+    /// Whether anything stops the script from compiling.
+    pub fn has_errors(&self) -> bool {
+        self.errors > 0
+    }
+
+    /// How many errors there are, kept or not.
+    pub fn errors(&self) -> usize {
+        self.errors
+    }
+
+    /// How many warnings there are, kept or not.
+    pub fn warnings(&self) -> usize {
+        self.warnings
+    }
+
+    /// How many were counted but not kept.
+    pub fn left_out(&self) -> usize {
+        (self.errors + self.warnings).saturating_sub(self.kept.len())
+    }
+
+    /// Those that were kept, by place in the script.
+    pub fn sorted(&self) -> Vec<&Diagnostic> {
+        let mut list: Vec<_> = self.kept.iter().collect();
+        list.sort_by_key(|diagnostic| (diagnostic.span, diagnostic.code));
+        list
+    }
+}

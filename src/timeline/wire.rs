@@ -1,0 +1,150 @@
+//! The line's budget: when each byte leaves at the line's speed, and what leaves too late.
+//!
+//! A byte takes ten bits on the wire (8N1). Frames leave one after another in the order of sending; none leaves before
+//! it is due. A frame is late by as much as its first byte begins after it is due: however slow the line, one frame alone is
+//! not late.
+
+use super::listing::Seconds;
+use super::{Event, Timeline};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+
+/// Bits that a byte takes: a start bit, eight of its own, a stop bit.
+const BITS: u64 = 10;
+const MICROS: u64 = 1_000_000;
+/// Later than this is a warning.
+const LATE_US: u64 = 5_000;
+/// Later than this is an error.
+const FULL_US: u64 = 50_000;
+
+/// The line, with what it still has to send. All times are exact, in ticks of 1/(10⁶ · baud) s: a microsecond is as many
+/// ticks as the baud rate, a byte ten million.
+#[derive(Clone, Debug)]
+pub struct Wire {
+    baud: u64,
+    /// When the last byte so far has left.
+    free: u64,
+}
+
+/// When a frame leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Departure {
+    /// When its first byte begins, in ticks.
+    pub begins: u64,
+    /// When its last byte has left, in ticks.
+    pub left: u64,
+}
+
+impl Wire {
+    /// An idle line of so many bits a second.
+    pub fn new(baud: u32) -> Self {
+        Wire { baud: u64::from(baud.max(1)), free: 0 }
+    }
+
+    /// A microsecond in ticks.
+    pub fn micros(&self, us: u64) -> u64 {
+        us.saturating_mul(self.baud)
+    }
+
+    /// Sends a frame of so many bytes that is due at a time, in microseconds. Times must not go back.
+    pub fn send(&mut self, due_us: u64, bytes: usize) -> Departure {
+        let begins = self.free.max(self.micros(due_us));
+        let bytes = u64::try_from(bytes).unwrap_or(u64::MAX);
+        self.free = begins.saturating_add(bytes.saturating_mul(BITS * MICROS));
+        Departure { begins, left: self.free }
+    }
+
+    /// Bytes that the line carries in a second.
+    pub fn capacity(&self) -> u64 {
+        self.baud / BITS
+    }
+}
+
+/// What a timeline asks of the line.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Load {
+    /// Bytes that leave in each second, from the start of the script.
+    pub seconds: Vec<u64>,
+    /// The frame that begins to leave latest after it is due: its place among the events, and by how many microseconds.
+    pub worst: Option<(usize, u64)>,
+}
+
+/// How busy the line is, second by second.
+pub fn load(timeline: &Timeline) -> Load {
+    let mut wire = Wire::new(timeline.baud);
+    let mut load = Load::default();
+    let second = wire.micros(MICROS);
+    for (at, event) in timeline.events().iter().enumerate() {
+        let bytes = event.command.to_frame().len();
+        let departure = wire.send(event.at_us, bytes);
+        let late_us = late(&wire, event, departure);
+        if load.worst.is_none_or(|(_, worst)| late_us > worst) {
+            load.worst = Some((at, late_us));
+        }
+        for byte in 1..=bytes as u64 {
+            let left = departure.begins.saturating_add(byte * BITS * MICROS);
+            let at = usize::try_from(left.saturating_sub(1) / second).unwrap_or(usize::MAX);
+            // A script is at most a day long, and what leaves behind its end leaves soon after.
+            if at >= load.seconds.len() {
+                load.seconds.resize(at.saturating_add(1), 0);
+            }
+            if let Some(count) = load.seconds.get_mut(at) {
+                *count += 1;
+            }
+        }
+    }
+    load
+}
+
+/// By how many microseconds a frame begins to leave after it is due, rounded up.
+fn late(wire: &Wire, event: &Event, departure: Departure) -> u64 {
+    departure.begins.saturating_sub(wire.micros(event.at_us)).div_ceil(wire.baud)
+}
+
+/// Reports what leaves too late: summed up, at the worst frame.
+pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
+    for aborts in [false, true] {
+        let mut wire = Wire::new(timeline.baud);
+        let mut worst: Option<(&Event, u64)> = None;
+        let mut count = 0_usize;
+        let mut bytes = Vec::new();
+        for event in timeline.frames(aborts) {
+            bytes.clear();
+            event.encode(&mut bytes);
+            let departure = wire.send(event.at_us, bytes.len());
+            let late_us = late(&wire, event, departure);
+            let is_allowed = || late_us <= FULL_US && diagnostics.is_allowed(Code::WireLate, event.span);
+            if late_us <= LATE_US || is_allowed() {
+                continue;
+            }
+            count += 1;
+            if worst.is_none_or(|(_, worst)| late_us > worst) {
+                worst = Some((event, late_us));
+            }
+        }
+        if let Some((event, late_us)) = worst {
+            let diagnostic = too_late(event, late_us, count, aborts, &wire);
+            diagnostics.push(timeline.traces.attach(diagnostic, event.trace));
+        }
+    }
+}
+
+fn too_late(event: &Event, late_us: u64, count: usize, aborts: bool, wire: &Wire) -> Diagnostic {
+    let code = if late_us > FULL_US { Code::WireFull } else { Code::WireLate };
+    let when = if aborts { " from the stop" } else { "" };
+    let late = format!("{}.{} ms", late_us / 1_000, late_us / 100 % 10);
+    let more = match count {
+        1 => String::new(),
+        2 => "; another frame leaves late, too".to_owned(),
+        count => format!("; {} more frames leave late, too", count - 1),
+    };
+    let message = format!(
+        "`{}` is due at {} s{when} and begins to leave {late} later, because the line is busy{more}",
+        event.command,
+        Seconds(event.at_us)
+    );
+    let help = format!(
+        "the line carries {} bytes a second: let time pass between these commands, or send less with a lower `rate` or a longer `refresh`",
+        wire.capacity()
+    );
+    Diagnostic::new(code, event.span, message, help).label(format!("{late} late"))
+}

@@ -1,0 +1,110 @@
+//! Every code: its example of wrong has it and nothing else, its example of right has nothing; and what `explain` prints.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::format_push_string)]
+
+mod support;
+
+use std::fs;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use motionseq::diagnostic::{Code, Diagnostic, Severity};
+use motionseq::program::Options;
+use motionseq::source::{Source, Sources};
+use support::{run, script, stderr, stdout};
+
+/// The codes of a script that stands in a folder beside a file of phrases.
+fn codes(text: &[u8]) -> Vec<Code> {
+    static COUNT: AtomicUsize = AtomicUsize::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let folder = std::env::temp_dir().join(format!("motionseq-codes-{}-{number}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("phrases.motion"), "def nod() { servo 2 1700 }\n").unwrap();
+    let path = folder.join("x.motion");
+    fs::write(&path, text).unwrap();
+    let source = match Source::read(&path) {
+        Ok(source) => source,
+        Err(error) => {
+            fs::remove_dir_all(&folder).unwrap();
+            return vec![Diagnostic::of_source(error).unwrap().1.code];
+        }
+    };
+    let compiled = motionseq::compile(&Sources::from(source), &Options::default());
+    fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
+    let mut codes: Vec<Code> = compiled.diagnostics.sorted().into_iter().map(|diagnostic| diagnostic.code).collect();
+    codes.dedup();
+    codes
+}
+
+#[test]
+fn examples_are_wrong_and_right_as_they_say() {
+    let mut strange = Vec::new();
+    for &code in Code::ALL {
+        let (wrong, right) = code.example();
+        // What does not fit on a page.
+        let more = if code == Code::SourceTooLarge { (64 << 20) + 1 } else { 70_000 };
+        let wrong = wrong.replace('…', &"x".repeat(more)).into_bytes();
+        let wrong = match wrong.windows(2).position(|bytes| bytes == br"\x") {
+            Some(at) => {
+                let byte = u8::from_str_radix(std::str::from_utf8(&wrong[at + 2..at + 4]).unwrap(), 16).unwrap();
+                [&wrong[..at], &[byte], &wrong[at + 4..]].concat()
+            }
+            None => wrong,
+        };
+        let (wrong, right) = (codes(&wrong), codes(right.as_bytes()));
+        if wrong != [code] || !right.is_empty() {
+            strange.push((code, wrong, right));
+        }
+        assert!(code.explanation().len() > 60 && code.explanation().ends_with('.'), "{code} is not explained");
+    }
+    assert!(strange.is_empty(), "codes whose examples have other errors: {strange:?}");
+}
+
+#[test]
+fn explain_prints_the_table_and_each_row() {
+    let all = stdout(&run(&["explain"]));
+    assert_eq!(all.lines().count(), Code::ALL.len());
+    for code in Code::ALL {
+        let output = run(&["explain", code.name()]);
+        assert_eq!(output.status.code(), Some(0));
+        let text = stdout(&output);
+        assert!(
+            text.contains(code.title()) && text.contains("Wrong:\n    ") && text.contains("Right:\n    "),
+            "{text}"
+        );
+        assert!(all.contains(code.name()));
+        assert_eq!(text.contains("# allow: "), code.severity() == Severity::Warning || text.contains("`# allow"));
+    }
+    let output = run(&["explain", "clsh"]);
+    assert_eq!(
+        (output.status.code(), stderr(&output).as_str()),
+        (Some(2), "error: there is no code `clsh`; did you mean `clash`?\n")
+    );
+}
+
+#[test]
+fn a_comment_allows_every_warning_on_its_line_and_no_other() {
+    for &code in Code::ALL.iter().filter(|code| code.severity() == Severity::Warning && **code != Code::Allow) {
+        let (wrong, _) = code.example();
+        // The comment at each line in turn: at one of them it allows the warning.
+        let lines: Vec<&str> = wrong.lines().collect();
+        let allowed = (0..lines.len()).filter(|&at| {
+            let mut lines: Vec<String> = lines.iter().map(|line| (*line).to_owned()).collect();
+            lines[at].push_str(&format!("  # allow: raw-frame, {code}"));
+            codes(lines.join("\n").as_bytes()).is_empty()
+        });
+        assert_eq!(allowed.count(), 1, "{code}");
+    }
+    // Such a script passes where warnings are denied, also with more warnings than are kept.
+    let many = script("allowed", &"raw 0x40 1  # allow: raw-frame\nwait 10ms\n".repeat(2_000));
+    assert_eq!(run(&["check", "--deny", "warnings", &many]).status.code(), Some(0));
+    for (comment, message) in [
+        ("servo 2 2000 # allow: clash", "`clash` is an error"),
+        ("servo 2 2000 # allow: nonsense", "there is no warning `nonsense`"),
+        ("# allow: tilt-range\nservo 2 2000", "this comment stands on a line of its own"),
+        ("say \"# allow: tilt-range\"; servo 2 2000", "servo 2 is the tilt servo"),
+    ] {
+        let output = run(&["check", "--deny", "warnings", &script("not-allowed", comment)]);
+        assert_eq!(output.status.code(), Some(1), "{comment}");
+        assert!(stderr(&output).contains(message), "{}", stderr(&output));
+    }
+}
