@@ -144,20 +144,25 @@ impl<'t> Printer<'t> {
             names: !going_on,
         };
         let mut before: Option<(&str, State)> = None;
-        for token in &tokens {
+        for (at, token) in tokens.iter().enumerate() {
             if let Some((last, was)) = before
                 && is_apart(last, was, *token, state)
             {
                 code.push(' ');
             }
             code.push_str(token.text);
+            let begins_expression = match token.text {
+                "let" => state.begins && tokens.get(at + 2).is_some_and(|equals| equals.text == "="),
+                "if" => state.begins || before.is_some_and(|(last, _)| last == "else"),
+                _ => false,
+            };
             before = Some((token.text, state));
             self.count(token.text);
             state = State {
                 parens: self.parens,
                 expression: match class(token.text) {
                     Class::Semicolon | Class::OpenBrace | Class::CloseBrace if self.parens == 0 => false,
-                    _ => state.expression || matches!(token.text, "let" | "if"),
+                    _ => state.expression || begins_expression,
                 },
                 begins: self.parens == 0
                     && matches!(

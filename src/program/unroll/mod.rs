@@ -75,6 +75,7 @@ pub(super) fn unroll<'a, 's>(
         exhausted: false,
         too_long: false,
         times_known: true,
+        unknown: HashSet::new(),
         failed: None,
         abort: None,
         in_abort: false,
@@ -161,6 +162,8 @@ struct Unroll<'a, 's, 'd> {
     too_long: bool,
     /// Whether no error so far can have moved the commands behind it.
     times_known: bool,
+    /// Words that nothing is called.
+    unknown: HashSet<Span>,
     /// The first line that could not be run.
     failed: Option<Span>,
     abort: Option<(Abort, Span)>,

@@ -44,6 +44,10 @@ impl<'s> Unroll<'_, 's, '_> {
 
     pub(super) fn unknown(&mut self, command: &Command<'s>) {
         let word = command.head.text;
+        // Said once, however often it is run; looking for a word that is near takes its time.
+        if !self.unknown.insert(command.head.span) {
+            return;
+        }
         if word == "at"
             && command.arguments.first().is_some_and(|first| matches!(&first.item, Item::One(value) if value.negative))
         {

@@ -1,0 +1,30 @@
+//! Any text compiles or says why not; what it sends is in order, and reads back.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use motionseq::board::{Command, Frame};
+use motionseq::program::Options;
+use motionseq::source::{Source, Sources};
+
+fuzz_target!(|text: &str| {
+    // Millions of passes are tested elsewhere; here they only take time.
+    if text.split(|c: char| !c.is_ascii_digit()).any(|digits| digits.len() > 4) {
+        return;
+    }
+    let sources = Sources::from(Source::new("x.motion", text));
+    // Few frames, so that a run is short.
+    let compiled = motionseq::compile(&sources, &Options { events: 10_000, ..Options::default() });
+    assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
+    for diagnostic in compiled.diagnostics.sorted() {
+        let _ = sources.place(diagnostic.span);
+        assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
+    }
+    let Some(timeline) = compiled.timeline else { return };
+    assert!(timeline.events().is_sorted_by_key(|event| (event.at_us, event.kind.rank())));
+    for event in timeline.events() {
+        let bytes = event.command.to_frame();
+        // A raw frame may be that of a command.
+        assert_eq!(Command::decode_or_raw(Frame::new(&bytes).expect("a frame")).to_frame(), bytes);
+        assert!(event.at_us <= timeline.end_us);
+    }
+});

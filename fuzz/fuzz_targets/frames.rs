@@ -1,0 +1,44 @@
+//! Every byte of a stream is in exactly one frame or skipped, however it is cut; and `decode` never gives up.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use motionseq::board::{Command, Decoder, Item};
+use motionseq::capture::decode;
+
+/// What the decoder makes of a stream that comes in two pieces.
+fn items(bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
+    let mut found: Vec<(bool, Vec<u8>)> = Vec::new();
+    let mut count = 0;
+    let mut take = |item: Item<'_>| {
+        let (is_frame, bytes) = match item {
+            Item::Frame(frame) => (true, frame.bytes()),
+            Item::Skipped { bytes, .. } => (false, bytes),
+        };
+        count += bytes.len();
+        match found.last_mut() {
+            // Skipped bytes may come in pieces.
+            Some((false, last)) if !is_frame => last.extend_from_slice(bytes),
+            _ => found.push((is_frame, bytes.to_vec())),
+        }
+    };
+    let mut decoder = Decoder::new();
+    let (first, second) = bytes.split_at(cut);
+    decoder.feed(first, &mut take);
+    decoder.feed(second, &mut take);
+    decoder.finish(&mut take);
+    (found, count)
+}
+
+fuzz_target!(|input: (u16, Vec<u8>)| {
+    let (cut, bytes) = input;
+    let whole = items(&bytes, 0);
+    assert_eq!(whole.1, bytes.len(), "every byte once");
+    assert_eq!(items(&bytes, usize::from(cut).min(bytes.len())), whole);
+    for (_, frame) in whole.0.iter().filter(|(is_frame, _)| *is_frame) {
+        let command = Command::decode_or_raw(motionseq::board::Frame::new(frame).expect("a frame"));
+        assert_eq!(&command.to_frame(), frame);
+    }
+    let mut listing = Vec::new();
+    decode(bytes.as_slice(), &mut listing).expect("nothing in a stream is fatal");
+    assert!(String::from_utf8(listing).is_ok());
+});
