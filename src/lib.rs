@@ -30,6 +30,7 @@ pub mod diagnostic;
 pub mod link;
 pub mod playback;
 pub mod program;
+mod random;
 pub mod report;
 pub mod sim;
 pub mod source;

@@ -12,14 +12,15 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("syntax", &["source", "diagnostic"]),
     ("board", &[]),
     ("clock", &[]),
-    ("program", &["source", "diagnostic", "syntax", "board"]),
+    ("random", &[]),
+    ("program", &["source", "diagnostic", "syntax", "board", "random"]),
     ("timeline", &["source", "diagnostic", "program", "board"]),
     ("link", &["board"]),
     ("playback", &["source", "timeline", "link", "board", "clock"]),
-    ("sim", &["board", "link", "clock"]),
+    ("sim", &["board", "link", "clock", "random"]),
     ("capture", &["board"]),
     // `compile` stands in the library's root.
-    ("verify", &["source", "diagnostic", "program", "timeline", "compile"]),
+    ("verify", &["source", "diagnostic", "program", "timeline", "board", "playback", "sim", "compile"]),
     ("report", &["source", "diagnostic", "verify"]),
 ];
 
@@ -28,7 +29,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("pest", "src/syntax"),
     ("serialport::", "src/link/serial.rs"),
     ("miette::", "src/diagnostic/show.rs"),
-    ("humantime::", "src/program/value.rs"),
+    ("humantime::", "src/program/value.rs src/sim/faults.rs"),
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),
     ("unsafe ", "src/playback/os.rs"),

@@ -128,7 +128,7 @@ proptest! {
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
         if let Some(timeline) = result.timeline {
             let events = timeline.events();
-            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.kind.rank())));
+            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.rank())));
             prop_assert!(events.iter().all(|event| event.at_us <= timeline.end_us));
             let mut state = State::default();
             for event in events {

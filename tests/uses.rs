@@ -133,7 +133,7 @@ fn a_file_that_cannot_be_used_says_why() {
     for words in [
         "missing.motion cannot be used: no such file",
         "it is a folder",
-        "write its name between quotation marks",
+        "the name of a file stands between quotation marks",
         "`use` stands at the top level only",
         "a file that is used holds only `use`, `let` and `def`",
         "does.motion:2:1",

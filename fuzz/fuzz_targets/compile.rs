@@ -20,7 +20,7 @@ fuzz_target!(|text: &str| {
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }
     let Some(timeline) = compiled.timeline else { return };
-    assert!(timeline.events().is_sorted_by_key(|event| (event.at_us, event.kind.rank())));
+    assert!(timeline.events().is_sorted_by_key(|event| (event.at_us, event.rank())));
     for event in timeline.events() {
         let bytes = event.command.to_frame();
         // A raw frame may be that of a command.

@@ -106,6 +106,11 @@ impl Query {
     /// Every request's name.
     pub const NAMES: &[&str] = &QUERIES;
 
+    /// Reports ten times a second, from now on.
+    pub const REPORT_START: Query = Query(0);
+    /// No more of them.
+    pub const REPORT_STOP: Query = Query(9);
+
     /// The request with this name.
     pub fn named(name: &str) -> Option<Query> {
         let at = QUERIES.iter().position(|&query| query == name)?;

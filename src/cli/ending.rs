@@ -108,7 +108,7 @@ impl End {
             Some(Ok(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
             Some(Err(_)) => screen.error("the virtual board failed"),
         }
-        early_end(&screen, &sources, &outcome);
+        early_end(&screen, &sources, &timeline, &outcome);
         drop(port);
     }
 }
@@ -142,6 +142,17 @@ fn board_summary(screen: &Screen, received: &Received) {
         received.bytes,
         described(&received.state)
     ));
+    let pose = received.pose;
+    if (pose.x_cm, pose.y_cm, pose.yaw_deg) != (0.0, 0.0, 0.0) {
+        screen.note(&format!(
+            "in its nominal units the robot is {:.1} cm to the right of and {:.1} cm before where it was, turned {:.1}° clockwise",
+            pose.x_cm, pose.y_cm, pose.yaw_deg
+        ));
+    }
+    if received.lost > 0 {
+        let lost = plural(usize::try_from(received.lost).unwrap_or(usize::MAX), "frame");
+        screen.note(&format!("by the fault that was asked for, {lost} did not reach it"));
+    }
     if let Some((at, fault)) = received.first_fault {
         let more = received.not_understood;
         screen.note(&format!(
@@ -172,12 +183,13 @@ fn exit_code(outcome: &Outcome) -> Exit {
         Cause::Lost(_) => Exit::Port,
         Cause::Stalled => Exit::Stalled,
         Cause::Late(_) => Exit::Late,
+        Cause::Expect(_) => Exit::Expect,
         Cause::Unguarded | Cause::Panicked => Exit::Failed,
     }
 }
 
 /// For an early end the one line that says what happened.
-fn early_end(screen: &Screen, sources: &Sources, outcome: &Outcome) {
+fn early_end(screen: &Screen, sources: &Sources, timeline: &Timeline, outcome: &Outcome) {
     let cause = match outcome.cause {
         Cause::Finished => return,
         Cause::Signal(signal) => signal_name(signal),
@@ -185,10 +197,15 @@ fn early_end(screen: &Screen, sources: &Sources, outcome: &Outcome) {
         Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
         Cause::Stalled => "the port stopped taking bytes".into(),
         Cause::Late(late) => format!("a frame was {} ms late", late / 1_000_000),
+        Cause::Expect(verdict) => timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
         Cause::Unguarded => "the guard of this run was lost".into(),
         Cause::Panicked => "motionseq failed, which is a bug".into(),
     };
-    let place = outcome.place.map(|span| sources.place(span).to_string());
+    let failed = match outcome.cause {
+        Cause::Expect(verdict) => timeline.expects.get(verdict.expect).map(|expect| expect.span),
+        _ => None,
+    };
+    let place = failed.or(outcome.place).map(|span| sources.place(span).to_string());
     screen.error(&closing_line(&cause, place, outcome.at_us, stop_words(outcome.stop)));
 }
 

@@ -19,6 +19,8 @@ pub(super) enum Exit {
     InUse,
     /// The port stopped taking bytes.
     Stalled,
+    /// An `expect` of the script failed.
+    Expect,
     /// It failed, which is a bug. The code is the one of a Rust program that panics.
     Failed,
     /// A signal ended it.
@@ -35,6 +37,7 @@ impl From<Exit> for ExitCode {
             Exit::Late => 4,
             Exit::InUse => 5,
             Exit::Stalled => 6,
+            Exit::Expect => 7,
             Exit::Failed => 101,
             Exit::Signal(signal) => u8::try_from(signal).unwrap_or(0).saturating_add(128),
         })

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use motionseq::board::Report;
-use motionseq::playback::Notice;
+use motionseq::playback::{Notice, Verdict};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
 
@@ -92,6 +92,7 @@ impl News {
                 }
             }
             Notice::Report(newest) => self.report = Some(newest),
+            Notice::Judged(verdict) => self.judged(verdict),
             Notice::Sent { event, .. } if self.screen.is_verbose() => self.frame("", event),
             Notice::Sent { .. } => {}
             Notice::Dropped { event } => self.frame("dropped: ", event),
@@ -107,6 +108,13 @@ impl News {
                 self.clock = Clock::Runs(now.checked_sub(Duration::from_micros(at_us)).unwrap_or(now));
                 self.screen.note(&format!("{} s: goes on", seconds(at_us)));
             }
+        }
+    }
+
+    /// An `expect` that holds; one that does not is told at the end.
+    fn judged(&self, verdict: Verdict) {
+        if let (Some(due), true) = (self.timeline.expects.get(verdict.expect), verdict.found.is_passed()) {
+            self.screen.note(&format!("{} s: expect {}: {}", seconds(due.at_us), due.expect, verdict.found));
         }
     }
 

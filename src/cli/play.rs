@@ -11,7 +11,7 @@ use std::time::Duration;
 use clap::Args;
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial};
 use motionseq::playback::{Cause, Guard, Keys, Player, Realtime, Rig, Signals, Stop, drive, now};
-use motionseq::sim::{Received, VirtualBoard, serve};
+use motionseq::sim::{Faults, Received, Settings, VirtualBoard, serve};
 use motionseq::source::Lines;
 use rtrb::RingBuffer;
 
@@ -42,6 +42,9 @@ pub(super) struct Play {
     /// Play without the process that stops the robot if this one is killed or hangs
     #[arg(long)]
     no_guard: bool,
+    /// What goes wrong on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent
+    #[arg(long, value_name = "FAULTS")]
+    fault: Option<Faults>,
     /// Write the exact bytes that the port was given to this file
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -90,7 +93,13 @@ impl Play {
         let [on_port, on_virtual] = MAX_LATE;
         let max_late = self.max_late.unwrap_or(if port.is_some() { on_port } else { on_virtual });
         let max_late = u64::try_from(max_late.as_nanos()).unwrap_or(u64::MAX);
-        let port = Port::open(port.as_deref(), timeline.baud, screen)?;
+        let faults = self.fault.clone().unwrap_or_default();
+        if port.is_some() && !faults.is_none() {
+            screen.error("faults happen on the virtual board only: leave `--fault` or the port away");
+            return Err(Exit::Usage);
+        }
+        let settings = Settings { faults, ..Settings::default() };
+        let port = Port::open(port.as_deref(), timeline.baud, settings, screen)?;
         if let Some((path, file)) = &recording {
             output::begin(file).map_err(|error| refused(path, &error))?;
         }
@@ -190,7 +199,7 @@ struct Port {
 }
 
 impl Port {
-    fn open(path: Option<&Path>, baud: u32, screen: &Screen) -> Result<Self, Exit> {
+    fn open(path: Option<&Path>, baud: u32, settings: Settings, screen: &Screen) -> Result<Self, Exit> {
         if let Some(path) = path {
             let link = Serial::open(path, baud).map_err(|error| refused(screen, path, &error))?;
             screen.note(&format!("playing on {}", path.display()));
@@ -200,7 +209,7 @@ impl Port {
         // By its path, so that a rehearsal takes the way of the real thing.
         let link = Serial::open(pty.path(), baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port given: playing on the built-in virtual board");
-        let board = serve(VirtualBoard::new(), pty, baud).map_err(|error| system(screen, &error))?;
+        let board = serve(VirtualBoard::new(settings), pty, baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }
 }

@@ -8,6 +8,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostics, Printable, escaped};
 use motionseq::playback::is_in_foreground;
 use motionseq::source::Sources;
+use textwrap::{WordSeparator, WordSplitter};
 
 /// When messages have colors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -123,7 +124,12 @@ impl Screen {
     pub(super) fn diagnostics(&self, sources: &Sources, diagnostics: &Diagnostics, denied: bool) {
         let printable = Printable::all(sources);
         let theme = if self.color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
-        let handler = GraphicalReportHandler::new_themed(theme).with_width(self.width()).with_links(false);
+        let handler = GraphicalReportHandler::new_themed(theme)
+            .with_width(self.width())
+            .with_links(false)
+            // What a message says to write stays whole, so that it can be copied.
+            .with_word_separator(WordSeparator::AsciiSpace)
+            .with_word_splitter(WordSplitter::NoHyphenation);
         let mut text = String::new();
         for diagnostic in diagnostics.sorted() {
             if self.volume == Volume::Quiet && !diagnostic.is_error() && !denied {

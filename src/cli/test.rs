@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::report;
+use motionseq::sim::Faults;
 use motionseq::verify::{Case, Job, Verdict, find, shell_word};
 
 use super::Options;
@@ -17,7 +18,7 @@ use super::screen::{Screen, plural};
 /// Compare every script with its snapshot, and say what has changed
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq test                    every *.motion below this folder\n  motionseq test --bless scripts    write their snapshots (NAME.motion.frames), to be kept in git\n  motionseq test --junit report.xml --format github\n\nA script that must not compile says so on its first line: # expect-error: CODE"
+    after_help = "Examples:\n  motionseq test                    every *.motion below this folder\n  motionseq test --bless scripts    write their snapshots (NAME.motion.frames), to be kept in git\n  motionseq test --junit report.xml --format github\n  motionseq test --play scripts     also rehearse them on a virtual board\n\nA script that must not compile says so on its first line: # expect-error: CODE"
 )]
 pub(super) struct Test {
     /// Folders and scripts
@@ -26,6 +27,12 @@ pub(super) struct Test {
     /// Write the snapshots that are missing or differ
     #[arg(long)]
     bless: bool,
+    /// Also play each script on a virtual board, without waiting: its bytes, what it expects, whether it ends at rest
+    #[arg(long)]
+    play: bool,
+    /// What goes wrong then: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent
+    #[arg(long, value_name = "FAULTS", requires = "play")]
+    fault: Option<Faults>,
     /// How results are printed
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -63,7 +70,8 @@ impl Test {
             screen.error(&format!("there is no *.motion in {}", paths.join(", ")));
             return Exit::Script;
         }
-        let job = Job { options: self.options.of_library(), bless: self.bless };
+        let faults = self.fault.clone().unwrap_or_default();
+        let job = Job { options: self.options.of_library(), bless: self.bless, play: self.play, faults };
         // More threads than scripts have nothing to do.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -84,7 +92,11 @@ impl Test {
             return Exit::Usage;
         }
         match output::exit(written, None, screen) {
-            Exit::Ok if failed > 0 => Exit::Script,
+            Exit::Ok if failed > 0 => {
+                let mut failed = cases.iter().filter(|case| !case.verdict.is_passed());
+                let expects = failed.all(|case| case.verdict == Verdict::ExpectFailed);
+                if expects { Exit::Expect } else { Exit::Script }
+            }
             exit => exit,
         }
     }

@@ -142,6 +142,11 @@ impl Diagnostics {
         }
     }
 
+    /// Whether there is one with this code.
+    pub fn has(&self, code: Code) -> bool {
+        self.seen.range((code, Span::default())..).next().is_some_and(|(first, _)| *first == code)
+    }
+
     /// Whether anything stops the script from compiling.
     pub fn has_errors(&self) -> bool {
         self.errors > 0

@@ -6,9 +6,12 @@ use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 
+use rustix::event::{PollFd, PollFlags};
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::OptionalActions;
+use rustix::time::Timespec;
 
 /// The board's end of a port.
 #[derive(Debug)]
@@ -35,6 +38,32 @@ impl Pty {
     /// The path that a program opens as its serial port.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// From now on neither reading nor writing waits.
+    pub fn never_wait(&self) -> io::Result<()> {
+        Ok(fcntl_setfl(&self.far, fcntl_getfl(&self.far)? | OFlags::NONBLOCK)?)
+    }
+
+    /// Waits so many nanoseconds for the program to close its end, or if asked to, for bytes from it. Says whether that has come.
+    pub fn wait(&self, for_bytes: bool, nanos: u64) -> io::Result<bool> {
+        let events = if for_bytes { PollFlags::IN } else { PollFlags::empty() };
+        let mut polled = [PollFd::new(&self.far, events)];
+        let second = 1_000_000_000;
+        let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
+        let timeout = Timespec { tv_sec: part(nanos / second), tv_nsec: part(nanos % second) };
+        match rustix::event::poll(&mut polled, Some(&timeout)) {
+            Ok(_) | Err(Errno::INTR) => Ok(polled.iter().any(|polled| !polled.revents().is_empty())),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Writes to the program, as much as it has room for. What it has none for is lost.
+    pub fn write(&self, bytes: &[u8]) -> io::Result<()> {
+        match rustix::io::write(&self.far, bytes) {
+            Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// Reads what the program wrote. Zero bytes, or the error that Linux gives instead, mean that it has closed its end and

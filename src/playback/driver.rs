@@ -100,12 +100,7 @@ impl<L: Link> Rig<'_, L> {
                     Input::Tick
                 }
                 Order::Wait { until, writable } => {
-                    let mut heard = |item| {
-                        if let ReportItem::Report(report) = item {
-                            notices(Notice::Report(report));
-                        }
-                    };
-                    self.wait(player, start, start.saturating_add(until), writable, reports, &mut heard)
+                    self.wait(player, start, start.saturating_add(until), writable, reports, notices)
                 }
                 Order::Pause { until } => self.pause(player, start, start.saturating_add(until)),
                 Order::Suspend => self.suspend(player, start, notices),
@@ -137,12 +132,12 @@ impl<L: Link> Rig<'_, L> {
     /// Waits until `deadline` on the clock, or until something happens.
     fn wait(
         &mut self,
-        player: &Player<'_>,
+        player: &mut Player<'_>,
         start: u64,
         deadline: u64,
         writable: bool,
         reports: &mut ReportDecoder,
-        heard: &mut impl FnMut(ReportItem),
+        notices: &mut impl FnMut(Notice),
     ) -> Input {
         loop {
             let left = deadline.saturating_sub(clock::now());
@@ -152,7 +147,12 @@ impl<L: Link> Rig<'_, L> {
             }
             self.beat(player, start, left > 2 * CLOSE);
             let until = if writable { deadline } else { deadline - CLOSE };
-            let input = self.look(until, writable, false, reports, heard);
+            let mut heard = |item| {
+                if let ReportItem::Report(report) = item {
+                    player.hear(clock::now().saturating_sub(start), report, notices);
+                }
+            };
+            let input = self.look(until, writable, false, reports, &mut heard);
             if input != Input::Tick || writable {
                 return input;
             }

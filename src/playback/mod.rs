@@ -7,6 +7,7 @@
 mod driver;
 mod guard;
 mod halt;
+mod judge;
 mod os;
 mod player;
 mod watch;
@@ -15,5 +16,6 @@ pub use crate::clock::now;
 pub use driver::{Rig, drive};
 pub use guard::{Guard, Guarded, guard};
 pub use halt::Stop;
+pub use judge::{Found, Verdict};
 pub use os::{Keys, Realtime, Signals, is_in_foreground};
 pub use player::{Cause, Input, Notice, Order, Outcome, Player};

@@ -4,6 +4,7 @@
 //! frame for the same thing has overtaken is dropped. Every end but the regular one, and every pause, is a [`Halt`].
 
 use super::halt::{Halt, Outbox, Stop};
+use super::judge::{Judge, Verdict};
 use crate::board::{Report, State};
 use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
@@ -83,6 +84,8 @@ pub enum Notice {
     },
     /// The board has sent a report.
     Report(Report),
+    /// An `expect` was judged.
+    Judged(Verdict),
     /// The robot stands, and the process is about to sleep.
     Sleeping {
         /// Microseconds from the start of the script.
@@ -113,6 +116,8 @@ pub enum Cause {
     Stalled,
     /// A frame was later than allowed, by so many nanoseconds in all.
     Late(u64),
+    /// An `expect` failed.
+    Expect(Verdict),
     /// The guard was lost.
     Unguarded,
     /// The program failed.
@@ -146,6 +151,7 @@ pub struct Player<'t> {
     events: &'t [Event],
     abort: &'t [Event],
     cues: &'t [Cue],
+    judge: Judge<'t>,
     end: u64,
     max_late: u64,
     phase: Phase<'t>,
@@ -186,6 +192,7 @@ impl<'t> Player<'t> {
             events: timeline.events(),
             abort: timeline.abort(),
             cues: &timeline.cues,
+            judge: Judge::new(&timeline.expects),
             end: timeline.end_us.saturating_mul(1_000),
             max_late,
             phase: Phase::Playing,
@@ -227,6 +234,12 @@ impl<'t> Player<'t> {
             Phase::Pausing(_, at, _) | Phase::Paused(at) => at,
             _ => now.saturating_sub(self.origin),
         }
+    }
+
+    /// Takes a report of the board that came at `now`, in nanoseconds from the start.
+    pub fn hear(&mut self, now: u64, report: Report, notices: &mut impl FnMut(Notice)) {
+        notices(Notice::Report(report));
+        self.judge.hear(now, report, &mut |verdict| notices(Notice::Judged(verdict)));
     }
 
     /// What to do at `now`, in nanoseconds from the start, after `input` happened.
@@ -291,6 +304,10 @@ impl<'t> Player<'t> {
             };
         }
         self.say(time, notices);
+        // Before anything that is due at the same time is sent.
+        if let Some(failed) = self.judge.poll(time, now, &mut |verdict| notices(Notice::Judged(verdict))) {
+            return self.end_early(Cause::Expect(failed), now);
+        }
         if let Some(late) = self.gather(time, notices) {
             return self.end_early(Cause::Late(late), now);
         }
@@ -299,7 +316,7 @@ impl<'t> Player<'t> {
         }
         let next_event = self.events.get(self.next).map(due);
         let next_cue = self.cues.get(self.next_cue).map(|cue| cue.at_us.saturating_mul(1_000));
-        match next_event.into_iter().chain(next_cue).min() {
+        match next_event.into_iter().chain(next_cue).chain(self.judge.next_due()).min() {
             Some(until) => self.wait(until, false),
             None if time < self.end => self.wait(self.end, false),
             None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),

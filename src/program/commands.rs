@@ -45,6 +45,8 @@ pub(super) enum Build {
     Wait,
     /// Writes a line on the screen.
     Say,
+    /// Judges what the board reports.
+    Expect,
     /// Names the moment.
     Mark,
     /// Runs its block several times.
@@ -210,7 +212,13 @@ pub const COMMANDS: &[Row] = &[
         Build::Abort,
     )
     .with_block(),
-    Row::later("expect"),
+    Row::new(
+        "expect",
+        "expect QUANTITY SIGN VALUE",
+        "expect voltage > 10V within 2s \"charge me\"",
+        "what the board should report: voltage, pitch, roll or yaw, with `<` `<=` `>` `>=` `==` or `in A..B`; the newest report counts, or with `within` the first that fits; sends nothing",
+        Build::Expect,
+    ),
     Row::later("def"),
     Row::later("let"),
     Row::later("if"),

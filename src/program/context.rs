@@ -1,13 +1,14 @@
 //! Everything that decides what a value is at one place of a script: names, tempo, random numbers, and the calls that led
 //! there.
 
-use super::functions::{self, Compute, SplitMix, below};
+use super::functions::{self, Compute, below};
 use super::scope::{Scope, is_reserved};
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::random::SplitMix;
 use crate::source::Span;
 use crate::syntax::{Binary, Expression, Node, NodeKind, Value, ValueKind};
 
@@ -125,10 +126,15 @@ impl<'s> Context<'_, 's, '_> {
             return None;
         }
         let names: Vec<_> = self.scope.names().collect();
-        let help = match suggest(name, names.iter().copied()) {
+        let words = ["true", "false"];
+        let help = match suggest(name, names.iter().copied().chain(words)) {
             Some(near) => format!("did you mean `{near}`?"),
+            None if name.contains('-') => format!("for a difference write `({})`", name.replace('-', " - ")),
             None => match u8::from_str_radix(name, 16) {
                 Ok(byte) if name.len() == 2 => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
+                _ if name.starts_with(|c: char| c.is_ascii_uppercase()) => {
+                    format!("names begin with a small letter: `let {} = …` on a line above", name.to_lowercase())
+                }
                 _ if is_reserved(name) && functions::find(name).is_none() => {
                     format!("`{name}` is a word of the language and has no value; look at what stands before it")
                 }

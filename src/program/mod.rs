@@ -7,6 +7,7 @@ mod arguments;
 mod commands;
 mod context;
 mod ease;
+mod expect;
 mod functions;
 mod limits;
 mod motion;
@@ -23,6 +24,7 @@ mod weight;
 
 pub use commands::{COMMANDS, Row};
 pub use ease::{CURVES, Curve, Ease};
+pub use expect::{Expect, Measured, Wanted};
 pub use functions::{FUNCTIONS, Function};
 pub use limits::{Limit, Limited, broken, diagnostic as broken_limit};
 pub use motion::{Glide, Motion, Move, Shape};
@@ -104,6 +106,8 @@ pub enum Action {
     Go(Box<Move>),
     /// Shows a line of text.
     Say(String),
+    /// Judges what the board reports.
+    Expect(Box<Expect>),
 }
 
 /// What stands before every command of a script.

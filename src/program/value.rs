@@ -197,6 +197,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
         "d" | "day" | "days" | "w" | "week" | "weeks" | "M" | "month" | "months" | "y" | "year" | "years" => {
             "a script is at most 24 hours long; write hours as `h`".into()
         }
+        "mm" | "cm" => format!("lengths and speeds have no unit: write `{digits}`"),
         "S" => format!("write seconds as `{digits}s`"),
         "H" => format!("write hours as `{digits}h`"),
         "beat" | "beats" | "bar" | "bars" => format!("a blank stands before it: `{digits} {name}`"),

@@ -1,20 +1,71 @@
-//! The virtual board: takes bytes as a real one does, keeps what it was told, and says what it received.
+//! The virtual board: takes bytes as a real one does, keeps what it was told, moves, and reports.
+//!
+//! It holds no clock: time is an input, so that the same board stands behind a pseudo-terminal in real time ([`serve`]) and
+//! under a clock that jumps. What the maker of the board does not publish is nominal here, and can be set ([`Settings`]).
 
+mod faults;
+mod motion;
 mod served;
 
-use crate::board::{Command, Decoder, Item, NotACommand, Skip, State};
+use crate::board::{Command, Decoder, Hundredths, Item, NotACommand, Query, Report, Skip, State};
+use faults::Dice;
+use motion::Body;
 
+pub use faults::{Faults, NotAFault};
+pub use motion::{Geometry, Pose, Twist};
 pub use served::serve;
 
-/// A board that exists only here. It decodes strictly and knows no clock.
-#[derive(Debug, Default)]
-pub struct VirtualBoard {
-    decoder: Decoder,
-    received: Received,
+/// What a board is like, and what goes wrong with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Nominal units, and the size of the robot.
+    pub geometry: Geometry,
+    /// The battery's voltage at rest, in hundredths of a volt.
+    pub battery: Hundredths,
+    /// After how long without a drive frame the robot stops, in microseconds; `None` for never. The real board's is not published.
+    pub silence_us: Option<u64>,
+    /// What goes wrong.
+    pub faults: Faults,
 }
 
-/// What a board has received.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            geometry: Geometry::default(),
+            battery: Hundredths(1_200),
+            silence_us: Some(500_000),
+            faults: Faults::default(),
+        }
+    }
+}
+
+/// Microseconds between two reports.
+const REPORT_US: u64 = 100_000;
+/// By how many volts the battery sags at full speed, and how many it loses then in a second.
+const SAG: f64 = 0.45;
+const DRAIN: f64 = 0.000_5;
+
+/// A board that exists only here. It decodes strictly.
+#[derive(Debug)]
+pub struct VirtualBoard {
+    settings: Settings,
+    decoder: Decoder,
+    received: Received,
+    body: Body,
+    dice: Dice,
+    /// The time, in microseconds since it was switched on.
+    now_us: u64,
+    /// When the last drive frame came.
+    fed_us: u64,
+    /// When the next report is due.
+    report_us: Option<u64>,
+    /// What the battery has lost, in volts.
+    drained: f64,
+    replies: Vec<u8>,
+}
+
+/// What a board has received, and what became of it.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Received {
     /// All bytes.
     pub bytes: u64,
@@ -26,8 +77,12 @@ pub struct Received {
     pub skipped: u64,
     /// The first thing that was wrong, with its position in the stream.
     pub first_fault: Option<(u64, Fault)>,
+    /// Frames that a fault of the rehearsal has kept from the board, or spoiled.
+    pub lost: u64,
     /// What the board was last told.
     pub state: State,
+    /// Where the robot is.
+    pub pose: Pose,
 }
 
 /// What was wrong with received bytes.
@@ -42,51 +97,156 @@ pub enum Fault {
 }
 
 impl VirtualBoard {
-    /// A board that was just switched on.
-    pub fn new() -> Self {
-        Self::default()
+    /// A board that is switched on at time 0.
+    pub fn new(settings: Settings) -> Self {
+        VirtualBoard {
+            decoder: Decoder::new(),
+            received: Received::default(),
+            body: Body::new(settings.geometry),
+            dice: Dice::new(settings.faults.seed),
+            now_us: 0,
+            fed_us: 0,
+            report_us: None,
+            drained: 0.0,
+            replies: Vec::new(),
+            settings,
+        }
     }
 
-    /// Takes bytes off the line.
-    pub fn receive(&mut self, bytes: &[u8]) {
-        let VirtualBoard { decoder, received } = self;
-        decoder.feed(bytes, |item| received.take(item));
+    /// Takes bytes off the line at a time, in microseconds since it was switched on.
+    pub fn receive(&mut self, now_us: u64, bytes: &[u8]) {
+        self.poll(now_us);
+        let mut decoder = std::mem::take(&mut self.decoder);
+        decoder.feed(bytes, |item| self.take(item));
+        self.decoder = decoder;
+    }
+
+    /// Lets time pass. It never goes back.
+    pub fn poll(&mut self, now_us: u64) {
+        while self.now_us < now_us {
+            let stops_us = self.settings.silence_us.filter(|_| self.body.holds()).map(|us| self.fed_us.saturating_add(us));
+            let next = [stops_us, self.report_us].into_iter().flatten().min().unwrap_or(now_us).clamp(self.now_us, now_us);
+            self.pass(next);
+            if stops_us.is_some_and(|us| us <= next) {
+                self.body.stop();
+            }
+            if let Some(due) = self.report_us.filter(|due| *due <= next) {
+                self.report_us = Some(due + REPORT_US);
+                self.reply();
+            } else if next == now_us {
+                break;
+            }
+        }
+    }
+
+    fn pass(&mut self, to_us: u64) {
+        #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
+        let seconds = (to_us - self.now_us) as f64 / 1e6;
+        self.drained += DRAIN * self.body.load() * seconds;
+        self.body.pass(seconds);
+        self.now_us = to_us;
+        self.received.pose = self.body.pose();
+    }
+
+    /// When it has something to do next, in microseconds since it was switched on.
+    pub fn next_due(&self) -> Option<u64> {
+        self.report_us
+    }
+
+    /// What it has to send, which is taken from it.
+    pub fn replies(&mut self) -> std::vec::Drain<'_, u8> {
+        self.replies.drain(..)
+    }
+
+    /// What it has received so far, and what became of it.
+    pub fn received(&self) -> &Received {
+        &self.received
+    }
+
+    /// What goes wrong with it.
+    pub fn faults(&self) -> &Faults {
+        &self.settings.faults
+    }
+
+    /// What it would report now.
+    pub fn report(&self) -> Report {
+        let rest = match self.settings.faults.battery {
+            Some((hundredths, from_us)) if self.now_us >= from_us => hundredths,
+            _ => self.settings.battery.0,
+        };
+        let hundredths = |value: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "held in range")]
+            Hundredths(libm::round(value * 100.0).clamp(-1e9, 1e9) as i32)
+        };
+        let voltage = f64::from(rest) / 100.0 - self.drained - SAG * self.body.load();
+        let yaw = self.body.pose().yaw_deg;
+        // Wrapped to half a turn on either side; the floor is flat.
+        let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
+        Report { pitch: Hundredths(0), roll: Hundredths(0), yaw: hundredths(yaw), voltage: hundredths(voltage.max(0.0)) }
     }
 
     /// The line is closed: what was cut off counts as skipped.
     pub fn finish(mut self) -> Received {
-        let VirtualBoard { decoder, received } = &mut self;
-        decoder.finish(|item| received.take(item));
+        let mut decoder = std::mem::take(&mut self.decoder);
+        decoder.finish(|item| self.take(item));
         self.received
     }
-}
 
-impl Received {
+    fn reply(&mut self) {
+        let faults = &self.settings.faults;
+        if faults.silent || self.dice.happens(faults.drop) {
+            return;
+        }
+        let mut line = self.report().to_string().into_bytes();
+        if self.dice.happens(self.settings.faults.garble) {
+            self.dice.garble(&mut line);
+        }
+        self.replies.extend(line);
+    }
+
     fn take(&mut self, item: Item<'_>) {
         match item {
             Item::Frame(frame) => {
-                let at = self.bytes;
-                self.bytes += frame.bytes().len() as u64;
+                let at = self.received.bytes;
+                self.received.bytes += frame.bytes().len() as u64;
+                let Faults { drop, garble, .. } = self.settings.faults;
+                if self.dice.happens(drop) || self.dice.happens(garble) {
+                    // A frame with a wrong bit has a wrong checksum.
+                    self.received.lost += 1;
+                    return;
+                }
                 match Command::decode(frame) {
-                    Ok(command) => {
-                        self.frames += 1;
-                        self.state.apply(&command);
-                    }
+                    Ok(command) => self.obey(&command),
                     Err(error) => {
-                        self.not_understood += 1;
+                        self.received.not_understood += 1;
                         self.fault(at, Fault::NotACommand(error));
                     }
                 }
             }
             Item::Skipped { at, bytes, why } => {
-                self.bytes += bytes.len() as u64;
-                self.skipped += bytes.len() as u64;
+                self.received.bytes += bytes.len() as u64;
+                self.received.skipped += bytes.len() as u64;
                 self.fault(at, Fault::Skipped(why));
             }
         }
     }
 
+    fn obey(&mut self, command: &Command) {
+        self.received.frames += 1;
+        self.received.state.apply(command);
+        if command.is_drive() {
+            self.fed_us = self.now_us;
+        }
+        self.body.take(command, self.received.state.mode());
+        match command {
+            Command::Request(Query::REPORT_START) => self.report_us = Some(self.now_us + REPORT_US),
+            Command::Request(Query::REPORT_STOP) => self.report_us = None,
+            Command::Request(_) => self.reply(),
+            _ => {}
+        }
+    }
+
     fn fault(&mut self, at: u64, fault: Fault) {
-        self.first_fault.get_or_insert((at, fault));
+        self.received.first_fault.get_or_insert((at, fault));
     }
 }

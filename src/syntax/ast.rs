@@ -9,6 +9,8 @@ pub struct Ast<'s> {
     pub body: Block<'s>,
     /// Names whose `let` or `def` could not be read: they are meant to exist.
     pub broken: Vec<&'s str>,
+    /// Whether a `use` could not be read, so that any name may be meant to exist.
+    pub names_missing: bool,
 }
 
 /// Lines that run one after the other.

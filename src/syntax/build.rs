@@ -20,13 +20,22 @@ pub(super) struct Builder<'s, 'd> {
     offset: usize,
     lines: Vec<Line<'s>>,
     broken: Vec<&'s str>,
+    names_missing: bool,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn new(source: &'s Source, diagnostics: &'d mut Diagnostics) -> Self {
-        Builder { source, diagnostics, offset: 0, lines: Vec::new(), broken: Vec::new(), empty_at: None }
+        Builder {
+            source,
+            diagnostics,
+            offset: 0,
+            lines: Vec::new(),
+            broken: Vec::new(),
+            names_missing: false,
+            empty_at: None,
+        }
     }
 
     /// Adds the lines of a piece of the script that begins at `offset`.
@@ -50,7 +59,7 @@ impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn finish(self) -> Ast<'s> {
         let base = self.source.base() as usize;
         let span = Span::new(base, base + self.source.text().len());
-        Ast { body: Block { lines: self.lines, span }, broken: self.broken }
+        Ast { body: Block { lines: self.lines, span }, broken: self.broken, names_missing: self.names_missing }
     }
 
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
@@ -276,8 +285,15 @@ impl<'s, 'd> Builder<'s, 'd> {
     }
 
     fn command(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
+        let whole = self.span(&pair);
         let mut inner = pair.into_inner();
         let head = self.name(&inner.next()?);
+        if head.text == "use" && inner.peek().is_some_and(|first| !first.as_str().trim_start().starts_with('"')) {
+            let name = self.source.slice(Span { start: head.span.end, ..whole }).trim().trim_matches(['\'', '`']);
+            self.names_missing = true;
+            self.diagnostics.push(trouble::file_without_marks(name, whole));
+            return None;
+        }
         let (arguments, block, readable) = self.arguments(inner);
         let end = block
             .as_ref()
@@ -503,11 +519,8 @@ impl<'s, 'd> Builder<'s, 'd> {
         let text = self.source.slice(span);
         // A quotation mark without its partner was reported by the scan.
         if !text.starts_with('"') {
-            let before = self
-                .source
-                .text()
-                .get(..span.range().start - self.source.base() as usize)
-                .and_then(|text| text.chars().next_back());
+            let text_before = self.source.text().get(..span.range().start - self.source.base() as usize);
+            let before = text_before.and_then(|text| text.rsplit('\n').next()).unwrap_or_default();
             self.diagnostics.push(trouble::unreadable(text, span.range().start, before));
         }
     }

@@ -312,7 +312,10 @@ impl<'s> Scan<'s, '_> {
     /// A run of hidden characters, reported once.
     fn hidden(&mut self, from: usize) -> usize {
         let rest = self.text.as_bytes().get(from..).unwrap_or_default();
-        let length = rest.iter().take_while(|&&byte| is_hidden(byte)).count().max(1);
+        // A carriage return before a line feed belongs to the end of the line.
+        let visible = |pair: &[u8]| !pair.first().is_some_and(|&byte| is_hidden(byte)) || pair == b"\r\n";
+        let run = rest.windows(2).position(visible).unwrap_or(rest.len());
+        let length = rest.iter().take(run).take_while(|&&byte| is_hidden(byte)).count().max(1);
         let byte = rest.first().copied().unwrap_or_default();
         let name = match byte {
             0 => "a NUL byte".to_owned(),

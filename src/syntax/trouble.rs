@@ -3,47 +3,117 @@
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 
-/// Text from the first character that fits nothing. `before` is the character right before it.
-pub(super) fn unreadable(text: &str, start: usize, before: Option<char>) -> Diagnostic {
+/// Text from the first character that fits nothing. `before` is what stands before it in its line.
+pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
     let first = text.chars().next().unwrap_or(' ');
-    let digit_beside =
-        before.is_some_and(|c| c.is_ascii_digit()) || text.chars().nth(1).is_some_and(|c| c.is_ascii_digit());
+    let is_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+    let digit_beside = is_digit(before.chars().next_back()) || is_digit(text.chars().nth(1));
+    let word = text.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
+    if let Some(unit) = behind_a_number(word, before) {
+        return unit(start);
+    }
     let help = match first {
-        '.' if !digit_beside => "write a file's name between quotation marks: `use \"lib/phrases.motion\"`",
-        '.' => "write digits on both sides of the point: `0.5`, not `.5` or `5.`",
+        '.' if digit_beside => "write digits on both sides of the point: `0.5`, not `.5` or `5.`",
+        '.' => "a name has no point: write only what stands behind it, such as `random(1, 5)`",
         '\'' | '`' | '“' | '”' | '„' => "write texts between plain quotation marks: `\"text\"`",
         '/' => "a comment starts with `#`",
-        '-' if text.starts_with("--") => "a comment starts with `#`",
+        '-' if text.starts_with("--") => "a comment starts with `#`; of two signs before a number take one away",
         ',' => "arguments stand behind each other with a blank between them: `rocker x=10 z=50`, `wheels 8 -8 -8 8`",
         '!' => "write `not (a == b)` for different, and `not` for the opposite",
-        '&' => "write `and`",
+        '&' => "to start two commands together, write `;`; in a condition, write `and`",
         '|' => "write `or`",
         '→' => "write the arrow as `->`",
         'b' if text.starts_with("beat") || text.starts_with("bar") => "multiply: `(n * 1 beat)`",
+        '=' if text.starts_with("=>") => "write the arrow as `->`",
         '=' if text.starts_with("=+") || text.starts_with("= +") => "write a positive number without its `+`",
-        '=' => {
-            "a named argument is NAME=VALUE, such as `rocker x=10`, others have no `=`, such as `servo 1 1500`; to compare, write `==`"
+        '=' if text.starts_with("=-") || text.starts_with("= -") => "a minus stands right before its number: `x=-5`",
+        '=' if text.trim_start_matches(['=', ' ']).starts_with('[') => {
+            "there are no lists; `nth(i, 1, 2, 3)` takes one of several values"
         }
-        ':' => "take the `:` away",
+        '=' => {
+            "to name a value, write `let x = 3`; a setting and a value without a name have no `=`: `tempo 120bpm`, `servo 1 1500`; to compare, write `==`"
+        }
+        ':' => colon(text, before),
+        '[' => "there are no lists; `nth(i, 1, 2, 3)` takes one of several values",
         '+' => "a line starts with the name of a command, `at TIME` or `+TIME`",
         '-' if text.starts_with("->") => "an arrow stands between two values, such as `0 -> 12`",
         '–' | '−' | '—' => "write the minus sign of your keyboard, `-`",
         '°' => "write degrees as `deg`: `90deg`",
         _ => "take it away; an argument is a number with its unit, a word, or a calculation in parentheses",
     };
-    // Point at the first character; the rest may be fine.
-    let span = Span::new(start, start + first.len_utf8());
-    Diagnostic::new(Code::Syntax, span, format!("`{first}` cannot be read here"), help)
+    // Point at the first character, or at the first word; the rest may be fine.
+    let shown = if word.is_empty() { text.get(..first.len_utf8()).unwrap_or_default() } else { word };
+    let span = Span::new(start, start + shown.len());
+    Diagnostic::new(Code::Syntax, span, format!("`{shown}` cannot be read here"), help)
 }
 
-/// A calculation as an argument.
+/// A unit that a blank keeps from its number: `let a = 5 s`.
+fn behind_a_number(word: &str, before: &str) -> Option<impl FnOnce(usize) -> Diagnostic> {
+    let is_unit = matches!(word, "us" | "ms" | "s" | "min" | "h" | "deg" | "V" | "bpm" | "hz");
+    let number = before.trim_end().rsplit(|c: char| !c.is_ascii_digit() && c != '.').next().unwrap_or_default();
+    let is_apart = before.ends_with([' ', '\t']);
+    (is_unit && is_apart && !number.is_empty()).then(|| {
+        let (message, help) = (
+            format!("no blank stands between a number and `{word}`"),
+            format!("write them together: `{number}{word}`"),
+        );
+        let length = word.len();
+        move |start| Diagnostic::new(Code::Unit, Span::new(start, start + length), message, help)
+    })
+}
+
+/// What a `:` was most likely meant for.
+fn colon(text: &str, before: &str) -> &'static str {
+    let behind = text.get(1..).unwrap_or_default();
+    let words: Vec<&str> = before.split_whitespace().collect();
+    let is_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+    match words.as_slice() {
+        _ if behind.trim().is_empty() => {
+            "a block stands between braces: `repeat 4 { … }`, with its `{` on the same line"
+        }
+        [.., "bar", _] => "write `bar 1 beat 2`",
+        ["meter", ..] => "write `meter 4/4`",
+        ["limit", ..] => "write a range with two points: `500..1950`",
+        _ if is_digit(before.chars().next_back()) && is_digit(behind.chars().next()) => {
+            "write a time with its units, `1m30s`, and a range with two points, `500..1950`"
+        }
+        _ if before.ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_') => {
+            "an argument with a name is NAME=VALUE: `rocker x=10`"
+        }
+        _ => "take the `:` away",
+    }
+}
+
+/// A calculation as an argument, or what looks like one.
 pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "a calculation as an argument needs parentheses around it",
-        format!("write `({})`", on_one_line(written)),
-    )
+    let written = on_one_line(written);
+    let trouble = |message: &str, help: String| Diagnostic::new(Code::Syntax, span, message.to_owned(), help);
+    if written.contains("//") {
+        return trouble("`//` cannot be read here", "a comment starts with `#`".to_owned());
+    }
+    if written.contains("- >") || written.ends_with("->") {
+        return trouble("an arrow is one sign", "write it without a blank inside: `900 -> 1500`".to_owned());
+    }
+    if written.contains('"') {
+        let help = "values are put into a text between braces: `say \"n is {n}\"`".to_owned();
+        return trouble("texts are not joined", help);
+    }
+    if let Some(number) = written.strip_suffix('%') {
+        return trouble("there is no percent", format!("write the value itself, such as `{}`", number.trim_end()));
+    }
+    // `1 +1500`, and `8 - 8 8 - 8`: signs and not a calculation.
+    let words: Vec<&str> = written.split(' ').collect();
+    let is_sign = |word: &&str| matches!(*word, "+" | "-" | "*" | "/" | "%");
+    let signed = words.iter().skip(1).any(|word| word.len() > 1 && word.starts_with('+'));
+    if signed {
+        let help = format!("write it without: `{}`; a sum is `({written})`", written.replace('+', ""));
+        return trouble("a positive number has no sign", help);
+    }
+    if words.windows(2).any(|pair| !pair.iter().any(|word| is_sign(&word))) {
+        let help = format!("write `{}`; a difference stands in parentheses, `(8 - 8)`", written.replace("- ", "-"));
+        return trouble("a minus stands right before its number", help);
+    }
+    trouble("a calculation as an argument needs parentheses around it", format!("write `({written})`"))
 }
 
 /// What was written, also where it breaks its line.
@@ -58,7 +128,11 @@ pub(super) fn lacks_blank(first: &str, second: &str, span: Span) -> Diagnostic {
         Code::Syntax,
         span,
         "a blank is missing between two arguments",
-        format!("write `{0} {1}`, or `({0}{1})` for a calculation", on_one_line(first), on_one_line(second)),
+        format!(
+            "write `{0} {1}`, `({0}{1})` for a calculation, or two points for a range: `500..1950`",
+            on_one_line(first),
+            on_one_line(second)
+        ),
     )
 }
 
@@ -74,10 +148,13 @@ pub(super) fn joins_nothing(span: Span) -> Diagnostic {
 
 /// Something on the line of a block that has ended.
 pub(super) fn behind_a_block(text: &str, span: Span) -> Diagnostic {
-    let help = if text.starts_with("else") {
-        "put the `{` on the line of its `else`"
-    } else {
-        "put it on a line of its own, or a `;` before it to start both together"
+    let word = text.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+    let help = match word {
+        "elif" | "elseif" | "elsif" => "write `} else if n > 1 { … }`",
+        "else" if !text.contains('{') => "an `else` has a block: `} else { … }`",
+        "else" if text.starts_with("else if") => "an `else if` has a condition and a block: `} else if n > 1 { … }`",
+        "else" => "an `else` has nothing but its block, `} else { … }`; with a condition write `} else if n > 1 { … }`",
+        _ => "put it on a line of its own, or a `;` before it to start both together",
     };
     Diagnostic::new(Code::Syntax, span, "a block ends its statement, but something stands behind it", help)
 }
@@ -88,9 +165,12 @@ pub(super) fn starts_with_time(written: &str, span: Span) -> Diagnostic {
         Code::Syntax,
         span,
         "a line starts with a word, not with a time",
-        format!(
-            "write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`"
-        ),
+        match written.strip_prefix('-') {
+            None => format!(
+                "write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`"
+            ),
+            Some(time) => format!("write when it starts, such as `at 1s …`, or before a mark: `at bow - {time} …`"),
+        },
     )
 }
 
@@ -110,7 +190,7 @@ pub(super) fn behind_a_call(written: &str, name: &str, span: Span) -> Diagnostic
         Code::Syntax,
         span,
         format!("`{written}` is a call, and nothing stands behind a call"),
-        format!("for a command, put a blank behind its name: `{name} …`"),
+        format!("how long a `def` takes is said inside it; a command has a blank behind its name: `{name} …`"),
     )
 }
 
@@ -130,7 +210,11 @@ pub(super) fn no_time(word: &str, span: Span) -> Diagnostic {
         Code::StartTime,
         span,
         "`at` needs a time before the command",
-        format!("for example `at 0.5s {word} …`"),
+        if word == "beat" {
+            "write `at bar 1 beat 3 …`".to_owned()
+        } else {
+            format!("for example `at 0.5s {word} …`")
+        },
     )
 }
 
@@ -186,5 +270,15 @@ pub(super) fn nothing_inside(span: Span) -> Diagnostic {
         span,
         "nothing stands inside these parentheses",
         "write a calculation, such as `(1500us + 200us)`",
+    )
+}
+
+/// `use lib/phrases.motion`.
+pub(super) fn file_without_marks(name: &str, span: Span) -> Diagnostic {
+    Diagnostic::new(
+        Code::Syntax,
+        span,
+        "the name of a file stands between quotation marks",
+        format!("write `use \"{name}\"`"),
     )
 }

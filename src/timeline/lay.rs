@@ -1,6 +1,6 @@
 //! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
-use super::{BUZZER, Cue, DRIVE, Event, Kind, THINGS, Timeline, Track, Tween, things};
+use super::{BUZZER, Cue, DRIVE, Event, Expectation, Kind, REPORTS, THINGS, Timeline, Track, Tween, things};
 use crate::board::{Command, State, TiltPulseWidth};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{
@@ -14,12 +14,15 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
     let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
     lay.run(steps, &mut cues);
     lay.close(end);
+    lay.reports(end);
+    let expects = std::mem::take(&mut lay.expects);
     let (events, tweens) = lay.finish();
     let (abort, abort_cues) =
         abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
     Timeline {
         tracks: vec![Track { robot: None, events, tweens, abort }],
         cues,
+        expects,
         abort_cues,
         end_us: end.micros(),
         baud: settings.baud,
@@ -94,6 +97,7 @@ struct Lay<'d> {
     tweens: Vec<(Tween, (u64, usize))>,
     /// Refreshes, sorted by time.
     refreshes: Vec<Event>,
+    expects: Vec<Expectation>,
     state: State,
     /// The drive command that holds, with the time it was sent.
     held: Option<(Time, Command, From)>,
@@ -121,6 +125,7 @@ impl<'d> Lay<'d> {
             events: Vec::new(),
             tweens: Vec::new(),
             refreshes: Vec::new(),
+            expects: Vec::new(),
             state: State::default(),
             held: None,
             open_ended: false,
@@ -142,6 +147,13 @@ impl<'d> Lay<'d> {
                     cues.push(Cue { at_us: step.at.micros(), text, span: step.span });
                     continue;
                 }
+                Action::Expect(expect) => {
+                    let until = step.at.plus(expect.within.unwrap_or(Time::ZERO));
+                    let (at_us, until_us) = (step.at.micros(), until.micros());
+                    let (span, trace) = (step.span, step.trace);
+                    self.expects.push(Expectation { at_us, until_us, expect: *expect, span, trace });
+                    continue;
+                }
                 Action::Send(command, hold) => {
                     if let Some(hold) = hold {
                         let end = if command.is_drive() { Command::STOP } else { Command::Buzzer(false) };
@@ -154,6 +166,7 @@ impl<'d> Lay<'d> {
             points.push(Point { at: step.at, from, what });
         }
         cues.sort_by_key(|cue| cue.at_us);
+        self.expects.sort_by_key(|expect| expect.at_us);
         // Stable, so that the start of a hold too short to see still comes before its end.
         points.sort_by_key(|point| (point.at.micros(), point.from.order, matches!(point.what, What::End(_))));
         self.events.reserve(points.len());
@@ -279,6 +292,11 @@ impl<'d> Lay<'d> {
                 // From here on it is known, so that one mistake is one message.
                 if let Some(target) = motion.target() {
                     self.state.apply(&target);
+                    for thing in things(&target).into_iter().flatten() {
+                        if let Some(last) = self.last.get_mut(thing) {
+                            *last = from;
+                        }
+                    }
                 }
                 return None;
             };
@@ -424,6 +442,16 @@ impl<'d> Lay<'d> {
         }
     }
 
+    /// Where something is expected, the board reports from the start to the end.
+    fn reports(&mut self, end: Time) {
+        let [start, stop] = REPORTS;
+        if let (Some(first), Some(last)) = (self.expects.first(), self.expects.last()) {
+            let (first, last) = ((first.span, first.trace), (last.span, last.trace));
+            self.emit(Time::ZERO, start, Kind::Auto, From { order: 0, span: first.0, trace: first.1 });
+            self.emit(end, stop, Kind::Auto, From { order: usize::MAX, span: last.0, trace: last.1 });
+        }
+    }
+
     fn left_running(&mut self, from: From, message: &str, command: &str) {
         let help = format!("end the script with `{command}`; motionseq sends it at the end in any case");
         self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
@@ -448,12 +476,12 @@ impl<'d> Lay<'d> {
         self.tweens.sort_by_key(|(_, first)| *first);
         let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
         self.events.sort_by_key(|(event, order)| {
-            (event.at_us, event.kind.rank(), if event.kind == Kind::Closing { 0 } else { *order })
+            (event.at_us, event.rank(), if event.kind == Kind::Closing { 0 } else { *order })
         });
         let mut events: Vec<Event> = self.events.into_iter().map(|(event, _)| event).collect();
         if !self.refreshes.is_empty() {
             events.extend(self.refreshes);
-            events.sort_by_key(|event| (event.at_us, event.kind.rank()));
+            events.sort_by_key(|event| (event.at_us, event.rank()));
         }
         (events, tweens)
     }

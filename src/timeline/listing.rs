@@ -5,8 +5,8 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::{Event, Track};
-use crate::board::Frame;
+use super::{Event, Kind, Track};
+use crate::board::{Command, Frame};
 use crate::source::Lines;
 
 /// Microseconds, shown as seconds with six decimals.
@@ -27,9 +27,21 @@ pub fn write_listing(events: &[Event], out: &mut impl Write) -> io::Result<()> {
 
 /// The line of one frame; `bytes` is a buffer to use again.
 pub(super) fn write_line(event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
-    let frame = encode(event, bytes)?;
-    write!(out, "{}\t{frame}\t{}", Seconds(event.at_us), event.command)?;
-    match event.kind.word() {
+    write_moment(event.at_us, &event.command, event.kind, bytes, out)
+}
+
+pub(super) fn write_moment(
+    at_us: u64,
+    command: &Command,
+    kind: Kind,
+    bytes: &mut Vec<u8>,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    bytes.clear();
+    command.encode(bytes);
+    let frame = Frame::new(bytes).map_err(io::Error::other)?;
+    write!(out, "{}\t{frame}\t{command}", Seconds(at_us))?;
+    match kind.word() {
         Some(word) => writeln!(out, "\t{word}"),
         None => writeln!(out),
     }

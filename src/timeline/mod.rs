@@ -12,23 +12,25 @@ mod snapshot;
 mod tween;
 pub mod wire;
 
-use crate::board::{Command, ServoIndex};
+use crate::board::{Command, Query, ServoIndex};
 use crate::diagnostic::Diagnostics;
-use crate::program::{Action, Program, Shape, TraceId, Traces};
+use crate::program::{Action, Expect, Program, Shape, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 
 pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
-pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
+pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_aborted, write_snapshot};
 pub use tween::Tween;
 
 /// Everything that a script sends and shows, for every robot.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
     /// One track a robot. A script that names no robots has one track without a name.
     pub tracks: Vec<Track>,
     /// Lines to show, sorted by time.
     pub cues: Vec<Cue>,
+    /// What the board should report, sorted by time.
+    pub expects: Vec<Expectation>,
     /// Lines to show where something ended a run early.
     pub abort_cues: Vec<Cue>,
     /// When the script ends, in microseconds from its start. Nothing is later.
@@ -80,20 +82,13 @@ pub enum Kind {
     Closing,
     /// Sent where something ends a run early.
     Abort,
+    /// Sent at the start and at the end of a script that expects something: the board reports in between.
+    Auto,
 }
 
 impl Kind {
     /// Every kind there is.
-    pub const ALL: &[Kind] = &[Kind::Command, Kind::Sample, Kind::Refresh, Kind::Closing, Kind::Abort];
-
-    /// The order of frames at one time: commands and samples, refreshes, closing frames.
-    pub fn rank(self) -> u8 {
-        match self {
-            Kind::Command | Kind::Sample | Kind::Abort => 0,
-            Kind::Refresh => 1,
-            Kind::Closing => 2,
-        }
-    }
+    pub const ALL: &[Kind] = &[Kind::Command, Kind::Sample, Kind::Refresh, Kind::Closing, Kind::Abort, Kind::Auto];
 
     /// The word that listings show; `None` for a plain command.
     pub fn word(self) -> Option<&'static str> {
@@ -103,8 +98,24 @@ impl Kind {
             Kind::Refresh => Some("refresh"),
             Kind::Closing => Some("closing"),
             Kind::Abort => Some("abort"),
+            Kind::Auto => Some("auto"),
         }
     }
+}
+
+/// What the board should report, at its time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expectation {
+    /// When it is judged, or from when on, in microseconds from the start of the script.
+    pub at_us: u64,
+    /// Until when a report may fit.
+    pub until_us: u64,
+    /// What is wanted.
+    pub expect: Expect,
+    /// Where it stands in the script.
+    pub span: Span,
+    /// The calls and passes that led to it.
+    pub trace: TraceId,
 }
 
 /// A line to show at its time.
@@ -141,6 +152,13 @@ impl Timeline {
         if aborts { self.abort() } else { self.events() }
     }
 
+    /// An `expect` that failed, in words: what was wanted, what was found instead, and what the script says why.
+    pub fn verdict_words(&self, expect: usize, found: &str) -> String {
+        let Some(Expectation { expect, .. }) = self.expects.get(expect) else { return found.to_owned() };
+        let why = expect.why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
+        format!("`expect {expect}` failed: {found}{why}")
+    }
+
     /// Where an event comes from, in words: `dance.motion:14, nod, pass 3`.
     pub fn origin(&self, event: &Event, sources: &Sources, lines: &Lines<'_>) -> String {
         let way = self.traces.chain(event.trace).take(SHOWN).map(|(span, pass)| match pass {
@@ -158,6 +176,18 @@ impl Timeline {
 const SHOWN: usize = 4;
 
 impl Event {
+    /// The order of frames at one time: the start of reports, commands and samples, refreshes, closing frames, the end of
+    /// reports.
+    pub fn rank(&self) -> u8 {
+        match self.kind {
+            Kind::Auto if self.command == REPORTS[0] => 0,
+            Kind::Command | Kind::Sample | Kind::Abort => 1,
+            Kind::Refresh => 2,
+            Kind::Closing => 3,
+            Kind::Auto => 4,
+        }
+    }
+
     /// Appends the bytes of its frame.
     pub fn encode(&self, out: &mut Vec<u8>) {
         self.command.encode(out);
@@ -206,7 +236,7 @@ fn things(command: &Command) -> [Option<usize>; 2] {
 /// The things that a step occupies.
 fn things_of(action: &Action) -> [Option<usize>; 2] {
     match action {
-        Action::Say(_) => [None, None],
+        Action::Say(_) | Action::Expect(_) => [None, None],
         Action::Send(command, _) => things(command),
         Action::Go(going) => match going.motion.shape {
             Shape::Servo(index) => [Some(servo(index)), None],
@@ -215,6 +245,9 @@ fn things_of(action: &Action) -> [Option<usize>; 2] {
         },
     }
 }
+
+/// What makes the board report, and what ends that.
+const REPORTS: [Command; 2] = [Command::Request(Query::REPORT_START), Command::Request(Query::REPORT_STOP)];
 
 /// Lanes behind those of the things: what occupies two of them or none.
 const SERVOS: usize = THINGS;

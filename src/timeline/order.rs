@@ -56,7 +56,7 @@ pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnosti
         let lasting = match &step.action {
             Action::Send(_, hold) => *hold,
             Action::Go(going) => Some(going.over),
-            Action::Say(_) => None,
+            Action::Say(_) | Action::Expect(_) => None,
         };
         let start = step.at.micros();
         let end = lasting.map_or(start, |lasting| step.at.plus(lasting).micros());
@@ -105,14 +105,20 @@ fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
         .label("this")
         .related(first.span, "and this");
     }
-    let end = Seconds(first.end);
+    let end = literal(first.end);
     let help = if first.end == second.start {
         "what starts when another ends is written below it: swap the two lines".to_owned()
     } else {
-        format!("start it at {end} s or later, or make the other one shorter")
+        format!("start it at {end} or later, on a line of its own, or make the other one shorter")
     };
-    let message = format!("{thing} is busy until {end} s, and this starts at {at} s");
+    let message = format!("{thing} is busy until {} s, and this starts at {at} s", Seconds(first.end));
     Diagnostic::new(Code::Clash, second.span, message, help)
         .label("starts too early")
         .related(first.span, "still running")
+}
+
+/// A time as a script says it.
+fn literal(us: u64) -> String {
+    let seconds = Seconds(us).to_string();
+    format!("{}s", seconds.trim_end_matches('0').trim_end_matches('.'))
 }

@@ -8,7 +8,7 @@
 use std::fmt;
 use std::io::{self, Write};
 
-use super::listing::write_line;
+use super::listing::{write_line, write_moment};
 use super::tween::{Part, Walk};
 use super::{Event, Kind, Seconds, Timeline, Tween};
 use crate::board::{Command, Frame};
@@ -120,6 +120,17 @@ pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> 
     }
     let count = timeline.events().len() + timeline.abort().len();
     writeln!(out, "{END}{}\tframes\t{count}\tbaud\t{}", Seconds(timeline.end_us), timeline.baud)
+}
+
+/// Writes a snapshot of what goes out when something ends a run early.
+pub fn write_aborted(name: &str, moments: &[Moment], baud: u32, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
+    let mut bytes = Vec::new();
+    for moment in moments {
+        write_moment(moment.at_us, &moment.command, moment.kind, &mut bytes, out)?;
+    }
+    let end_us = moments.last().map_or(0, |moment| moment.at_us);
+    writeln!(out, "{END}{}\tframes\t{}\tbaud\t{baud}", Seconds(end_us), moments.len())
 }
 
 /// Whether a text says that it is a snapshot.

@@ -55,7 +55,12 @@ pub fn find(paths: &[PathBuf]) -> Found {
 impl Found {
     fn take(&mut self, path: &Path, is_named: bool) {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let script = name.strip_suffix(SNAPSHOT).filter(|script| script.ends_with(".motion"));
+        // `dance.motion.frames`, and `dance.motion.unplug@4s.frames` of a rehearsal.
+        let stem = name.strip_suffix(SNAPSHOT);
+        let script = stem.and_then(|stem| {
+            let rehearsed = stem.find(".motion.").and_then(|at| stem.get(..at + ".motion".len()));
+            rehearsed.or(Some(stem)).filter(|script| script.ends_with(".motion"))
+        });
         if let Some(script) = script.map(|script| path.with_file_name(script)) {
             if !script.exists() {
                 self.orphans.push(path.to_owned());

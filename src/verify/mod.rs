@@ -1,6 +1,8 @@
 //! Holds scripts against their snapshots: finds both, compiles, compares, and gives data. It prints nothing.
 
 mod find;
+mod play;
+mod rehearse;
 
 use std::fs;
 use std::io;
@@ -10,10 +12,12 @@ use rayon::prelude::*;
 
 use crate::diagnostic::{Code, Diagnostics};
 use crate::program::Options;
+use crate::sim::Faults;
 use crate::source::{Lines, Source, Sources, replace_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
 
 pub use find::{Found, find};
+pub use rehearse::{Rehearsal, rehearse};
 
 /// What stands behind the name of a script to make the name of its snapshot.
 pub const SNAPSHOT: &str = ".frames";
@@ -60,6 +64,10 @@ pub enum Verdict {
     DoesNotCompile,
     /// It says that it does not compile, and does, or has another error.
     NotAsExpected,
+    /// Something that it expects of the board did not come.
+    ExpectFailed,
+    /// Played, it goes otherwise than it says.
+    PlaysOtherwise,
     /// It cannot be read, or looked into.
     Unreadable,
     /// It is a snapshot, and its script is not there.
@@ -97,6 +105,8 @@ impl Verdict {
             Verdict::BadSnapshot => "has a snapshot that is none",
             Verdict::DoesNotCompile => "does not compile",
             Verdict::NotAsExpected => "does not fail as it says",
+            Verdict::ExpectFailed => "expects what the board does not report",
+            Verdict::PlaysOtherwise => "plays otherwise than it says",
             Verdict::Unreadable => "cannot be read",
             Verdict::Orphan => "is the snapshot of a script that is not there",
         }
@@ -110,6 +120,10 @@ pub struct Job {
     pub options: Options,
     /// Whether snapshots are written where they are missing or differ.
     pub bless: bool,
+    /// Whether each script is also played, on a virtual board under a clock that jumps.
+    pub play: bool,
+    /// What goes wrong then.
+    pub faults: Faults,
 }
 
 impl Job {
@@ -160,7 +174,15 @@ impl Job {
             }
             (None, Some(timeline)) if is_phrases(&timeline) => case(Verdict::Phrases, Vec::new()),
             (None, Some(timeline)) => {
-                let (verdict, problems) = self.compare(script, &timeline, &sources, &lines);
+                let (mut verdict, mut problems) = self.compare(script, &timeline, &sources, &lines);
+                if self.play {
+                    let played = self.play(script, &timeline, &sources, &lines);
+                    if verdict.is_passed() && !played.is_empty() {
+                        let expects = played.iter().all(|problem| problem.code == play::EXPECT);
+                        verdict = if expects { Verdict::ExpectFailed } else { Verdict::PlaysOtherwise };
+                    }
+                    problems.extend(played);
+                }
                 case(verdict, problems)
             }
         }

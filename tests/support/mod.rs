@@ -39,8 +39,11 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
 /// Every message of a script, without color, 80 wide.
 pub(crate) fn messages(sources: &Sources, diagnostics: &Diagnostics) -> String {
     let printable = Printable::all(sources);
-    let handler =
-        GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_width(80).with_links(false);
+    let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor())
+        .with_width(80)
+        .with_links(false)
+        .with_word_separator(textwrap::WordSeparator::AsciiSpace)
+        .with_word_splitter(textwrap::WordSplitter::NoHyphenation);
     let mut text = String::new();
     for diagnostic in diagnostics.sorted() {
         assert!(!diagnostic.help.is_empty(), "{diagnostic:?} says nothing that helps");

@@ -63,6 +63,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 context.report(Diagnostic::new(Code::Arguments, span, message, "end the line before the `{`"));
                 return None;
             }
+            // Its brace was reported to be missing its partner.
+            None if row.block && context.diagnostics.has(Code::Unclosed) => return None,
             None if row.block => {
                 let message = format!("`{}` needs a block behind it", row.name);
                 context.report(Diagnostic::new(Code::Arguments, command.span, message, row.how()));
@@ -88,13 +90,15 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     fn sort(&mut self) -> Option<()> {
         let mut positional: Vec<&'a Argument<'s>> = Vec::new();
         let mut rest = self.command.arguments.iter();
+        let mut last: Option<&'a Argument<'s>> = None;
         while let Some(argument) = rest.next() {
             let word = bare_word(argument);
             if let Some(word) = word.filter(|word| MODIFIERS.contains(&word.text)) {
-                self.modifier(word, rest.next())?;
+                last = rest.next();
+                self.modifier(word, last)?;
                 continue;
             }
-            if let (Some(word), Some(before)) = (word, positional.last().or(self.named.last()))
+            if let (Some(word), Some(before)) = (word, last.replace(argument))
                 && let Item::One(value) = &before.item
                 && let Some(diagnostic) = blank_before_unit(value, word)
             {
@@ -201,6 +205,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             return Some(format!("write `over {time}` for how long it takes to get there"));
         }
         let word = bare_word(argument)?.text;
+        if word == "at" {
+            return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row.name));
+        }
         if commands::find(word).is_some() {
             return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
         }
@@ -343,6 +350,7 @@ fn number_text<'s>(argument: &Argument<'s>) -> Option<&'s str> {
 
 /// What to write instead of a list.
 fn without_commas(list: &[Value<'_>], argument: &Argument<'_>) -> String {
+    let is_tight = list.windows(2).all(|pair| matches!(pair, [one, two] if one.span.end + 1 == two.span.start));
     let texts: Option<Vec<&str>> = list
         .iter()
         .map(|value| match value.kind {
@@ -351,7 +359,9 @@ fn without_commas(list: &[Value<'_>], argument: &Argument<'_>) -> String {
         })
         .collect();
     match texts.as_deref() {
-        Some([whole, rest]) if argument.name.is_none() && whole.bytes().all(|byte| byte.is_ascii_digit()) => {
+        Some([whole, rest])
+            if is_tight && argument.name.is_none() && whole.bytes().all(|byte| byte.is_ascii_digit()) =>
+        {
             format!("write a decimal point as `{whole}.{rest}`, or a blank between two arguments: `{whole} {rest}`")
         }
         Some(texts) if argument.name.is_none() => {
@@ -387,6 +397,10 @@ pub(super) fn blank_before_unit(value: &Value<'_>, word: Name<'_>) -> Option<Dia
             let one = if word.text.starts_with("beat") { "beat" } else { "bar" };
             let message = format!("`{}` stands behind a number only", word.text);
             Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1 {one})`")))
+        }
+        ValueKind::Word(name) if !value.negative && matches!(word.text, "us" | "ms" | "s" | "min" | "h") => {
+            let message = format!("`{}` stands behind a number only", word.text);
+            Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1{})`", word.text)))
         }
         _ => None,
     }

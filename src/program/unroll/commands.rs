@@ -5,7 +5,7 @@ use super::super::commands::{self, Build};
 use super::super::motion::{Move, Shape};
 use super::super::time::Time;
 use super::super::value::Quantity;
-use super::super::{Action, Step, limits, say};
+use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Unroll};
 use crate::board;
 use crate::diagnostic::Code;
@@ -110,6 +110,19 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 }
                 self.push(start, command.span, Action::Say(text));
                 Some(start)
+            }
+            Build::Expect => {
+                let expect = expect::expect(&mut args);
+                args.finish()?;
+                let expect = expect?;
+                if self.in_abort {
+                    let help = "leave it out: what is sent on abort cannot be ended early";
+                    self.report(Code::Abort, command.span, "there is no `expect` in `on abort`", help);
+                    return None;
+                }
+                let end = start.plus(expect.within.unwrap_or(Time::ZERO));
+                self.push(start, command.span, Action::Expect(Box::new(expect)));
+                Some(end)
             }
             Build::Mark => {
                 let argument = args.next_argument()?;

@@ -96,6 +96,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         let tree = syntax::parse(source, self.context.diagnostics)?;
         let tree = self.trees.push_get(Box::new(tree));
         self.context.broken.extend(&tree.broken);
+        self.context.names_missing |= tree.names_missing;
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.context.scope.main, false);
         let later = std::mem::replace(&mut self.later, definitions(tree));

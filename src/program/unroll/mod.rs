@@ -43,10 +43,10 @@ pub(super) fn unroll<'a, 's>(
         diagnostics,
         scope: Scope::new(),
         tempo: super::tempo::Tempo::default(),
-        random: super::functions::SplitMix::default(),
+        random: crate::random::SplitMix::default(),
         traces: Traces::default(),
         broken: ast.broken.clone(),
-        names_missing: false,
+        names_missing: ast.names_missing,
     };
     let mut unroll = Unroll {
         context,

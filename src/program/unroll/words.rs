@@ -82,7 +82,7 @@ impl<'s> Unroll<'_, 's, '_> {
     /// `servo(1, 1500)` is how other languages write it.
     pub(super) fn unknown_call(&mut self, call: Name<'s>) {
         let name = call.text;
-        if self.context.may_exist(name) {
+        if self.context.may_exist(name) || !self.unknown.insert(call.span) {
             return;
         }
         if let Some(below) = self.later.get(name) {
@@ -161,7 +161,8 @@ fn suggestion(word: &str, phrases: &[&str]) -> String {
         "var" | "const" => Some("let n = 3"),
         "parallel" | "both" | "sync" => Some("together { … }"),
         "elif" | "elseif" => Some("else if … { … }"),
-        "for" | "while" | "loop" => Some("repeat 4 { … }"),
+        "for" => Some("repeat 4 as i { … }"),
+        "while" | "loop" => Some("repeat 4 { … }"),
         "import" | "include" => Some("use \"lib/phrases.motion\""),
         "function" | "fn" => Some("def nod() { … }"),
         _ => None,
@@ -171,6 +172,12 @@ fn suggestion(word: &str, phrases: &[&str]) -> String {
     }
     if let Some(line) = elsewhere {
         return format!("did you mean `{line}`?");
+    }
+    // `servo1 1500`
+    let (name, digits) =
+        word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
+    if !digits.is_empty() && commands::find(name).is_some() {
+        return format!("did you mean `{name} {digits}`?");
     }
     match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
         Some(near) => format!("did you mean `{near}`?"),

@@ -1,0 +1,131 @@
+//! What becomes of each `expect`, as a pure function of time and of the reports that came.
+//!
+//! Telemetry is not trusted: a report that is old, garbled or missing never makes an `expect` pass.
+
+use std::fmt;
+
+use crate::board::{Hundredths, Report};
+use crate::timeline::Expectation;
+
+/// How old a report may be to be judged, in nanoseconds.
+const FRESH: u64 = 500_000_000;
+
+/// What became of one `expect`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// Its index in the timeline's expectations.
+    pub expect: usize,
+    /// What was found.
+    pub found: Found,
+}
+
+/// What an `expect` found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    /// A value that fits.
+    Passed(Hundredths),
+    /// A value that does not.
+    Failed(Hundredths),
+    /// A report so many milliseconds old, which says nothing of now.
+    Stale(u64),
+    /// No report at all.
+    Nothing,
+}
+
+/// In words, behind what was expected.
+impl fmt::Display for Found {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Found::Passed(value) => write!(f, "the board reports {value}"),
+            Found::Failed(value) => write!(f, "the board reports {value}"),
+            Found::Stale(age) => write!(f, "the newest report is {age} ms old, and only one of the last 500 ms counts"),
+            Found::Nothing => f.write_str("the board has reported nothing; the first report takes about 0.1 s"),
+        }
+    }
+}
+
+impl Found {
+    /// Whether the `expect` holds.
+    pub fn is_passed(self) -> bool {
+        matches!(self, Found::Passed(_))
+    }
+}
+
+/// Judges the expectations of a timeline, in the order of time. Allocates nothing once it is made.
+#[derive(Debug)]
+pub(super) struct Judge<'t> {
+    expects: &'t [Expectation],
+    /// The first that has not begun.
+    next: usize,
+    /// Those that wait for a report that fits, with the newest value that came since.
+    open: Vec<(usize, Option<Hundredths>)>,
+    /// The newest report, and when it came.
+    newest: Option<(u64, Report)>,
+}
+
+impl<'t> Judge<'t> {
+    pub(super) fn new(expects: &'t [Expectation]) -> Self {
+        Judge { expects, next: 0, open: Vec::with_capacity(expects.len()), newest: None }
+    }
+
+    /// Takes a report that came at `now`, on the clock of the run.
+    pub(super) fn hear(&mut self, now: u64, report: Report, tell: &mut impl FnMut(Verdict)) {
+        self.newest = Some((now, report));
+        let expects = self.expects;
+        self.open.retain_mut(|(at, newest)| {
+            let Some(Expectation { expect, .. }) = expects.get(*at) else { return false };
+            let value = expect.measured.of(&report);
+            *newest = Some(value);
+            let fits = expect.wanted.fits(value);
+            if fits {
+                tell(Verdict { expect: *at, found: Found::Passed(value) });
+            }
+            !fits
+        });
+    }
+
+    /// Judges what is due: `time` is the script's, `now` the run's, both in nanoseconds. Gives the first that fails.
+    pub(super) fn poll(&mut self, time: u64, now: u64, tell: &mut impl FnMut(Verdict)) -> Option<Verdict> {
+        let mut failed = None;
+        while let Some(due) = self.expects.get(self.next).filter(|due| due.at_us.saturating_mul(1_000) <= time) {
+            let at = self.next;
+            self.next += 1;
+            if due.expect.within.is_some() {
+                self.open.push((at, None));
+                continue;
+            }
+            let found = match self.newest {
+                None => Found::Nothing,
+                Some((came, _)) if now.saturating_sub(came) > FRESH => Found::Stale((now - came) / 1_000_000),
+                Some((_, report)) => {
+                    let value = due.expect.measured.of(&report);
+                    if due.expect.wanted.fits(value) { Found::Passed(value) } else { Found::Failed(value) }
+                }
+            };
+            let verdict = Verdict { expect: at, found };
+            tell(verdict);
+            if !found.is_passed() {
+                failed = failed.or(Some(verdict));
+            }
+        }
+        let expects = self.expects;
+        self.open.retain(|(at, newest)| {
+            let until = expects.get(*at).map_or(0, |due| due.until_us.saturating_mul(1_000));
+            if until > time {
+                return true;
+            }
+            let verdict = Verdict { expect: *at, found: newest.map_or(Found::Nothing, Found::Failed) };
+            tell(verdict);
+            failed = failed.or(Some(verdict));
+            false
+        });
+        failed
+    }
+
+    /// When something is due next, in nanoseconds of the script.
+    pub(super) fn next_due(&self) -> Option<u64> {
+        let next = self.expects.get(self.next).map(|due| due.at_us);
+        let open = self.open.iter().filter_map(|(at, _)| self.expects.get(*at)).map(|due| due.until_us);
+        open.chain(next).min().map(|us| us.saturating_mul(1_000))
+    }
+}

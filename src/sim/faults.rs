@@ -1,0 +1,129 @@
+//! What goes wrong on purpose: on the line, with the battery, with the reports.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::random::SplitMix;
+
+/// Faults of a rehearsal, as `--fault` and `# rehearse:` name them: `drop=5%,unplug@4s`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Faults {
+    /// Of how many frames and reports in a hundred nothing comes.
+    pub drop: f64,
+    /// In how many frames and reports in a hundred one bit is wrong.
+    pub garble: f64,
+    /// The battery has another voltage from a time on: hundredths of a volt, microseconds.
+    pub battery: Option<(i32, u64)>,
+    /// The cable is pulled at a time, in microseconds.
+    pub unplug_us: Option<u64>,
+    /// The port takes no bytes from a time on, in microseconds.
+    pub stall_us: Option<u64>,
+    /// The board reports nothing.
+    pub silent: bool,
+    /// Which random numbers there are.
+    pub seed: u64,
+    /// How they were named.
+    words: String,
+}
+
+/// Why a text names no fault.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no fault; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, with commas between several")]
+pub struct NotAFault(String);
+
+impl FromStr for Faults {
+    type Err = NotAFault;
+
+    fn from_str(text: &str) -> Result<Self, NotAFault> {
+        let mut faults = Faults { words: text.trim().to_owned(), ..Faults::default() };
+        for word in text.split(',').map(str::trim) {
+            faults.add(word).ok_or_else(|| NotAFault(word.to_owned()))?;
+        }
+        Ok(faults)
+    }
+}
+
+impl Faults {
+    fn add(&mut self, word: &str) -> Option<()> {
+        if word == "silent" {
+            self.silent = true;
+            return Some(());
+        }
+        if let Some(time) = word.strip_prefix("unplug@") {
+            self.unplug_us = Some(micros(time)?);
+        } else if let Some(time) = word.strip_prefix("stall@") {
+            self.stall_us = Some(micros(time)?);
+        } else if let Some(percent) = word.strip_prefix("drop=") {
+            self.drop = part(percent)?;
+        } else if let Some(percent) = word.strip_prefix("garble=") {
+            self.garble = part(percent)?;
+        } else if let Some(seed) = word.strip_prefix("seed=") {
+            self.seed = seed.parse().ok()?;
+        } else {
+            let (volts, time) = word.strip_prefix("battery=")?.split_once('V')?;
+            let volts: f64 = volts.parse().ok()?;
+            let from = match time.strip_prefix('@') {
+                Some(time) => micros(time)?,
+                None if time.is_empty() => 0,
+                None => return None,
+            };
+            let hundredths = libm::round(volts * 100.0);
+            #[expect(clippy::cast_possible_truncation, reason = "in range")]
+            let hundredths = (0.0..=10_000.0).contains(&hundredths).then_some(hundredths as i32)?;
+            self.battery = Some((hundredths, from));
+        }
+        Some(())
+    }
+
+    /// Whether nothing goes wrong.
+    pub fn is_none(&self) -> bool {
+        self.words.is_empty()
+    }
+}
+
+/// As they were named.
+impl fmt::Display for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.words)
+    }
+}
+
+/// A time with its unit, as a script says it, in microseconds.
+fn micros(text: &str) -> Option<u64> {
+    // humantime takes looser spellings than scripts do, and panics at numbers that are too long.
+    let is_plain = text.len() <= 12 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
+    let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten()?;
+    u64::try_from(time.as_micros()).ok().filter(|us| *us <= 24 * 3_600 * 1_000_000)
+}
+
+/// `5%` as a part of one.
+fn part(text: &str) -> Option<f64> {
+    let percent: f64 = text.strip_suffix('%')?.parse().ok()?;
+    (0.0..=100.0).contains(&percent).then_some(percent / 100.0)
+}
+
+/// What happens by chance, the same every time.
+#[derive(Clone, Debug)]
+pub(super) struct Dice(SplitMix);
+
+impl Dice {
+    pub(super) fn new(seed: u64) -> Self {
+        Dice(SplitMix(seed))
+    }
+
+    /// Whether this happens, which it does in so large a part of all cases.
+    pub(super) fn happens(&mut self, part: f64) -> bool {
+        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+        let x = (self.0.next() >> 11) as f64 / (1_u64 << 53) as f64;
+        x < part
+    }
+
+    /// Makes one bit wrong.
+    pub(super) fn garble(&mut self, bytes: &mut [u8]) {
+        let length = u64::try_from(bytes.len()).unwrap_or(u64::MAX).max(1);
+        let (at, bit) = (self.0.next() % length, self.0.next() % 8);
+        if let Some(byte) = usize::try_from(at).ok().and_then(|at| bytes.get_mut(at)) {
+            *byte ^= 1 << bit;
+        }
+    }
+}

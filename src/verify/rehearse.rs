@@ -1,0 +1,170 @@
+//! A whole run on the virtual board under a clock that jumps: the same player, a line that takes its time, no waiting.
+
+use crate::board::{Command, Frame, Item};
+use crate::board::{Decoder, ReportDecoder, ReportItem};
+use crate::playback::{Cause, Input, Notice, Order, Outcome, Player, Verdict};
+use crate::sim::{Received, Settings, VirtualBoard};
+use crate::timeline::{Kind, Moment, Timeline};
+
+/// Nanoseconds in a microsecond.
+const US: u64 = 1_000;
+/// Later than this ends a run; under a clock that jumps nothing is late.
+const MAX_LATE: u64 = 1_000_000_000;
+/// What the system says of a port that takes nothing any more.
+const SECOND: u64 = 1_000_000_000;
+
+/// What became of a rehearsal.
+#[derive(Clone, Debug)]
+pub struct Rehearsal {
+    /// How the run ended.
+    pub outcome: Outcome,
+    /// What became of each `expect` that was judged.
+    pub verdicts: Vec<Verdict>,
+    /// How many frames of the timeline the port was given, one after another and byte for byte.
+    pub given: usize,
+    /// What the port was given behind the end of the motion: the stop, `on abort`. Times count from the start of the script.
+    pub aborted: Vec<Moment>,
+    /// What the board has received.
+    pub received: Received,
+}
+
+/// The port, the line behind it, and the board.
+struct Line<'t> {
+    board: VirtualBoard,
+    /// What is on its way: when it has arrived, in nanoseconds, and the bytes.
+    coming: std::collections::VecDeque<(u64, Vec<u8>)>,
+    busy_until: u64,
+    nanos_a_byte: u64,
+    timeline: &'t Timeline,
+    given: usize,
+    decoder: Decoder,
+    aborted: Vec<Moment>,
+    /// Whether the motion has ended, and the stop goes out.
+    ending: bool,
+    /// Whether the player was told that the cable is gone.
+    is_told: bool,
+}
+
+/// Plays a timeline on a board.
+pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
+    let unplug = settings.faults.unplug_us.map(|us| us.saturating_mul(US));
+    let stall = settings.faults.stall_us.map(|us| us.saturating_mul(US));
+    let mut line = Line {
+        board: VirtualBoard::new(settings),
+        coming: std::collections::VecDeque::new(),
+        busy_until: 0,
+        nanos_a_byte: 10 * SECOND / u64::from(timeline.baud.max(1)),
+        timeline,
+        given: 0,
+        decoder: Decoder::new(),
+        aborted: Vec::new(),
+        ending: false,
+        is_told: false,
+    };
+    let mut player = Player::new(timeline, MAX_LATE);
+    let mut reports = ReportDecoder::new();
+    let mut verdicts = Vec::new();
+    let mut now = 0;
+    let mut input = Input::Tick;
+    let outcome = loop {
+        let mut notice = |notice| {
+            if let Notice::Judged(verdict) = notice {
+                verdicts.push(verdict);
+            }
+        };
+        let order = player.poll(now, input, &mut notice);
+        if let Some(outcome) = player.outcome() {
+            break outcome;
+        }
+        let unplugged = unplug.is_some_and(|at| at <= now);
+        input = match order {
+            Order::Write if !line.ending && stall.is_some_and(|at| at <= now) => Input::Blocked,
+            Order::Write => line.take(now, player.bytes(), unplugged || stall.is_some_and(|at| at <= now)),
+            Order::Discard => {
+                line.ending = true;
+                line.coming.retain(|(arrives, _)| *arrives <= now);
+                line.busy_until = now;
+                Input::Tick
+            }
+            Order::Wait { until, .. } => {
+                let next = [line.next(), unplug.filter(|_| !line.is_told)].into_iter().flatten();
+                now = next.chain([until]).min().unwrap_or(until).max(now);
+                let replies = line.pass(now);
+                if unplug.is_some_and(|at| at <= now) {
+                    if std::mem::replace(&mut line.is_told, true) { Input::Tick } else { Input::HungUp }
+                } else {
+                    reports.feed(&replies, |item| {
+                        if let ReportItem::Report(report) = item {
+                            player.hear(now, report, &mut notice);
+                        }
+                    });
+                    Input::Tick
+                }
+            }
+            Order::Pause { until } => {
+                now = until.max(now);
+                line.pass(now);
+                Input::Tick
+            }
+            // Nobody is there to pause a rehearsal.
+            Order::Suspend | Order::Stay | Order::Done => Input::Panicked,
+        };
+    };
+    line.pass(now.max(line.busy_until));
+    let Line { given, aborted, board, .. } = line;
+    Rehearsal { outcome, verdicts, given, aborted, received: board.finish() }
+}
+
+impl Line<'_> {
+    /// Takes bytes from the player, all of them; they get lost where the line leads nowhere.
+    fn take(&mut self, now: u64, bytes: &[u8], leads_nowhere: bool) -> Input {
+        let count = bytes.len();
+        let Line { decoder, given, aborted, timeline, ending, .. } = self;
+        let mut expected = Vec::new();
+        decoder.feed(bytes, |item| {
+            let Item::Frame(frame) = item else { return };
+            let next = timeline.events().get(*given).filter(|_| !*ending);
+            expected.clear();
+            if let Some(event) = next {
+                event.encode(&mut expected);
+            }
+            if next.is_some() && expected == frame.bytes() {
+                *given += 1;
+            } else {
+                aborted.push(moment(now, frame));
+            }
+        });
+        if !leads_nowhere {
+            self.busy_until = self.busy_until.max(now) + self.nanos_a_byte * count as u64;
+            self.coming.push_back((self.busy_until, bytes.to_vec()));
+        }
+        Input::Wrote(count)
+    }
+
+    /// When something happens at the far end next.
+    fn next(&self) -> Option<u64> {
+        let arrives = self.coming.front().map(|(arrives, _)| *arrives);
+        let due = self.board.next_due().map(|us| us.saturating_mul(US));
+        [arrives, due].into_iter().flatten().min()
+    }
+
+    /// Lets time pass at the far end; gives what the board has sent until then.
+    fn pass(&mut self, now: u64) -> Vec<u8> {
+        while let Some((arrives, bytes)) = self.coming.pop_front_if(|(arrives, _)| *arrives <= now) {
+            self.board.receive(arrives.div_ceil(US), &bytes);
+        }
+        self.board.poll(now / US);
+        self.board.replies().collect()
+    }
+}
+
+fn moment(now: u64, frame: Frame<'_>) -> Moment {
+    Moment { at_us: now / US, command: Command::decode_or_raw(frame), kind: Kind::Abort }
+}
+
+impl Rehearsal {
+    /// Whether the run ended as the script says: everything was sent, and nothing else.
+    pub fn is_complete(&self, timeline: &Timeline) -> bool {
+        self.outcome.cause == Cause::Finished && self.given == timeline.events().len() && self.aborted.is_empty()
+    }
+}
