@@ -38,7 +38,7 @@ fn blocks(document: &str) -> Vec<(String, usize, String)> {
     found
 }
 
-const DOCUMENTS: &[&str] = &["README.md", "docs/language.md", "docs/safety.md", "docs/ci.md"];
+const DOCUMENTS: &[&str] = &["README.md", "docs/language.md", "docs/safety.md", "docs/ci.md", "docs/rehearsal.md"];
 
 #[test]
 fn every_script_in_the_documents_compiles_as_it_says() {

@@ -17,7 +17,9 @@ use std::time::{Duration, Instant};
 use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::{Cause, Player, Rig, Signals, Stop, drive, now};
 use motionseq::program::Options;
+use motionseq::sim::Settings;
 use motionseq::source::{Lines, Source, Sources};
+use motionseq::verify::rehearse;
 use rustix::process::{Pid, Signal, kill_process};
 use support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
 use support::{motionseq, rendered, run, script, stderr};
@@ -81,7 +83,8 @@ fn the_built_in_board_receives_what_the_recording_holds() {
         lines[2],
         "the virtual board received 22 frames (281 bytes); the drive stands, the buzzer is off, servo 1 at 1500 µs"
     );
-    assert_eq!(lines.len(), 3);
+    assert!(lines[3].starts_with("in its nominal units the robot is "), "{text}");
+    assert_eq!(lines.len(), 4);
     // Nothing of the progress line in a pipe.
     assert!(!text.contains(['\r', '\u{1b}']));
 }
@@ -399,4 +402,56 @@ fn a_script_that_does_not_compile_sends_nothing() {
     let output = run(&["play", &bad, "--port", &far.path]);
     assert_eq!(code(&output), 1);
     assert!(far.reads.try_recv().is_err());
+}
+
+/// The verdicts that a run on the virtual board tells, and the bytes that it gave the port.
+#[test]
+fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
+    let text = "servo 1 1500\nwait 300ms\nexpect voltage > 11V\nrocker y=10 z=90 for 1s\nexpect yaw in 80deg..100deg within 500ms\nexpect voltage < 5V\nservo 1 900\n";
+    let path = script("both-clocks", text);
+    let record = format!("{path}.bin");
+    let output = run(&["play", &path, "--record", &record]);
+    assert_eq!(output.status.code(), Some(7), "{}", support::stderr(&output));
+    let said = support::stderr(&output);
+    let timeline = motionseq::compile(&Source::new("x", text).into(), &Options::default()).timeline.unwrap();
+    let rehearsal = rehearse(&timeline, Settings::default());
+    assert!(matches!(rehearsal.outcome.cause, Cause::Expect(_)));
+    assert_eq!(rehearsal.verdicts.len(), 3);
+    for verdict in &rehearsal.verdicts {
+        let due = &timeline.expects[verdict.expect];
+        let passed = said.contains(&format!("expect {}: the board reports", due.expect));
+        assert_eq!(passed, verdict.found.is_passed(), "{said}");
+    }
+    assert!(said.contains("`expect voltage < 5V` failed: the board reports 1"), "{said}");
+    let mut expected: Vec<u8> = Vec::new();
+    for event in timeline.events().iter().take(rehearsal.given) {
+        event.encode(&mut expected);
+    }
+    for moment in &rehearsal.aborted {
+        moment.command.encode(&mut expected);
+    }
+    assert_eq!(std::fs::read(&record).unwrap(), expected);
+}
+
+#[test]
+fn faults_of_the_virtual_board_end_a_run_as_real_ones_do() {
+    let path = script("faulty", "rocker y=10 for 2s\n");
+    for (fault, code, words) in [
+        ("unplug@500ms", 3, "the port hung up"),
+        ("drop=50%", 0, "did not reach it"),
+        ("battery=6.5V", 0, "sent 41 frames"),
+    ] {
+        let output = run(&["play", &path, "--fault", fault]);
+        assert_eq!(output.status.code(), Some(code), "{fault}: {}", support::stderr(&output));
+        assert!(support::stderr(&output).contains(words), "{fault}: {}", support::stderr(&output));
+    }
+    // More than a port holds, and a board that takes nothing any more.
+    let flood = format!(
+        "baud 4000000\n{}",
+        "raw 0x40 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0\nwait 200us\n".repeat(4_000)
+    );
+    let output = run(&["play", &script("stalling", &flood), "--fault", "stall@100ms", "--max-late", "300ms"]);
+    assert_eq!(output.status.code(), Some(6), "{}", support::stderr(&output));
+    let output = run(&["play", &path, "--fault", "silent", "--port", "/dev/null"]);
+    assert_eq!(output.status.code(), Some(2), "{}", support::stderr(&output));
 }

@@ -65,9 +65,9 @@ fn blessed(name: &str) -> Repository {
 
 #[test]
 fn the_scripts_that_are_shipped_do_what_their_snapshots_say() {
-    let output = support::run(&["test", "scripts"]);
+    let output = support::run(&["test", "--play", "scripts"]);
     assert_eq!(code(&output), 0, "{}", stdout(&output));
-    assert_eq!(stderr(&output), "12 scripts: 12 passed, 0 failed\n");
+    assert_eq!(stderr(&output), "14 scripts: 14 passed, 0 failed\n");
     // Each one is worth reading, so none has a warning.
     for entry in fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()) {
         if entry.extension().is_some_and(|extension| extension == "motion") {
@@ -267,6 +267,65 @@ fn ten_thousand_scripts_are_no_burden() {
     assert_eq!(code(&repository.run(&["test", "--bless", "-q"])), 0);
     let output = repository.run(&["test"]);
     assert_eq!(stderr(&output), "10000 scripts: 10000 passed, 0 failed\n");
+}
+
+const CHECKUP: &str = "# rehearse: unplug@1s\non abort { servo 1 1500 }\nservo 1 1500\nwait 1500ms\nexpect voltage > 10V \"charge it\"\nservo 1 1900\n";
+
+#[test]
+fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
+    let repository = Repository::new("played");
+    repository.file("checkup.motion", CHECKUP).file("dance.motion", "servo 1 1500\nrocker y=10 for 1s\n");
+    assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
+    // Without its snapshot a rehearsal fails, and says what would go out.
+    let output = repository.run(&["test", "--play"]);
+    assert_eq!(code(&output), 1);
+    assert!(
+        stdout(&output).contains("there is no checkup.motion.unplug@1s.frames; `motionseq test --play --bless checkup.motion` writes it; what goes out is `stop`, `stop`, `stop`, `buzzer off`, `servo 1 1500`"),
+        "{}",
+        stdout(&output)
+    );
+    assert_eq!(code(&repository.run(&["test", "--play", "--bless"])), 0);
+    assert_eq!(
+        repository.read("checkup.motion.unplug@1s.frames"),
+        "# motionseq frames 2\n# checkup.motion unplug@1s\n\
+         1.000000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop\tabort\n\
+         1.020000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop\tabort\n\
+         1.040000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop\tabort\n\
+         1.040000\tFF FE 04 01 00 05\tbuzzer off\tabort\n\
+         1.040000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\tabort\n\
+         # end\t1.040000\tframes\t5\tbaud\t115200\n"
+    );
+    let output = repository.run(&["test", "--play"]);
+    assert_eq!((code(&output), stdout(&output).as_str()), (0, ""), "{}", stderr(&output));
+    // An empty battery: exit code 7, and a JUnit file that names line and value.
+    let output = repository.run(&["test", "--play", "--fault", "battery=6.5V@1s", "--junit", "report.xml"]);
+    assert_eq!(code(&output), 7, "{}", stdout(&output));
+    let words =
+        "checkup.motion:5: expect: at 1.500000 s: `expect voltage &gt; 10V` failed: the board reports 6.50 (charge it)";
+    assert!(repository.read("report.xml").contains(words), "{}", repository.read("report.xml"));
+    let github = stdout(&repository.run(&["test", "--play", "--fault", "silent", "--format", "github"]));
+    assert!(github.starts_with("::error file=checkup.motion,line=5,title=expect::"), "{github}");
+    // With differences, too, it is the 1 of a script that fails.
+    repository.file("dance.motion", "servo 1 1600\nrocker y=10 for 1s\n");
+    assert_eq!(code(&repository.run(&["test", "--play", "--fault", "battery=6.5V"])), 1);
+    // Another `on abort` is told by what goes out.
+    repository.file("checkup.motion", &CHECKUP.replace("abort { servo 1 1500", "abort { servo 1 1700"));
+    let output = repository.run(&["test", "--play", "checkup.motion"]);
+    assert_eq!(code(&output), 1);
+    assert!(
+        stdout(&output).contains("rehearsing unplug@1s, on abort, at 1.040 s: servo 1 1500 -> 1700")
+            || stdout(&output).contains("rehearsing unplug@1s, at 1.040 s: servo 1 1500 -> 1700"),
+        "{}",
+        stdout(&output)
+    );
+    // What no fault is says which there are.
+    repository.file("odd.motion", "# rehearse: fire\nservo 1 1500\n");
+    let output = repository.run(&["test", "--play", "odd.motion"]);
+    assert!(stdout(&output).contains("odd.motion:1: play: `fire` is no fault; write drop=5%"), "{}", stdout(&output));
+    assert_eq!(code(&repository.run(&["test", "--fault", "silent"])), 2);
+    // A port that is lost or stalls in the middle is told at its line.
+    let output = repository.run(&["test", "--play", "--fault", "stall@500ms", "dance.motion"]);
+    assert!(stdout(&output).contains("with stall@500ms: the port stopped taking bytes at"), "{}", stdout(&output));
 }
 
 #[test]

@@ -36,8 +36,7 @@ pub enum Found {
 impl fmt::Display for Found {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Found::Passed(value) => write!(f, "the board reports {value}"),
-            Found::Failed(value) => write!(f, "the board reports {value}"),
+            Found::Passed(value) | Found::Failed(value) => write!(f, "the board reports {value}"),
             Found::Stale(age) => write!(f, "the newest report is {age} ms old, and only one of the last 500 ms counts"),
             Found::Nothing => f.write_str("the board has reported nothing; the first report takes about 0.1 s"),
         }

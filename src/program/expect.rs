@@ -190,8 +190,8 @@ fn sample(measured: Measured) -> &'static str {
 /// Volts for the voltage, degrees for the rest.
 fn bound<'a, 's>(args: &mut Args<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: Measured) -> Option<f64> {
     match (args.context.value(value)?, measured) {
-        (Quantity::Volts(bound), Measured::Voltage) => Some(bound),
-        (Quantity::Degrees(bound), Measured::Pitch | Measured::Roll | Measured::Yaw) => Some(bound),
+        (Quantity::Volts(bound), Measured::Voltage)
+        | (Quantity::Degrees(bound), Measured::Pitch | Measured::Roll | Measured::Yaw) => Some(bound),
         (other, _) => {
             let (name, unit) = (measured.name(), measured.unit());
             let what = if measured == Measured::Voltage { "a voltage" } else { "an angle" };

@@ -28,7 +28,9 @@ pub struct Faults {
 
 /// Why a text names no fault.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no fault; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, with commas between several")]
+#[error(
+    "`{0}` is no fault; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, with commas between several"
+)]
 pub struct NotAFault(String);
 
 impl FromStr for Faults {

@@ -124,8 +124,10 @@ impl VirtualBoard {
     /// Lets time pass. It never goes back.
     pub fn poll(&mut self, now_us: u64) {
         while self.now_us < now_us {
-            let stops_us = self.settings.silence_us.filter(|_| self.body.holds()).map(|us| self.fed_us.saturating_add(us));
-            let next = [stops_us, self.report_us].into_iter().flatten().min().unwrap_or(now_us).clamp(self.now_us, now_us);
+            let stops_us =
+                self.settings.silence_us.filter(|_| self.body.holds()).map(|us| self.fed_us.saturating_add(us));
+            let next =
+                [stops_us, self.report_us].into_iter().flatten().min().unwrap_or(now_us).clamp(self.now_us, now_us);
             self.pass(next);
             if stops_us.is_some_and(|us| us <= next) {
                 self.body.stop();
@@ -182,7 +184,12 @@ impl VirtualBoard {
         let yaw = self.body.pose().yaw_deg;
         // Wrapped to half a turn on either side; the floor is flat.
         let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
-        Report { pitch: Hundredths(0), roll: Hundredths(0), yaw: hundredths(yaw), voltage: hundredths(voltage.max(0.0)) }
+        Report {
+            pitch: Hundredths(0),
+            roll: Hundredths(0),
+            yaw: hundredths(yaw),
+            voltage: hundredths(voltage.max(0.0)),
+        }
     }
 
     /// The line is closed: what was cut off counts as skipped.

@@ -41,10 +41,10 @@ fn run(mut board: VirtualBoard, port: &Pty, baud: u32) -> io::Result<Received> {
         if !replies.is_empty() {
             port.write(&replies)?;
         }
-        let takes = stall.is_none_or(|us| us > now_us);
-        let wakes = [board.next_due(), unplug, stall.filter(|_| takes)].into_iter().flatten().map(at).min();
+        let is_open = stall.is_none_or(|us| us > now_us);
+        let wakes = [board.next_due(), unplug, stall.filter(|_| is_open)].into_iter().flatten().map(at).min();
         let wakes = wakes.unwrap_or(u64::MAX).saturating_sub(now);
-        match (port.wait(takes, wakes)?, takes) {
+        match (port.wait(is_open, wakes)?, is_open) {
             (false, _) => continue,
             // It takes nothing, and the program has gone.
             (true, false) => return Ok(board.finish()),

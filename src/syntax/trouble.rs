@@ -109,7 +109,7 @@ pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
         let help = format!("write it without: `{}`; a sum is `({written})`", written.replace('+', ""));
         return trouble("a positive number has no sign", help);
     }
-    if words.windows(2).any(|pair| !pair.iter().any(|word| is_sign(&word))) {
+    if words.windows(2).any(|pair| !pair.iter().any(is_sign)) {
         let help = format!("write `{}`; a difference stands in parentheses, `(8 - 8)`", written.replace("- ", "-"));
         return trouble("a minus stands right before its number", help);
     }

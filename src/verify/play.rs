@@ -30,9 +30,13 @@ impl Job {
         let rehearsal = rehearse(timeline, Settings { faults: self.faults.clone(), ..Settings::default() });
         let mut problems = failed(&rehearsal, timeline, lines);
         problems.extend(self.went_wrong(&rehearsal, timeline, name, lines));
-        for (line, words) in sources.main().text().lines().zip(1..).filter_map(|(text, line)| {
-            Some((line, text.strip_prefix(REHEARSE)?.trim()))
-        }) {
+        for (line, words) in sources
+            .main()
+            .text()
+            .lines()
+            .zip(1..)
+            .filter_map(|(text, line)| Some((line, text.strip_prefix(REHEARSE)?.trim())))
+        {
             match words.parse::<Faults>() {
                 Err(error) => problems.push(problem(name, line, PLAY, error.to_string())),
                 Ok(faults) => {
@@ -45,13 +49,7 @@ impl Job {
     }
 
     /// What else than an `expect` went wrong.
-    fn went_wrong(
-        &self,
-        rehearsal: &Rehearsal,
-        timeline: &Timeline,
-        name: &str,
-        lines: &Lines<'_>,
-    ) -> Option<Problem> {
+    fn went_wrong(&self, rehearsal: &Rehearsal, timeline: &Timeline, name: &str, lines: &Lines<'_>) -> Option<Problem> {
         let place = rehearsal.outcome.place.map(|span| lines.place(span));
         let (file, line) = place.map_or((name, 0), |place| (place.file, place.line));
         let at = Seconds(rehearsal.outcome.at_us);
@@ -91,7 +89,9 @@ impl Job {
         let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
         let here = |code, message: String| vec![problem(&script_name, line, code, message)];
         let old = match fs::read(&path) {
-            Ok(text) => read_snapshot(&text).map_err(|error| (error.line, format!("{}; `{bless}` writes it anew", error.why))),
+            Ok(text) => {
+                read_snapshot(&text).map_err(|error| (error.line, format!("{}; `{bless}` writes it anew", error.why)))
+            }
             Err(_) if self.bless => Err((0, String::new())),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 let message = format!("there is no {name}; `{bless}` writes it; {}", frames(rehearsal));
@@ -113,9 +113,10 @@ impl Job {
             Ok(old) => {
                 let old = Snapshot { more: None, ..old };
                 let changes = diff(&old, &new, |_| None::<usize>);
-                let words = changes.iter().filter(|change| !change.what.is_total()).map(|change| {
-                    format!("rehearsing {faults}, {}; if that is meant: {bless}", change.words(None))
-                });
+                let words = changes
+                    .iter()
+                    .filter(|change| !change.what.is_total())
+                    .map(|change| format!("rehearsing {faults}, {}; if that is meant: {bless}", change.words(None)));
                 words.flat_map(|message| here("difference", message)).collect()
             }
         }

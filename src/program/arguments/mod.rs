@@ -128,6 +128,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 "as" => "as i",
                 "every" => "every 1 beat",
                 "over" => "over 2s",
+                "within" => "within 2s",
                 _ => "for 2s",
             };
             self.context.report(Diagnostic::new(

@@ -112,9 +112,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 Some(start)
             }
             Build::Expect => {
-                let expect = expect::expect(&mut args);
+                let expect = expect::expect(&mut args)?;
                 args.finish()?;
-                let expect = expect?;
                 if self.in_abort {
                     let help = "leave it out: what is sent on abort cannot be ended early";
                     self.report(Code::Abort, command.span, "there is no `expect` in `on abort`", help);

@@ -26,6 +26,9 @@ use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Sources, Span};
 use crate::syntax::{Ast, Block, Def, Expression, If, Line, Moment, Origin, Part, Start, Statement, Value, ValueKind};
 
+/// How many steps of a script that has an error are looked through.
+const ENOUGH: u64 = 300_000;
+
 /// How deep blocks and calls may run inside each other.
 const MAX_DEPTH: usize = 200;
 
@@ -246,6 +249,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     fn lines(&mut self, lines: &'a [Line<'s>], frame: &mut Frame, depth: usize) {
         for line in lines {
             self.done += 1;
+            // Behind an error only more errors are looked for, and not for ever.
+            self.exhausted |= self.done > ENOUGH && self.context.diagnostics.has_errors();
             if self.exhausted || !self.within_bounds(line.span) {
                 return;
             }

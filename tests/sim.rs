@@ -1,0 +1,281 @@
+//! The virtual board: kinematics against closed forms, battery, reports, silence, faults; and `expect`, however reports come.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use motionseq::board::{Command, Hundredths, Report, ReportDecoder, ReportItem};
+use motionseq::playback::{Cause, Found, Input, Notice, Order, Player, Verdict};
+use motionseq::program::Options;
+use motionseq::sim::{Faults, Pose, Settings, VirtualBoard};
+use motionseq::source::Source;
+use motionseq::timeline::Timeline;
+use motionseq::verify::{Rehearsal, rehearse};
+use proptest::prelude::*;
+
+fn timeline(text: &str) -> Timeline {
+    let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
+    compiled.timeline.unwrap_or_else(|| panic!("{text}: {:?}", compiled.diagnostics))
+}
+
+/// Where the robot is when a script has been played.
+fn pose(text: &str) -> Pose {
+    rehearse(&timeline(text), Settings::default()).received.pose
+}
+
+fn is_near(pose: Pose, x: f64, y: f64, yaw: f64) {
+    let near = |one: f64, two: f64| (one - two).abs() < 0.2;
+    assert!(near(pose.x_cm, x) && near(pose.y_cm, y) && near(pose.yaw_deg, yaw), "{pose:?} is not {x} {y} {yaw}");
+}
+
+#[test]
+fn lines_squares_spins_and_circles_are_what_geometry_says() {
+    is_near(pose("rocker y=10 for 2s"), 0.0, 20.0, 0.0);
+    is_near(pose("rocker x=-5 for 2s"), -10.0, 0.0, 0.0);
+    is_near(pose("yawhold x=3 y=4 for 1s"), 3.0, 4.0, 0.0);
+    // A square of lines comes home, and so does one that turns a quarter at each corner.
+    is_near(pose("rocker y=10 for 1s\nrocker x=10 for 1s\nrocker y=-10 for 1s\nrocker x=-10 for 1s"), 0.0, 0.0, 0.0);
+    is_near(pose("repeat 4 { rocker y=10 for 1s\n rocker z=90 for 1s }"), 0.0, 0.0, 360.0);
+    // A spin stays where it is and comes round.
+    is_near(pose("rocker z=120 for 3s"), 0.0, 0.0, 360.0);
+    // Forward and turning right is a circle: after half of it, a diameter to the right, 2 · v / ω.
+    let radius = 10.0 / (30.0_f64).to_radians();
+    is_near(pose("rocker y=10 z=30 for 6s"), 2.0 * radius, 0.0, 180.0);
+    is_near(pose("rocker y=10 z=30 for 3s"), radius, radius, 90.0);
+    // To the right and turning right, it goes back.
+    is_near(pose("rocker x=10 z=30 for 3s"), radius, -radius, 90.0);
+}
+
+#[test]
+fn wheels_and_rocker_agree() {
+    // The vendor's examples: forward, spin to the left, slide to the left.
+    is_near(pose("wheels 2 2 2 2 for 5s"), 0.0, 10.0, 0.0);
+    is_near(pose("wheels 2 -2 2 -2 for 5s"), -10.0, 0.0, 0.0);
+    let lever = Settings::default().geometry.lever_cm;
+    is_near(pose("wheels 2 2 -2 -2 for 5s"), 0.0, 0.0, -(2.0 / lever).to_degrees() * 5.0);
+    // FR, RR, RL, FL of x=3 y=5, by the mapping of the protocol table.
+    let straight = pose("rocker x=3 y=5 for 3s");
+    is_near(pose("wheels 2 8 2 8 for 3s"), straight.x_cm, straight.y_cm, 0.0);
+}
+
+#[test]
+fn a_displacement_goes_where_the_robot_looks_and_needs_position_mode() {
+    let pid = "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n";
+    is_near(pose(&format!("{pid}move x=10 y=20\nwait 2s")), 10.0, 20.0, 0.0);
+    is_near(pose(&format!("rocker z=90 for 1s\n{pid}move y=20\nwait 2s\nmove z=-90\nwait 2s")), 20.0, 0.0, 0.0);
+    // Not there yet: 20 cm take 0.8 s.
+    let half = pose(&format!("{pid}move y=20\nwait 400ms"));
+    assert!((9.0..12.0).contains(&half.y_cm), "{half:?}");
+}
+
+#[test]
+fn a_board_that_hears_nothing_stops_by_itself() {
+    let silent = "refresh off\nrocker y=10 for 3s";
+    is_near(pose(silent), 0.0, 5.0, 0.0);
+    let settings = Settings { silence_us: None, ..Settings::default() };
+    is_near(rehearse(&timeline(silent), settings).received.pose, 0.0, 30.0, 0.0);
+    let settings = Settings { silence_us: Some(40_000), ..Settings::default() };
+    // Shorter than the refresh interval of 50 ms: four fifths of the way.
+    is_near(rehearse(&timeline("rocker y=10 for 1s"), settings).received.pose, 0.0, 8.0, 0.0);
+}
+
+/// The reports of a board that is sent these commands at these times, until a time.
+fn reports(settings: Settings, commands: &[(u64, &str)], until_us: u64) -> Vec<(u64, Report)> {
+    let mut board = VirtualBoard::new(settings);
+    let mut decoder = ReportDecoder::new();
+    let mut found = Vec::new();
+    let mut commands = commands.iter().peekable();
+    for now_us in (0..=until_us).step_by(10_000) {
+        while let Some((_, text)) = commands.next_if(|(at_us, _)| *at_us <= now_us) {
+            let command: Command = timeline(&format!("{text}\n")).events()[0].command.clone();
+            board.receive(now_us, &command.to_frame());
+        }
+        board.poll(now_us);
+        let replies: Vec<u8> = board.replies().collect();
+        decoder.feed(&replies, |item| {
+            if let ReportItem::Report(report) = item {
+                found.push((now_us, report));
+            }
+        });
+    }
+    found
+}
+
+#[test]
+fn it_reports_ten_times_a_second_between_start_and_stop_and_once_when_asked() {
+    let found =
+        reports(Settings::default(), &[(50_000, "request report-start"), (560_000, "request report-stop")], 1_000_000);
+    let times: Vec<u64> = found.iter().map(|(at_us, _)| *at_us).collect();
+    assert_eq!(times, [150_000, 250_000, 350_000, 450_000, 550_000]);
+    assert_eq!(reports(Settings::default(), &[(20_000, "request voltage")], 500_000).len(), 1);
+    // The yaw is wrapped, the battery sags while it drives and is there again behind it.
+    let drive = [
+        (0, "request report-start"),
+        (0, "rocker z=200"),
+        (400_000, "rocker z=200"),
+        (800_000, "rocker z=200"),
+        (1_000_000, "stop"),
+    ];
+    let found = reports(Settings::default(), &drive, 2_000_000);
+    let newest = found.last().unwrap().1;
+    assert_eq!(newest.yaw, Hundredths(-16_000));
+    let driving = found.iter().find(|(at_us, _)| *at_us == 500_000).unwrap().1;
+    assert!(driving.voltage < Hundredths(1_160) && newest.voltage > Hundredths(1_195), "{driving:?} {newest:?}");
+}
+
+#[test]
+fn faults_are_read_and_happen_the_same_way_every_time() {
+    for text in [
+        "drop=101%",
+        "drop=5",
+        "battery=6V@",
+        "unplug",
+        "unplug@4",
+        "noise",
+        "",
+        "stall@99999999999999999999s",
+        "battery=1e9V",
+    ] {
+        assert!(text.parse::<Faults>().is_err(), "{text}");
+    }
+    let faults: Faults = "drop=20%, garble=10%, seed=3".parse().unwrap();
+    let settings = || Settings { faults: faults.clone(), ..Settings::default() };
+    // Asked for more than once: the request may be lost, too.
+    let start: Vec<_> = (0..10).map(|at| (at * 10_000, "request report-start")).collect();
+    let (once, twice) = (reports(settings(), &start, 20_000_000), reports(settings(), &start, 20_000_000));
+    assert_eq!(once, twice);
+    // Of 200 reports a fifth is dropped, and a tenth of the rest garbled; some of those are still reports.
+    assert!((110..190).contains(&once.len()), "{}", once.len());
+    let silent = Settings { faults: "silent".parse().unwrap(), ..Settings::default() };
+    assert_eq!(reports(silent, &start, 2_000_000), []);
+    let battery = Settings { faults: "battery=6.5V@1s".parse().unwrap(), ..Settings::default() };
+    let found = reports(battery, &start, 2_000_000);
+    assert!(found.len() > 15);
+    assert!(found.iter().all(|(at_us, report)| (report.voltage == Hundredths(650)) == (*at_us >= 1_000_000)));
+    // Frames are lost on the way to the board, too.
+    let lossy = Settings { faults: "drop=50%".parse().unwrap(), ..Settings::default() };
+    let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), lossy);
+    let Rehearsal { received, given, .. } = rehearsal;
+    assert_eq!(given, 101);
+    assert!((30..70).contains(&received.lost) && received.frames + received.lost == 101, "{received:?}");
+}
+
+/// Plays a script with telemetry that comes in pieces at times; gives the verdicts, and how it ended.
+fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
+    let timeline = timeline(script);
+    let mut player = Player::new(&timeline, 1_000_000_000);
+    let mut decoder = ReportDecoder::new();
+    let mut verdicts = Vec::new();
+    let mut pieces = pieces.iter().peekable();
+    let (mut now, mut input) = (0, Input::Tick);
+    loop {
+        let mut tell = |notice| {
+            if let Notice::Judged(verdict) = notice {
+                verdicts.push(verdict);
+            }
+        };
+        let order = player.poll(now, input, &mut tell);
+        if let Some(outcome) = player.outcome() {
+            return (verdicts, outcome.cause);
+        }
+        input = Input::Tick;
+        match order {
+            Order::Write => input = Input::Wrote(player.bytes().len()),
+            Order::Wait { until, .. } | Order::Pause { until } => {
+                now = pieces.peek().map_or(until, |(at_us, _)| until.min(at_us * 1_000)).max(now);
+                while let Some((_, bytes)) = pieces.next_if(|(at_us, _)| at_us * 1_000 <= now) {
+                    decoder.feed(bytes, |item| {
+                        if let ReportItem::Report(report) = item {
+                            player.hear(now, report, &mut tell);
+                        }
+                    });
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn line(voltage: i32) -> Vec<u8> {
+    format!("{{A0:0:0:{voltage}}}#").into_bytes()
+}
+
+fn found(script: &str, pieces: &[(u64, Vec<u8>)]) -> Vec<Found> {
+    judged(script, pieces).0.into_iter().map(|verdict| verdict.found).collect()
+}
+
+#[test]
+fn an_expect_judges_the_newest_report_of_the_last_half_second() {
+    let script = "wait 1s\nexpect voltage > 10V\n";
+    assert_eq!(found(script, &[]), [Found::Nothing]);
+    assert_eq!(found(script, &[(400_000, line(1_200))]), [Found::Stale(600)]);
+    assert_eq!(found(script, &[(500_000, line(1_200))]), [Found::Passed(Hundredths(1_200))]);
+    assert_eq!(found(script, &[(600_000, line(1_200)), (900_000, line(999))]), [Found::Failed(Hundredths(999))]);
+    assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::Failed(Hundredths(1_000))]);
+    // Garbled reports are none.
+    assert_eq!(found(script, &[(900_000, b"{A0:0:0:12x0}#{A0:0:1200}#".to_vec())]), [Found::Nothing]);
+    let (verdicts, cause) =
+        judged("wait 1s\nexpect voltage > 10V\nwait 1s\nexpect voltage > 10V\n", &[(900_000, line(900))]);
+    assert_eq!((verdicts.len(), cause), (1, Cause::Expect(verdicts[0])), "the first that fails ends the run");
+}
+
+#[test]
+fn within_takes_its_time_and_the_first_report_that_fits() {
+    let script = "wait 1s\nexpect voltage in 9.5V..10V within 1s\nservo 1 1500\n";
+    // One from before does not count, one from behind is too late.
+    assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::Nothing]);
+    assert_eq!(found(script, &[(900_000, line(1_000)), (2_000_001, line(1_000))]), [Found::Nothing]);
+    assert_eq!(
+        found(script, &[(1_100_000, line(1_001)), (1_500_000, line(1_000))]),
+        [Found::Passed(Hundredths(1_000))]
+    );
+    assert_eq!(found(script, &[(1_100_000, line(1_001)), (1_500_000, line(949))]), [Found::Failed(Hundredths(949))]);
+    // The timeline is not shortened.
+    assert_eq!(
+        timeline(script).events().iter().find(|event| event.command.to_string() == "servo 1 1500").unwrap().at_us,
+        2_000_000
+    );
+    for (wanted, fits) in
+        [("== 10V", 1_000), ("<= 10V", 1_000), ("< 10V", 999), (">= 10V", 1_000), ("== 9.996V", 1_000)]
+    {
+        let script = format!("wait 1s\nexpect voltage {wanted}\n");
+        assert_eq!(found(&script, &[(900_000, line(fits))]), [Found::Passed(Hundredths(fits))], "{wanted}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// However the stream of reports is cut and joined, and whatever stands between them, the verdicts are the same.
+    #[test]
+    fn verdicts_do_not_depend_on_how_reports_are_cut(
+        values in prop::collection::vec(900..1_100_i32, 1..20),
+        noise in prop::collection::vec(prop::sample::select(vec!["", "noise", "{", "}#", "{A1:2}#", "#{A", "{A0:0:0:99999999999}#"]), 20),
+        cuts in prop::collection::vec(1usize..12, 1..200),
+    ) {
+        let script = "wait 500ms\nexpect voltage > 10V within 1s\n";
+        let whole: Vec<(u64, Vec<u8>)> = values.iter().map(|value| (600_000, line(*value))).collect();
+        let mut stream: Vec<u8> = Vec::new();
+        for (value, noise) in values.iter().zip(noise.iter().cycle()) {
+            stream.extend(noise.bytes());
+            stream.extend(line(*value));
+        }
+        let mut pieces = Vec::new();
+        let mut rest = stream.as_slice();
+        for cut in cuts.iter().cycle() {
+            if rest.is_empty() {
+                break;
+            }
+            let (piece, behind) = rest.split_at((*cut).min(rest.len()));
+            pieces.push((600_000, piece.to_vec()));
+            rest = behind;
+        }
+        prop_assert_eq!(judged(script, &pieces), judged(script, &whole));
+    }
+
+    /// Whatever comes, nothing passes that no report says.
+    #[test]
+    fn noise_never_passes(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let mut reports = 0;
+        ReportDecoder::new().feed(&bytes, |item| reports += u32::from(matches!(item, ReportItem::Report(_))));
+        prop_assume!(reports == 0);
+        prop_assert_eq!(found("wait 500ms\nexpect voltage >= 0V\n", &[(100_000, bytes)]), [Found::Nothing]);
+    }
+}
