@@ -38,9 +38,9 @@ pub mod syntax;
 pub mod timeline;
 pub mod verify;
 
-use diagnostic::Diagnostics;
-use program::Options;
-use source::Sources;
+use diagnostic::{Code, Diagnostic, Diagnostics};
+use program::{Options, Time};
+use source::{Sources, Span};
 use timeline::Timeline;
 
 /// What became of a script.
@@ -67,6 +67,13 @@ fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -
     // The tree is large, and has told everything.
     drop(ast);
     if !diagnostics.has_errors() {
+        let program = program.at_speed(options.speed);
+        if program.end > Time::LONGEST {
+            let help = "play it faster, or only a part of it; a script is at most 24 hours long";
+            let message = "at this speed the script is longer than 24 hours";
+            diagnostics.push(Diagnostic::new(Code::TooLong, Span::new(0, 0), message, help));
+            return None;
+        }
         return Some(timeline::timeline(program, options.events, diagnostics));
     }
     // All errors at once, but none that is only there because something else is missing.

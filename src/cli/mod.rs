@@ -151,7 +151,7 @@ impl Script {
 impl Options {
     /// The same for the library.
     fn of_library(&self) -> motionseq::program::Options {
-        motionseq::program::Options { events: self.max_events, set: self.set.clone() }
+        motionseq::program::Options { events: self.max_events, set: self.set.clone(), ..Default::default() }
     }
 
     /// Compiles a script and shows what is wrong with it.

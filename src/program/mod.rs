@@ -50,11 +50,38 @@ pub struct Options {
     pub events: usize,
     /// Values that replace those of top-level `let`s of the main script: names and values, as a script would write them.
     pub set: Vec<(String, String)>,
+    /// How fast it runs.
+    pub speed: Speed,
+}
+
+/// How fast a script runs, from a tenth to ten times as fast, in thousandths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Speed(u32);
+
+impl Speed {
+    /// As the script says.
+    pub const NORMAL: Speed = Speed(1_000);
+
+    /// Of a decimal number from 0.1 to 10 with at most three digits behind its point.
+    pub fn of(text: &str) -> Option<Speed> {
+        let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
+        let is_number = |text: &str| (1..=3).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
+        if !is_number(whole) || !is_number(part) {
+            return None;
+        }
+        let thousandths = whole.parse::<u32>().ok()? * 1_000 + format!("{part:0<3}").parse::<u32>().ok()?;
+        (100..=10_000).contains(&thousandths).then_some(Speed(thousandths))
+    }
+
+    /// A time of the script as it takes at this speed.
+    pub fn time(self, time: Time) -> Time {
+        if self == Speed::NORMAL { time } else { time.scaled(1_000, i64::from(self.0)).unwrap_or(time) }
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { events: 10_000_000, set: Vec::new() }
+        Options { events: 10_000_000, set: Vec::new(), speed: Speed::NORMAL }
     }
 }
 
@@ -69,6 +96,8 @@ pub struct Program {
     pub end: Time,
     /// What is sent when something ends a run early.
     pub abort: Option<Abort>,
+    /// Moments that have a name.
+    pub marks: Vec<(String, Time)>,
     /// The calls and passes that led to each step.
     pub traces: Traces,
     /// Whether all of these times are right, whatever else is wrong with the script.
@@ -143,6 +172,31 @@ impl Default for Settings {
             limits: Vec::new(),
             servo_speeds: [SERVO_SPEED; 4],
         }
+    }
+}
+
+impl Program {
+    /// The same at another speed: commands, moves and holds. Refreshes and the steps of moves stay in real time, and so
+    /// does `on abort`.
+    #[must_use]
+    pub fn at_speed(mut self, speed: Speed) -> Self {
+        if speed == Speed::NORMAL {
+            return self;
+        }
+        for step in &mut self.steps {
+            step.at = speed.time(step.at);
+            match &mut step.action {
+                Action::Send(_, hold) => *hold = hold.map(|hold| speed.time(hold)),
+                Action::Go(going) => going.over = speed.time(going.over),
+                Action::Expect(expect) => expect.within = expect.within.map(|within| speed.time(within)),
+                Action::Say(_) => {}
+            }
+        }
+        for (_, at) in &mut self.marks {
+            *at = speed.time(*at);
+        }
+        self.end = speed.time(self.end);
+        self
     }
 }
 

@@ -1,6 +1,6 @@
 //! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
-use super::{BUZZER, Cue, DRIVE, Event, Expectation, Kind, REPORTS, THINGS, Timeline, Track, Tween, things};
+use super::{BUZZER, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things};
 use crate::board::{Command, State, TiltPulseWidth};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{
@@ -9,7 +9,9 @@ use crate::program::{
 use crate::source::Span;
 
 pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    let Program { settings, steps, end, abort, traces, .. } = program;
+    let Program { settings, steps, end, abort, traces, marks, .. } = program;
+    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at_us: at.micros() }).collect();
+    marks.sort_by_key(|mark| mark.at_us);
     let mut cues = Vec::new();
     let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
     lay.run(steps, &mut cues);
@@ -23,6 +25,7 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
         tracks: vec![Track { robot: None, events, tweens, abort }],
         cues,
         expects,
+        marks,
         abort_cues,
         end_us: end.micros(),
         baud: settings.baud,

@@ -8,6 +8,7 @@ mod lay;
 mod lints;
 mod listing;
 mod order;
+mod part;
 mod snapshot;
 mod tween;
 pub mod wire;
@@ -19,6 +20,7 @@ use crate::source::{Lines, Sources, Span};
 
 pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
+pub use part::{Part, part, passes, state_after};
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_aborted, write_snapshot};
 pub use tween::Tween;
 
@@ -31,6 +33,8 @@ pub struct Timeline {
     pub cues: Vec<Cue>,
     /// What the board should report, sorted by time.
     pub expects: Vec<Expectation>,
+    /// Moments that have a name, sorted by time.
+    pub marks: Vec<Mark>,
     /// Lines to show where something ended a run early.
     pub abort_cues: Vec<Cue>,
     /// When the script ends, in microseconds from its start. Nothing is later.
@@ -116,6 +120,15 @@ pub struct Expectation {
     pub span: Span,
     /// The calls and passes that led to it.
     pub trace: TraceId,
+}
+
+/// A moment that has a name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mark {
+    /// Its name. A mark inside a `repeat` or a `def` is there once a pass.
+    pub name: String,
+    /// When it is, in microseconds from the start of the script.
+    pub at_us: u64,
 }
 
 /// A line to show at its time.

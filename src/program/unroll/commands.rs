@@ -145,6 +145,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                     self.given_twice(name, first);
                     return None;
                 }
+                self.marks.push((name.text.to_owned(), start));
                 self.context.scope.bind(name, Quantity::Moment(start), false);
                 Some(start)
             }

@@ -73,6 +73,7 @@ pub(super) fn unroll<'a, 's>(
             .collect(),
         begun: false,
         steps: Vec::new(),
+        marks: Vec::new(),
         done: 0,
         max_events: options.events,
         exhausted: false,
@@ -157,6 +158,7 @@ struct Unroll<'a, 's, 'd> {
     /// Whether anything but a setting has come.
     begun: bool,
     steps: Vec<Step>,
+    marks: Vec<(String, Time)>,
     /// Lines and passes that were run.
     done: u64,
     max_events: usize,
@@ -213,6 +215,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             steps: self.steps,
             end,
             abort: self.abort.map(|(abort, _)| abort),
+            marks: self.marks,
             traces: self.context.traces,
             times_known: self.times_known,
         }

@@ -1,0 +1,232 @@
+//! A part of a timeline, played by itself or again and again: a pure function of the whole.
+//!
+//! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
+//! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
+
+use super::{Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track};
+use crate::board::{Command, PulseWidth, ServoIndex, State};
+use crate::program::{Ease, TraceId};
+use crate::source::Span;
+
+/// Which part of a timeline.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Part {
+    /// Where it begins, in microseconds from the start of the script.
+    pub from_us: u64,
+    /// Where it ends; `None` for the end of the script. What is due at that very time is left out.
+    pub to_us: Option<u64>,
+    /// How long servos take that must be brought to where they would be, in microseconds.
+    pub lead_in_us: u64,
+}
+
+/// Microseconds between two steps of a lead-in.
+const STEP_US: u64 = 20_000;
+
+/// Takes a part out of a timeline. `known` is what the board was told before.
+pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
+    let to_us = part.to_us.unwrap_or(u64::MAX).min(timeline.end_us.saturating_add(1));
+    let is_whole = part.from_us == 0 && to_us > timeline.end_us;
+    if is_whole {
+        return timeline.clone();
+    }
+    let mut cut = Cut { events: Vec::new(), state: State::default(), marks: [None; 6], now: 0 };
+    let events = timeline.events();
+    let begin = events.partition_point(|event| event.at_us < part.from_us);
+    for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
+        cut.note(event);
+    }
+    let lead_us = if part.from_us > 0 { cut.lead_in(part.lead_in_us, known) } else { 0 };
+    let shifted = |at_us: u64| at_us.saturating_sub(part.from_us).saturating_add(lead_us);
+    let inside = events.iter().skip(begin).take_while(|event| event.at_us < to_us);
+    for event in inside.filter(|event| event.kind != Kind::Auto) {
+        cut.note(event);
+        cut.events.push(Event { at_us: shifted(event.at_us), ..event.clone() });
+    }
+    let end_us = shifted(to_us.min(timeline.end_us));
+    cut.close(end_us);
+    let is_inside = |at_us: u64| (part.from_us..to_us).contains(&at_us);
+    let cues = timeline.cues.iter().filter(|cue| is_inside(cue.at_us));
+    let cues = cues.map(|cue| Cue { at_us: shifted(cue.at_us), ..cue.clone() }).collect();
+    let expects = timeline.expects.iter().filter(|expect| is_inside(expect.at_us) && expect.until_us <= to_us);
+    let expects: Vec<Expectation> = expects
+        .map(|expect| Expectation {
+            at_us: shifted(expect.at_us),
+            until_us: shifted(expect.until_us),
+            ..expect.clone()
+        })
+        .collect();
+    let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at_us));
+    let marks = marks.map(|mark| Mark { at_us: shifted(mark.at_us), ..mark.clone() }).collect();
+    let mut events = cut.events;
+    if let (Some(first), Some(last)) = (expects.first(), expects.last()) {
+        let [start, stop] = REPORTS;
+        events.insert(0, auto(0, start, first.span, first.trace));
+        events.push(auto(end_us, stop, last.span, last.trace));
+    }
+    let abort = timeline.abort().to_vec();
+    Timeline {
+        tracks: vec![Track { robot: None, events, tweens: Vec::new(), abort }],
+        cues,
+        expects,
+        marks,
+        end_us,
+        ..timeline.clone()
+    }
+}
+
+/// What the board was told when a timeline has been played.
+pub fn state_after(timeline: &Timeline) -> State {
+    let mut state = State::default();
+    for event in timeline.events() {
+        state.apply(&event.command);
+    }
+    state
+}
+
+/// So many passes of a part, one right behind the other; each takes exactly as long as it says, so nothing drifts.
+/// `None` where that is more than `events` frames or more than a day.
+pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> Option<Timeline> {
+    const DAY_US: u64 = 24 * 3_600 * 1_000_000;
+    let more = count.saturating_sub(1);
+    let frames =
+        u64::try_from(again.events().len()).ok()?.checked_mul(more)?.checked_add(first.events().len() as u64)?;
+    let end_us = again.end_us.checked_mul(more)?.checked_add(first.end_us)?;
+    if frames > events as u64 || end_us > DAY_US {
+        return None;
+    }
+    let mut all = first.clone();
+    for pass in 0..more {
+        let by_us = first.end_us + pass * again.end_us;
+        if let Some(track) = all.tracks.first_mut() {
+            let events = again.events().iter();
+            track.events.extend(events.map(|event| Event { at_us: event.at_us + by_us, ..event.clone() }));
+            track.tweens.clear();
+        }
+        let expects = again.expects.iter();
+        all.expects.extend(expects.map(|expect| Expectation {
+            at_us: expect.at_us + by_us,
+            until_us: expect.until_us + by_us,
+            ..expect.clone()
+        }));
+        all.cues.extend(again.cues.iter().map(|cue| Cue { at_us: cue.at_us + by_us, ..cue.clone() }));
+        all.marks.extend(again.marks.iter().map(|mark| Mark { at_us: mark.at_us + by_us, ..mark.clone() }));
+    }
+    all.end_us = end_us;
+    Some(all)
+}
+
+fn auto(at_us: u64, command: Command, span: Span, trace: TraceId) -> Event {
+    Event { at_us, command, kind: Kind::Auto, span, trace }
+}
+
+/// A part that grows.
+struct Cut {
+    events: Vec<Event>,
+    /// What the board would have been told by then.
+    state: State,
+    /// Where each thing was told so: the servos, the drive, and last the buzzer or the gains.
+    marks: [Option<(Span, TraceId)>; 6],
+    now: u64,
+}
+
+/// Places of [`Cut::marks`] behind the four servos.
+const DRIVE: usize = 4;
+const REST: usize = 5;
+
+impl Cut {
+    fn note(&mut self, event: &Event) {
+        self.state.apply(&event.command);
+        let places: &[usize] = match &event.command {
+            Command::Servos { .. } => &[0, 1],
+            Command::Servo { index, .. } => match index.get() {
+                1 => &[0],
+                2 => &[1],
+                3 => &[2],
+                _ => &[3],
+            },
+            command if command.is_drive() => &[DRIVE],
+            _ => &[REST],
+        };
+        for place in places {
+            if let Some(mark) = self.marks.get_mut(*place) {
+                *mark = Some((event.span, event.trace));
+            }
+        }
+    }
+
+    fn push(&mut self, at_us: u64, command: Command, kind: Kind, place: usize) {
+        let (span, trace) = self.marks.get(place).copied().flatten().unwrap_or_default();
+        self.events.push(Event { at_us, command, kind, span, trace });
+    }
+
+    /// Brings the board to the state of the start; gives how long that takes.
+    fn lead_in(&mut self, lead_in_us: u64, known: &State) -> u64 {
+        let state = self.state.clone();
+        let mut takes_us = 0;
+        for command in state.commands() {
+            match &command {
+                Command::Servo { index, pulse } => {
+                    let place = usize::try_from(index.get() - 1).unwrap_or(REST);
+                    match known.servo(*index) {
+                        Some(from) if from == *pulse => {}
+                        Some(from) => {
+                            takes_us = lead_in_us;
+                            self.glide(*index, from, *pulse, lead_in_us, place);
+                        }
+                        // Nobody knows where it is: it is sent there at once, and gets the time.
+                        None => {
+                            takes_us = lead_in_us;
+                            self.push(0, command.clone(), Kind::Auto, place);
+                        }
+                    }
+                }
+                command if !command.is_drive() && !matches!(command, Command::Buzzer(_)) => {
+                    self.push(0, command.clone(), Kind::Auto, REST);
+                }
+                _ => {}
+            }
+        }
+        // Gains first, then step by step, each servo in its order.
+        self.events.sort_by_key(|event| event.at_us);
+        for command in state.commands().filter(|command| command.is_drive() || matches!(command, Command::Buzzer(_))) {
+            let place = if command.is_drive() { DRIVE } else { REST };
+            self.push(takes_us, command, Kind::Auto, place);
+        }
+        self.now = takes_us;
+        takes_us
+    }
+
+    /// Goes from one pulse width to another, gently.
+    fn glide(&mut self, index: ServoIndex, from: PulseWidth, to: PulseWidth, lasts_us: u64, place: usize) {
+        let ease = Ease::named("in-out-sine").unwrap_or(Ease::LINEAR);
+        let mut last = from;
+        let steps = (1..).map(|step| step * STEP_US).take_while(|at_us| *at_us < lasts_us).chain([lasts_us]);
+        for at_us in steps {
+            #[expect(clippy::cast_precision_loss, reason = "microseconds of a lead-in fit")]
+            let part = at_us as f64 / lasts_us.max(1) as f64;
+            let (start, end) = (f64::from(from.get()), f64::from(to.get()));
+            let value = libm::round(start + (end - start) * ease.at(part));
+            #[expect(clippy::cast_possible_truncation, reason = "between two pulse widths")]
+            let pulse = if at_us == lasts_us { to } else { PulseWidth::new(value as i32).unwrap_or(to) };
+            if pulse != last {
+                self.push(at_us, Command::Servo { index, pulse }, Kind::Auto, place);
+                last = pulse;
+            }
+        }
+    }
+
+    /// What is still running at the end is ended.
+    fn close(&mut self, end_us: u64) {
+        let is_raw = self.events.iter().any(|event| matches!(event.command, Command::Raw { .. }));
+        let has_closed = self.events.last().is_some_and(|event| event.kind == Kind::Closing);
+        if has_closed {
+            return;
+        }
+        if is_raw || self.state.drive().is_some_and(Command::keeps_driving) {
+            self.push(end_us, Command::STOP, Kind::Closing, DRIVE);
+        }
+        if is_raw || self.state.buzzer() == Some(true) {
+            self.push(end_us, Command::Buzzer(false), Kind::Closing, REST);
+        }
+    }
+}
