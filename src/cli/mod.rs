@@ -15,6 +15,7 @@ mod ports;
 mod render;
 mod screen;
 mod shell;
+mod show;
 mod test;
 
 use std::io;
@@ -26,8 +27,8 @@ use std::thread;
 use clap::{Args, Parser, Subcommand};
 use motionseq::Compiled;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
+use motionseq::program::Speed;
 use motionseq::source::{Source, SourceError, Sources};
-use motionseq::timeline::Timeline;
 
 use exit::Exit;
 use screen::{Color, Screen, Volume};
@@ -136,18 +137,6 @@ pub(crate) fn main() -> ExitCode {
     exit.into()
 }
 
-impl Script {
-    /// Reads and compiles the script and shows what is wrong with it.
-    fn compile(&self, screen: &Screen) -> Result<(Sources, Timeline), Exit> {
-        let sources = Sources::from(read(&self.file, screen)?);
-        let compiled = self.options.compile(&sources, screen, false);
-        match compiled.timeline {
-            Some(timeline) => Ok((sources, timeline)),
-            None => Err(Exit::Script),
-        }
-    }
-}
-
 impl Options {
     /// The same for the library.
     fn of_library(&self) -> motionseq::program::Options {
@@ -158,6 +147,14 @@ impl Options {
     fn compile(&self, sources: &Sources, screen: &Screen, denied: bool) -> Compiled {
         let compiled = motionseq::compile(sources, &self.of_library());
         screen.diagnostics(sources, &compiled.diagnostics, denied);
+        compiled
+    }
+
+    /// The same at another speed.
+    fn compile_at(&self, sources: &Sources, screen: &Screen, speed: Speed) -> Compiled {
+        let options = motionseq::program::Options { speed, ..self.of_library() };
+        let compiled = motionseq::compile(sources, &options);
+        screen.diagnostics(sources, &compiled.diagnostics, false);
         compiled
     }
 }

@@ -27,6 +27,8 @@ pub(super) type Told = (io::Result<()>, Option<Report>);
 /// What the thread works with.
 pub(super) struct News {
     timeline: Arc<Timeline>,
+    /// What comes again and again behind it.
+    again: Arc<Timeline>,
     screen: Screen,
     recording: Option<File>,
     report: Option<Report>,
@@ -44,14 +46,14 @@ enum Clock {
 impl News {
     /// Starts the thread. When both rings have ended and are empty, it says what is left to tell.
     pub(super) fn start(
-        timeline: Arc<Timeline>,
+        [timeline, again]: [Arc<Timeline>; 2],
         screen: Screen,
         recording: Option<File>,
         notices: Consumer<Notice>,
         bytes: Consumer<u8>,
     ) -> io::Result<Receiver<Told>> {
         let (told, end) = mpsc::channel();
-        let news = News { timeline, screen, recording, report: None, clock: Clock::Runs(Instant::now()) };
+        let news = News { timeline, again, screen, recording, report: None, clock: Clock::Runs(Instant::now()) };
         start_thread("news", move || {
             let _ = told.send(news.run(notices, bytes));
         })?;
@@ -103,6 +105,11 @@ impl News {
             Notice::Paused { at_us } => self
                 .screen
                 .ask(&format!("{} s: paused; Enter goes on (the robot may move at once), Ctrl-C ends", seconds(at_us))),
+            Notice::Pass { pass } => {
+                self.timeline = Arc::clone(&self.again);
+                self.clock = Clock::Runs(Instant::now());
+                self.screen.note(&format!("pass {pass}"));
+            }
             Notice::Resumed { at_us } => {
                 let now = Instant::now();
                 self.clock = Clock::Runs(now.checked_sub(Duration::from_micros(at_us)).unwrap_or(now));

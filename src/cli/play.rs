@@ -21,15 +21,18 @@ use super::exit::Exit;
 use super::news::News;
 use super::output;
 use super::screen::Screen;
+use super::show::{Show, Staged};
 
 /// Play a script on a board, or on a virtual one
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nA second process, the guard, stops the robot if this one is killed or hangs.\nEverything that play says goes to standard error."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n  motionseq play show.motion --from bow --speed 0.5          from the mark `bow` on, at half speed\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nA second process, the guard, stops the robot if this one is killed or hangs.\nEverything that play says goes to standard error."
 )]
 pub(super) struct Play {
     #[command(flatten)]
     script: Script,
+    #[command(flatten)]
+    show: Show,
     /// The serial port of the board, or else what `MOTIONSEQ_PORT` names; without it a virtual board takes the frames
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
@@ -74,7 +77,8 @@ impl Play {
     }
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, timeline) = self.script.compile(screen)?;
+        let (sources, Staged { timeline, again }) =
+            self.show.compile(&self.script.file, &self.script.options, screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
             Exit::Usage
@@ -108,10 +112,15 @@ impl Play {
         let (bytes_in, bytes_out) = RingBuffer::new(BYTES);
         let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
         let recording = recording.map(|(_, file)| file);
-        let news = News::start(Arc::clone(&timeline), *screen, recording, notices_out, bytes_out);
+        let again = again.map(Arc::new);
+        let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
+        let news = News::start(timelines, *screen, recording, notices_out, bytes_out);
         let news = news.map_err(|error| system(screen, &error))?;
         let teller = Teller::start().map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
+        if let Some(again) = &again {
+            player = player.again_and_again(again);
+        }
         let mut rig = Rig {
             link: Recorder::new(port.link, bytes_in),
             signals,

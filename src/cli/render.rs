@@ -11,15 +11,18 @@ use super::Script;
 use super::exit::Exit;
 use super::output;
 use super::screen::Screen;
+use super::show::{Show, Staged};
 
 /// Print the frames that a script sends, without sending them
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin"
+    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin\n  motionseq render show.motion --from bow --to 20s --speed 0.5 --loop 2"
 )]
 pub(super) struct Render {
     #[command(flatten)]
     script: Script,
+    #[command(flatten)]
+    show: Show,
     /// How frames are written
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
@@ -43,8 +46,12 @@ enum Format {
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let (sources, timeline) = match self.script.compile(screen) {
-            Ok(compiled) => compiled,
+        let (sources, timeline) = match self.show.compile(&self.script.file, &self.script.options, screen) {
+            Ok((_, Staged { again: Some(_), .. })) => {
+                screen.error("what goes on forever cannot be printed: write how often, such as `--loop 3`");
+                return Exit::Usage;
+            }
+            Ok((sources, staged)) => (sources, staged.timeline),
             Err(exit) => return exit,
         };
         let written = match &self.output {

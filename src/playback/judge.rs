@@ -67,6 +67,18 @@ impl<'t> Judge<'t> {
         Judge { expects, next: 0, open: Vec::with_capacity(expects.len()), newest: None }
     }
 
+    /// Makes room for so many at once, so that a later pass allocates nothing.
+    pub(super) fn make_room(&mut self, count: usize) {
+        self.open.reserve(count);
+    }
+
+    /// Begins again with these; the newest report stays what it is.
+    pub(super) fn restart(&mut self, expects: &'t [Expectation]) {
+        self.expects = expects;
+        self.next = 0;
+        self.open.clear();
+    }
+
     /// Takes a report that came at `now`, on the clock of the run.
     pub(super) fn hear(&mut self, now: u64, report: Report, tell: &mut impl FnMut(Verdict)) {
         self.newest = Some((now, report));

@@ -96,6 +96,11 @@ pub enum Notice {
         /// Microseconds from the start of the script.
         at_us: u64,
     },
+    /// A further pass of a run without end begins.
+    Pass {
+        /// Which one, counted from 1.
+        pass: u64,
+    },
     /// It goes on.
     Resumed {
         /// Microseconds from the start of the script.
@@ -152,6 +157,11 @@ pub struct Player<'t> {
     abort: &'t [Event],
     cues: &'t [Cue],
     judge: Judge<'t>,
+    /// What comes again and again when everything was played.
+    again: Option<&'t Timeline>,
+    /// What was played before this pass.
+    before: [&'t [Event]; 2],
+    pass: u64,
     end: u64,
     max_late: u64,
     phase: Phase<'t>,
@@ -193,6 +203,9 @@ impl<'t> Player<'t> {
             abort: timeline.abort(),
             cues: &timeline.cues,
             judge: Judge::new(&timeline.expects),
+            again: None,
+            before: [&[], &[]],
+            pass: 1,
             end: timeline.end_us.saturating_mul(1_000),
             max_late,
             phase: Phase::Playing,
@@ -208,6 +221,27 @@ impl<'t> Player<'t> {
             extra: 0,
             worst_late: 0,
         }
+    }
+
+    /// Plays `again` over and over when everything else was played. It must take some time.
+    #[must_use]
+    pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
+        self.judge.make_room(again.expects.len());
+        self.again = Some(again).filter(|again| again.end_us > 0);
+        self
+    }
+
+    /// Begins the next pass at the very moment when the last one was to end.
+    fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
+        self.before = [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
+        self.origin = self.origin.saturating_add(self.end);
+        self.pass += 1;
+        self.events = again.events();
+        self.cues = &again.cues;
+        self.judge.restart(&again.expects);
+        self.end = again.end_us.saturating_mul(1_000);
+        (self.next, self.next_cue, self.last) = (0, 0, None);
+        notices(Notice::Pass { pass: self.pass });
     }
 
     /// The bytes that the port still has to take.
@@ -319,6 +353,13 @@ impl<'t> Player<'t> {
         match next_event.into_iter().chain(next_cue).chain(self.judge.next_due()).min() {
             Some(until) => self.wait(until, false),
             None if time < self.end => self.wait(self.end, false),
+            None if self.again.is_some() => {
+                if let Some(again) = self.again {
+                    self.next_pass(again, notices);
+                }
+                // At this very moment, or a little behind it, the first frames of the next pass are due.
+                Order::Wait { until: self.origin, writable: false }
+            }
             None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
     }
@@ -433,7 +474,8 @@ impl<'t> Player<'t> {
     /// Brings the robot back to where the pause found it; what was queued then may never have reached it.
     fn restore(&mut self, at: u64) {
         let mut state = State::default();
-        for event in self.events.iter().take(self.next) {
+        let before = self.before.iter().copied().flatten();
+        for event in before.chain(self.events.iter().take(self.next)) {
             state.apply(&event.command);
         }
         for command in state.commands() {

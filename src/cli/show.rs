@@ -1,0 +1,144 @@
+//! Which part of a script is rendered or played, how fast, and how often.
+
+use std::path::Path;
+
+use clap::Args;
+use motionseq::board::State;
+use motionseq::program::{Speed, Time};
+use motionseq::source::Sources;
+use motionseq::timeline::{Part, Timeline, part, passes, state_after};
+
+use super::exit::Exit;
+use super::screen::{Screen, seconds};
+use super::{Options, read};
+
+/// Which part of a script, how fast, and how often.
+#[derive(Debug, Args)]
+pub(super) struct Show {
+    /// Begin at this time of the script, or at this mark; the servos are brought there first
+    #[arg(long, value_name = "TIME|MARK")]
+    from: Option<String>,
+    /// End at this time of the script, or at this mark
+    #[arg(long, value_name = "TIME|MARK")]
+    to: Option<String>,
+    /// Run so fast, from 0.1 to 10: commands, moves and holds; refreshes stay as they are
+    #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1")]
+    speed: Speed,
+    /// Run it so often, one pass right behind the other, or `forever`
+    #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1")]
+    count: Count,
+    /// How long servos have to get where they are at the beginning of a part
+    #[arg(long, value_name = "TIME", value_parser = time, default_value = "1s")]
+    lead_in: Time,
+}
+
+/// How often.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Count {
+    Times(u64),
+    Forever,
+}
+
+fn speed(text: &str) -> Result<Speed, String> {
+    Speed::of(text).ok_or_else(|| "write a number from 0.1 to 10 with at most three digits behind its point".into())
+}
+
+fn count(text: &str) -> Result<Count, String> {
+    match text.parse() {
+        _ if text == "forever" => Ok(Count::Forever),
+        Ok(times) if times > 0 => Ok(Count::Times(times)),
+        _ => Err("write how often, 1 or more, or `forever`".into()),
+    }
+}
+
+fn time(text: &str) -> Result<Time, String> {
+    let is_plain = text.len() <= 20 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
+    let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten().and_then(Time::from_duration);
+    time.filter(|time| *time <= Time::LONGEST).ok_or_else(|| "write a time such as 500ms, 1.5s or 1m30s".into())
+}
+
+/// A script as it is shown: what comes first, and what comes again and again behind it.
+pub(super) struct Staged {
+    pub(super) timeline: Timeline,
+    /// For a run without end.
+    pub(super) again: Option<Timeline>,
+}
+
+impl Show {
+    /// Compiles a script, and takes out of it what is asked for.
+    pub(super) fn compile(
+        &self,
+        file: &Path,
+        options: &Options,
+        screen: &Screen,
+    ) -> Result<(Sources, Staged), Exit> {
+        let sources = Sources::from(read(file, screen)?);
+        let whole = options.compile_at(&sources, screen, self.speed).timeline.ok_or(Exit::Script)?;
+        match self.stage(&whole, options.max_events) {
+            Ok(staged) => Ok((sources, staged)),
+            Err(why) => {
+                screen.error(&why);
+                Err(Exit::Usage)
+            }
+        }
+    }
+
+    fn stage(&self, whole: &Timeline, max_events: usize) -> Result<Staged, String> {
+        let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
+        let from_us = moment(&self.from)?.unwrap_or(0);
+        let to_us = moment(&self.to)?;
+        let end = seconds(whole.end_us);
+        if from_us > whole.end_us {
+            return Err(format!("--from is behind the end of the script, which is at {end} s at this speed"));
+        }
+        if to_us.is_some_and(|to_us| to_us <= from_us) {
+            return Err("--to is not behind --from: nothing is left between them".to_owned());
+        }
+        let asked = Part { from_us, to_us, lead_in_us: self.lead_in.micros() };
+        let first = part(whole, &asked, &State::default());
+        // Behind a pass it is known where everything is.
+        let again = || part(whole, &asked, &state_after(&first));
+        match self.count {
+            Count::Times(1) => Ok(Staged { timeline: first, again: None }),
+            Count::Times(times) => {
+                let timeline = passes(&first, &again(), times, max_events).ok_or_else(|| {
+                    format!("{times} passes are more than 24 hours or {max_events} frames: write fewer, or `--loop forever`")
+                })?;
+                Ok(Staged { timeline, again: None })
+            }
+            Count::Forever => {
+                let again = again();
+                if again.end_us == 0 {
+                    return Err("this takes no time, and cannot go on forever".to_owned());
+                }
+                Ok(Staged { timeline: first, again: Some(again) })
+            }
+        }
+    }
+
+    /// A time of the script, or a mark, as it is at this speed.
+    fn moment(&self, text: &str, whole: &Timeline) -> Result<u64, String> {
+        if let Ok(time) = time(text) {
+            return Ok(self.speed.time(time).micros());
+        }
+        let mut named = whole.marks.iter().filter(|mark| mark.name == text);
+        match (named.next(), named.next()) {
+            (Some(mark), None) => Ok(mark.at_us),
+            (Some(_), Some(_)) => {
+                let all = whole.marks.iter().filter(|mark| mark.name == text).take(5);
+                let all: Vec<String> = all.map(|mark| seconds(mark.at_us)).collect();
+                Err(format!("the mark `{text}` is there more than once, at {} s: write a time", all.join(", ")))
+            }
+            (None, _) => {
+                let mut names: Vec<&str> = whole.marks.iter().map(|mark| mark.name.as_str()).collect();
+                names.dedup();
+                names.truncate(12);
+                let known = match names.as_slice() {
+                    [] => "the script has no marks".to_owned(),
+                    names => format!("its marks are {}", names.join(", ")),
+                };
+                Err(format!("`{text}` is no time such as 1.5s, and no mark of the script; {known}"))
+            }
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! Parts of a script, at other speeds, again and again: what `render` and `play` have in common.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use motionseq::board::State;
+use motionseq::playback::{Cause, Input, Notice, Order, Player};
+use motionseq::program::{Options, Speed};
+use motionseq::source::Source;
+use motionseq::timeline::{Kind, Part, Timeline, part, passes, state_after};
+use support::{run, script, stderr, stdout};
+
+fn compiled(text: &str, speed: Speed) -> Timeline {
+    let options = Options { speed, ..Options::default() };
+    motionseq::compile(&Source::new("x.motion", text).into(), &options).timeline.expect("the script compiles")
+}
+
+fn timeline(text: &str) -> Timeline {
+    compiled(text, Speed::NORMAL)
+}
+
+/// Time, command and kind of each frame.
+fn frames(timeline: &Timeline) -> Vec<(u64, String, Kind)> {
+    timeline.events().iter().map(|event| (event.at_us, event.command.to_string(), event.kind)).collect()
+}
+
+const SHOW: &str = "\
+pid speed speed=1,2 position=3,4,5 yaw=6,7,8
+servos 1500 1500
+servo 3 1000 -> 2000 over 2s ease in-out-sine
+mark turn
+rocker y=10 z=20 for 2s
+buzzer on
+mark nod
+repeat 3 { servo 2 1700 over 300ms
+servo 2 1500 over 300ms }
+rocker y=-5
+wait 1s
+buzzer off
+mark bow
+servo 3 1200 over 500ms
+rocker y=0 -> 8 over 400ms
+wait 500ms
+stop
+";
+
+#[test]
+fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
+    let whole = timeline(SHOW);
+    for from_us in (1..whole.end_us).step_by(37_000).chain(whole.marks.iter().map(|mark| mark.at_us)) {
+        let cut = part(&whole, &Part { from_us, to_us: None, lead_in_us: 1_000_000 }, &State::default());
+        let mut there = State::default();
+        for event in whole.events().iter().take_while(|event| event.at_us < from_us) {
+            there.apply(&event.command);
+        }
+        // What brings it there, without what comes at that very time.
+        let count = cut.events().iter().take_while(|event| event.kind == Kind::Auto).count();
+        let mut state = State::default();
+        for event in &cut.events()[..count] {
+            state.apply(&event.command);
+        }
+        for command in there.commands() {
+            assert!(state.commands().any(|other| other == command), "{from_us}: {command} is missing");
+        }
+        assert_eq!(state.commands().count(), there.commands().count(), "{from_us}");
+        // The servos come first and get their time; the drive runs only when they are there.
+        let drives = cut.events()[..count].iter().find(|event| event.command.is_drive());
+        assert!(drives.is_none_or(|event| event.at_us == 1_000_000 && event.at_us == cut.end_us - (whole.end_us - from_us)));
+        // Behind it, the same frames in the same distances.
+        let rest: Vec<_> = whole.events().iter().filter(|event| event.at_us >= from_us).collect();
+        let by_us = cut.end_us - (whole.end_us - from_us);
+        assert_eq!(rest.len(), cut.events().len() - count);
+        for (event, other) in rest.iter().zip(&cut.events()[count..]) {
+            assert_eq!((event.at_us - from_us + by_us, &event.command), (other.at_us, &other.command));
+        }
+        let mut end = State::default();
+        cut.events().iter().for_each(|event| end.apply(&event.command));
+        assert!(end.at_rest(), "{from_us}");
+    }
+}
+
+#[test]
+fn wherever_it_is_cut_off_nothing_is_left_running() {
+    let whole = timeline(SHOW);
+    for to_us in (1..whole.end_us).step_by(53_000) {
+        let cut = part(&whole, &Part { to_us: Some(to_us), ..Part::default() }, &State::default());
+        assert_eq!(cut.end_us, to_us);
+        assert!(state_after(&cut).at_rest(), "{to_us}");
+        assert!(cut.events().is_sorted_by_key(|event| event.at_us) && cut.events().iter().all(|event| event.at_us <= to_us));
+    }
+    assert_eq!(part(&whole, &Part::default(), &State::default()), whole);
+}
+
+#[test]
+fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
+    let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
+    let asked = Part { from_us: 500_000, to_us: None, lead_in_us: 100_000 };
+    // Nobody knows where it is: sent at once, and given the time.
+    let first = part(&whole, &asked, &State::default());
+    assert_eq!(frames(&first)[..2], [(0, "servo 1 1000".into(), Kind::Auto), (600_000, "servo 1 2000".into(), Kind::Command)]);
+    // Behind the first pass it is at 2000: in-out-sine over 100 ms, at 20 ms 2000 - 1000 · (1 - cos(π/5)) / 2 = 1905.
+    let again = part(&whole, &asked, &state_after(&first));
+    let found = frames(&again);
+    let steps: Vec<(u64, &str)> = found.iter().map(|(at_us, command, _)| (*at_us, command.as_str())).collect();
+    assert_eq!(
+        steps,
+        [(20_000, "servo 1 1905"), (40_000, "servo 1 1655"), (60_000, "servo 1 1345"), (80_000, "servo 1 1095"), (100_000, "servo 1 1000"), (600_000, "servo 1 2000")]
+    );
+}
+
+#[test]
+fn passes_follow_each_other_exactly() {
+    let whole = timeline("servo 1 1000\nwait 333333us\nservo 1 1100\nwait 1us\n");
+    let all = passes(&whole, &whole, 1_000, 10_000_000).unwrap();
+    assert_eq!((all.events().len(), all.end_us), (2_000, 333_334_000));
+    for (at, event) in all.events().iter().enumerate() {
+        let pass = u64::try_from(at / 2).unwrap();
+        assert_eq!(event.at_us, pass * 333_334 + if at % 2 == 0 { 0 } else { 333_333 });
+    }
+    assert!(passes(&whole, &whole, 10_000_000, 10_000_000).is_none());
+    assert!(passes(&whole, &whole, u64::MAX, 10_000_000).is_none());
+}
+
+#[test]
+fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
+    let text = "servo 1 1000 -> 1100 over 100ms\nrocker x=5 for 100ms\nmark end\nwait 100ms\n";
+    let half = compiled(text, Speed::of("0.5").unwrap());
+    assert_eq!((half.end_us, half.marks[0].at_us), (600_000, 400_000));
+    let found = frames(&half);
+    let kind = |kind| found.iter().filter(|(_, _, found)| *found == kind).map(|(at_us, ..)| *at_us).collect::<Vec<_>>();
+    // Steps every 20 ms, ten of them and not five; refreshes every 50 ms.
+    assert_eq!(kind(Kind::Sample), [0, 20_000, 40_000, 60_000, 80_000, 100_000, 120_000, 140_000, 160_000, 180_000, 200_000]);
+    assert_eq!(kind(Kind::Refresh), [250_000, 300_000, 350_000]);
+    assert_eq!(kind(Kind::Command), [200_000, 400_000]);
+    // Exact: a third as fast and three times as long.
+    let third = compiled("wait 100ms\nservo 1 1000\n", Speed::of("3").unwrap());
+    assert_eq!(third.events()[0].at_us, 33_333);
+    for wrong in ["0.09", "10.001", "11", "", "x", "1.0000", "-1", "1e1", "0"] {
+        assert_eq!(Speed::of(wrong), None, "{wrong}");
+    }
+}
+
+#[test]
+fn a_run_without_end_does_not_drift_and_comes_to_rest_when_it_is_ended() {
+    let whole = timeline("servo 1 1000\nwait 100ms\nrocker y=5 for 233333us\nwait 1us\n");
+    let mut player = Player::new(&whole, 1_000_000_000).again_and_again(&whole);
+    let (mut now, mut input, mut sent, mut newest) = (0, Input::Tick, Vec::new(), 0);
+    let outcome = loop {
+        let order = player.poll(now, input, &mut |notice| {
+            if let Notice::Pass { pass } = notice {
+                newest = pass;
+            }
+        });
+        if let Some(outcome) = player.outcome() {
+            break outcome;
+        }
+        input = Input::Tick;
+        match order {
+            Order::Write => {
+                sent.push((now, player.bytes().to_vec()));
+                input = Input::Wrote(player.bytes().len());
+            }
+            Order::Wait { until, .. } | Order::Pause { until } => now = until.max(now),
+            _ => {}
+        }
+        if newest == 5_000 && input == Input::Tick {
+            input = Input::Signal(2);
+            newest += 1;
+        }
+    };
+    assert_eq!(outcome.cause, Cause::Signal(2));
+    let servos: Vec<u64> = sent.iter().filter(|(_, bytes)| bytes[2] == 0x02).map(|(at, _)| *at).collect();
+    assert!(servos.len() >= 4_999);
+    for (pass, at) in servos.iter().enumerate() {
+        assert_eq!(*at, u64::try_from(pass).unwrap() * 333_334_000);
+    }
+}
+
+#[test]
+fn what_is_played_is_what_is_rendered() {
+    let path = script("show", SHOW);
+    for options in [
+        vec!["--from", "nod", "--to", "bow", "--speed", "4", "--lead-in", "50ms"],
+        vec!["--to", "300ms", "--loop", "3"],
+        vec!["--from", "turn", "--to", "2.2s", "--loop", "2", "--lead-in", "60ms"],
+    ] {
+        let record = format!("{path}.bin");
+        let rendered = run(&[&["render", &path, "--format", "bin"], &options[..]].concat()).stdout;
+        let output = run(&[&["play", &path, "--record", &record], &options[..]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        // A stalled machine may drop steps, which it says.
+        if !stderr(&output).contains("dropped") {
+            assert_eq!(std::fs::read(&record).unwrap(), rendered, "{options:?}");
+        }
+        assert!(!rendered.is_empty());
+    }
+}
+
+#[test]
+fn times_and_marks_that_are_none_say_what_there_is() {
+    let path = script("marks", "mark a\nrepeat 2 { mark inner\nwait 1s }\nservo 1 1500\nmark b\nwait 1s\n");
+    for (options, words) in [
+        (vec!["--from", "c"], "`c` is no time such as 1.5s, and no mark of the script; its marks are a, inner, b"),
+        (vec!["--from", "inner"], "the mark `inner` is there more than once, at 0.000, 1.000 s: write a time"),
+        (vec!["--from", "4s"], "--from is behind the end of the script, which is at 3.000 s at this speed"),
+        (vec!["--from", "b", "--to", "a"], "--to is not behind --from: nothing is left between them"),
+        (vec!["--loop", "forever"], "what goes on forever cannot be printed: write how often, such as `--loop 3`"),
+        (vec!["--loop", "99999999"], "99999999 passes are more than 24 hours or 10000000 frames"),
+        (vec!["--loop", "0"], "write how often, 1 or more, or `forever`"),
+        (vec!["--speed", "20"], "write a number from 0.1 to 10 with at most three digits behind its point"),
+    ] {
+        let output = run(&[&["render", &path], &options[..]].concat());
+        assert_eq!((output.status.code(), stdout(&output)), (Some(2), String::new()), "{options:?}");
+        assert!(stderr(&output).contains(words), "{options:?}: {}", stderr(&output));
+    }
+    let slow = script("slow-day", "wait 20h\nservo 1 1500\n");
+    let output = run(&["render", &slow, "--speed", "0.5"]);
+    assert!(output.status.code() == Some(1) && stderr(&output).contains("at this speed the script is longer than 24 hours"));
+}
