@@ -137,6 +137,21 @@ impl Sources {
     }
 }
 
+/// Reads a regular file that is no longer than so many bytes.
+pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    // Never waits for the writer of a named pipe.
+    let file = File::options().read(true).custom_flags(rustix::fs::OFlags::NONBLOCK.bits().cast_signed()).open(path)?;
+    if !file.metadata()?.is_file() {
+        return Err(io::Error::other("it is not a regular file"));
+    }
+    let mut bytes = Vec::new();
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(io::Error::other(format!("it is longer than {most} bytes")));
+    }
+    Ok(bytes)
+}
+
 /// Writes a file whole or not at all: under another name first, which then takes the place of the old one. A link stays one, and
 /// a file keeps its mode.
 pub fn replace_file(path: &Path, text: &[u8]) -> io::Result<()> {

@@ -7,7 +7,7 @@ use std::process::Command;
 use std::thread;
 
 use motionseq::link::{Link, Pty, Recorder, Serial};
-use motionseq::playback::{Cause, Guard, Player, Rig, Signals, Stop, drive, now};
+use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Stop, drive, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use rustix::process::{Signal, getpid, kill_process};
@@ -15,10 +15,11 @@ use support::far::commands;
 
 /// Something of everything; the far end answers with reports, and ends the run by a signal when it has seen enough.
 const SCRIPT: &str = "refresh 10ms
-request report-start
 say \"go\"
 rocker x=10; servo 1 1000 -> 2000 over 1h; buzzer on
-stop; buzzer off
+at 250ms expect voltage > 1V
+at 260ms expect voltage > 1V within 50ms
+at 1h stop; buzzer off
 on abort { servo 1 1000 -> 1500 over 100ms; buzzer on for 50ms }
 ";
 
@@ -35,7 +36,7 @@ fn the_thread_that_sends_allocates_nothing() {
             received.extend(buffer.iter().take(count));
             reads += 1;
             rustix::io::write(&pty, b"{A-120:35:9000:1187}#noise{A1:2:3}#").unwrap();
-            if reads == 20 {
+            if reads == 60 {
                 kill_process(getpid(), Signal::TERM).unwrap();
             }
         }
@@ -45,7 +46,7 @@ fn the_thread_that_sends_allocates_nothing() {
     program.arg("guard-a-player");
     let guard = Guard::start(program, port.descriptor(), 5_000_000_000, false).unwrap();
     let (bytes, _recorded) = rtrb::RingBuffer::new(64 * 1024);
-    let (mut notices, heard) = rtrb::RingBuffer::new(64 * 1024);
+    let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
     let mut rig = Rig {
         link: Recorder::new(port, bytes),
         signals: Signals::catch().unwrap(),
@@ -66,6 +67,9 @@ fn the_thread_that_sends_allocates_nothing() {
     let outcome = outcome.unwrap();
     assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(15), Stop::Sent));
     assert!(outcome.sent > 20 && heard.slots() > 20);
+    let judged =
+        heard.read_chunk(heard.slots()).unwrap().into_iter().filter(|notice| matches!(notice, Notice::Judged(_)));
+    assert_eq!(judged.count(), 2);
     assert!(commands(&far.join().unwrap()).iter().any(|command| command.to_string() == "servo 1 1500"));
     assert_eq!(counted.count_total, 0, "{counted:?}");
     // The counter counts.

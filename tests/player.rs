@@ -395,7 +395,7 @@ fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
 
 #[test]
 fn samples_of_one_servo_are_overtaken_by_both_in_one_frame() {
-    let timeline = timeline("servo 2 1500 -> 1600 over 50ms\nservos 900 900\nservo 3 900");
+    let timeline = timeline("servo 2 1500 -> 1600 over 50ms\nwait 1ms\nservos 900 900\nservo 3 900");
     let meddle = |now, order, given| {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
     };

@@ -22,10 +22,13 @@ cp scripts/hello.motion.frames scripts/gone.motion.frames
 "$motionseq" check scripts/*.motion --format json >check.json && exit 1
 "$motionseq" render scripts/greeting.motion --format jsonl | head -1 >frame.json
 
+"$motionseq" play scripts/drift.motion --speed 5 --report run.json -q && exit 1
+
 xmllint --noout --schema "$xsd" junit.xml
 check-jsonschema --regex-variant python --schemafile "$sarif" check.sarif
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/test.json" test.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/check.json" check.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/frame.json" frame.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/run.json" run.json
 check-jsonschema --builtin-schema vendor.github-workflows "$OLDPWD/docs/ci/github.yml"
 check-jsonschema --builtin-schema vendor.gitlab-ci "$OLDPWD/docs/ci/gitlab.yml"

@@ -65,7 +65,9 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
         assert_eq!(state.commands().count(), there.commands().count(), "{from_us}");
         // The servos come first and get their time; the drive runs only when they are there.
         let drives = cut.events()[..count].iter().find(|event| event.command.is_drive());
-        assert!(drives.is_none_or(|event| event.at_us == 1_000_000 && event.at_us == cut.end_us - (whole.end_us - from_us)));
+        assert!(
+            drives.is_none_or(|event| event.at_us == 1_000_000 && event.at_us == cut.end_us - (whole.end_us - from_us))
+        );
         // Behind it, the same frames in the same distances.
         let rest: Vec<_> = whole.events().iter().filter(|event| event.at_us >= from_us).collect();
         let by_us = cut.end_us - (whole.end_us - from_us);
@@ -86,7 +88,9 @@ fn wherever_it_is_cut_off_nothing_is_left_running() {
         let cut = part(&whole, &Part { to_us: Some(to_us), ..Part::default() }, &State::default());
         assert_eq!(cut.end_us, to_us);
         assert!(state_after(&cut).at_rest(), "{to_us}");
-        assert!(cut.events().is_sorted_by_key(|event| event.at_us) && cut.events().iter().all(|event| event.at_us <= to_us));
+        assert!(
+            cut.events().is_sorted_by_key(|event| event.at_us) && cut.events().iter().all(|event| event.at_us <= to_us)
+        );
     }
     assert_eq!(part(&whole, &Part::default(), &State::default()), whole);
 }
@@ -97,14 +101,24 @@ fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
     let asked = Part { from_us: 500_000, to_us: None, lead_in_us: 100_000 };
     // Nobody knows where it is: sent at once, and given the time.
     let first = part(&whole, &asked, &State::default());
-    assert_eq!(frames(&first)[..2], [(0, "servo 1 1000".into(), Kind::Auto), (600_000, "servo 1 2000".into(), Kind::Command)]);
+    assert_eq!(
+        frames(&first)[..2],
+        [(0, "servo 1 1000".into(), Kind::Auto), (600_000, "servo 1 2000".into(), Kind::Command)]
+    );
     // Behind the first pass it is at 2000: in-out-sine over 100 ms, at 20 ms 2000 - 1000 · (1 - cos(π/5)) / 2 = 1905.
     let again = part(&whole, &asked, &state_after(&first));
     let found = frames(&again);
     let steps: Vec<(u64, &str)> = found.iter().map(|(at_us, command, _)| (*at_us, command.as_str())).collect();
     assert_eq!(
         steps,
-        [(20_000, "servo 1 1905"), (40_000, "servo 1 1655"), (60_000, "servo 1 1345"), (80_000, "servo 1 1095"), (100_000, "servo 1 1000"), (600_000, "servo 1 2000")]
+        [
+            (20_000, "servo 1 1905"),
+            (40_000, "servo 1 1655"),
+            (60_000, "servo 1 1345"),
+            (80_000, "servo 1 1095"),
+            (100_000, "servo 1 1000"),
+            (600_000, "servo 1 2000")
+        ]
     );
 }
 
@@ -129,7 +143,10 @@ fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
     let found = frames(&half);
     let kind = |kind| found.iter().filter(|(_, _, found)| *found == kind).map(|(at_us, ..)| *at_us).collect::<Vec<_>>();
     // Steps every 20 ms, ten of them and not five; refreshes every 50 ms.
-    assert_eq!(kind(Kind::Sample), [0, 20_000, 40_000, 60_000, 80_000, 100_000, 120_000, 140_000, 160_000, 180_000, 200_000]);
+    assert_eq!(
+        kind(Kind::Sample),
+        [0, 20_000, 40_000, 60_000, 80_000, 100_000, 120_000, 140_000, 160_000, 180_000, 200_000]
+    );
     assert_eq!(kind(Kind::Refresh), [250_000, 300_000, 350_000]);
     assert_eq!(kind(Kind::Command), [200_000, 400_000]);
     // Exact: a third as fast and three times as long.
@@ -215,5 +232,49 @@ fn times_and_marks_that_are_none_say_what_there_is() {
     }
     let slow = script("slow-day", "wait 20h\nservo 1 1500\n");
     let output = run(&["render", &slow, "--speed", "0.5"]);
-    assert!(output.status.code() == Some(1) && stderr(&output).contains("at this speed the script is longer than 24 hours"));
+    assert!(
+        output.status.code() == Some(1) && stderr(&output).contains("at this speed the script is longer than 24 hours")
+    );
+}
+
+#[test]
+fn the_report_says_how_the_run_went() {
+    let path = script("reported", "servo 2 2000\nwait 300ms\nexpect voltage > 11V\nexpect voltage < 5V \"never\"\n");
+    let report = format!("{path}.json");
+    let output = run(&["play", &path, "--report", &report]);
+    assert_eq!(output.status.code(), Some(7), "{}", stderr(&output));
+    let json: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    assert_eq!(
+        (json["reason"].as_str(), json["exit"].as_u64(), json["line"].as_u64()),
+        (Some("expect"), Some(7), Some(4))
+    );
+    assert_eq!((json["stop"].as_str(), json["passes"].as_u64()), (Some("sent"), Some(1)));
+    // The start of reports and the servo; three stops and the buzzer.
+    assert_eq!(
+        (json["frames"]["sent"].as_u64(), json["frames"]["extra"].as_u64(), json["bytes"].as_u64()),
+        (Some(2), Some(4), Some(14))
+    );
+    assert_eq!(
+        (json["expects"][0]["passed"].as_bool(), json["expects"][1]["passed"].as_bool()),
+        (Some(true), Some(false))
+    );
+    assert_eq!(json["expects"][1]["why"], "never");
+    assert_eq!(json["warnings"][0]["code"], "tilt-range");
+    assert!(json["lateness_us"]["max"].as_f64().unwrap() >= json["lateness_us"]["p50"].as_f64().unwrap());
+    // A report that cannot be written is refused before anything moves; a full disk is a warning.
+    assert_eq!(run(&["play", &path, "--report", "/no/such/folder/x"]).status.code(), Some(2));
+    let output = run(&["play", &path, "--report", "/dev/full"]);
+    assert_eq!(output.status.code(), Some(7));
+    assert!(stderr(&output).contains("the report /dev/full is not complete"), "{}", stderr(&output));
+}
+
+#[test]
+fn latency_ends_with_what_to_do() {
+    let output = run(&["latency", "--for", "400ms"]);
+    let text = stdout(&output);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(text.starts_with("idle: ") && text.contains("\nbusy: "), "{text}");
+    let last = text.lines().last().unwrap();
+    assert!(["good:", "use --realtime:", "this machine stalls:"].iter().any(|words| last.starts_with(words)), "{text}");
+    assert_eq!(run(&["latency", "--for", "1ms"]).status.code(), Some(2));
 }

@@ -217,11 +217,83 @@ fn an_expect_judges_the_newest_report_of_the_last_half_second() {
 }
 
 #[test]
+fn every_hundredth_of_a_volt_is_what_it_says() {
+    for value in 700..1_300 {
+        let volts = format!("{}.{:02}V", value / 100, value % 100);
+        for (wanted, fits) in [
+            (format!("> {volts}"), false),
+            (format!(">= {volts}"), true),
+            (format!("< {volts}"), false),
+            (format!("<= {volts}"), true),
+            (format!("== {volts}"), true),
+            (format!("in {volts}..{volts}"), true),
+        ] {
+            let script = format!("wait 100ms\nexpect voltage {wanted}\n");
+            let [found] = found(&script, &[(50_000, line(value))])[..] else { panic!("{wanted}") };
+            assert_eq!(found.is_passed(), fits, "{wanted}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn every_script_of_the_tests_is_played_as_it_is_rendered() {
+    let mut count = 0;
+    for entry in std::fs::read_dir("tests/frames").unwrap().map(|entry| entry.unwrap().path()) {
+        let Ok(source) = Source::read(&entry) else { continue };
+        let is_script = entry.extension().is_some_and(|extension| extension == "motion");
+        let compiled = motionseq::compile(&source.into(), &Options::default());
+        let Some(timeline) = compiled.timeline.filter(|timeline| is_script && timeline.expects.is_empty()) else {
+            continue;
+        };
+        let rehearsal = rehearse(&timeline, Settings::default());
+        assert!(rehearsal.is_complete(&timeline), "{}: {:?}", entry.display(), rehearsal.outcome);
+        assert_eq!(rehearsal.outcome.dropped, 0, "{}", entry.display());
+        count += 1;
+    }
+    assert!(count > 90, "{count}");
+}
+
+#[test]
+fn every_rehearsal_comes_to_an_end() {
+    let script = "on abort { servo 1 1500 }\nservo 1 1000 -> 1900 over 1s\nrocker y=5 for 1s\nexpect voltage > 1V within 500ms\n";
+    let timeline = timeline(script);
+    for faults in [
+        "stall@0s",
+        "unplug@0s",
+        "stall@0s,unplug@0s",
+        "drop=100%",
+        "garble=100%",
+        "silent",
+        "battery=0V",
+        "stall@1s,unplug@1010ms",
+        "unplug@1h",
+    ] {
+        let settings = Settings { faults: faults.parse().unwrap(), ..Settings::default() };
+        let rehearsal = rehearse(&timeline, settings);
+        let ends_early = rehearsal.outcome.cause != Cause::Finished;
+        assert_eq!(ends_early, !rehearsal.aborted.is_empty(), "{faults}: {:?}", rehearsal.outcome);
+        if ends_early {
+            assert_eq!(rehearsal.aborted.last().unwrap().command.to_string(), "servo 1 1500", "{faults}");
+        }
+    }
+}
+
+#[test]
+fn too_many_that_wait_at_once_do_not_compile() {
+    let text = format!("together {{\n{}}}\n", "expect voltage > 1V within 1s\n".repeat(65));
+    let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
+    assert_eq!(
+        compiled.diagnostics.sorted()[0].message,
+        "more than 64 `expect`s wait for a report at the same time here"
+    );
+}
+
+#[test]
 fn within_takes_its_time_and_the_first_report_that_fits() {
     let script = "wait 1s\nexpect voltage in 9.5V..10V within 1s\nservo 1 1500\n";
     // One from before does not count, one from behind is too late.
-    assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::Nothing]);
-    assert_eq!(found(script, &[(900_000, line(1_000)), (2_000_001, line(1_000))]), [Found::Nothing]);
+    assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::NothingInTime]);
+    assert_eq!(found(script, &[(900_000, line(1_000)), (2_000_001, line(1_000))]), [Found::NothingInTime]);
     assert_eq!(
         found(script, &[(1_100_000, line(1_001)), (1_500_000, line(1_000))]),
         [Found::Passed(Hundredths(1_000))]

@@ -318,6 +318,38 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
         "{}",
         stdout(&output)
     );
+    // A newer form is not written over, a displacement that is under way is no rest, and a raw frame is what it says.
+    repository.file("checkup.motion.unplug@1s.frames", "# motionseq frames 9\n");
+    assert_eq!(code(&repository.run(&["test", "--play", "--bless", "checkup.motion"])), 1);
+    assert_eq!(repository.read("checkup.motion.unplug@1s.frames"), "# motionseq frames 9\n");
+    repository
+        .file("moving.motion", "pid position speed=0,0 position=0,0,0 yaw=0,0,0\nmove y=1000\nwait 1s\n")
+        .file("raw.motion", "raw 0x04 0x01\nraw 3 8\n");
+    assert_eq!(code(&repository.run(&["test", "--bless", "moving.motion", "raw.motion"])), 0);
+    assert_eq!(code(&repository.run(&["test", "raw.motion"])), 0);
+    let output = repository.run(&["test", "--play", "moving.motion"]);
+    assert!(stdout(&output).contains("it does not end at rest: a `move` needs a `wait`"), "{}", stdout(&output));
+    // What only looks like a rehearsal, what rehearses nothing, and what nothing rehearses any more.
+    for (line, words) in [
+        ("#Rehearse: unplug@1s", "odd.motion:1: play: write `# rehearse: unplug@4s`"),
+        ("# rehearse unplug@1s", "odd.motion:1: play: write `# rehearse: unplug@4s`"),
+        ("# rehearse: unplug@1h", "odd.motion:1: play: with unplug@1h nothing ends this script early"),
+        (
+            "# nothing",
+            "odd.motion.silent.frames: orphan: no line of the script rehearses it any more: git rm odd.motion.silent.frames",
+        ),
+    ] {
+        repository.file("odd.motion", &format!("{line}\nservo 1 1500\n")).file("odd.motion.silent.frames", "");
+        let output = repository.run(&["test", "--play", "odd.motion"]);
+        assert!(stdout(&output).contains(words), "{}", stdout(&output));
+    }
+    std::fs::remove_file(repository.0.join("odd.motion.silent.frames")).unwrap();
+    // A pipe is no snapshot, and nobody waits for it.
+    assert!(
+        std::process::Command::new("mkfifo").arg(repository.0.join("odd.motion.frames")).status().unwrap().success()
+    );
+    assert!(stdout(&repository.run(&["test", "odd.motion"])).contains("it is not a regular file"));
+    std::fs::remove_file(repository.0.join("odd.motion.frames")).unwrap();
     // What no fault is says which there are.
     repository.file("odd.motion", "# rehearse: fire\nservo 1 1500\n");
     let output = repository.run(&["test", "--play", "odd.motion"]);

@@ -7,7 +7,11 @@ use motionseq::timeline::{Snapshot, diff, read_snapshot};
 fuzz_target!(|input: (Vec<u8>, Vec<u8>)| {
     let read = |text: &[u8]| {
         // The head that every snapshot has, so that the fuzzer need not find it.
-        let text = if text.first() == Some(&b'0') { [b"# motionseq frames 1\n", text].concat() } else { text.to_vec() };
+        let text = match text.first() {
+            Some(b'0') => [b"# motionseq frames 1\n", text].concat(),
+            Some(b'#') if !text.starts_with(b"# motionseq") => [b"# motionseq frames 2\n# x\n", text].concat(),
+            _ => text.to_vec(),
+        };
         read_snapshot(&text).inspect_err(|error| assert!(!error.why.is_empty()))
     };
     let (old, new) = input;

@@ -263,7 +263,12 @@ impl Command {
 
     /// Reads a frame that is known to be whole, whatever it says: what is no command becomes [`Command::Raw`].
     pub fn decode_or_raw(frame: Frame<'_>) -> Command {
-        Self::decode(frame).unwrap_or_else(|_| Command::Raw { function: frame.function(), payload: Payload::of(frame) })
+        Self::decode(frame).unwrap_or_else(|_| Self::raw(frame))
+    }
+
+    /// The frame as a raw one, whatever it says.
+    pub fn raw(frame: Frame<'_>) -> Command {
+        Command::Raw { function: frame.function(), payload: Payload::of(frame) }
     }
 
     fn read(frame: Frame<'_>) -> Result<Command, NotACommand> {

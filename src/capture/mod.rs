@@ -42,7 +42,7 @@ pub enum DecodeError {
 /// Reads a stream of frames, or the same written down as hex digits (bare, in a listing, or in a dump), and writes a line for each frame and for each
 /// run of bytes that belongs to none: the position of the first byte, counted from 0; the bytes in hex; what they are.
 ///
-/// Nothing in the stream is fatal. Keeps one block of the input and one frame.
+/// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
 pub fn decode(mut input: impl Read, out: &mut impl Write) -> Result<Decoded, DecodeError> {
     let mut listing = Listing { out, position: 0, decoded: Decoded::default(), run: None, failed: None };
     let mut decoder = Decoder::new();

@@ -3,8 +3,8 @@
 /// A longer line is read in pieces.
 const LINE: usize = 64 * 1024;
 
-/// The most bytes that a `*` of a dump stands for.
-const REPEATED: usize = 64 << 20;
+/// The most bytes that all `*` of a dump stand for.
+const REPEATED: usize = 16 << 20;
 
 /// Turns text into bytes, block by block.
 #[derive(Debug, Default)]
@@ -16,8 +16,9 @@ pub(super) struct Text {
     /// The last row of a dump that begins its lines with positions, and where the row behind it begins.
     row: Vec<u8>,
     next: u64,
-    /// Whether a `*` stands for rows like the last one.
+    /// Whether a `*` stands for rows like the last one, and how many bytes all of them have stood for.
     repeats: bool,
+    repeated: usize,
     strangers: u64,
 }
 
@@ -86,7 +87,10 @@ impl Text {
         }
         let missing = position.saturating_sub(self.next);
         match usize::try_from(missing) {
-            Ok(missing) if missing <= REPEATED => bytes.extend(self.row.iter().cycle().take(missing)),
+            Ok(missing) if self.repeated.saturating_add(missing) <= REPEATED => {
+                self.repeated += missing;
+                bytes.extend(self.row.iter().cycle().take(missing));
+            }
             _ => self.strangers += 1,
         }
     }

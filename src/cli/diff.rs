@@ -1,11 +1,10 @@
 //! `motionseq diff`: what has changed between two scripts or snapshots.
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use motionseq::source::{Lines, Sources};
+use motionseq::source::{Lines, Sources, read_file};
 use motionseq::timeline::{Change, Snapshot, Timeline, diff, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
@@ -54,7 +53,7 @@ impl Diff {
     fn side(&self, path: &Path, screen: &Screen) -> Result<Side, Exit> {
         // What is called one is one, whatever has become of it.
         if let Some(script) = path.to_str().and_then(|name| name.strip_suffix(SNAPSHOT)) {
-            let text = fs::read(path).map_err(|error| {
+            let text = read_file(path, 2 << 30).map_err(|error| {
                 screen.error(&format!("cannot read {}: {error}", path.display()));
                 Exit::Script
             })?;

@@ -1,20 +1,24 @@
 //! The end of a run: what is said when nothing is sent any more, and the exit code.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
-use motionseq::board::{Report, State};
+use motionseq::board::Report;
+use motionseq::diagnostic::Diagnostics;
 use motionseq::link::Serial;
 use motionseq::playback::{Cause, Outcome, Stop};
-use motionseq::sim::Received;
-use motionseq::source::Sources;
+use motionseq::sim::{Received, Served};
+use motionseq::source::{Sources, Span};
 use motionseq::timeline::Timeline;
 
 use super::exit::Exit;
+use super::log::{Facts, Log};
 use super::news::Told;
+use super::output;
 use super::screen::{Screen, plural, seconds};
 use super::start_thread;
 
@@ -39,7 +43,9 @@ pub(super) struct End {
     pub(super) lost: Lost,
     pub(super) news: Receiver<Told>,
     pub(super) is_recorded: bool,
-    pub(super) board: Option<JoinHandle<io::Result<Received>>>,
+    /// The file for a report, its name, and what is wrong with the script.
+    pub(super) report: Option<(PathBuf, File, Diagnostics)>,
+    pub(super) board: Option<Served>,
     /// A real port, which is closed when all was said: the system may wait for it as long as half a minute.
     pub(super) port: Option<Serial>,
 }
@@ -74,14 +80,14 @@ impl Teller {
 
 impl End {
     fn say(self) {
-        let End { screen, sources, timeline, outcome, lost, news, is_recorded, board, port } = self;
+        let End { screen, sources, timeline, outcome, lost, news, is_recorded, report: asked, board, port } = self;
         // A recording or a screen that takes nothing must not hide how the run ended.
-        let (written, report) = news.recv_timeout(NEWS).unwrap_or_else(|why| {
+        let (written, report, log) = news.recv_timeout(NEWS).unwrap_or_else(|why| {
             let why = match why {
                 RecvTimeoutError::Timeout => "it takes no more bytes",
                 RecvTimeoutError::Disconnected => "the thread that writes it failed",
             };
-            (if is_recorded { Err(io::Error::other(why)) } else { Ok(()) }, None)
+            (if is_recorded { Err(io::Error::other(why)) } else { Ok(()) }, None, Log::new())
         });
         let written = match lost.bytes {
             0 => written,
@@ -102,13 +108,32 @@ impl End {
             }
         }
         summary(&screen, &outcome, report);
-        match board.map(JoinHandle::join) {
+        match board.map(Served::join) {
             None => {}
-            Some(Ok(Ok(received))) => board_summary(&screen, &received),
-            Some(Ok(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
-            Some(Err(_)) => screen.error("the virtual board failed"),
+            Some(Some(Ok(received))) => board_summary(&screen, &received),
+            Some(Some(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
+            Some(None) => screen.error("the virtual board failed"),
         }
-        early_end(&screen, &sources, &timeline, &outcome);
+        let ending = early_end(&sources, &timeline, &outcome);
+        if let Some((path, file, diagnostics)) = asked {
+            let facts = Facts {
+                sources: &sources,
+                diagnostics: &diagnostics,
+                outcome: &outcome,
+                cause: ending.as_ref().map_or_else(|| "everything was sent".to_owned(), |(cause, _)| cause.clone()),
+                exit: exit_code(&outcome).code(),
+                not_noted: lost.notices,
+                place: place_of(&timeline, &outcome),
+            };
+            let text = log.report(facts);
+            let written = output::begin(&file).and_then(|()| (&file).write_all(text.as_bytes()));
+            if let Err(error) = written {
+                screen.warning(&format!("the report {} is not complete: {error}", path.display()));
+            }
+        }
+        if let Some((_, line)) = ending {
+            screen.error(&line);
+        }
         drop(port);
     }
 }
@@ -137,11 +162,7 @@ fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
 
 fn board_summary(screen: &Screen, received: &Received) {
     let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
-    screen.note(&format!(
-        "the virtual board received {frames} ({} bytes); {}",
-        received.bytes,
-        described(&received.state)
-    ));
+    screen.note(&format!("the virtual board received {frames} ({} bytes); {}", received.bytes, described(received)));
     let pose = received.pose;
     if (pose.x_cm, pose.y_cm, pose.yaw_deg) != (0.0, 0.0, 0.0) {
         screen.note(&format!(
@@ -163,9 +184,11 @@ fn board_summary(screen: &Screen, received: &Received) {
 }
 
 /// What a board was last told, in words.
-fn described(state: &State) -> String {
+fn described(received: &Received) -> String {
+    let state = &received.state;
     let drive = match state.drive() {
-        Some(drive) if drive.keeps_driving() => format!("the drive runs: {drive}"),
+        Some(drive) if received.moves => format!("the drive runs: {drive}"),
+        Some(drive) if drive.keeps_driving() => "the drive has stopped by itself, as no frames came".into(),
         _ => "the drive stands".into(),
     };
     let buzzer = if state.buzzer() == Some(true) { "the buzzer is on" } else { "the buzzer is off" };
@@ -188,10 +211,10 @@ fn exit_code(outcome: &Outcome) -> Exit {
     }
 }
 
-/// For an early end the one line that says what happened.
-fn early_end(screen: &Screen, sources: &Sources, timeline: &Timeline, outcome: &Outcome) {
+/// For an early end its cause in words, and the one line that says what happened.
+fn early_end(sources: &Sources, timeline: &Timeline, outcome: &Outcome) -> Option<(String, String)> {
     let cause = match outcome.cause {
-        Cause::Finished => return,
+        Cause::Finished => return None,
         Cause::Signal(signal) => signal_name(signal),
         Cause::Lost(None) => "the port hung up".into(),
         Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
@@ -201,12 +224,18 @@ fn early_end(screen: &Screen, sources: &Sources, timeline: &Timeline, outcome: &
         Cause::Unguarded => "the guard of this run was lost".into(),
         Cause::Panicked => "motionseq failed, which is a bug".into(),
     };
+    let place = place_of(timeline, outcome).map(|span| sources.place(span).to_string());
+    let line = closing_line(&cause, place, outcome.at_us, stop_words(outcome.stop));
+    Some((cause, line))
+}
+
+/// Where in the script a run ended: at the `expect` that failed, or at the last frame.
+fn place_of(timeline: &Timeline, outcome: &Outcome) -> Option<Span> {
     let failed = match outcome.cause {
         Cause::Expect(verdict) => timeline.expects.get(verdict.expect).map(|expect| expect.span),
         _ => None,
     };
-    let place = failed.or(outcome.place).map(|span| sources.place(span).to_string());
-    screen.error(&closing_line(&cause, place, outcome.at_us, stop_words(outcome.stop)));
+    failed.or(outcome.place)
 }
 
 /// What became of the robot, for the end of a closing line.

@@ -27,9 +27,10 @@ pub(super) enum Exit {
     Signal(i32),
 }
 
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> ExitCode {
-        ExitCode::from(match exit {
+impl Exit {
+    /// As a number.
+    pub(super) fn code(self) -> u8 {
+        match self {
             Exit::Ok => 0,
             Exit::Script => 1,
             Exit::Usage => 2,
@@ -40,6 +41,12 @@ impl From<Exit> for ExitCode {
             Exit::Expect => 7,
             Exit::Failed => 101,
             Exit::Signal(signal) => u8::try_from(signal).unwrap_or(0).saturating_add(128),
-        })
+        }
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> ExitCode {
+        ExitCode::from(exit.code())
     }
 }

@@ -8,6 +8,8 @@ mod exit;
 mod explain;
 mod fmt;
 mod guard;
+mod latency;
+mod log;
 mod news;
 mod output;
 mod play;
@@ -57,6 +59,7 @@ enum Command {
     Explain(explain::Explain),
     Decode(decode::Decode),
     Ports(ports::Ports),
+    Latency(latency::Latency),
     Completions(shell::Completions),
     Man(shell::Man),
     #[command(name = guard::WORD, hide = true)]
@@ -129,6 +132,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Fmt(fmt) => fmt.run(&screen),
         Command::Explain(explain) => explain.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
+        Command::Latency(latency) => latency.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
         Command::Completions(completions) => completions.run(&screen),
         Command::Man(man) => man.run(&screen),

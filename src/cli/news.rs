@@ -12,6 +12,7 @@ use motionseq::playback::{Notice, Verdict};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
 
+use super::log::Log;
 use super::screen::{Screen, seconds};
 use super::start_thread;
 
@@ -21,8 +22,8 @@ const UPDATE: Duration = Duration::from_millis(40);
 /// What stands behind the progress of a run that stands.
 const PAUSED: &str = " paused";
 
-/// What is left to tell at the end: whether the recording is whole, and the board's last report.
-pub(super) type Told = (io::Result<()>, Option<Report>);
+/// What is left to tell at the end: whether the recording is whole, the board's last report, and what was noted.
+pub(super) type Told = (io::Result<()>, Option<Report>, Log);
 
 /// What the thread works with.
 pub(super) struct News {
@@ -32,6 +33,7 @@ pub(super) struct News {
     screen: Screen,
     recording: Option<File>,
     report: Option<Report>,
+    log: Log,
     clock: Clock,
 }
 
@@ -53,7 +55,15 @@ impl News {
         bytes: Consumer<u8>,
     ) -> io::Result<Receiver<Told>> {
         let (told, end) = mpsc::channel();
-        let news = News { timeline, again, screen, recording, report: None, clock: Clock::Runs(Instant::now()) };
+        let news = News {
+            timeline,
+            again,
+            screen,
+            recording,
+            report: None,
+            log: Log::new(),
+            clock: Clock::Runs(Instant::now()),
+        };
         start_thread("news", move || {
             let _ = told.send(news.run(notices, bytes));
         })?;
@@ -83,7 +93,7 @@ impl News {
             thread::park_timeout(UPDATE);
         }
         self.screen.live("");
-        (written, self.report)
+        (written, self.report, self.log)
     }
 
     fn tell(&mut self, notice: Notice) {
@@ -94,10 +104,22 @@ impl News {
                 }
             }
             Notice::Report(newest) => self.report = Some(newest),
-            Notice::Judged(verdict) => self.judged(verdict),
-            Notice::Sent { event, .. } if self.screen.is_verbose() => self.frame("", event),
-            Notice::Sent { .. } => {}
-            Notice::Dropped { event } => self.frame("dropped: ", event),
+            Notice::Judged(verdict) => {
+                self.log.judged(&self.timeline, verdict);
+                self.judged(verdict);
+            }
+            Notice::Sent { event, late } => {
+                if let Some(event) = self.timeline.events().get(event) {
+                    self.log.sent(event, late);
+                }
+                if self.screen.is_verbose() {
+                    self.frame("", event);
+                }
+            }
+            Notice::Dropped { event } => {
+                self.log.dropped(&self.timeline, event);
+                self.frame("dropped: ", event);
+            }
             Notice::Sleeping { at_us } => {
                 self.clock = Clock::Stands(at_us);
                 self.screen.ask(&format!("{} s: the robot stands; `fg` comes back to it", seconds(at_us)));
@@ -106,6 +128,7 @@ impl News {
                 .screen
                 .ask(&format!("{} s: paused; Enter goes on (the robot may move at once), Ctrl-C ends", seconds(at_us))),
             Notice::Pass { pass } => {
+                self.log.passes = pass;
                 self.timeline = Arc::clone(&self.again);
                 self.clock = Clock::Runs(Instant::now());
                 self.screen.note(&format!("pass {pass}"));

@@ -5,13 +5,12 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use clap::Args;
-use motionseq::link::{Link, OpenError, Pty, Recorder, Serial};
+use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
 use motionseq::playback::{Cause, Guard, Keys, Player, Realtime, Rig, Signals, Stop, drive, now};
-use motionseq::sim::{Faults, Received, Settings, VirtualBoard, serve};
+use motionseq::sim::{Faults, Served, Settings, VirtualBoard, serve};
 use motionseq::source::Lines;
 use rtrb::RingBuffer;
 
@@ -45,12 +44,15 @@ pub(super) struct Play {
     /// Play without the process that stops the robot if this one is killed or hangs
     #[arg(long)]
     no_guard: bool,
-    /// What goes wrong on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent
+    /// What goes wrong on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
     /// Write the exact bytes that the port was given to this file
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// Write how the run went to this file, as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 fn max_late(text: &str) -> Result<Duration, String> {
@@ -77,7 +79,7 @@ impl Play {
     }
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, Staged { timeline, again }) =
+        let (sources, Staged { timeline, again, diagnostics }) =
             self.show.compile(&self.script.file, &self.script.options, screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
@@ -88,6 +90,12 @@ impl Play {
             Some(path) => {
                 let file = output::open(path, &self.script.file).map_err(|error| refused(path, &error))?;
                 Some((path, file))
+            }
+        };
+        let report = match &self.report {
+            None => None,
+            Some(path) => {
+                Some((path.clone(), output::open(path, &self.script.file).map_err(|error| refused(path, &error))?))
             }
         };
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
@@ -121,8 +129,9 @@ impl Play {
         if let Some(again) = &again {
             player = player.again_and_again(again);
         }
+        let stalls = port.board.as_ref().map(Served::stalls).unwrap_or_default();
         let mut rig = Rig {
-            link: Recorder::new(port.link, bytes_in),
+            link: Recorder::new(Stalling::new(port.link, stalls), bytes_in),
             signals,
             guard: None,
             keys: Keys::open(),
@@ -139,7 +148,11 @@ impl Play {
         };
 
         let mut lost = Lost::default();
-        let outcome = drive(&mut player, &mut rig, now(), |notice| {
+        let start = now();
+        if let Some(board) = &port.board {
+            board.begin(start);
+        }
+        let outcome = drive(&mut player, &mut rig, start, |notice| {
             // Where the screen cannot follow, it misses something; the motion does not wait.
             lost.notices += u64::from(notices_in.push(notice).is_err());
         });
@@ -159,16 +172,18 @@ impl Play {
         drop(notices_in);
         let is_real = port.board.is_none();
         // The virtual board ends when its port is closed.
-        let held = Some(link.into_inner()).filter(|_| is_real);
+        let held = Some(link.into_inner().into_inner()).filter(|_| is_real);
         let is_recorded = self.record.is_some();
         let board = port.board;
-        let end = End { screen: *screen, sources, timeline, outcome, lost, news, is_recorded, board, port: held };
+        let report = report.map(|(path, file)| (path, file, diagnostics));
+        let end =
+            End { screen: *screen, sources, timeline, outcome, lost, news, is_recorded, report, board, port: held };
         Ok(teller.tell(end))
     }
 
     fn guard(
         &self,
-        port: &Recorder<Serial>,
+        port: &Recorder<Stalling<Serial>>,
         with_board: bool,
         max_late: u64,
         screen: &Screen,
@@ -186,7 +201,7 @@ impl Play {
 }
 
 /// Asks for what `--realtime` means and says what was refused. Gives whether this thread runs before all others.
-fn become_realtime(screen: &Screen) -> bool {
+pub(super) fn become_realtime(screen: &Screen) -> bool {
     let got = Realtime::ask();
     for (result, what, line) in [
         (&got.priority, "real-time priority", "@dialout - rtprio 90"),
@@ -204,7 +219,7 @@ fn become_realtime(screen: &Screen) -> bool {
 /// An open port, and the virtual board behind it if there is one.
 struct Port {
     link: Serial,
-    board: Option<JoinHandle<io::Result<Received>>>,
+    board: Option<Served>,
 }
 
 impl Port {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 use motionseq::board::State;
+use motionseq::diagnostic::Diagnostics;
 use motionseq::program::{Speed, Time};
 use motionseq::source::Sources;
 use motionseq::timeline::{Part, Timeline, part, passes, state_after};
@@ -18,7 +19,7 @@ pub(super) struct Show {
     /// Begin at this time of the script, or at this mark; the servos are brought there first
     #[arg(long, value_name = "TIME|MARK")]
     from: Option<String>,
-    /// End at this time of the script, or at this mark
+    /// End at this time of the script, or at this mark; an `expect` that is not over by then is left out
     #[arg(long, value_name = "TIME|MARK")]
     to: Option<String>,
     /// Run so fast, from 0.1 to 10: commands, moves and holds; refreshes stay as they are
@@ -62,20 +63,18 @@ pub(super) struct Staged {
     pub(super) timeline: Timeline,
     /// For a run without end.
     pub(super) again: Option<Timeline>,
+    /// What is wrong with the script; no errors.
+    pub(super) diagnostics: Diagnostics,
 }
 
 impl Show {
     /// Compiles a script, and takes out of it what is asked for.
-    pub(super) fn compile(
-        &self,
-        file: &Path,
-        options: &Options,
-        screen: &Screen,
-    ) -> Result<(Sources, Staged), Exit> {
+    pub(super) fn compile(&self, file: &Path, options: &Options, screen: &Screen) -> Result<(Sources, Staged), Exit> {
         let sources = Sources::from(read(file, screen)?);
-        let whole = options.compile_at(&sources, screen, self.speed).timeline.ok_or(Exit::Script)?;
+        let compiled = options.compile_at(&sources, screen, self.speed);
+        let whole = compiled.timeline.ok_or(Exit::Script)?;
         match self.stage(&whole, options.max_events) {
-            Ok(staged) => Ok((sources, staged)),
+            Ok((timeline, again)) => Ok((sources, Staged { timeline, again, diagnostics: compiled.diagnostics })),
             Err(why) => {
                 screen.error(&why);
                 Err(Exit::Usage)
@@ -83,7 +82,8 @@ impl Show {
         }
     }
 
-    fn stage(&self, whole: &Timeline, max_events: usize) -> Result<Staged, String> {
+    /// What comes first, and for a run without end what comes again and again.
+    fn stage(&self, whole: &Timeline, max_events: usize) -> Result<(Timeline, Option<Timeline>), String> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
         let from_us = moment(&self.from)?.unwrap_or(0);
         let to_us = moment(&self.to)?;
@@ -99,19 +99,21 @@ impl Show {
         // Behind a pass it is known where everything is.
         let again = || part(whole, &asked, &state_after(&first));
         match self.count {
-            Count::Times(1) => Ok(Staged { timeline: first, again: None }),
+            Count::Times(1) => Ok((first, None)),
             Count::Times(times) => {
                 let timeline = passes(&first, &again(), times, max_events).ok_or_else(|| {
-                    format!("{times} passes are more than 24 hours or {max_events} frames: write fewer, or `--loop forever`")
+                    format!(
+                        "{times} passes are more than 24 hours or {max_events} frames: write fewer, or `--loop forever`"
+                    )
                 })?;
-                Ok(Staged { timeline, again: None })
+                Ok((timeline, None))
             }
             Count::Forever => {
                 let again = again();
                 if again.end_us == 0 {
                     return Err("this takes no time, and cannot go on forever".to_owned());
                 }
-                Ok(Staged { timeline: first, again: Some(again) })
+                Ok((first, Some(again)))
             }
         }
     }
@@ -130,12 +132,12 @@ impl Show {
                 Err(format!("the mark `{text}` is there more than once, at {} s: write a time", all.join(", ")))
             }
             (None, _) => {
-                let mut names: Vec<&str> = whole.marks.iter().map(|mark| mark.name.as_str()).collect();
-                names.dedup();
-                names.truncate(12);
-                let known = match names.as_slice() {
+                let mut all: Vec<&str> = whole.marks.iter().map(|mark| mark.name.as_str()).collect();
+                all.dedup();
+                all.truncate(12);
+                let known = match all.as_slice() {
                     [] => "the script has no marks".to_owned(),
-                    names => format!("its marks are {}", names.join(", ")),
+                    all => format!("its marks are {}", all.join(", ")),
                 };
                 Err(format!("`{text}` is no time such as 1.5s, and no mark of the script; {known}"))
             }

@@ -30,7 +30,7 @@ pub(super) struct Test {
     /// Also play each script on a virtual board, without waiting: its bytes, what it expects, whether it ends at rest
     #[arg(long)]
     play: bool,
-    /// What goes wrong then: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent
+    /// What goes wrong then: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
     /// How results are printed

@@ -3,6 +3,7 @@
 mod pty;
 mod recorder;
 mod serial;
+mod stalling;
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -10,6 +11,7 @@ use std::os::fd::BorrowedFd;
 pub use pty::Pty;
 pub use recorder::Recorder;
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
+pub use stalling::Stalling;
 
 /// A port that never blocks.
 pub trait Link {

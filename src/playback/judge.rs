@@ -1,6 +1,7 @@
 //! What becomes of each `expect`, as a pure function of time and of the reports that came.
 //!
-//! Telemetry is not trusted: a report that is old, garbled or missing never makes an `expect` pass.
+//! Telemetry is not trusted: a report that is old, unreadable or missing never makes an `expect` pass. The board's reports have no
+//! checksum, so one whose digits were garbled is a report like any other.
 
 use std::fmt;
 
@@ -30,6 +31,8 @@ pub enum Found {
     Stale(u64),
     /// No report at all.
     Nothing,
+    /// No report in the time of a `within`.
+    NothingInTime,
 }
 
 /// In words, behind what was expected.
@@ -38,6 +41,9 @@ impl fmt::Display for Found {
         match self {
             Found::Passed(value) | Found::Failed(value) => write!(f, "the board reports {value}"),
             Found::Stale(age) => write!(f, "the newest report is {age} ms old, and only one of the last 500 ms counts"),
+            Found::NothingInTime => {
+                f.write_str("the board has reported nothing in this time; it reports every 0.1 s, from the start on")
+            }
             Found::Nothing => f.write_str("the board has reported nothing; the first report takes about 0.1 s"),
         }
     }
@@ -80,11 +86,16 @@ impl<'t> Judge<'t> {
     }
 
     /// Takes a report that came at `now`, on the clock of the run.
-    pub(super) fn hear(&mut self, now: u64, report: Report, tell: &mut impl FnMut(Verdict)) {
+    ///
+    /// `time` is the script's: what comes behind the time of a `within` is too late for it.
+    pub(super) fn hear(&mut self, time: u64, now: u64, report: Report, tell: &mut impl FnMut(Verdict)) {
         self.newest = Some((now, report));
         let expects = self.expects;
         self.open.retain_mut(|(at, newest)| {
-            let Some(Expectation { expect, .. }) = expects.get(*at) else { return false };
+            let Some(Expectation { expect, until_us, .. }) = expects.get(*at) else { return false };
+            if time > until_us.saturating_mul(1_000) {
+                return true;
+            }
             let value = expect.measured.of(&report);
             *newest = Some(value);
             let fits = expect.wanted.fits(value);
@@ -93,6 +104,11 @@ impl<'t> Judge<'t> {
             }
             !fits
         });
+    }
+
+    /// Takes a report that nothing waits for.
+    pub(super) fn note(&mut self, now: u64, report: Report) {
+        self.newest = Some((now, report));
     }
 
     /// Judges what is due: `time` is the script's, `now` the run's, both in nanoseconds. Gives the first that fails.
@@ -125,7 +141,7 @@ impl<'t> Judge<'t> {
             if until > time {
                 return true;
             }
-            let verdict = Verdict { expect: *at, found: newest.map_or(Found::Nothing, Found::Failed) };
+            let verdict = Verdict { expect: *at, found: newest.map_or(Found::NothingInTime, Found::Failed) };
             tell(verdict);
             failed = failed.or(Some(verdict));
             false

@@ -233,7 +233,8 @@ impl<'t> Player<'t> {
 
     /// Begins the next pass at the very moment when the last one was to end.
     fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
-        self.before = [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
+        self.before =
+            [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
         self.origin = self.origin.saturating_add(self.end);
         self.pass += 1;
         self.events = again.events();
@@ -273,7 +274,18 @@ impl<'t> Player<'t> {
     /// Takes a report of the board that came at `now`, in nanoseconds from the start.
     pub fn hear(&mut self, now: u64, report: Report, notices: &mut impl FnMut(Notice)) {
         notices(Notice::Report(report));
-        self.judge.hear(now, report, &mut |verdict| notices(Notice::Judged(verdict)));
+        let time = self.script_time(now);
+        match self.phase {
+            Phase::Playing => self.judge.hear(time, now, report, &mut |verdict| notices(Notice::Judged(verdict))),
+            // Behind the end nothing is judged; at a pause what is newest goes on being so.
+            _ => self.judge.note(now, report),
+        }
+    }
+
+    /// Whether an `expect` is due at `now`, so that all reports that have come should be heard before.
+    pub(super) fn judges_at(&self, now: u64) -> bool {
+        let is_due = |due: u64| due <= now.saturating_sub(self.origin);
+        matches!(self.phase, Phase::Playing) && self.judge.next_due().is_some_and(is_due)
     }
 
     /// What to do at `now`, in nanoseconds from the start, after `input` happened.
@@ -390,7 +402,9 @@ impl<'t> Player<'t> {
                 return Some(late);
             }
             let may_drop = matches!(event.kind, Kind::Sample | Kind::Refresh);
-            if may_drop && ready.iter().skip(at + 1).any(|newer| newer.command.overtakes(&event.command)) {
+            // What is due at the same time overtakes nothing.
+            let is_newer = |newer: &Event| due(newer) > due(event) && newer.command.overtakes(&event.command);
+            if may_drop && ready.iter().skip(at + 1).any(is_newer) {
                 self.next += 1;
                 self.dropped += 1;
                 notices(Notice::Dropped { event: index });

@@ -82,15 +82,16 @@ impl Measured {
 impl Wanted {
     /// Whether a value fits.
     pub fn fits(self, value: Hundredths) -> bool {
-        let exact = f64::from(value.0);
+        // The quotient is the float nearest to the decimal, as a literal is.
+        let exact = f64::from(value.0) / 100.0;
         match self {
-            Wanted::Less(bound) => exact < bound * 100.0,
-            Wanted::AtMost(bound) => exact <= bound * 100.0,
-            Wanted::Greater(bound) => exact > bound * 100.0,
-            Wanted::AtLeast(bound) => exact >= bound * 100.0,
+            Wanted::Less(bound) => exact < bound,
+            Wanted::AtMost(bound) => exact <= bound,
+            Wanted::Greater(bound) => exact > bound,
+            Wanted::AtLeast(bound) => exact >= bound,
             #[expect(clippy::float_cmp, reason = "both are whole")]
-            Wanted::Equal(bound) => exact == libm::round(bound * 100.0),
-            Wanted::In(low, high) => low * 100.0 <= exact && exact <= high * 100.0,
+            Wanted::Equal(bound) => f64::from(value.0) == libm::round(bound * 100.0),
+            Wanted::In(low, high) => low <= exact && exact <= high,
         }
     }
 }

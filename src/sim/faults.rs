@@ -29,7 +29,7 @@ pub struct Faults {
 /// Why a text names no fault.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is no fault; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, with commas between several"
+    "`{0}` is no fault; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, each kind once, with commas between several"
 )]
 pub struct NotAFault(String);
 
@@ -47,6 +47,12 @@ impl FromStr for Faults {
 
 impl Faults {
     fn add(&mut self, word: &str) -> Option<()> {
+        // Of each kind there is one.
+        let name = word.split(['=', '@']).next().unwrap_or_default();
+        let named = self.words.split(',').filter(|other| other.trim().split(['=', '@']).next() == Some(name));
+        if named.count() > 1 {
+            return None;
+        }
         if word == "silent" {
             self.silent = true;
             return Some(());

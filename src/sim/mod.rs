@@ -13,7 +13,7 @@ use motion::Body;
 
 pub use faults::{Faults, NotAFault};
 pub use motion::{Geometry, Pose, Twist};
-pub use served::serve;
+pub use served::{Served, serve};
 
 /// What a board is like, and what goes wrong with it.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,8 @@ pub struct VirtualBoard {
     decoder: Decoder,
     received: Received,
     body: Body,
-    dice: Dice,
+    /// For frames, and for reports: so that neither changes what befalls the other.
+    dice: [Dice; 2],
     /// The time, in microseconds since it was switched on.
     now_us: u64,
     /// When the last drive frame came.
@@ -83,6 +84,8 @@ pub struct Received {
     pub state: State,
     /// Where the robot is.
     pub pose: Pose,
+    /// Whether it moves: a speed holds, or a displacement is under way.
+    pub moves: bool,
 }
 
 /// What was wrong with received bytes.
@@ -103,7 +106,7 @@ impl VirtualBoard {
             decoder: Decoder::new(),
             received: Received::default(),
             body: Body::new(settings.geometry),
-            dice: Dice::new(settings.faults.seed),
+            dice: [0, 1].map(|stream| Dice::new(settings.faults.seed.wrapping_add(stream << 32))),
             now_us: 0,
             fed_us: 0,
             report_us: None,
@@ -196,17 +199,19 @@ impl VirtualBoard {
     pub fn finish(mut self) -> Received {
         let mut decoder = std::mem::take(&mut self.decoder);
         decoder.finish(|item| self.take(item));
+        self.received.moves = self.body.moves();
         self.received
     }
 
     fn reply(&mut self) {
-        let faults = &self.settings.faults;
-        if faults.silent || self.dice.happens(faults.drop) {
+        let Faults { drop, garble, silent, .. } = self.settings.faults;
+        let mut line = self.report().to_string().into_bytes();
+        let [_, dice] = &mut self.dice;
+        if silent || dice.happens(drop) {
             return;
         }
-        let mut line = self.report().to_string().into_bytes();
-        if self.dice.happens(self.settings.faults.garble) {
-            self.dice.garble(&mut line);
+        if dice.happens(garble) {
+            dice.garble(&mut line);
         }
         self.replies.extend(line);
     }
@@ -217,7 +222,8 @@ impl VirtualBoard {
                 let at = self.received.bytes;
                 self.received.bytes += frame.bytes().len() as u64;
                 let Faults { drop, garble, .. } = self.settings.faults;
-                if self.dice.happens(drop) || self.dice.happens(garble) {
+                let [dice, _] = &mut self.dice;
+                if dice.happens(drop) || dice.happens(garble) {
                     // A frame with a wrong bit has a wrong checksum.
                     self.received.lost += 1;
                     return;

@@ -171,6 +171,11 @@ impl Body {
         }
     }
 
+    /// Whether it moves.
+    pub(super) fn moves(&self) -> bool {
+        self.holds() || matches!(self.drive, Drive::Moves { .. })
+    }
+
     /// Whether a speed is held, which the board ends when frames stop coming.
     pub(super) fn holds(&self) -> bool {
         matches!(self.drive, Drive::Holds(twist) if twist != Twist::default())

@@ -3,7 +3,7 @@
 //! It works on the text and not on the tree, so that nothing can be lost. Where a blank has a meaning (`8 -8` is two
 //! arguments, `8 - 8` is none), it stays as it is.
 
-use super::parse;
+use super::{MAX_LINE, parse};
 use crate::diagnostic::Diagnostics;
 use crate::source::Source;
 
@@ -22,8 +22,14 @@ pub fn format(source: &Source, diagnostics: &mut Diagnostics) -> Option<String> 
     for line in text.strip_prefix('\u{FEFF}').unwrap_or(text).lines() {
         printer.line(line);
     }
-    Some(printer.finish())
+    let formatted = printer.finish();
+    // Evenly set, a line may be longer than a script's may be; then it stays as it is.
+    let longest = formatted.lines().map(str::len).max().unwrap_or(0);
+    Some(if longest > MAX_LINE { text.to_owned() } else { formatted })
 }
+
+/// Code that is wider keeps its comment right behind it, so that one long line does not widen all others.
+const WIDE: usize = 100;
 
 /// A line that is set: its code, its comment, and the column that the comment had.
 #[derive(Default)]
@@ -38,8 +44,9 @@ impl Line<'_> {
         self.code.is_empty() && self.comment.is_empty()
     }
 
+    /// Whether it has a comment behind its code, and is no wider than what can be looked at.
     fn is_trailed(&self) -> bool {
-        !self.code.trim().is_empty() && !self.comment.is_empty()
+        !self.code.trim().is_empty() && !self.comment.is_empty() && self.width() <= WIDE
     }
 
     fn width(&self) -> usize {
@@ -210,12 +217,14 @@ impl<'t> Printer<'t> {
         let mut text = String::new();
         for group in self.lines.chunk_by(|left, right| left.is_trailed() && right.is_trailed()) {
             let least = group.iter().map(Line::width).max().unwrap_or(0) + 2;
-            let kept = group.first().map(|line| line.column).filter(|column| *column >= least);
+            let kept = group.first().map(|line| line.column).filter(|column| (least..=2 * WIDE).contains(column));
             let column = kept.filter(|column| group.iter().all(|line| line.column == *column)).unwrap_or(least);
             for line in group {
                 text.push_str(&line.code);
                 if line.is_trailed() {
                     text.push_str(&" ".repeat(column - line.width()));
+                } else if !line.code.trim().is_empty() && !line.comment.is_empty() {
+                    text.push_str("  ");
                 }
                 text.push_str(line.comment);
                 text.truncate(text.trim_end_matches([' ', '\t']).len());

@@ -8,6 +8,8 @@ use crate::source::{Source, Span};
 
 /// How deep brackets may be nested.
 pub const MAX_NESTING: usize = 64;
+/// How many codes a comment may allow.
+const MAX_ALLOWED: usize = 64;
 /// How long a line may be, in bytes. What pest keeps of a line is hundreds of times as long as the line.
 pub const MAX_LINE: usize = 64 * 1024;
 
@@ -163,8 +165,9 @@ impl<'s> Scan<'s, '_> {
         if let Some(at) = line.bytes().position(is_hidden) {
             self.hidden(from + at);
         }
-        for codes in line.split('#').filter_map(|words| words.trim_start().strip_prefix("allow:")) {
-            self.allow(codes, from, from + line.trim_end().len());
+        let mut allowed = line.split('#').filter_map(|words| words.trim_start().strip_prefix("allow:")).peekable();
+        if allowed.peek().is_some() {
+            self.allow(allowed, from, from + line.trim_end().len());
         }
         if self.parens > 0 {
             self.blanks.push((from, from + line.len(), ' '));
@@ -173,7 +176,7 @@ impl<'s> Scan<'s, '_> {
     }
 
     /// `# allow: CODE`: on this line those warnings are none.
-    fn allow(&mut self, codes: &str, from: usize, to: usize) {
+    fn allow<'t>(&mut self, comments: impl Iterator<Item = &'t str>, from: usize, to: usize) {
         let before = self.text.get(..from).unwrap_or_default();
         let line = before.rfind('\n').map_or(0, |at| at + 1);
         let comment = Span::new(self.base + from, self.base + to);
@@ -185,9 +188,9 @@ impl<'s> Scan<'s, '_> {
             return report("this comment stands on a line of its own, and so allows nothing".to_owned(), help);
         }
         // Behind a code may stand why.
-        for name in codes.split(',').filter_map(|words| words.split_whitespace().next()) {
-            let code = Code::ALL.iter().copied().find(|code| code.name() == name);
-            match code.map(|code| (code, code.severity())) {
+        let names = comments.flat_map(|codes| codes.split(',')).filter_map(|words| words.split_whitespace().next());
+        for name in names.take(MAX_ALLOWED) {
+            match Code::named(name).map(|code| (code, code.severity())) {
                 Some((code, Severity::Warning)) => {
                     self.diagnostics.allow(code, Span::new(self.base + line, self.base + to));
                 }
@@ -241,7 +244,8 @@ impl<'s> Scan<'s, '_> {
     /// From `from` to the end of its line, without the line break.
     fn rest_of_line(&self, from: usize) -> &'s str {
         let rest = self.text.get(from..).unwrap_or_default();
-        let line = rest.split('\n').next().unwrap_or_default();
+        let end = rest.bytes().position(|byte| byte == b'\n').unwrap_or(rest.len());
+        let line = rest.get(..end).unwrap_or_default();
         line.strip_suffix('\r').unwrap_or(line)
     }
 

@@ -1,5 +1,8 @@
 //! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
 use super::{BUZZER, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things};
 use crate::board::{Command, State, TiltPulseWidth};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
@@ -59,6 +62,8 @@ fn lay_abort(
     (events, cues)
 }
 
+/// How many `expect`s with `within` may wait at the same time.
+const MAX_WAITING: usize = 64;
 /// A hold without `for` that lasts longer looks like a forgotten `stop`.
 const LONG_HOLD: Time = Time::from_millis(10_000);
 
@@ -170,6 +175,7 @@ impl<'d> Lay<'d> {
         }
         cues.sort_by_key(|cue| cue.at_us);
         self.expects.sort_by_key(|expect| expect.at_us);
+        self.waiting_expects();
         // Stable, so that the start of a hold too short to see still comes before its end.
         points.sort_by_key(|point| (point.at.micros(), point.from.order, matches!(point.what, What::End(_))));
         self.events.reserve(points.len());
@@ -394,12 +400,12 @@ impl<'d> Lay<'d> {
         if lasted <= LONG_HOLD {
             return;
         }
-        let seconds = lasted.micros() / 1_000_000;
+        let seconds = lasted;
         let diagnostic = Diagnostic::new(
             Code::LongHold,
             from.span,
-            format!("`{command}` drives on for {seconds} s, until another line ends it"),
-            format!("if that is meant, say so where it starts: `{command} for {seconds}s`"),
+            format!("`{command}` drives on for {seconds}, until another line ends it"),
+            format!("if that is meant, say so where it starts: `{command} for {seconds}`"),
         )
         .label("no `for`");
         let from = *from;
@@ -442,6 +448,27 @@ impl<'d> Lay<'d> {
         }
         if sounds || self.raw.is_some() {
             self.emit(end, Command::Buzzer(false), Kind::Closing, self.raw.unwrap_or(buzzer));
+        }
+    }
+
+    /// Each report is held against every `expect` that waits, so not too many may wait together.
+    fn waiting_expects(&mut self) {
+        let mut waiting = BinaryHeap::new();
+        let mut found = None;
+        for expect in self.expects.iter().filter(|expect| expect.until_us > expect.at_us) {
+            while waiting.peek().is_some_and(|Reverse(until_us)| *until_us <= expect.at_us) {
+                waiting.pop();
+            }
+            waiting.push(Reverse(expect.until_us));
+            if waiting.len() > MAX_WAITING {
+                found = Some((expect.span, expect.trace));
+                break;
+            }
+        }
+        if let Some((span, trace)) = found {
+            let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time here");
+            let diagnostic = Diagnostic::new(Code::TooManyEvents, span, message, "let fewer of them overlap");
+            self.report(diagnostic, From { span, trace, ..From::default() });
         }
     }
 

@@ -18,6 +18,8 @@ use crate::program::Ease;
 const VERSION: u32 = 2;
 /// How the first line begins.
 const MAGIC: &str = "# motionseq frames ";
+/// A day in microseconds, and a little more for what is sent behind the end.
+const DAY_US: u64 = 25 * 3_600 * 1_000_000;
 /// How the comment before a move begins.
 const MOVE: &str = "# move\t";
 /// What stands before the frames that are sent where something ends a run early.
@@ -204,8 +206,12 @@ pub fn read_snapshot(text: &[u8]) -> Result<Snapshot, SnapshotError> {
 fn belong(moments: &[Moment], tweens: &[Tween]) -> Result<(), String> {
     let mut walk = Walk::new(tweens);
     for Moment { at_us, command, kind } in moments {
-        if let Part::Stray = walk.take(command, *kind) {
-            return Err(format!("the step at {} s belongs to no move", Seconds(*at_us)));
+        match walk.take(command, *kind) {
+            Part::Stray => return Err(format!("the step at {} s belongs to no move", Seconds(*at_us))),
+            Part::First(tween) if !(tween.at_us..=tween.end_us).contains(at_us) => {
+                return Err(format!("the step at {} s is outside of its move", Seconds(*at_us)));
+            }
+            _ => {}
         }
     }
     if walk.is_over() { Ok(()) } else { Err("there is a move whose steps are not all there".into()) }
@@ -231,10 +237,12 @@ fn read_line(text: &str) -> Result<Moment, String> {
     let (time, frame, said) = (column("the time")?, column("the frame")?, column("the command")?);
     let (word, more) = (columns.next(), columns.next());
     let at_us = micros(time).ok_or_else(|| format!("`{time}` is no time with six decimals"))?;
-    let bytes = frame.split(' ').map(|byte| u8::from_str_radix(byte, 16).ok()).collect::<Option<Vec<u8>>>();
+    let hex = |byte: &str| u8::from_str_radix(byte, 16).ok().filter(|_| byte.len() == 2 && !byte.starts_with('+'));
+    let bytes = frame.split(' ').map(hex).collect::<Option<Vec<u8>>>();
     let bytes = bytes.ok_or_else(|| format!("`{frame}` is no frame in hex"))?;
     let frame = Frame::new(&bytes).map_err(|error| error.to_string())?;
-    let command = Command::decode_or_raw(frame);
+    // A raw frame may be that of a command, and is not interpreted.
+    let command = if said.starts_with("raw ") { Command::raw(frame) } else { Command::decode_or_raw(frame) };
     if command.to_string() != said {
         return Err(format!("the frame is `{command}`, and not `{said}`"));
     }
@@ -252,5 +260,6 @@ fn read_line(text: &str) -> Result<Moment, String> {
 fn micros(text: &str) -> Option<u64> {
     let (whole, part) = text.split_once('.')?;
     let micros = whole.parse::<u64>().ok()?.checked_mul(1_000_000)?.checked_add(part.parse().ok()?)?;
-    (Seconds(micros).to_string() == text).then_some(micros)
+    // A script is at most a day long.
+    (micros <= DAY_US && Seconds(micros).to_string() == text).then_some(micros)
 }

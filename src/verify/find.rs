@@ -58,8 +58,8 @@ impl Found {
         // `dance.motion.frames`, and `dance.motion.unplug@4s.frames` of a rehearsal.
         let stem = name.strip_suffix(SNAPSHOT);
         let script = stem.and_then(|stem| {
-            let rehearsed = stem.find(".motion.").and_then(|at| stem.get(..at + ".motion".len()));
-            rehearsed.or(Some(stem)).filter(|script| script.ends_with(".motion"))
+            let rehearsed = || stem.rfind(".motion.").and_then(|at| stem.get(..at + ".motion".len()));
+            Some(stem).filter(|script| script.ends_with(".motion")).or_else(rehearsed)
         });
         if let Some(script) = script.map(|script| path.with_file_name(script)) {
             if !script.exists() {

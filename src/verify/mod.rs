@@ -4,7 +4,6 @@ mod find;
 mod play;
 mod rehearse;
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +12,7 @@ use rayon::prelude::*;
 use crate::diagnostic::{Code, Diagnostics};
 use crate::program::Options;
 use crate::sim::Faults;
-use crate::source::{Lines, Source, Sources, replace_file};
+use crate::source::{Lines, Source, Sources, read_file, replace_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
 
 pub use find::{Found, find};
@@ -27,6 +26,8 @@ const EXPECT: &str = "# expect-error:";
 pub const TOTAL: &str = "total";
 /// The code of a snapshot that this program is too old for.
 const NEWER: &str = "newer-snapshot";
+/// The longest snapshot that is read, in bytes.
+const MOST: u64 = 2 << 30;
 /// How many problems of one script are kept.
 const KEPT: usize = 200;
 
@@ -198,33 +199,21 @@ impl Job {
         let snapshot = snapshot_of(script);
         let name = snapshot.display().to_string();
         let new = Snapshot::of(timeline);
-        let old = match fs::read(&snapshot) {
-            Ok(text) => read_snapshot(&text).map_err(|error| {
-                if error.is_newer {
-                    return problem(&name, error.line, NEWER, error.why);
-                }
-                let anew =
-                    format!("`motionseq test --bless {}` writes it anew", shell_word(&script.display().to_string()));
-                problem(&name, error.line, "snapshot", format!("{}; {anew}", error.why))
-            }),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                if self.bless {
-                    return bless(script, &snapshot, timeline);
-                }
-                let script_name = shell_word(&script.display().to_string());
-                let message = format!("there is no {name}; `motionseq test --bless {script_name}` writes it");
-                return (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)]);
+        let script_name = shell_word(&script.display().to_string());
+        let command = format!("motionseq test --bless {script_name}");
+        match read_old(&snapshot, &command) {
+            Ok(None) if self.bless => bless(script, &snapshot, timeline),
+            Ok(None) => {
+                let message = format!("there is no {name}; `{command}` writes it");
+                (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
             }
-            Err(error) => Err(problem(&name, 0, "snapshot", error.to_string())),
-        };
-        match old {
             // An old format says less of moves than this one.
-            Ok(old) if old.does_the_same(&new) && (old == new || !self.bless) => (Verdict::Same, Vec::new()),
+            Ok(Some(old)) if old.does_the_same(&new) && (old == new || !self.bless) => (Verdict::Same, Vec::new()),
             // A newer motionseq wrote it, and knows more.
-            Err(wrong) if wrong.code == NEWER => (Verdict::BadSnapshot, vec![wrong]),
+            Err(wrong) if wrong.code == NEWER || !self.bless => (Verdict::BadSnapshot, vec![wrong]),
             _ if self.bless => bless(script, &snapshot, timeline),
             Err(wrong) => (Verdict::BadSnapshot, vec![wrong]),
-            Ok(old) => {
+            Ok(Some(old)) => {
                 let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
                 let place = |change: &Change| event(change).map(|event| lines.place(event.span));
                 let line = |change: &Change| place(change).map(|place| (place.file, place.line));
@@ -240,6 +229,21 @@ impl Job {
                 (Verdict::Differs, problems.collect())
             }
         }
+    }
+}
+
+/// The snapshot at a path, if there is one; `bless` is what writes it.
+fn read_old(path: &Path, bless: &str) -> Result<Option<Snapshot>, Problem> {
+    let name = path.display().to_string();
+    match read_file(path, MOST) {
+        Ok(text) => read_snapshot(&text).map(Some).map_err(|error| {
+            if error.is_newer {
+                return problem(&name, error.line, NEWER, error.why);
+            }
+            problem(&name, error.line, "snapshot", format!("{}; `{bless}` writes it anew", error.why))
+        }),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(problem(&name, 0, "snapshot", error.to_string())),
     }
 }
 
@@ -275,7 +279,7 @@ pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), Stri
     if expected.is_empty() {
         return Err(format!("the code of its error is missing, such as `{EXPECT} out-of-range`"));
     }
-    if !Code::ALL.iter().any(|code| code.name() == expected) {
+    if Code::named(expected).is_none() {
         return Err(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
     }
     let sorted = diagnostics.sorted();

@@ -4,14 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::rehearse::{Rehearsal, rehearse};
-use super::{Job, Problem, SNAPSHOT, problem, shell_word};
+use super::{Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::playback::Cause;
 use crate::sim::{Faults, Settings};
 use crate::source::{Lines, Sources, replace_file};
-use crate::timeline::{Seconds, Snapshot, Timeline, diff, read_snapshot, write_aborted};
+use crate::timeline::{Seconds, Snapshot, Timeline, diff, write_aborted};
 
-/// How a line begins that names faults to rehearse.
-const REHEARSE: &str = "# rehearse:";
+/// How a comment begins that names faults to rehearse.
+const REHEARSE: &str = "rehearse";
 /// The code of an `expect` that failed.
 pub(super) const EXPECT: &str = "expect";
 /// The code of a run that went otherwise than the script says.
@@ -30,21 +30,22 @@ impl Job {
         let rehearsal = rehearse(timeline, Settings { faults: self.faults.clone(), ..Settings::default() });
         let mut problems = failed(&rehearsal, timeline, lines);
         problems.extend(self.went_wrong(&rehearsal, timeline, name, lines));
-        for (line, words) in sources
-            .main()
-            .text()
-            .lines()
-            .zip(1..)
-            .filter_map(|(text, line)| Some((line, text.strip_prefix(REHEARSE)?.trim())))
-        {
-            match words.parse::<Faults>() {
-                Err(error) => problems.push(problem(name, line, PLAY, error.to_string())),
+        let mut named = Vec::new();
+        for (line, words) in rehearsals(sources.main().text()) {
+            match words.and_then(|words| words.parse::<Faults>().map_err(|error| error.to_string())) {
+                Err(why) => problems.push(problem(name, line, PLAY, why)),
                 Ok(faults) => {
                     let rehearsal = rehearse(timeline, Settings { faults: faults.clone(), ..Settings::default() });
                     problems.extend(self.aborts(script, &faults, &rehearsal, timeline, line));
+                    named.push(aborted_of(script, &faults));
                 }
             }
         }
+        problems.extend(left_over(script, &named).into_iter().map(|path| {
+            let path = path.display().to_string();
+            let help = format!("no line of the script rehearses it any more: git rm {}", shell_word(&path));
+            problem(&path, 0, "orphan", help)
+        }));
         problems
     }
 
@@ -63,7 +64,9 @@ impl Job {
                 match received.first_fault {
                     Some((byte, fault)) => format!("the board cannot use byte {byte} and what follows: {fault}"),
                     // With frames lost on purpose nobody knows.
-                    None if received.lost == 0 && !received.state.at_rest() => "it does not end at rest".to_owned(),
+                    None if received.lost == 0 && !rehearsal.is_at_rest() => {
+                        "it does not end at rest: a `move` needs a `wait` for as long as it takes".to_owned()
+                    }
                     None => return None,
                 }
             }
@@ -85,42 +88,70 @@ impl Job {
         line: usize,
     ) -> Vec<Problem> {
         let path = aborted_of(script, faults);
-        let (name, script_name) = (path.display().to_string(), script.display().to_string());
-        let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
+        let script_name = script.display().to_string();
         let here = |code, message: String| vec![problem(&script_name, line, code, message)];
-        let old = match fs::read(&path) {
-            Ok(text) => {
-                read_snapshot(&text).map_err(|error| (error.line, format!("{}; `{bless}` writes it anew", error.why)))
-            }
-            Err(_) if self.bless => Err((0, String::new())),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                let message = format!("there is no {name}; `{bless}` writes it; {}", frames(rehearsal));
-                return here("snapshot", message);
-            }
-            Err(error) => Err((0, error.to_string())),
-        };
+        if rehearsal.aborted.is_empty() {
+            let message = format!("with {faults} nothing ends this script early, so nothing is rehearsed");
+            return here(PLAY, message);
+        }
+        let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
         let new = Snapshot { moments: rehearsal.aborted.clone(), more: None };
-        match old {
-            Ok(old) if old.moments == new.moments => Vec::new(),
+        match read_old(&path, &bless) {
+            Ok(Some(old)) if old.moments == new.moments => Vec::new(),
+            Err(wrong) if wrong.code == NEWER || !self.bless => vec![wrong],
             _ if self.bless => {
                 let mut text = Vec::new();
                 let title = format!("{} {faults}", script.file_name().unwrap_or_default().to_string_lossy());
                 let written = write_aborted(&title, &new.moments, timeline.baud, &mut text)
                     .and_then(|()| replace_file(&path, &text));
-                written.err().map(|error| problem(&name, 0, "snapshot", error.to_string())).into_iter().collect()
+                let failed =
+                    |error: std::io::Error| problem(&path.display().to_string(), 0, "snapshot", error.to_string());
+                written.err().map(failed).into_iter().collect()
             }
-            Err((at, why)) => vec![problem(&name, at, "snapshot", why)],
-            Ok(old) => {
+            Err(wrong) => vec![wrong],
+            Ok(None) => {
+                let message = format!("there is no {}; `{bless}` writes it; {}", path.display(), frames(rehearsal));
+                here("snapshot", message)
+            }
+            Ok(Some(old)) => {
                 let old = Snapshot { more: None, ..old };
                 let changes = diff(&old, &new, |_| None::<usize>);
-                let words = changes
-                    .iter()
-                    .filter(|change| !change.what.is_total())
+                let words = changes.iter().filter(|change| !change.what.is_total());
+                let words = words
                     .map(|change| format!("rehearsing {faults}, {}; if that is meant: {bless}", change.words(None)));
                 words.flat_map(|message| here("difference", message)).collect()
             }
         }
     }
+}
+
+/// The comments of a script that name faults, each with its line.
+fn rehearsals(text: &str) -> impl Iterator<Item = (usize, Result<&str, String>)> {
+    text.lines().zip(1..).filter_map(|(text, line)| {
+        let (_, comment) = text.rsplit_once('#')?;
+        let comment = comment.trim();
+        let head = comment.get(..REHEARSE.len()).filter(|head| head.eq_ignore_ascii_case(REHEARSE))?;
+        let faults = comment.strip_prefix(head).and_then(|rest| rest.strip_prefix(':')).filter(|_| head == REHEARSE);
+        // What only looks like it is no reason to rehearse nothing in silence.
+        Some((line, faults.map(str::trim).ok_or_else(|| "write `# rehearse: unplug@4s`".to_owned())))
+    })
+}
+
+/// Snapshots of rehearsals of a script that it does not name.
+fn left_over(script: &Path, named: &[PathBuf]) -> Vec<PathBuf> {
+    let folder = script.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = script.file_name().unwrap_or_default().to_string_lossy().into_owned() + ".";
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut found: Vec<PathBuf> = entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|other| {
+            other.strip_prefix(&name).is_some_and(|rest| rest.len() > SNAPSHOT.len() && rest.ends_with(SNAPSHOT))
+        })
+        .map(|other| script.with_file_name(other))
+        .filter(|path| !named.contains(path))
+        .collect();
+    found.sort();
+    found
 }
 
 /// Every `expect` that failed, at its line.

@@ -8,9 +8,8 @@ use crate::timeline::{Kind, Moment, Timeline};
 
 /// Nanoseconds in a microsecond.
 const US: u64 = 1_000;
-/// Later than this ends a run; under a clock that jumps nothing is late.
-const MAX_LATE: u64 = 1_000_000_000;
-/// What the system says of a port that takes nothing any more.
+/// What is later than this ends a run, as on a real port: only where the port stalls.
+const MAX_LATE: u64 = 50_000_000;
 const SECOND: u64 = 1_000_000_000;
 
 /// What became of a rehearsal.
@@ -119,18 +118,17 @@ impl Line<'_> {
     /// Takes bytes from the player, all of them; they get lost where the line leads nowhere.
     fn take(&mut self, now: u64, bytes: &[u8], leads_nowhere: bool) -> Input {
         let count = bytes.len();
-        let Line { decoder, given, aborted, timeline, ending, .. } = self;
+        let mut rest = bytes;
         let mut expected = Vec::new();
-        decoder.feed(bytes, |item| {
-            let Item::Frame(frame) = item else { return };
-            let next = timeline.events().get(*given).filter(|_| !*ending);
+        while let Some(event) = self.timeline.events().get(self.given).filter(|_| !self.ending && !rest.is_empty()) {
             expected.clear();
-            if let Some(event) = next {
-                event.encode(&mut expected);
-            }
-            if next.is_some() && expected == frame.bytes() {
-                *given += 1;
-            } else {
+            event.encode(&mut expected);
+            let Some(behind) = rest.strip_prefix(expected.as_slice()) else { break };
+            (self.given, rest) = (self.given + 1, behind);
+        }
+        let Line { decoder, aborted, .. } = self;
+        decoder.feed(rest, |item| {
+            if let Item::Frame(frame) = item {
                 aborted.push(moment(now, frame));
             }
         });
@@ -163,6 +161,11 @@ fn moment(now: u64, frame: Frame<'_>) -> Moment {
 }
 
 impl Rehearsal {
+    /// Whether the robot stands and is silent at the end.
+    pub fn is_at_rest(&self) -> bool {
+        self.received.state.at_rest() && !self.received.moves
+    }
+
     /// Whether the run ended as the script says: everything was sent, and nothing else.
     pub fn is_complete(&self, timeline: &Timeline) -> bool {
         self.outcome.cause == Cause::Finished && self.given == timeline.events().len() && self.aborted.is_empty()

@@ -118,7 +118,7 @@ fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], a
 fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, u64)> {
     let mut last = 0;
     let gap = |item: &&'i Item| {
-        (item.says.as_str(), item.moves.is_some(), item.at_us - std::mem::replace(&mut last, item.at_us))
+        (item.says.as_str(), item.moves.is_some(), item.at_us.saturating_sub(std::mem::replace(&mut last, item.at_us)))
     };
     items.iter().map(gap).collect()
 }

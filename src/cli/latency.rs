@@ -1,0 +1,211 @@
+//! `motionseq latency`: how well this machine keeps time.
+
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use clap::Args;
+use hdrhistogram::Histogram;
+use motionseq::playback::{Signals, lateness};
+
+use super::exit::Exit;
+use super::output;
+use super::screen::Screen;
+
+/// Measure how late this machine is, idle and busy, and say what to do
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  motionseq latency\n  motionseq latency --for 60s --realtime\n\nHalf of the time the machine is left alone, half of the time every processor is kept busy. It waits as `play` waits for a frame."
+)]
+pub(super) struct Latency {
+    /// How long it measures
+    #[arg(long = "for", value_name = "TIME", value_parser = time, default_value = "10s")]
+    lasts: Duration,
+    /// With real-time priority and locked memory, as far as the system allows, as `play --realtime`
+    #[arg(long)]
+    realtime: bool,
+}
+
+fn time(text: &str) -> Result<Duration, String> {
+    let is_plain = text.len() <= 20 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
+    let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten();
+    let range = Duration::from_millis(200)..=Duration::from_hours(1);
+    time.filter(|time| range.contains(time)).ok_or_else(|| "write a time from 200ms to 1h, such as 10s".into())
+}
+
+/// Nanoseconds between two deadlines: 200 frames a second, as often as a move is sampled at most.
+const INTERVAL: u64 = 5_000_000;
+/// Nanoseconds that a drive frame takes on the wire at 115200 baud, and the lateness that ends a run.
+const FRAME: u64 = 1_128_000;
+const LIMIT: u64 = 50_000_000;
+/// What is left of the limit on a good machine.
+const NEAR: u64 = 25_000_000;
+/// Upper ends of the rows of the histogram, in nanoseconds, and their names.
+const ROWS: [(u64, &str); 9] = [
+    (1_000, "up to 1 µs"),
+    (10_000, "10 µs"),
+    (100_000, "100 µs"),
+    (300_000, "300 µs"),
+    (FRAME, "1.128 ms, a frame"),
+    (5_000_000, "5 ms"),
+    (NEAR, "25 ms"),
+    (LIMIT, "50 ms, the limit"),
+    (u64::MAX, "more"),
+];
+
+impl Latency {
+    /// Measures, and prints what was found.
+    pub(super) fn run(&self, screen: &Screen) -> Exit {
+        let Ok(signals) = Signals::catch() else {
+            screen.error("cannot watch for Ctrl-C");
+            return Exit::Failed;
+        };
+        let realtime = self.realtime && super::play::become_realtime(screen);
+        let half = u64::try_from(self.lasts.as_nanos()).unwrap_or(u64::MAX) / 2;
+        let seconds = self.lasts.as_secs_f64() / 2.0;
+        screen.note(&format!("left alone for {seconds:.1} s, then every processor busy for {seconds:.1} s"));
+        let mut measured = Vec::new();
+        for busy in [false, true] {
+            let load = Load::start(if busy { thread::available_parallelism().map_or(1, usize::from) } else { 0 });
+            let Ok(mut found) = Histogram::<u64>::new_with_bounds(1, 60_000_000_000, 3) else { return Exit::Failed };
+            lateness(INTERVAL, half, realtime, |late| found.saturating_record(late), || signals.pending().is_none());
+            load.end();
+            if let Some(signal) = signals.pending() {
+                return Exit::Signal(signal);
+            }
+            measured.push(found);
+        }
+        let [idle, busy] = measured.as_slice() else { return Exit::Failed };
+        let mut text = String::new();
+        for (found, name) in [(idle, "idle"), (busy, "busy")] {
+            text.push_str(&table(found, name));
+        }
+        text.push_str(verdict(idle, busy, realtime));
+        text.push('\n');
+        output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen)
+    }
+}
+
+/// Threads that keep processors busy.
+struct Load {
+    over: Arc<AtomicBool>,
+    threads: Vec<thread::JoinHandle<()>>,
+}
+
+impl Load {
+    fn start(count: usize) -> Self {
+        let over = Arc::new(AtomicBool::new(false));
+        let threads = (0..count).filter_map(|_| {
+            let over = Arc::clone(&over);
+            let work = move || {
+                while !over.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            };
+            thread::Builder::new().spawn(work).ok()
+        });
+        Load { threads: threads.collect(), over: Arc::clone(&over) }
+    }
+
+    fn end(self) {
+        self.over.store(true, Ordering::Relaxed);
+        for thread in self.threads {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A histogram: one row for each order of lateness.
+fn table(found: &Histogram<u64>, name: &str) -> String {
+    let shown = |nanos: u64| match nanos {
+        0..10_000 => format!("{}.{} µs", nanos / 1_000, nanos % 1_000 / 100),
+        10_000..1_000_000 => format!("{} µs", nanos / 1_000),
+        _ => format!("{}.{} ms", nanos / 1_000_000, nanos % 1_000_000 / 100_000),
+    };
+    let mut text = format!(
+        "{name}: {} deadlines, half of them no later than {}, 99 of 100 no later than {}, the latest {}\n",
+        found.len(),
+        shown(found.value_at_quantile(0.5)),
+        shown(found.value_at_quantile(0.99)),
+        shown(found.max())
+    );
+    let mut from = 0;
+    for (to, name) in ROWS {
+        let count = found.count_between(from, to.saturating_sub(1));
+        from = to;
+        let stars = "#".repeat(usize::try_from((count * 50).div_ceil(found.len().max(1))).unwrap_or(0));
+        if count > 0 {
+            // Writing to a string does not fail.
+            let _ = writeln!(text, "  {name:>18}  {count:>7}  {stars}");
+        }
+    }
+    text
+}
+
+/// What to do.
+fn verdict(idle: &Histogram<u64>, busy: &Histogram<u64>, realtime: bool) -> &'static str {
+    let is_good = |found: &Histogram<u64>| found.value_at_quantile(0.99) < FRAME && found.max() < NEAR;
+    match (is_good(idle), is_good(busy)) {
+        (true, true) => {
+            "good: a frame is sent while the one before it is still on the wire, also when other programs run"
+        }
+        (true, false) if !realtime => {
+            "use --realtime: this machine keeps time while it is idle, and not beside other programs; try `motionseq latency --realtime`"
+        }
+        _ => {
+            "this machine stalls: close what runs beside, take it off a shared or virtual machine, or allow more with `--max-late`; a run whose frame is later than 50 ms is ended"
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn histogram(values: &[(u64, u64)]) -> Histogram<u64> {
+        let mut found = Histogram::new_with_bounds(1, 60_000_000_000, 3).unwrap();
+        for (value, count) in values {
+            found.saturating_record_n(*value, *count);
+        }
+        found
+    }
+
+    #[test]
+    fn each_machine_is_told_what_to_do() {
+        let good = histogram(&[(500, 990), (900_000, 10)]);
+        let late = histogram(&[(500, 900), (4_000_000, 100)]);
+        let stalls = histogram(&[(500, 999), (60_000_000, 1)]);
+        assert!(verdict(&good, &good, false).starts_with("good"));
+        assert!(verdict(&good, &late, false).starts_with("use --realtime"));
+        assert!(verdict(&good, &stalls, false).starts_with("use --realtime"));
+        assert!(verdict(&good, &late, true).starts_with("this machine stalls"));
+        assert!(verdict(&late, &good, false).starts_with("this machine stalls"));
+        assert!(verdict(&stalls, &stalls, true).starts_with("this machine stalls"));
+    }
+
+    #[test]
+    fn every_deadline_is_in_one_row() {
+        let found = histogram(&[
+            (500, 1),
+            (5_000, 2),
+            (50_000, 3),
+            (200_000, 4),
+            (1_000_000, 5),
+            (2_000_000, 6),
+            (10_000_000, 7),
+            (30_000_000, 8),
+            (90_000_000, 9),
+        ]);
+        let text = table(&found, "busy");
+        assert!(text.starts_with("busy: 45 deadlines, half of them no later than"), "{text}");
+        let counts: Vec<&str> = text
+            .lines()
+            .skip(1)
+            .map(|line| line.split('#').next().unwrap().split_whitespace().next_back().unwrap())
+            .collect();
+        assert_eq!(counts, ["1", "2", "3", "4", "5", "6", "7", "8", "9"], "{text}");
+    }
+}

@@ -1,0 +1,131 @@
+//! What is noted while a run is played, and the report that is made of it.
+
+use std::sync::Arc;
+
+use hdrhistogram::Histogram;
+use motionseq::diagnostic::Diagnostics;
+use motionseq::playback::{Cause, Outcome, Stop, Verdict};
+use motionseq::report::{self, Dropped, Expected, Frames, Lateness, Run};
+use motionseq::source::{Lines, Sources};
+use motionseq::timeline::{Event, Timeline};
+
+/// The most frames that are named as dropped, and the most `expect`s.
+const NAMED: usize = 1_000;
+
+/// What was noted. Frames and expectations are those of the timeline that was played then.
+pub(super) struct Log {
+    /// How late frames were, in nanoseconds; `None` only where there is no room for it.
+    lateness: Option<Histogram<u64>>,
+    bytes: u64,
+    dropped: Vec<(Arc<Timeline>, usize)>,
+    verdicts: Vec<(Arc<Timeline>, Verdict)>,
+    pub(super) passes: u64,
+}
+
+/// What else a report tells of.
+pub(super) struct Facts<'a> {
+    pub(super) sources: &'a Sources,
+    pub(super) diagnostics: &'a Diagnostics,
+    pub(super) outcome: &'a Outcome,
+    /// The cause in words.
+    pub(super) cause: String,
+    pub(super) exit: u8,
+    /// Notices that did not fit the ring.
+    pub(super) not_noted: u64,
+    /// Where in the script it ended.
+    pub(super) place: Option<motionseq::source::Span>,
+}
+
+impl Log {
+    pub(super) fn new() -> Self {
+        // From a nanosecond to a minute, to three digits; what is later counts as a minute.
+        let lateness = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok();
+        Log { lateness, bytes: 0, dropped: Vec::new(), verdicts: Vec::new(), passes: 1 }
+    }
+
+    pub(super) fn sent(&mut self, event: &Event, late: u64) {
+        if let Some(lateness) = &mut self.lateness {
+            lateness.saturating_record(late);
+        }
+        self.bytes += event.command.to_frame().len() as u64;
+    }
+
+    pub(super) fn dropped(&mut self, timeline: &Arc<Timeline>, event: usize) {
+        if self.dropped.len() < NAMED {
+            self.dropped.push((Arc::clone(timeline), event));
+        }
+    }
+
+    pub(super) fn judged(&mut self, timeline: &Arc<Timeline>, verdict: Verdict) {
+        if self.verdicts.len() < NAMED {
+            self.verdicts.push((Arc::clone(timeline), verdict));
+        }
+    }
+
+    /// The report, as text.
+    pub(super) fn report(&self, facts: Facts<'_>) -> String {
+        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place } = facts;
+        let lines = Lines::of(sources);
+        let place = place.map(|span| lines.place(span));
+        let at = |quantile: f64| {
+            let nanos = self.lateness.as_ref().map_or(0, |lateness| lateness.value_at_quantile(quantile));
+            micros(nanos)
+        };
+        let dropped = self.dropped.iter().filter_map(|(timeline, event)| {
+            let event = timeline.events().get(*event)?;
+            let place = lines.place(event.span);
+            let (t_us, command) = (event.at_us, event.command.to_string());
+            Some(Dropped { t_us, command, file: place.file.to_owned(), line: place.line })
+        });
+        let expects = self.verdicts.iter().filter_map(|(timeline, verdict)| {
+            let due = timeline.expects.get(verdict.expect)?;
+            let place = lines.place(due.span);
+            Some(Expected {
+                t_us: due.at_us,
+                expect: due.expect.to_string(),
+                why: due.expect.why.clone(),
+                found: verdict.found.to_string(),
+                passed: verdict.found.is_passed(),
+                file: place.file.to_owned(),
+                line: place.line,
+            })
+        });
+        report::run_json(&Run {
+            script: sources.main().name().to_owned(),
+            reason: match outcome.cause {
+                Cause::Finished => "finished",
+                Cause::Signal(_) => "signal",
+                Cause::Lost(_) => "port",
+                Cause::Stalled => "stalled",
+                Cause::Late(_) => "late",
+                Cause::Expect(_) => "expect",
+                Cause::Unguarded => "guard",
+                Cause::Panicked => "failed",
+            },
+            cause,
+            exit,
+            end_us: outcome.at_us,
+            file: place.as_ref().map(|place| place.file.to_owned()),
+            line: place.as_ref().map(|place| place.line),
+            stop: match outcome.stop {
+                Stop::NotNeeded => "not needed",
+                Stop::Sent => "sent",
+                Stop::NotSent => "not sent",
+            },
+            passes: self.passes,
+            frames: Frames { sent: outcome.sent, dropped: outcome.dropped, extra: outcome.extra, not_noted },
+            bytes: self.bytes,
+            lateness_us: Lateness { p50: at(0.5), p99: at(0.99), max: micros(outcome.worst_late) },
+            dropped: dropped.collect(),
+            expects: expects.collect(),
+            warnings: report::findings(sources, diagnostics),
+        })
+    }
+}
+
+/// Nanoseconds in microseconds, to the tenth.
+fn micros(nanos: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a minute of nanoseconds fits")]
+    let tenths = (nanos.saturating_add(50) / 100) as f64;
+    tenths / 10.0
+}

@@ -1,0 +1,108 @@
+//! How a run went, as text for other programs.
+
+use serde::Serialize;
+
+use super::Finding;
+
+/// How a run went. Fields may be added, and never change their meaning.
+#[derive(Clone, Debug, Serialize)]
+pub struct Run {
+    /// The script.
+    pub script: String,
+    /// Why it ended: `finished`, `signal`, `port`, `stalled`, `late`, `expect`, `guard` or `failed`.
+    pub reason: &'static str,
+    /// The same in words.
+    pub cause: String,
+    /// The exit code.
+    pub exit: u8,
+    /// When it ended, in microseconds of the script.
+    pub end_us: u64,
+    /// Where in the script.
+    pub file: Option<String>,
+    /// Where in the script.
+    pub line: Option<usize>,
+    /// Whether the robot was stopped: `not needed`, `sent` or `not sent`.
+    pub stop: &'static str,
+    /// How often it was played, where it was played without end.
+    pub passes: u64,
+    /// How many frames.
+    pub frames: Frames,
+    /// The bytes of the frames that were sent.
+    pub bytes: u64,
+    /// How late frames were, in microseconds.
+    pub lateness_us: Lateness,
+    /// Frames that were left out, because a newer one had overtaken them.
+    pub dropped: Vec<Dropped>,
+    /// What was expected, and what came.
+    pub expects: Vec<Expected>,
+    /// Warnings of the script.
+    pub warnings: Vec<Finding>,
+}
+
+/// How many frames.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Frames {
+    /// Of the script, that the port took.
+    pub sent: usize,
+    /// Of the script, that were left out.
+    pub dropped: usize,
+    /// Beside the script: of stops, of `on abort`, behind a pause.
+    pub extra: usize,
+    /// That are not in `lateness_us` and `dropped`, because nobody could write them down in time.
+    pub not_noted: u64,
+}
+
+/// How late, in microseconds.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Lateness {
+    /// Half of the frames were no later.
+    pub p50: f64,
+    /// 99 of 100 were no later.
+    pub p99: f64,
+    /// The latest.
+    pub max: f64,
+}
+
+/// A frame that was left out.
+#[derive(Clone, Debug, Serialize)]
+pub struct Dropped {
+    /// When it was due, in microseconds of the script.
+    pub t_us: u64,
+    /// What it would have said.
+    pub command: String,
+    /// Where in the script.
+    pub file: String,
+    /// Where in the script.
+    pub line: usize,
+}
+
+/// An `expect` that was judged.
+#[derive(Clone, Debug, Serialize)]
+pub struct Expected {
+    /// When it was due, in microseconds of the script.
+    pub t_us: u64,
+    /// What was wanted.
+    pub expect: String,
+    /// What the script says why.
+    pub why: Option<String>,
+    /// What came.
+    pub found: String,
+    /// Whether it holds.
+    pub passed: bool,
+    /// Where in the script.
+    pub file: String,
+    /// Where in the script.
+    pub line: usize,
+}
+
+/// One JSON object.
+pub fn run_json(run: &Run) -> String {
+    #[derive(Serialize)]
+    struct Document<'a> {
+        version: u32,
+        #[serde(flatten)]
+        run: &'a Run,
+    }
+    // Strings and numbers cannot fail to be written.
+    serde_json::to_string_pretty(&Document { version: 1, run }).unwrap_or_default() + "\n"
+}
