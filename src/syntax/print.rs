@@ -255,6 +255,8 @@ fn is_apart(last: &str, was: State, token: Token<'_>, state: State) -> bool {
         // `at bow + 0.5s`.
         (Class::Operator, _) if last == "+" => true,
         (_, Class::Operator) if token.text == "+" => true,
+        // What stands right before a bracket may be the name of a call.
+        (Class::Keyword, Class::Open) => token.apart,
         (Class::Keyword, _) | (_, Class::Keyword) => true,
         _ => token.apart,
     }
