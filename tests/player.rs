@@ -536,3 +536,50 @@ fn a_raw_frame_in_on_abort_is_followed_by_a_stop() {
     let sent: Vec<String> = commands(&world.bytes()).iter().map(ToString::to_string).collect();
     assert_eq!(sent[5..], ["buzzer on", "stop", "buzzer off"]);
 }
+
+#[test]
+fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_holds_by_then() {
+    let timeline =
+        timeline("rocker x=10\nwait 100ms\nservo 1 1000\nwait 10s\nrocker y=5\nservo 2 1200\nwait 10s\nstop");
+    let mut player = Player::new(&timeline, MAX_LATE);
+    let mut sent = Vec::new();
+    let (mut now, mut input) = (0, Input::Tick);
+    // Pauses after 50 ms, plays three steps at once, goes on, and quits at 19 s of the script.
+    let mut keys = [Input::Pause, Input::Step, Input::Step, Input::Resume].into_iter();
+    let outcome = loop {
+        let order = player.poll(now, input, &mut |_| {});
+        if let Some(outcome) = player.outcome() {
+            break outcome;
+        }
+        input = Input::Tick;
+        match order {
+            Order::Write => {
+                sent.extend(commands(player.bytes()).iter().map(|command| (now / MS, command.to_string())));
+                input = Input::Wrote(player.bytes().len());
+            }
+            Order::Wait { until, .. } if until > 60 * MS && keys.len() == 4 => {
+                now = 60 * MS;
+                input = keys.next().unwrap();
+            }
+            Order::Wait { .. } if player.script_time(now) >= 19_000 * MS => input = Input::Quit,
+            Order::Wait { until, .. } | Order::Pause { until } => now = until.max(now),
+            Order::Stay => input = keys.next().unwrap(),
+            _ => {}
+        }
+    };
+    let sent: Vec<(u64, &str)> = sent.iter().map(|(at, command)| (*at, command.as_str())).collect();
+    let at = sent.iter().position(|(_, command)| *command == "servo 1 1000").unwrap();
+    // The stop of the pause; the two steps, at once; what held by then, with the servos first.
+    assert_eq!(sent[at - 1].1, "buzzer off");
+    assert_eq!(
+        sent[at..at + 5].iter().map(|(_, command)| *command).collect::<Vec<_>>(),
+        ["servo 1 1000", "servo 2 1200", "servo 1 1000", "servo 2 1200", "rocker x=0 y=5 z=0"]
+    );
+    assert!(sent[at + 4].0 < 200, "{sent:?}");
+    // From there on the script goes on in its time: ten seconds of refreshes are left of it, nine until the end.
+    let refreshes = sent[at + 5..].iter().filter(|(_, command)| *command == "rocker x=0 y=5 z=0").count();
+    assert!((175..=180).contains(&refreshes), "{refreshes}");
+    assert_eq!((outcome.cause, outcome.stop), (Cause::Quit, Stop::Sent));
+    assert!((19_000_000..19_100_000).contains(&outcome.at_us), "{outcome:?}");
+    assert!(sent.ends_with(&[(sent[sent.len() - 1].0, "buzzer off")]));
+}

@@ -132,7 +132,11 @@ impl End {
             }
         }
         if let Some((_, line)) = ending {
-            screen.error(&line);
+            if (outcome.cause, outcome.stop) == (Cause::Quit, Stop::Sent) {
+                screen.note(&line);
+            } else {
+                screen.error(&line);
+            }
         }
         drop(port);
     }
@@ -201,7 +205,9 @@ fn described(received: &Received) -> String {
 
 fn exit_code(outcome: &Outcome) -> Exit {
     match outcome.cause {
-        Cause::Finished => Exit::Ok,
+        // Who asked for the end and did not get the stop must know.
+        Cause::Quit if outcome.stop == Stop::NotSent => Exit::Port,
+        Cause::Finished | Cause::Quit => Exit::Ok,
         Cause::Signal(signal) => Exit::Signal(signal),
         Cause::Lost(_) => Exit::Port,
         Cause::Stalled => Exit::Stalled,
@@ -215,6 +221,7 @@ fn exit_code(outcome: &Outcome) -> Exit {
 fn early_end(sources: &Sources, timeline: &Timeline, outcome: &Outcome) -> Option<(String, String)> {
     let cause = match outcome.cause {
         Cause::Finished => return None,
+        Cause::Quit => "ended by q".into(),
         Cause::Signal(signal) => signal_name(signal),
         Cause::Lost(None) => "the port hung up".into(),
         Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),

@@ -94,6 +94,7 @@ impl Log {
             script: sources.main().name().to_owned(),
             reason: match outcome.cause {
                 Cause::Finished => "finished",
+                Cause::Quit => "quit",
                 Cause::Signal(_) => "signal",
                 Cause::Lost(_) => "port",
                 Cause::Stalled => "stalled",

@@ -7,7 +7,8 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use motionseq::board::Report;
+use clap::ValueEnum;
+use motionseq::board::{Report, ServoIndex, State};
 use motionseq::playback::{Notice, Verdict};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
@@ -19,8 +20,25 @@ use super::start_thread;
 /// How often the screen and the recording are brought up to date.
 const UPDATE: Duration = Duration::from_millis(40);
 
+/// How a run is shown while it goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Progress {
+    /// One line that is drawn over and over, on a terminal
+    Auto,
+    /// A line each second, for pipes and screen readers
+    Plain,
+    /// Nothing but what happens
+    None,
+}
+
+/// How often a plain line is written.
+const SECOND: Duration = Duration::from_secs(1);
+
+/// What the keys are.
+const KEYS: &str = "space: pause, and go on · s: one step of a pause, without the drive · q: stop and end · ?: this";
+
 /// What stands behind the progress of a run that stands.
-const PAUSED: &str = " paused";
+const PAUSED: &str = "paused";
 
 /// What is left to tell at the end: whether the recording is whole, the board's last report, and what was noted.
 pub(super) type Told = (io::Result<()>, Option<Report>, Log);
@@ -30,10 +48,17 @@ pub(super) struct News {
     timeline: Arc<Timeline>,
     /// What comes again and again behind it.
     again: Arc<Timeline>,
+    /// Whether single keys count.
+    keys: bool,
     screen: Screen,
     recording: Option<File>,
     report: Option<Report>,
     log: Log,
+    /// What the board was told so far, the worst lateness in nanoseconds, and how many frames were dropped.
+    state: State,
+    worst_late: u64,
+    dropped: usize,
+    progress: Progress,
     clock: Clock,
 }
 
@@ -49,6 +74,7 @@ impl News {
     /// Starts the thread. When both rings have ended and are empty, it says what is left to tell.
     pub(super) fn start(
         [timeline, again]: [Arc<Timeline>; 2],
+        (keys, progress): (bool, Progress),
         screen: Screen,
         recording: Option<File>,
         notices: Consumer<Notice>,
@@ -58,10 +84,15 @@ impl News {
         let news = News {
             timeline,
             again,
+            keys,
             screen,
             recording,
             report: None,
             log: Log::new(),
+            state: State::default(),
+            worst_late: 0,
+            dropped: 0,
+            progress,
             clock: Clock::Runs(Instant::now()),
         };
         start_thread("news", move || {
@@ -73,6 +104,7 @@ impl News {
     fn run(mut self, mut notices: Consumer<Notice>, mut bytes: Consumer<u8>) -> Told {
         let mut recording = self.recording.take();
         let mut written = Ok(());
+        let mut told_at = Instant::now();
         loop {
             // Looked at before the rings are emptied, so that nothing is left in them at the end.
             let last = notices.is_abandoned() && bytes.is_abandoned();
@@ -89,10 +121,19 @@ impl News {
             if last {
                 break;
             }
-            self.screen.live(&self.progress());
+            match self.progress {
+                Progress::Auto => self.screen.live(&self.progress()),
+                Progress::Plain if told_at.elapsed() >= SECOND => {
+                    told_at = Instant::now();
+                    self.screen.note(&self.progress());
+                }
+                Progress::Plain | Progress::None => {}
+            }
             thread::park_timeout(UPDATE);
         }
-        self.screen.live("");
+        if self.progress == Progress::Auto {
+            self.screen.live("");
+        }
         (written, self.report, self.log)
     }
 
@@ -111,22 +152,37 @@ impl News {
             Notice::Sent { event, late } => {
                 if let Some(event) = self.timeline.events().get(event) {
                     self.log.sent(event, late);
+                    self.state.apply(&event.command);
+                    self.worst_late = self.worst_late.max(late);
                 }
                 if self.screen.is_verbose() {
                     self.frame("", event);
                 }
             }
+            Notice::Passed { event } => {
+                if let Some(event) = self.timeline.events().get(event) {
+                    self.state.apply(&event.command);
+                }
+            }
             Notice::Dropped { event } => {
                 self.log.dropped(&self.timeline, event);
+                self.dropped += 1;
                 self.frame("dropped: ", event);
             }
             Notice::Sleeping { at_us } => {
                 self.clock = Clock::Stands(at_us);
                 self.screen.ask(&format!("{} s: the robot stands; `fg` comes back to it", seconds(at_us)));
             }
-            Notice::Paused { at_us } => self
-                .screen
-                .ask(&format!("{} s: paused; Enter goes on (the robot may move at once), Ctrl-C ends", seconds(at_us))),
+            Notice::Help => self.screen.ask(KEYS),
+            Notice::Paused { at_us } => {
+                self.clock = Clock::Stands(at_us);
+                let how = if self.keys {
+                    "space goes on (the robot may move at once), s plays one step without the drive, q ends"
+                } else {
+                    "Enter goes on (the robot may move at once), Ctrl-C ends"
+                };
+                self.screen.ask(&format!("{} s: paused; {how}", seconds(at_us)));
+            }
             Notice::Pass { pass } => {
                 self.log.passes = pass;
                 self.timeline = Arc::clone(&self.again);
@@ -156,18 +212,62 @@ impl News {
         }
     }
 
-    /// `1.2 / 3.0 s ████░░░░░░`.
+    /// `1.2 / 3.0 s ████░░░░░░  next bow 2.0 s  rocker x=10 y=0 z=0  servo 1 1500`, as much of it as there is room for.
     fn progress(&self) -> String {
-        // The bar gives way to the numbers on a narrow terminal.
-        let width = u64::try_from(self.screen.width().saturating_sub(30 + PAUSED.len()).min(30)).unwrap_or(0);
-        let end = self.timeline.end_us;
-        let now = match self.clock {
-            Clock::Runs(begin) => u64::try_from(begin.elapsed().as_micros()).unwrap_or(u64::MAX).min(end),
-            Clock::Stands(at_us) => at_us,
-        };
+        let (end, now) = (self.timeline.end_us, self.time());
+        let mut line = format!("{} / {} s", seconds(now), seconds(end));
+        // The bar gives way to the words on a narrow terminal.
+        let room = self.screen.width().saturating_sub(1);
+        let width = u64::try_from(room.saturating_sub(line.len() + 50).min(20)).unwrap_or(0);
         let done = now.saturating_mul(width).checked_div(end).unwrap_or(width);
         let bar: String = (0..width).map(|place| if place < done { '█' } else { '░' }).collect();
-        let paused = if matches!(self.clock, Clock::Stands(_)) { PAUSED } else { "" };
-        format!("{} / {} s {bar}{paused}", seconds(now), seconds(end))
+        for part in std::iter::once(bar).chain(self.parts(now)).filter(|part| !part.is_empty()) {
+            if line.chars().count() + 2 + part.chars().count() > room {
+                break;
+            }
+            line.push_str(if line.ends_with('s') && part.starts_with(['█', '░']) { " " } else { "  " });
+            line.push_str(&part);
+        }
+        line
+    }
+
+    /// The time of the script, in microseconds.
+    fn time(&self) -> u64 {
+        match self.clock {
+            Clock::Runs(begin) => {
+                u64::try_from(begin.elapsed().as_micros()).unwrap_or(u64::MAX).min(self.timeline.end_us)
+            }
+            Clock::Stands(at_us) => at_us,
+        }
+    }
+
+    /// What is said of a run besides its time, the most important first.
+    fn parts(&self, now: u64) -> Vec<String> {
+        let mut parts = Vec::new();
+        if matches!(self.clock, Clock::Stands(_)) {
+            parts.push(PAUSED.to_owned());
+        }
+        if self.dropped > 0 {
+            parts.push(format!("{} dropped", self.dropped));
+        }
+        if self.worst_late >= 1_000_000 {
+            parts.push(format!("late {}.{} ms", self.worst_late / 1_000_000, self.worst_late / 100_000 % 10));
+        }
+        if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at_us > now) {
+            parts.push(format!("next {} {} s", mark.name, seconds(mark.at_us)));
+        }
+        parts.push(match self.state.drive() {
+            Some(drive) if drive.keeps_driving() && !matches!(self.clock, Clock::Stands(_)) => drive.to_string(),
+            _ => "stands".to_owned(),
+        });
+        if self.state.buzzer() == Some(true) {
+            parts.push("buzzer on".to_owned());
+        }
+        for index in 1..=4 {
+            if let Some(pulse) = ServoIndex::new(index).ok().and_then(|index| self.state.servo(index)) {
+                parts.push(format!("servo {index} {pulse}"));
+            }
+        }
+        parts
     }
 }

@@ -17,7 +17,7 @@ use rtrb::RingBuffer;
 use super::Script;
 use super::ending::{End, Lost, Teller};
 use super::exit::Exit;
-use super::news::News;
+use super::news::{News, Progress};
 use super::output;
 use super::screen::Screen;
 use super::show::{Show, Staged};
@@ -25,7 +25,7 @@ use super::show::{Show, Staged};
 /// Play a script on a board, or on a virtual one
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n  motionseq play show.motion --from bow --speed 0.5          from the mark `bow` on, at half speed\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nA second process, the guard, stops the robot if this one is killed or hangs.\nEverything that play says goes to standard error."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n  motionseq play show.motion --from bow --speed 0.5          from the mark `bow` on, at half speed\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nOn a terminal: space pauses and goes on, s plays one step of a pause, q stops and ends, ? shows this.\nA second process, the guard, stops the robot if this one is killed or hangs.\nEverything that play says goes to standard error."
 )]
 pub(super) struct Play {
     #[command(flatten)]
@@ -47,6 +47,15 @@ pub(super) struct Play {
     /// What goes wrong on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
+    /// How the run is shown while it goes on
+    #[arg(long, value_enum, default_value_t = Progress::Auto)]
+    progress: Progress,
+    /// Begin paused: space begins, s plays one step
+    #[arg(long)]
+    paused: bool,
+    /// Begin paused, and play one step for each Enter; the drive stands
+    #[arg(long)]
+    step: bool,
     /// Write the exact bytes that the port was given to this file
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -98,6 +107,10 @@ impl Play {
                 Some((path.clone(), output::open(path, &self.script.file).map_err(|error| refused(path, &error))?))
             }
         };
+        if (self.paused || self.step) && !(screen.is_live() && Keys::open(false).is_some()) {
+            screen.error("--paused and --step need a terminal, in the foreground, for somebody to press keys");
+            return Err(Exit::Usage);
+        }
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
         let port = self.port.clone().or_else(|| std::env::var_os("MOTIONSEQ_PORT").map(PathBuf::from));
         // A variable that is empty is one that is not set.
@@ -120,9 +133,11 @@ impl Play {
         let (bytes_in, bytes_out) = RingBuffer::new(BYTES);
         let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
         let recording = recording.map(|(_, file)| file);
+        let keys = Keys::open(screen.is_live());
+        let has_keys = keys.is_some() && screen.is_live();
         let again = again.map(Arc::new);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
-        let news = News::start(timelines, *screen, recording, notices_out, bytes_out);
+        let news = News::start(timelines, (has_keys, self.progress), *screen, recording, notices_out, bytes_out);
         let news = news.map_err(|error| system(screen, &error))?;
         let teller = Teller::start().map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
@@ -134,7 +149,7 @@ impl Play {
             link: Recorder::new(Stalling::new(port.link, stalls), bytes_in),
             signals,
             guard: None,
-            keys: Keys::open(),
+            keys,
             lines: Lines::of(&sources),
             realtime: self.realtime && become_realtime(screen),
         };
@@ -148,6 +163,14 @@ impl Play {
         };
 
         let mut lost = Lost::default();
+        if self.paused || self.step {
+            player = player.paused();
+        }
+        if let Some(keys) = &mut rig.keys {
+            keys.enter_steps = self.step;
+            // The guard has seen the terminal as it was.
+            keys.begin();
+        }
         let start = now();
         if let Some(board) = &port.board {
             board.begin(start);
@@ -156,7 +179,8 @@ impl Play {
             // Where the screen cannot follow, it misses something; the motion does not wait.
             lost.notices += u64::from(notices_in.push(notice).is_err());
         });
-        let Rig { mut link, guard, .. } = rig;
+        let Rig { mut link, guard, keys, .. } = rig;
+        drop(keys);
         match guard {
             // A player that failed before it could stop the robot leaves that to its guard, which kills it first.
             Some(guard) if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) => drop(guard),

@@ -54,7 +54,7 @@ impl Screen {
     }
 
     /// Whether a line can be drawn over and over: not in the background, where the shell writes too.
-    fn is_live(&self) -> bool {
+    pub(super) fn is_live(&self) -> bool {
         self.terminal && self.volume != Volume::Quiet && is_in_foreground(io::stderr())
     }
 

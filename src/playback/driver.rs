@@ -204,8 +204,9 @@ impl<L: Link> Rig<'_, L> {
         reports: &mut ReportDecoder,
         heard: &mut impl FnMut(ReportItem),
     ) -> Input {
+        let is_paused = keys;
         let timeout = until.min(self.next_beat()).saturating_sub(clock::now());
-        let keys = self.keys.as_ref().filter(|_| keys);
+        let keys = self.keys.as_ref().filter(|single| keys || single.is_single());
         let port = if writable { Ready::IN | Ready::OUT } else { Ready::IN };
         let watched = [
             (Some(self.link.descriptor()), port),
@@ -245,10 +246,10 @@ impl<L: Link> Rig<'_, L> {
         if os::is_gone(port) {
             return Input::HungUp;
         }
-        if !key.is_empty() && self.keys.as_ref().is_some_and(Keys::line) {
-            return Input::Resume;
+        match (key.is_empty(), &self.keys) {
+            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| meaning_of(key, keys, is_paused)),
+            _ => Input::Tick,
         }
-        Input::Tick
     }
 
     /// Waits until `deadline` on the clock, whatever happens; only the guard is told that the loop is alive.
@@ -270,6 +271,9 @@ impl<L: Link> Rig<'_, L> {
         notices(Notice::Sleeping { at_us });
         // Whoever shows that sleeps too, a moment later.
         clock::sleep_until(clock::now().saturating_add(100 * CLOSE));
+        if let Some(keys) = &mut self.keys {
+            keys.end();
+        }
         self.signals.suspend();
         Input::Tick
     }
@@ -287,11 +291,15 @@ impl<L: Link> Rig<'_, L> {
             self.beat(player, start, true);
             let keys = self.keys.as_ref().filter(|keys| keys.descriptor().is_some());
             let was_told = std::mem::replace(&mut is_told, keys.is_some());
-            if let Some(keys) = keys.filter(|_| !was_told) {
+            if let Some(keys) = self.keys.as_mut().filter(|_| is_told && !was_told) {
+                keys.begin();
                 // What was typed before was not meant for a robot.
                 keys.forget();
                 let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
-                notices(Notice::Paused { at_us });
+                // Somebody who asked what the keys are has not been told anything new.
+                if keys.told_us.replace(at_us) != Some(at_us) {
+                    notices(Notice::Paused { at_us });
+                }
             }
             // Now and then it looks whether the terminal talks to this process again.
             let until = clock::now().saturating_add(100 * CLOSE);
@@ -303,9 +311,30 @@ impl<L: Link> Rig<'_, L> {
             };
             match self.look(until, false, true, reports, &mut heard) {
                 Input::Tick => {}
-                input => return input,
+                input => {
+                    if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {
+                        keys.told_us = None;
+                    }
+                    return input;
+                }
             }
         }
+    }
+}
+
+/// What a key means.
+fn meaning_of(key: u8, keys: &Keys, is_paused: bool) -> Input {
+    let enter = if keys.enter_steps { Input::Step } else { Input::Resume };
+    match (key, is_paused) {
+        // A line is only asked for at a pause.
+        (b'\n' | b'\r', true) => enter,
+        _ if !keys.is_single() => Input::Tick,
+        (b' ', true) => Input::Resume,
+        (b' ', false) => Input::Pause,
+        (b's', true) => Input::Step,
+        (b'q', _) => Input::Quit,
+        (b'?', _) => Input::Help,
+        _ => Input::Tick,
     }
 }
 

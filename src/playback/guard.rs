@@ -244,6 +244,7 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
     let mut pipe = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
     // Somebody who starts it by hand would have a process that only a kill ends.
     pipe.peer_addr().map_err(|_| io::Error::other("only a player can start it"))?;
+    let terminal = os::Terminal::remember();
     os::become_guard(realtime);
     // The player waits for the word that follows, so its number means it and no other process.
     let player = Process::open(player)?;
@@ -265,6 +266,7 @@ pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Gu
     // Also where it seems to have died: nothing may be sent behind the stop.
     player.kill();
     let has_ended = !hung || player.has_ended(DEATH);
+    terminal.restore();
     let mut stop = halt(&mut port, &mut out);
     if !has_ended && player.has_ended(LATE_DEATH) {
         stop = halt(&mut port, &mut out);

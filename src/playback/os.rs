@@ -12,7 +12,7 @@ use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::mm::MlockAllFlags;
 use rustix::process::{Pid, PidfdFlags, Signal};
-use rustix::termios::QueueSelector;
+use rustix::termios::{LocalModes, OptionalActions, QueueSelector, Termios};
 use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGXFSZ};
 
 use crate::clock::timespec;
@@ -138,18 +138,51 @@ pub fn is_in_foreground(terminal: impl AsFd) -> bool {
     rustix::termios::tcgetpgrp(terminal).is_ok_and(|group| group.as_raw_nonzero().get() == own_group())
 }
 
-/// The terminal that this process was started from, for somebody to say there that a paused run shall go on.
+/// The terminal that this process was started from, for somebody to press keys there.
 #[derive(Debug)]
 pub struct Keys {
     terminal: OwnedFd,
+    /// Whether each key shall count by itself, without Enter and without an echo.
+    single: bool,
+    /// How the terminal was before, while it is so.
+    before: Option<Termios>,
+    /// Whether Enter plays a step and does not go on.
+    pub enter_steps: bool,
+    /// The time of the pause that was told last, in microseconds of the script.
+    pub(super) told_us: Option<u64>,
 }
 
 impl Keys {
-    /// Opens it; `None` where there is none.
-    pub fn open() -> Option<Self> {
+    /// Opens it; `None` where there is none. With `single` each key counts by itself, from [`Keys::begin`] on.
+    pub fn open(single: bool) -> Option<Self> {
         let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let terminal = rustix::fs::open("/dev/tty", flags, Mode::empty()).ok()?;
-        Some(Keys { terminal })
+        Some(Keys { terminal, single, before: None, enter_steps: false, told_us: None })
+    }
+
+    /// Takes single keys from now on, where the terminal talks to this process. Ctrl-C and Ctrl-Z stay what they are.
+    pub fn begin(&mut self) {
+        if !self.single || self.before.is_some() || !is_in_foreground(&self.terminal) {
+            return;
+        }
+        let Ok(before) = rustix::termios::tcgetattr(&self.terminal) else { return };
+        let mut single = before.clone();
+        single.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
+        if rustix::termios::tcsetattr(&self.terminal, OptionalActions::Now, &single).is_ok() {
+            self.before = Some(before);
+        }
+    }
+
+    /// Leaves the terminal as it was.
+    pub fn end(&mut self) {
+        if let Some(before) = self.before.take() {
+            let _ = rustix::termios::tcsetattr(&self.terminal, OptionalActions::Now, &before);
+        }
+    }
+
+    /// Whether single keys are taken now.
+    pub(super) fn is_single(&self) -> bool {
+        self.before.is_some()
     }
 
     /// The descriptor to wait on, while this process is the one that the terminal talks to.
@@ -162,10 +195,40 @@ impl Keys {
         let _ = rustix::termios::tcflush(&self.terminal, QueueSelector::IFlush);
     }
 
-    /// Whether a line was typed.
-    pub(super) fn line(&self) -> bool {
+    /// What was typed: the first key of it, which for a line is its end. `None` where nothing was, or a key that sends more
+    /// than one character, such as an arrow.
+    pub(super) fn key(&self) -> Option<u8> {
         let mut buffer = [0; 256];
-        rustix::io::read(&self.terminal, &mut buffer).is_ok_and(|count| count > 0)
+        let count = rustix::io::read(&self.terminal, &mut buffer).ok()?;
+        let typed = buffer.get(..count)?;
+        if self.is_single() { typed.first().copied().filter(|key| *key != 0x1B) } else { typed.last().copied() }
+    }
+}
+
+impl Drop for Keys {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// A terminal as it was, for a guard to bring it back to that where its player cannot.
+pub(super) struct Terminal(Option<(OwnedFd, Termios)>);
+
+impl Terminal {
+    /// Must be asked before the guard leaves its session, and before the player takes single keys.
+    pub(super) fn remember() -> Self {
+        let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
+        let opened = rustix::fs::open("/dev/tty", flags, Mode::empty());
+        Terminal(opened.ok().and_then(|terminal| {
+            let state = rustix::termios::tcgetattr(&terminal).ok()?;
+            Some((terminal, state))
+        }))
+    }
+
+    pub(super) fn restore(&self) {
+        if let Some((terminal, state)) = &self.0 {
+            let _ = rustix::termios::tcsetattr(terminal, OptionalActions::Now, state);
+        }
     }
 }
 

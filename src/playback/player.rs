@@ -26,8 +26,16 @@ pub enum Input {
     Signal(i32),
     /// This process shall sleep until it is continued (Ctrl-Z on a terminal).
     Suspend,
+    /// Somebody at the terminal said that the robot shall stand, until somebody says that it goes on.
+    Pause,
     /// Somebody at the terminal said that a paused run shall go on.
     Resume,
+    /// Somebody at the terminal said that a paused run shall play what comes next, and pause again.
+    Step,
+    /// Somebody at the terminal said that the run shall end.
+    Quit,
+    /// Somebody at the terminal asks what the keys are.
+    Help,
     /// The guard is gone, or takes no beats.
     Unguarded,
     /// Something panicked.
@@ -72,6 +80,11 @@ pub enum Notice {
         /// How late, in nanoseconds.
         late: u64,
     },
+    /// This frame of the drive was not sent at a pause; what it says holds when the run goes on.
+    Passed {
+        /// Its index in the track.
+        event: usize,
+    },
     /// This frame was left out, because a newer one had overtaken it.
     Dropped {
         /// Its index in the track.
@@ -84,6 +97,8 @@ pub enum Notice {
     },
     /// The board has sent a report.
     Report(Report),
+    /// Somebody asks what the keys are.
+    Help,
     /// An `expect` was judged.
     Judged(Verdict),
     /// The robot stands, and the process is about to sleep.
@@ -113,6 +128,8 @@ pub enum Notice {
 pub enum Cause {
     /// Everything was sent.
     Finished,
+    /// Somebody at the terminal asked for it.
+    Quit,
     /// A signal asked for it.
     Signal(i32),
     /// The port was lost, with the system's error number where there is one.
@@ -165,8 +182,9 @@ pub struct Player<'t> {
     end: u64,
     max_late: u64,
     phase: Phase<'t>,
-    /// When time 0 of the script is, or would have been without the pauses.
-    origin: u64,
+    /// When time 0 of the script is, or would have been without the pauses; before the run began where steps of a pause went
+    /// ahead of time.
+    origin: i64,
     /// The next event that was not taken up.
     next: usize,
     next_cue: usize,
@@ -188,8 +206,11 @@ enum Phase<'t> {
     Playing,
     /// Stopping for good.
     Ending(Halt<'t>, Outcome),
-    /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped.
-    Pausing(Halt<'t>, u64, Outcome),
+    /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped, and whether the
+    /// process sleeps then.
+    Pausing(Halt<'t>, u64, Outcome, bool),
+    /// Playing one step of a pause, up to a time of the script.
+    Stepping(u64),
     /// Standing at a time of the script.
     Paused(u64),
     Done(Outcome),
@@ -235,7 +256,7 @@ impl<'t> Player<'t> {
     fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
         self.before =
             [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
-        self.origin = self.origin.saturating_add(self.end);
+        self.origin = self.origin.saturating_add_unsigned(self.end);
         self.pass += 1;
         self.events = again.events();
         self.cues = &again.cues;
@@ -266,8 +287,8 @@ impl<'t> Player<'t> {
     /// The time of the script at `now`, in nanoseconds.
     pub fn script_time(&self, now: u64) -> u64 {
         match self.phase {
-            Phase::Pausing(_, at, _) | Phase::Paused(at) => at,
-            _ => now.saturating_sub(self.origin),
+            Phase::Pausing(_, at, ..) | Phase::Paused(at) | Phase::Stepping(at) => at,
+            _ => self.since_origin(now),
         }
     }
 
@@ -284,12 +305,20 @@ impl<'t> Player<'t> {
 
     /// Whether an `expect` is due at `now`, so that all reports that have come should be heard before.
     pub(super) fn judges_at(&self, now: u64) -> bool {
-        let is_due = |due: u64| due <= now.saturating_sub(self.origin);
+        let is_due = |due: u64| due <= self.since_origin(now);
         matches!(self.phase, Phase::Playing) && self.judge.next_due().is_some_and(is_due)
+    }
+
+    /// The time of a script that runs, at `now`.
+    fn since_origin(&self, now: u64) -> u64 {
+        now.checked_add_signed(self.origin.saturating_neg()).unwrap_or(0)
     }
 
     /// What to do at `now`, in nanoseconds from the start, after `input` happened.
     pub fn poll(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+        if input == Input::Help {
+            notices(Notice::Help);
+        }
         match &mut self.phase {
             Phase::Playing => self.play(now, input, notices),
             Phase::Ending(halt, outcome) => match halt.poll(now, input, &mut self.out) {
@@ -299,11 +328,11 @@ impl<'t> Player<'t> {
                     self.done(outcome)
                 }
             },
-            Phase::Pausing(halt, at, outcome) => {
+            Phase::Pausing(halt, at, outcome, sleeps) => {
                 if let Some(cause) = end_of(input) {
                     return self.end_early(cause, now);
                 }
-                let (at, outcome) = (*at, *outcome);
+                let (at, outcome, sleeps) = (*at, *outcome, *sleeps);
                 match (halt.poll(now, input, &mut self.out), halt.stop()) {
                     (Some(order), _) => order,
                     // A robot that may still be moving is not left alone.
@@ -311,13 +340,17 @@ impl<'t> Player<'t> {
                     (None, _) => {
                         self.extra += halt.frames();
                         self.phase = Phase::Paused(at);
-                        Order::Suspend
+                        if sleeps { Order::Suspend } else { Order::Stay }
                     }
                 }
             }
             Phase::Paused(at) => {
                 let at = *at;
-                self.paused(at, now, input, notices)
+                self.stand(at, now, input, notices)
+            }
+            Phase::Stepping(at) => {
+                let at = *at;
+                self.stepping(at, now, input)
             }
             Phase::Done(_) => Order::Done,
         }
@@ -332,9 +365,9 @@ impl<'t> Player<'t> {
         if let Some(cause) = end_of(input) {
             return self.end_early(cause, now);
         }
-        let time = now.saturating_sub(self.origin);
-        if input == Input::Suspend {
-            return self.pause(time, now);
+        let time = self.since_origin(now);
+        if matches!(input, Input::Suspend | Input::Pause) {
+            return self.pause(time, now, input == Input::Suspend);
         }
         if let Input::Wrote(count) = input
             && self.out.took(count)
@@ -370,7 +403,7 @@ impl<'t> Player<'t> {
                     self.next_pass(again, notices);
                 }
                 // At this very moment, or a little behind it, the first frames of the next pass are due.
-                Order::Wait { until: self.origin, writable: false }
+                self.wait(0, false)
             }
             None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
@@ -378,7 +411,7 @@ impl<'t> Player<'t> {
 
     /// To wait until a time of the script.
     fn wait(&self, until: u64, writable: bool) -> Order {
-        Order::Wait { until: until.saturating_add(self.origin), writable }
+        Order::Wait { until: until.saturating_add_signed(self.origin), writable }
     }
 
     fn say(&mut self, time: u64, notices: &mut impl FnMut(Notice)) {
@@ -458,9 +491,10 @@ impl<'t> Player<'t> {
     }
 
     /// Stops the robot and nothing else: `on abort` is for a run that ends.
-    fn pause(&mut self, time: u64, now: u64) -> Order {
-        let outcome = self.outcome_at(Cause::Signal(SIGTSTP), time);
-        self.halt(Phase::Pausing(Halt::new(&[], now), time, outcome))
+    fn pause(&mut self, time: u64, now: u64, sleeps: bool) -> Order {
+        let cause = if sleeps { Cause::Signal(SIGTSTP) } else { Cause::Quit };
+        let outcome = self.outcome_at(cause, time);
+        self.halt(Phase::Pausing(Halt::new(&[], now), time, outcome, sleeps))
     }
 
     fn halt(&mut self, phase: Phase<'t>) -> Order {
@@ -470,19 +504,72 @@ impl<'t> Player<'t> {
         Order::Discard
     }
 
-    fn paused(&mut self, at: u64, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+    fn stand(&mut self, at: u64, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         match (end_of(input), input) {
             (Some(cause), _) => self.end_early(cause, now),
-            (None, Input::Suspend) => self.pause(at, now),
+            (None, Input::Suspend) => self.pause(at, now, true),
+            (None, Input::Step) => self.step(now, notices),
             (None, Input::Resume) => {
                 self.phase = Phase::Playing;
-                self.origin = now.saturating_sub(at);
+                self.origin = i64::try_from(now).unwrap_or(i64::MAX).saturating_sub_unsigned(at);
                 self.restore(at);
                 notices(Notice::Resumed { at_us: at / 1_000 });
                 self.play(now, Input::Tick, notices)
             }
             _ => Order::Stay,
         }
+    }
+
+    /// Plays what comes next: everything of the next time at which something is commanded, but not the drive, which stands
+    /// at a pause and goes on with what it holds by then.
+    fn step(&mut self, now: u64, notices: &mut impl FnMut(Notice)) -> Order {
+        let rest = self.events.get(self.next..).unwrap_or_default();
+        let Some(at) = rest.iter().find(|event| event.kind != Kind::Refresh).map(due) else { return Order::Stay };
+        let count = rest.iter().take_while(|event| due(event) <= at).count();
+        for event in rest.iter().take(count) {
+            let index = self.next;
+            self.next += 1;
+            if self.out.is_full() || event.command.is_drive() {
+                notices(Notice::Passed { event: index });
+                continue;
+            }
+            self.out.push(&event.command);
+            self.pending += 1;
+            self.last = Some(index);
+            notices(Notice::Sent { event: index, late: 0 });
+        }
+        self.say(at, notices);
+        self.due = now;
+        self.phase = Phase::Stepping(at);
+        if self.out.is_empty() { self.stepping(at, now, Input::Tick) } else { Order::Write }
+    }
+
+    fn stepping(&mut self, at: u64, now: u64, input: Input) -> Order {
+        if let Some(cause) = end_of(input) {
+            return self.end_early(cause, now);
+        }
+        if let Input::Wrote(count) = input
+            && self.out.took(count)
+        {
+            self.sent += std::mem::take(&mut self.pending);
+        }
+        let give_up = self.due.saturating_add(self.max_late);
+        match input {
+            _ if self.out.is_empty() => {
+                self.phase = Phase::Paused(at);
+                Order::Stay
+            }
+            _ if now > give_up => self.end_early(Cause::Stalled, now),
+            Input::Blocked => Order::Wait { until: give_up + 1, writable: true },
+            _ => Order::Write,
+        }
+    }
+
+    /// Begins paused, at the start of the script.
+    #[must_use]
+    pub fn paused(mut self) -> Self {
+        self.phase = Phase::Paused(0);
+        self
     }
 
     /// Brings the robot back to where the pause found it; what was queued then may never have reached it.
@@ -510,8 +597,16 @@ fn end_of(input: Input) -> Option<Cause> {
         Input::HungUp => Some(Cause::Lost(None)),
         Input::Failed(error) => Some(Cause::Lost(error)),
         Input::Unguarded => Some(Cause::Unguarded),
+        Input::Quit => Some(Cause::Quit),
         Input::Panicked => Some(Cause::Panicked),
-        Input::Tick | Input::Wrote(_) | Input::Blocked | Input::Suspend | Input::Resume => None,
+        Input::Tick
+        | Input::Wrote(_)
+        | Input::Blocked
+        | Input::Suspend
+        | Input::Pause
+        | Input::Resume
+        | Input::Step
+        | Input::Help => None,
     }
 }
 

@@ -9,7 +9,7 @@ use super::Finding;
 pub struct Run {
     /// The script.
     pub script: String,
-    /// Why it ended: `finished`, `signal`, `port`, `stalled`, `late`, `expect`, `guard` or `failed`.
+    /// Why it ended: `finished`, `quit`, `signal`, `port`, `stalled`, `late`, `expect`, `guard` or `failed`.
     pub reason: &'static str,
     /// The same in words.
     pub cause: String,

@@ -257,7 +257,8 @@ fn is_apart(last: &str, was: State, token: Token<'_>, state: State) -> bool {
         (_, Class::Operator) if token.text == "+" => true,
         // What stands right before a bracket may be the name of a call.
         (Class::Keyword, Class::Open) => token.apart,
-        (Class::Keyword, _) | (_, Class::Keyword) => true,
+        // Elsewhere it may be a part of a word, such as `if-only`.
+        (Class::Keyword, _) | (_, Class::Keyword) => token.apart || was.is_expression() || state.is_expression(),
         _ => token.apart,
     }
 }
