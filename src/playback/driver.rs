@@ -293,8 +293,10 @@ impl<L: Link> Rig<'_, L> {
             let was_told = std::mem::replace(&mut is_told, keys.is_some());
             if let Some(keys) = self.keys.as_mut().filter(|_| is_told && !was_told) {
                 keys.begin();
-                // What was typed before was not meant for a robot.
-                keys.forget();
+                // What was typed before the pause was not meant for a robot.
+                if keys.told_us.is_none() {
+                    keys.forget();
+                }
                 let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
                 // Somebody who asked what the keys are has not been told anything new.
                 if keys.told_us.replace(at_us) != Some(at_us) {

@@ -195,13 +195,25 @@ impl Keys {
         let _ = rustix::termios::tcflush(&self.terminal, QueueSelector::IFlush);
     }
 
-    /// What was typed: the first key of it, which for a line is its end. `None` where nothing was, or a key that sends more
-    /// than one character, such as an arrow.
+    /// The next key that was typed; of a line its end. `None` where nothing was, or a key that sends more than one character,
+    /// such as an arrow.
     pub(super) fn key(&self) -> Option<u8> {
         let mut buffer = [0; 256];
-        let count = rustix::io::read(&self.terminal, &mut buffer).ok()?;
-        let typed = buffer.get(..count)?;
-        if self.is_single() { typed.first().copied().filter(|key| *key != 0x1B) } else { typed.last().copied() }
+        if !self.is_single() {
+            let count = rustix::io::read(&self.terminal, &mut buffer).ok()?;
+            return buffer.get(..count)?.last().copied();
+        }
+        let (key, _) = buffer.split_at_mut(1);
+        if rustix::io::read(&self.terminal, &mut *key).ok()? == 0 {
+            return None;
+        }
+        let key = key.first().copied()?;
+        if key == 0x1B {
+            // What follows belongs to it.
+            self.forget();
+            return None;
+        }
+        Some(key)
     }
 }
 

@@ -1,0 +1,103 @@
+//! A show at a terminal: keys, what is shown, and that the terminal is left as it was, whatever happens.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::process::Command;
+
+use support::{run, script, stderr};
+
+/// Plays in a terminal so many columns wide; gives what is printed of it.
+fn at_terminal(columns: &str, steps: &[&str], args: &[&str]) -> String {
+    let output = Command::new("python3")
+        .arg("tests/support/terminal.py")
+        .arg(columns)
+        .args(steps)
+        .args(["--", env!("CARGO_BIN_EXE_motionseq")])
+        .args(args)
+        .args(["--max-late", "5s"])
+        .env("TERM", "xterm")
+        .env_remove("MOTIONSEQ_PORT")
+        .output()
+        .expect("python3 runs");
+    assert!(output.status.success(), "{}", stderr(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn show() -> String {
+    script("desk", "servos 1500 1500\nwait 300ms\nmark turn\nrocker y=10 z=20 for 60s\nmark end\nservo 1 1000\n")
+}
+
+#[test]
+fn space_pauses_and_goes_on_s_steps_and_q_ends() {
+    let steps = [
+        "wait:rocker x=0 y=10 z=20",
+        "key: ",
+        "wait:paused; space goes on",
+        "wait:paused  next end",
+        "key:?",
+        "wait:space: pause, and go on",
+        "key:s",
+        "wait:60.300 s: paused",
+        "key: ",
+        "wait:goes on",
+        "wait:exit",
+    ];
+    let text = at_terminal("120", &steps[..10], &["play", &show()]);
+    assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
+    // The step was the stop, which the pause had sent already; what is left is the servo.
+    assert!(text.contains("servo 1 at 1000") && text.contains("the drive stands"), "{text}");
+    let text = at_terminal("120", &["wait:rocker x=0", "key:xq"], &["play", &show()]);
+    assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
+    assert!(text.contains("ended by q at") || text.contains("never"), "{text}");
+}
+
+#[test]
+fn the_terminal_is_left_as_it_was_whatever_happens() {
+    let show = show();
+    for (steps, code) in [
+        (vec!["wait:rocker x=0", "kill"], "exit -9"),
+        (vec!["wait:rocker x=0", "key:\u{3}"], "exit 130"),
+        (vec!["wait:rocker x=0", "key: ", "wait:paused;", "kill"], "exit -9"),
+        (vec!["wait:rocker x=0", "key: ", "wait:paused;", "key:\u{3}"], "exit 130"),
+    ] {
+        let text = at_terminal("100", &steps, &["play", &show]);
+        assert!(text.starts_with(&format!("{code}\nicanon True\necho True\n")), "{steps:?}: {text}");
+        if code == "exit -9" {
+            assert!(text.contains("motionseq was killed at"), "the guard tells: {text}");
+        }
+    }
+}
+
+#[test]
+fn a_paused_start_waits_for_a_key_and_needs_a_terminal() {
+    let show = show();
+    let text = at_terminal("100", &["wait:0.000 s: paused", "key:q"], &["play", &show, "--paused"]);
+    assert!(text.starts_with("exit 0\n") && text.contains("sent 0 frames"), "{text}");
+    // Enter plays one step each time.
+    let steps = ["wait:0.000 s: paused", "key:\n", "wait:0.000 / 60.300 s", "key:\n", "wait:0.300 s: paused", "key:q"];
+    let text = at_terminal("100", &steps, &["play", &show, "--step"]);
+    assert!(text.starts_with("exit 0\n") && text.contains("sent 1 frame "), "{text}");
+    let output = run(&["play", &show, "--paused"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("need a terminal"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
+    let short = script("short-desk", "servos 1500 1500\nrocker y=10 z=20 for 500ms\n");
+    for columns in [24_usize, 40, 200] {
+        let text = at_terminal(&columns.to_string(), &[], &["play", &short]);
+        let drawn: Vec<&str> = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n')).collect();
+        assert!(drawn.len() > 3, "{text:?}");
+        assert!(drawn.iter().all(|line| line.chars().count() < columns), "{columns}: {drawn:?}");
+    }
+    let long = script("long-desk", "rocker y=10 for 2500ms\n");
+    let output = run(&["play", &long, "--progress", "plain"]);
+    let lines = stderr(&output).lines().filter(|line| line.contains(" / 2.500 s")).count();
+    assert!((1..=3).contains(&lines), "{}", stderr(&output));
+    assert!(!stderr(&output).contains(['\r', '\u{1b}']));
+    // A terminal that can do nothing gets no line that is drawn over, and no keys.
+    let output = run(&["play", &short]);
+    assert!(!stderr(&output).contains(['\r', '\u{1b}']));
+}
