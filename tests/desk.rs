@@ -3,20 +3,25 @@
 
 mod support;
 
+use std::fs;
 use std::process::Command;
 
 use support::{run, script, stderr};
 
 /// Plays in a terminal so many columns wide; gives what is printed of it.
 fn at_terminal(columns: &str, steps: &[&str], args: &[&str]) -> String {
+    in_terminal("xterm", columns, steps, &[args, &["--max-late", "5s"]].concat())
+}
+
+/// Runs the program in a terminal that calls itself `term`.
+fn in_terminal(term: &str, columns: &str, steps: &[&str], args: &[&str]) -> String {
     let output = Command::new("python3")
         .arg("tests/support/terminal.py")
         .arg(columns)
         .args(steps)
         .args(["--", env!("CARGO_BIN_EXE_motionseq")])
         .args(args)
-        .args(["--max-late", "5s"])
-        .env("TERM", "xterm")
+        .env("TERM", term)
         .env_remove("MOTIONSEQ_PORT")
         .output()
         .expect("python3 runs");
@@ -97,7 +102,36 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
     let lines = stderr(&output).lines().filter(|line| line.contains(" / 2.500 s")).count();
     assert!((1..=3).contains(&lines), "{}", stderr(&output));
     assert!(!stderr(&output).contains(['\r', '\u{1b}']));
-    // A terminal that can do nothing gets no line that is drawn over, and no keys.
+    // A terminal that grows narrow while the show runs, and one that cannot draw over a line.
+    let steps = ["wait:rocker x=0 y=10 z=20  servo", "resize:30"];
+    let text = at_terminal("120", &steps, &["play", &short, "--speed", "0.2"]);
+    let drawn: Vec<&str> = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n')).collect();
+    let widths: Vec<usize> = drawn.iter().map(|line| line.chars().count()).collect();
+    assert!(widths[0] > 30 && widths[widths.len() - 1] < 30, "{drawn:?}");
+    let text = in_terminal("dumb", "80", &[], &["play", &short, "--max-late", "5s"]);
+    assert!(text.starts_with("exit 0\n") && text.contains("sent ") && !text.contains('\u{1b}'), "{text}");
+    // Without a terminal there is no line that is drawn over, and no key.
     let output = run(&["play", &short]);
     assert!(!stderr(&output).contains(['\r', '\u{1b}']));
+}
+
+#[test]
+fn long_work_shows_how_far_it_is_on_a_terminal_only() {
+    let folder = std::env::temp_dir().join(format!("motionseq-bar-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    for number in 0..31 {
+        let text = "repeat 20000 {\n  servo 1 1500\n  wait 10ms\n}\n";
+        fs::write(folder.join(format!("{number}.motion")), text).unwrap();
+    }
+    let folder = folder.to_str().unwrap();
+    let text = in_terminal("xterm", "80", &[], &["test", "--bless", folder]);
+    assert!(
+        text.contains(" / 31 scripts █") && text.contains("\r\u{1b}[K31 scripts: 31 passed (31 blessed)"),
+        "{text}"
+    );
+    let big = script("big", "repeat 400000 {\n  servo 1 1500\n  wait 10ms\n}\n");
+    let render = ["render", &big, "--format", "jsonl", "-o", "/dev/null"];
+    let text = in_terminal("xterm", "80", &[], &render);
+    assert!(text.contains(" / 400000 frames █") && text.ends_with("\r\u{1b}[K\n"), "{text}");
+    assert_eq!(stderr(&run(&render)), "");
 }

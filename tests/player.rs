@@ -197,8 +197,9 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
     for path in scripts() {
         let timeline = shipped(&path);
         let (all, _) = World::run(|_, _, _| None, &timeline);
-        for cut in 1..all.given.len() {
-            let mut suspend = once(cut, Input::Suspend);
+        let pauses = |cut| [(cut, Input::Suspend, 1), (cut, Input::Pause, 0)];
+        for (cut, how, sleeps) in (1..all.given.len()).flat_map(pauses) {
+            let mut suspend = once(cut, how);
             let at_rest = std::cell::Cell::new(0);
             let meddle = |now, order, given| match order {
                 Order::Suspend => {
@@ -210,7 +211,7 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
                 _ => suspend(now, order, given),
             };
             let (world, outcome) = World::run(meddle, &timeline);
-            assert_eq!(at_rest.get(), 1);
+            assert_eq!(at_rest.get(), sleeps);
             assert_eq!(
                 (outcome.cause, outcome.stop),
                 (Cause::Finished, Stop::NotNeeded),

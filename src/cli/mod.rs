@@ -14,6 +14,7 @@ mod news;
 mod output;
 mod play;
 mod ports;
+mod progress;
 mod render;
 mod screen;
 mod shell;

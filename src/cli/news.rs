@@ -14,6 +14,7 @@ use motionseq::timeline::Timeline;
 use rtrb::Consumer;
 
 use super::log::Log;
+use super::progress::bar;
 use super::screen::{Screen, seconds};
 use super::start_thread;
 
@@ -218,9 +219,7 @@ impl News {
         let mut line = format!("{} / {} s", seconds(now), seconds(end));
         // The bar gives way to the words on a narrow terminal.
         let room = self.screen.width().saturating_sub(1);
-        let width = u64::try_from(room.saturating_sub(line.len() + 50).min(20)).unwrap_or(0);
-        let done = now.saturating_mul(width).checked_div(end).unwrap_or(width);
-        let bar: String = (0..width).map(|place| if place < done { '█' } else { '░' }).collect();
+        let bar = bar(now, end, room.saturating_sub(line.len() + 50));
         for part in std::iter::once(bar).chain(self.parts(now)).filter(|part| !part.is_empty()) {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;

@@ -1,6 +1,6 @@
 //! `motionseq render`: what would be sent, without sending it.
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -10,6 +10,7 @@ use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_lis
 use super::Script;
 use super::exit::Exit;
 use super::output;
+use super::progress::Progress;
 use super::screen::Screen;
 use super::show::{Show, Staged};
 
@@ -43,6 +44,9 @@ enum Format {
     Jsonl,
 }
 
+/// How many frames are written between two looks at the clock.
+const CHUNK: usize = 16_384;
+
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
@@ -55,25 +59,33 @@ impl Render {
             Err(exit) => return exit,
         };
         let written = match &self.output {
-            None => self.write(&sources, &timeline, io::stdout().lock()),
+            None => self.write(&sources, &timeline, screen, io::stdout().lock()),
             Some(path) => output::open(path, &self.script.file).and_then(|file| {
                 output::begin(&file)?;
-                self.write(&sources, &timeline, file)
+                self.write(&sources, &timeline, screen, file)
             }),
         };
         output::exit(written, self.output.as_deref(), screen)
     }
 
-    fn write(&self, sources: &Sources, timeline: &Timeline, out: impl Write) -> io::Result<()> {
+    fn write(&self, sources: &Sources, timeline: &Timeline, screen: &Screen, out: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(64 * 1024, out);
-        let events = timeline.events();
-        match self.format {
-            Format::Listing => write_listing(events, &mut out)?,
-            Format::Hex => write_hex(events, &mut out)?,
-            Format::Bin => write_bin(events, &mut out)?,
-            Format::Jsonl => {
-                let lines = Lines::of(sources);
-                timeline.tracks.iter().try_for_each(|track| write_jsonl(track, &lines, &mut out))?;
+        let lines = Lines::of(sources);
+        let frames = timeline.tracks.iter().map(|track| track.events.len()).sum();
+        // Frames that are printed on the terminal show themselves how far it is.
+        let is_shown = self.output.is_some() || !io::stdout().is_terminal();
+        let progress = is_shown.then(|| Progress::new(screen, "frames", frames));
+        for track in &timeline.tracks {
+            for events in track.events.chunks(CHUNK) {
+                match self.format {
+                    Format::Listing => write_listing(events, &mut out)?,
+                    Format::Hex => write_hex(events, &mut out)?,
+                    Format::Bin => write_bin(events, &mut out)?,
+                    Format::Jsonl => write_jsonl(track.robot.as_deref(), events, &lines, &mut out)?,
+                }
+                if let Some(progress) = &progress {
+                    progress.add(events.len());
+                }
             }
         }
         out.flush()

@@ -13,6 +13,7 @@ use motionseq::verify::{Case, Job, Verdict, find, shell_word};
 use super::Options;
 use super::exit::Exit;
 use super::output;
+use super::progress::Progress;
 use super::screen::{Screen, plural};
 
 /// Compare every script with its snapshot, and say what has changed
@@ -76,7 +77,10 @@ impl Test {
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let cases = match pool {
-            Ok(pool) => pool.install(|| job.run(&found)),
+            Ok(pool) => {
+                let progress = Progress::new(screen, "scripts", found.scripts.len());
+                pool.install(|| job.run(&found, || progress.add(1)))
+            }
             Err(error) => {
                 screen.error(&format!("cannot start threads: {error}"));
                 return Exit::Usage;

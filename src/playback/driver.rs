@@ -8,8 +8,9 @@ use std::os::fd::AsFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::guard::Guard;
+use super::messages::{Input, Notice, Order, Outcome, SIGTSTP};
 use super::os::{self, Keys, Ready, Signals};
-use super::player::{Input, Notice, Order, Outcome, Player};
+use super::player::Player;
 use crate::board::{ReportDecoder, ReportItem};
 use crate::clock;
 use crate::link::Link;
@@ -148,7 +149,7 @@ impl<L: Link> Rig<'_, L> {
 
     /// What a signal means: Ctrl-Z is a pause where somebody can end it.
     fn meaning(&self, signal: i32) -> Input {
-        if signal == super::player::SIGTSTP && self.keys.is_some() { Input::Suspend } else { Input::Signal(signal) }
+        if signal == SIGTSTP && self.keys.is_some() { Input::Suspend } else { Input::Signal(signal) }
     }
 
     /// Tells the guard that the loop is alive, where that cannot wait, or where there is time for it and it cannot wait long.

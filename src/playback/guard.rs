@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use super::driver::transfer;
 use super::halt::{Halt, Outbox, Stop};
+use super::messages::{Input, Order};
 use super::os::{self, Process, Ready};
-use super::player::{Input, Order};
 use super::watch::{Heard, Verdict, Watch};
 use crate::clock;
 use crate::link::{Link, Serial};

@@ -4,7 +4,7 @@
 //! frame may miss the first), then buzzer off, then the script's `on abort`. Nothing skips it: a signal changes nothing, and
 //! a frame that could not be written is tried again.
 
-use super::player::{Input, Order};
+use super::messages::{Input, Order};
 use crate::board::{Command, MAX_FRAME};
 use crate::timeline::Event;
 

@@ -4,168 +4,11 @@
 //! frame for the same thing has overtaken is dropped. Every end but the regular one, and every pause, is a [`Halt`].
 
 use super::halt::{Halt, Outbox, Stop};
-use super::judge::{Judge, Verdict};
+use super::judge::Judge;
+use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP};
 use crate::board::{Report, State};
 use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
-
-/// What happened since the last order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Input {
-    /// Nothing but time.
-    Tick,
-    /// The port took so many of the bytes.
-    Wrote(usize),
-    /// The port takes no bytes now.
-    Blocked,
-    /// Writing failed, with the system's error number where there is one.
-    Failed(Option<i32>),
-    /// The other end of the port is gone.
-    HungUp,
-    /// This process got a signal.
-    Signal(i32),
-    /// This process shall sleep until it is continued (Ctrl-Z on a terminal).
-    Suspend,
-    /// Somebody at the terminal said that the robot shall stand, until somebody says that it goes on.
-    Pause,
-    /// Somebody at the terminal said that a paused run shall go on.
-    Resume,
-    /// Somebody at the terminal said that a paused run shall play what comes next, and pause again.
-    Step,
-    /// Somebody at the terminal said that the run shall end.
-    Quit,
-    /// Somebody at the terminal asks what the keys are.
-    Help,
-    /// The guard is gone, or takes no beats.
-    Unguarded,
-    /// Something panicked.
-    Panicked,
-}
-
-/// What to do next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
-    /// Give [`Player::bytes`] to the port, in one write.
-    Write,
-    /// Throw away what the port was given but has not sent.
-    Discard,
-    /// Wait until this time, in nanoseconds from the start; if `writable`, no longer than until the port takes bytes.
-    Wait {
-        /// The deadline.
-        until: u64,
-        /// Whether to wake as soon as the port takes bytes.
-        writable: bool,
-    },
-    /// Wait until this time, in nanoseconds from the start, and look at nothing else.
-    Pause {
-        /// The deadline.
-        until: u64,
-    },
-    /// The robot stands: sleep until this process is continued.
-    Suspend,
-    /// Wait until somebody says that the run shall go on, or something ends it.
-    Stay,
-    /// The run is over.
-    Done,
-}
-
-/// What others may want to know while it plays. Small and without anything on the heap, so that it can be handed to
-/// another thread without waiting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Notice {
-    /// This frame is given to the port.
-    Sent {
-        /// Its index in the track.
-        event: usize,
-        /// How late, in nanoseconds.
-        late: u64,
-    },
-    /// This frame of the drive was not sent at a pause; what it says holds when the run goes on.
-    Passed {
-        /// Its index in the track.
-        event: usize,
-    },
-    /// This frame was left out, because a newer one had overtaken it.
-    Dropped {
-        /// Its index in the track.
-        event: usize,
-    },
-    /// This line is due.
-    Say {
-        /// Its index in the timeline's cues.
-        cue: usize,
-    },
-    /// The board has sent a report.
-    Report(Report),
-    /// Somebody asks what the keys are.
-    Help,
-    /// An `expect` was judged.
-    Judged(Verdict),
-    /// The robot stands, and the process is about to sleep.
-    Sleeping {
-        /// Microseconds from the start of the script.
-        at_us: u64,
-    },
-    /// Somebody at the terminal is waited for, to say that the run shall go on.
-    Paused {
-        /// Microseconds from the start of the script.
-        at_us: u64,
-    },
-    /// A further pass of a run without end begins.
-    Pass {
-        /// Which one, counted from 1.
-        pass: u64,
-    },
-    /// It goes on.
-    Resumed {
-        /// Microseconds from the start of the script.
-        at_us: u64,
-    },
-}
-
-/// Why a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// Everything was sent.
-    Finished,
-    /// Somebody at the terminal asked for it.
-    Quit,
-    /// A signal asked for it.
-    Signal(i32),
-    /// The port was lost, with the system's error number where there is one.
-    Lost(Option<i32>),
-    /// The port stopped taking bytes.
-    Stalled,
-    /// A frame was later than allowed, by so many nanoseconds in all.
-    Late(u64),
-    /// An `expect` failed.
-    Expect(Verdict),
-    /// The guard was lost.
-    Unguarded,
-    /// The program failed.
-    Panicked,
-}
-
-/// How a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
-    /// Why.
-    pub cause: Cause,
-    /// When, in microseconds from the start of the script.
-    pub at_us: u64,
-    /// The last command that was taken up; for [`Cause::Late`] the one that was not sent.
-    pub place: Option<Span>,
-    /// Whether the robot was stopped.
-    pub stop: Stop,
-    /// Frames of the timeline that the port took whole.
-    pub sent: usize,
-    /// Frames of the timeline that were left out.
-    pub dropped: usize,
-    /// Frames beside the timeline's: those of stops, of `on abort`, and those that go on behind a pause.
-    pub extra: usize,
-    /// The worst lateness of a frame, in nanoseconds.
-    pub worst_late: u64,
-}
 
 /// Plays one track.
 #[derive(Debug)]
@@ -329,7 +172,7 @@ impl<'t> Player<'t> {
                 }
             },
             Phase::Pausing(halt, at, outcome, sleeps) => {
-                if let Some(cause) = end_of(input) {
+                if let Some(cause) = input.end() {
                     return self.end_early(cause, now);
                 }
                 let (at, outcome, sleeps) = (*at, *outcome, *sleeps);
@@ -362,7 +205,7 @@ impl<'t> Player<'t> {
     }
 
     fn play(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
-        if let Some(cause) = end_of(input) {
+        if let Some(cause) = input.end() {
             return self.end_early(cause, now);
         }
         let time = self.since_origin(now);
@@ -505,7 +348,7 @@ impl<'t> Player<'t> {
     }
 
     fn stand(&mut self, at: u64, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
-        match (end_of(input), input) {
+        match (input.end(), input) {
             (Some(cause), _) => self.end_early(cause, now),
             (None, Input::Suspend) => self.pause(at, now, true),
             (None, Input::Step) => self.step(now, notices),
@@ -545,7 +388,7 @@ impl<'t> Player<'t> {
     }
 
     fn stepping(&mut self, at: u64, now: u64, input: Input) -> Order {
-        if let Some(cause) = end_of(input) {
+        if let Some(cause) = input.end() {
             return self.end_early(cause, now);
         }
         if let Input::Wrote(count) = input
@@ -584,29 +427,6 @@ impl<'t> Player<'t> {
             self.extra += 1;
         }
         self.due = at;
-    }
-}
-
-/// The number of the signal that Ctrl-Z sends.
-pub(super) const SIGTSTP: i32 = 20;
-
-/// The end that an input brings, if it brings one.
-fn end_of(input: Input) -> Option<Cause> {
-    match input {
-        Input::Signal(signal) => Some(Cause::Signal(signal)),
-        Input::HungUp => Some(Cause::Lost(None)),
-        Input::Failed(error) => Some(Cause::Lost(error)),
-        Input::Unguarded => Some(Cause::Unguarded),
-        Input::Quit => Some(Cause::Quit),
-        Input::Panicked => Some(Cause::Panicked),
-        Input::Tick
-        | Input::Wrote(_)
-        | Input::Blocked
-        | Input::Suspend
-        | Input::Pause
-        | Input::Resume
-        | Input::Step
-        | Input::Help => None,
     }
 }
 

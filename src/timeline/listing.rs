@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::{Event, Kind, Track};
+use super::{Event, Kind};
 use crate::board::{Command, Frame};
 use crate::source::Lines;
 
@@ -53,8 +53,10 @@ pub fn write_hex(events: &[Event], out: &mut impl Write) -> io::Result<()> {
 }
 
 /// One JSON object a line. The time is in microseconds, `file` and `line` say where in the script the command stands.
-pub fn write_jsonl(track: &Track, lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
-    each(&track.events, |event, frame| {
+///
+/// `robot` is the name of the track that the events are of.
+pub fn write_jsonl(robot: Option<&str>, events: &[Event], lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
+    each(events, |event, frame| {
         let place = lines.place(event.span);
         let object = Object {
             t_us: event.at_us,
@@ -63,7 +65,7 @@ pub fn write_jsonl(track: &Track, lines: &Lines<'_>, out: &mut impl Write) -> io
             kind: event.kind.word().unwrap_or("command"),
             file: place.file,
             line: place.line,
-            robot: track.robot.as_deref(),
+            robot,
         };
         serde_json::to_writer(&mut *out, &object)?;
         out.write_all(b"\n")

@@ -130,13 +130,19 @@ pub struct Job {
 impl Job {
     /// Holds every script against its snapshot, on all threads of the pool; the order is that of `found`: what cannot be
     /// looked into first, then scripts, then snapshots without one.
-    pub fn run(&self, found: &Found) -> Vec<Case> {
+    ///
+    /// `done` hears of each script that is done with, from any thread.
+    pub fn run(&self, found: &Found, done: impl Fn() + Sync) -> Vec<Case> {
         let unreadable = found.unreadable.iter().map(|(path, why)| {
             let name = path.display().to_string();
             Case::new(&name, Verdict::Unreadable, vec![problem(&name, 0, "unreadable", why.clone())])
         });
         let mut cases: Vec<Case> = unreadable.collect();
-        cases.par_extend(found.scripts.par_iter().map(|script| self.case(script)));
+        cases.par_extend(found.scripts.par_iter().map(|script| {
+            let case = self.case(script);
+            done();
+            case
+        }));
         cases.extend(found.orphans.iter().map(|orphan| {
             let name = orphan.display().to_string();
             let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
