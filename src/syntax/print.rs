@@ -3,7 +3,7 @@
 //! It works on the text and not on the tree, so that nothing can be lost. Where a blank has a meaning (`8 -8` is two
 //! arguments, `8 - 8` is none), it stays as it is.
 
-use super::{MAX_LINE, parse};
+use super::parse;
 use crate::diagnostic::Diagnostics;
 use crate::source::Source;
 
@@ -23,9 +23,11 @@ pub fn format(source: &Source, diagnostics: &mut Diagnostics) -> Option<String> 
         printer.line(line);
     }
     let formatted = printer.finish();
-    // Evenly set, a line may be longer than a script's may be; then it stays as it is.
-    let longest = formatted.lines().map(str::len).max().unwrap_or(0);
-    Some(if longest > MAX_LINE { text.to_owned() } else { formatted })
+    // Evenly set, a line may be longer than a script's may be; then it stays as it is. So it does where a word that is
+    // none of the language would be torn.
+    let mut torn = Diagnostics::default();
+    parse(&Source::new(source.name(), formatted.as_str()), &mut torn);
+    Some(if torn.has_errors() { text.to_owned() } else { formatted })
 }
 
 /// Code that is wider keeps its comment right behind it, so that one long line does not widen all others.
@@ -160,7 +162,11 @@ impl<'t> Printer<'t> {
             code.push_str(token.text);
             let begins_expression = match token.text {
                 "let" => state.begins && tokens.get(at + 2).is_some_and(|equals| equals.text == "="),
-                "if" => state.begins || before.is_some_and(|(last, _)| last == "else"),
+                // Without a block it is no condition, but a command that there is not.
+                "if" => {
+                    (state.begins || before.is_some_and(|(last, _)| last == "else"))
+                        && tokens.get(at..).unwrap_or_default().iter().any(|token| matches!(token.text, "{" | "("))
+                }
                 _ => false,
             };
             before = Some((token.text, state));
