@@ -55,6 +55,12 @@ fn space_pauses_and_goes_on_s_steps_and_q_ends() {
     let text = at_terminal("120", &["wait:rocker x=0", "key:xq"], &["play", &show()]);
     assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
     assert!(text.contains("ended by q at") || text.contains("never"), "{text}");
+    // Of a run without end all passes count.
+    let short = script("short-pass", "servo 2 1500\nwait 400ms\n");
+    let text = at_terminal("120", &["wait:pass 3", "key:q"], &["play", &short, "--loop", "forever"]);
+    let (frames, rest) = text.split_once("sent ").unwrap().1.split_once(" frames in ").unwrap();
+    let (frames, seconds): (f64, f64) = (frames.parse().unwrap(), rest.split_once(' ').unwrap().0.parse().unwrap());
+    assert!(frames >= 3.0 && seconds >= (frames - 1.0) * 0.4, "{text}");
 }
 
 #[test]
@@ -85,7 +91,7 @@ fn a_paused_start_waits_for_a_key_and_needs_a_terminal() {
     assert!(text.starts_with("exit 0\n") && text.contains("sent 1 frame "), "{text}");
     let output = run(&["play", &show, "--paused"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("need a terminal"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("a terminal in the foreground"), "{}", stderr(&output));
 }
 
 #[test]

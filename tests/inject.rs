@@ -172,9 +172,9 @@ fn is_documented(code: i32) -> bool {
     code == 137 || readme.lines().any(|row| row.starts_with(&format!("| {code} |")))
 }
 
-/// The words behind `… s into the script; stop: `, for each line of this kind.
+/// The words behind `… s into the run; stop: `, for each line of this kind.
 fn closing_lines(text: &str) -> Vec<&str> {
-    text.lines().filter_map(|line| line.split_once(" s into the script; stop: ")).map(|(_, stop)| stop).collect()
+    text.lines().filter_map(|line| line.split_once(" s into the run; stop: ")).map(|(_, stop)| stop).collect()
 }
 
 /// How often it is said that the recording is not complete.

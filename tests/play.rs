@@ -83,7 +83,7 @@ fn the_built_in_board_receives_what_the_recording_holds() {
         lines[2],
         "the virtual board received 22 frames (281 bytes); the drive stands, the buzzer is off, servo 1 at 1500 µs"
     );
-    assert!(lines[3].starts_with("in its nominal units the robot is "), "{text}");
+    assert!(lines[3].starts_with("in its nominal units the robot has moved "), "{text}");
     assert_eq!(lines.len(), 4);
     // Nothing of the progress line in a pipe.
     assert!(!text.contains(['\r', '\u{1b}']));

@@ -16,7 +16,7 @@ use motionseq::source::{Sources, Span};
 use motionseq::timeline::Timeline;
 
 use super::exit::Exit;
-use super::log::{Facts, Log};
+use super::log::{Asking, Facts, Log};
 use super::news::Told;
 use super::output;
 use super::screen::{Screen, plural, seconds};
@@ -45,6 +45,7 @@ pub(super) struct End {
     pub(super) is_recorded: bool,
     /// The file for a report, its name, and what is wrong with the script.
     pub(super) report: Option<(PathBuf, File, Diagnostics)>,
+    pub(super) run: Asking,
     pub(super) board: Option<Served>,
     /// A real port, which is closed when all was said: the system may wait for it as long as half a minute.
     pub(super) port: Option<Serial>,
@@ -80,7 +81,7 @@ impl Teller {
 
 impl End {
     fn say(self) {
-        let End { screen, sources, timeline, outcome, lost, news, is_recorded, report: asked, board, port } = self;
+        let End { screen, sources, timeline, outcome, lost, news, is_recorded, report: asked, run, board, port } = self;
         // A recording or a screen that takes nothing must not hide how the run ended.
         let (written, report, log) = news.recv_timeout(NEWS).unwrap_or_else(|why| {
             let why = match why {
@@ -123,7 +124,8 @@ impl End {
                 cause: ending.as_ref().map_or_else(|| "everything was sent".to_owned(), |(cause, _)| cause.clone()),
                 exit: exit_code(&outcome).code(),
                 not_noted: lost.notices,
-                place: place_of(&timeline, &outcome),
+                place: ending.as_ref().and_then(|_| place_of(&timeline, &outcome)),
+                run: &run,
             };
             let text = log.report(facts);
             let written = output::begin(&file).and_then(|()| (&file).write_all(text.as_bytes()));
@@ -170,8 +172,10 @@ fn board_summary(screen: &Screen, received: &Received) {
     let pose = received.pose;
     if (pose.x_cm, pose.y_cm, pose.yaw_deg) != (0.0, 0.0, 0.0) {
         screen.note(&format!(
-            "in its nominal units the robot is {:.1} cm to the right of and {:.1} cm before where it was, turned {:.1}° clockwise",
-            pose.x_cm, pose.y_cm, pose.yaw_deg
+            "in its nominal units the robot has moved {} and {}, and turned {}",
+            way(pose.x_cm, " cm", ["to the right", "to the left"]),
+            way(pose.y_cm, " cm", ["forward", "back"]),
+            way(pose.yaw_deg, "°", ["clockwise", "counterclockwise"])
         ));
     }
     if received.lost > 0 {
@@ -185,6 +189,11 @@ fn board_summary(screen: &Screen, received: &Received) {
             received.skipped
         ));
     }
+}
+
+/// `11.6 cm to the left`.
+fn way(value: f64, unit: &str, [ahead, back]: [&str; 2]) -> String {
+    format!("{:.1}{unit} {}", value.abs(), if value < 0.0 { back } else { ahead })
 }
 
 /// What a board was last told, in words.
@@ -256,7 +265,7 @@ pub(super) fn stop_words(stop: Stop) -> &'static str {
 /// What happened, where in the script, when, and what became of the robot.
 pub(super) fn closing_line(cause: &str, place: Option<String>, at_us: u64, robot: &str) -> String {
     let place = place.map(|place| format!(" at {place}")).unwrap_or_default();
-    format!("{cause}{place}, {} s into the script; {robot}", seconds(at_us))
+    format!("{cause}{place}, {} s into the run; {robot}", seconds(at_us))
 }
 
 fn signal_name(signal: i32) -> String {

@@ -1,13 +1,14 @@
 //! What is noted while a run is played, and the report that is made of it.
 
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use hdrhistogram::Histogram;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Outcome, Stop, Verdict};
-use motionseq::report::{self, Dropped, Expected, Frames, Lateness, Run};
+use motionseq::report::{self, Asked, Dropped, Expected, Frames, Lateness, Run};
 use motionseq::source::{Lines, Sources};
-use motionseq::timeline::{Event, Timeline};
+use motionseq::timeline::Timeline;
 
 /// The most frames that are named as dropped, and the most `expect`s.
 const NAMED: usize = 1_000;
@@ -16,10 +17,10 @@ const NAMED: usize = 1_000;
 pub(super) struct Log {
     /// How late frames were, in nanoseconds; `None` only where there is no room for it.
     lateness: Option<Histogram<u64>>,
-    bytes: u64,
     dropped: Vec<(Arc<Timeline>, usize)>,
     verdicts: Vec<(Arc<Timeline>, Verdict)>,
     pub(super) passes: u64,
+    pub(super) pauses: u64,
 }
 
 /// What else a report tells of.
@@ -32,22 +33,31 @@ pub(super) struct Facts<'a> {
     pub(super) exit: u8,
     /// Notices that did not fit the ring.
     pub(super) not_noted: u64,
-    /// Where in the script it ended.
+    /// Where in the script it ended early.
     pub(super) place: Option<motionseq::source::Span>,
+    pub(super) run: &'a Asking,
+}
+
+/// What is known of a run without its news.
+pub(super) struct Asking {
+    pub(super) asked: Asked,
+    pub(super) port: Option<String>,
+    pub(super) started: SystemTime,
+    pub(super) elapsed_us: u64,
+    pub(super) bytes: u64,
 }
 
 impl Log {
     pub(super) fn new() -> Self {
         // From a nanosecond to a minute, to three digits; what is later counts as a minute.
         let lateness = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok();
-        Log { lateness, bytes: 0, dropped: Vec::new(), verdicts: Vec::new(), passes: 1 }
+        Log { lateness, dropped: Vec::new(), verdicts: Vec::new(), passes: 1, pauses: 0 }
     }
 
-    pub(super) fn sent(&mut self, event: &Event, late: u64) {
+    pub(super) fn sent(&mut self, late: u64) {
         if let Some(lateness) = &mut self.lateness {
             lateness.saturating_record(late);
         }
-        self.bytes += event.command.to_frame().len() as u64;
     }
 
     pub(super) fn dropped(&mut self, timeline: &Arc<Timeline>, event: usize) {
@@ -64,7 +74,7 @@ impl Log {
 
     /// The report, as text.
     pub(super) fn report(&self, facts: Facts<'_>) -> String {
-        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place } = facts;
+        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place, run } = facts;
         let lines = Lines::of(sources);
         let place = place.map(|span| lines.place(span));
         let at = |quantile: f64| {
@@ -105,7 +115,12 @@ impl Log {
             },
             cause,
             exit,
+            started: humantime::format_rfc3339_seconds(run.started).to_string(),
+            port: run.port.clone(),
+            asked: run.asked.clone(),
             end_us: outcome.at_us,
+            elapsed_us: run.elapsed_us,
+            pauses: self.pauses,
             file: place.as_ref().map(|place| place.file.to_owned()),
             line: place.as_ref().map(|place| place.line),
             stop: match outcome.stop {
@@ -115,7 +130,7 @@ impl Log {
             },
             passes: self.passes,
             frames: Frames { sent: outcome.sent, dropped: outcome.dropped, extra: outcome.extra, not_noted },
-            bytes: self.bytes,
+            bytes: run.bytes,
             lateness_us: Lateness { p50: at(0.5), p99: at(0.99), max: micros(outcome.worst_late) },
             dropped: dropped.collect(),
             expects: expects.collect(),

@@ -32,6 +32,17 @@ pub(super) enum Progress {
     None,
 }
 
+/// How somebody looks on, and has a say.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Desk {
+    /// Whether single keys count.
+    pub(super) keys: bool,
+    /// Whether Enter plays a step, too.
+    pub(super) steps: bool,
+    /// How the run is shown.
+    pub(super) progress: Progress,
+}
+
 /// How often a plain line is written.
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -49,8 +60,9 @@ pub(super) struct News {
     timeline: Arc<Timeline>,
     /// What comes again and again behind it.
     again: Arc<Timeline>,
-    /// Whether single keys count.
-    keys: bool,
+    desk: Desk,
+    /// Whether the keys of a pause were told.
+    told: bool,
     screen: Screen,
     recording: Option<File>,
     report: Option<Report>,
@@ -59,7 +71,6 @@ pub(super) struct News {
     state: State,
     worst_late: u64,
     dropped: usize,
-    progress: Progress,
     clock: Clock,
 }
 
@@ -75,7 +86,7 @@ impl News {
     /// Starts the thread. When both rings have ended and are empty, it says what is left to tell.
     pub(super) fn start(
         [timeline, again]: [Arc<Timeline>; 2],
-        (keys, progress): (bool, Progress),
+        desk: Desk,
         screen: Screen,
         recording: Option<File>,
         notices: Consumer<Notice>,
@@ -85,7 +96,8 @@ impl News {
         let news = News {
             timeline,
             again,
-            keys,
+            desk,
+            told: false,
             screen,
             recording,
             report: None,
@@ -93,7 +105,6 @@ impl News {
             state: State::default(),
             worst_late: 0,
             dropped: 0,
-            progress,
             clock: Clock::Runs(Instant::now()),
         };
         start_thread("news", move || {
@@ -122,7 +133,7 @@ impl News {
             if last {
                 break;
             }
-            match self.progress {
+            match self.desk.progress {
                 Progress::Auto => self.screen.live(&self.progress()),
                 Progress::Plain if told_at.elapsed() >= SECOND => {
                     told_at = Instant::now();
@@ -132,7 +143,7 @@ impl News {
             }
             thread::park_timeout(UPDATE);
         }
-        if self.progress == Progress::Auto {
+        if self.desk.progress == Progress::Auto {
             self.screen.live("");
         }
         (written, self.report, self.log)
@@ -152,11 +163,12 @@ impl News {
             }
             Notice::Sent { event, late } => {
                 if let Some(event) = self.timeline.events().get(event) {
-                    self.log.sent(event, late);
+                    self.log.sent(late);
                     self.state.apply(&event.command);
                     self.worst_late = self.worst_late.max(late);
                 }
-                if self.screen.is_verbose() {
+                // At a pause it is a step, which somebody follows with the eyes.
+                if self.screen.is_verbose() || matches!(self.clock, Clock::Stands(_)) {
                     self.frame("", event);
                 }
             }
@@ -171,19 +183,21 @@ impl News {
                 self.frame("dropped: ", event);
             }
             Notice::Sleeping { at_us } => {
-                self.clock = Clock::Stands(at_us);
+                self.stand(at_us);
                 self.screen.ask(&format!("{} s: the robot stands; `fg` comes back to it", seconds(at_us)));
             }
             Notice::Help => self.screen.ask(KEYS),
             Notice::Paused { at_us } => {
-                self.clock = Clock::Stands(at_us);
-                let how = if self.keys {
-                    "space goes on (the robot may move at once), s plays one step without the drive, q ends"
-                } else {
-                    "Enter goes on (the robot may move at once), Ctrl-C ends"
+                self.stand(at_us);
+                let how = match (self.desk.keys, self.desk.steps) {
+                    _ if std::mem::replace(&mut self.told, true) => "",
+                    (false, _) => "; Enter goes on (the robot may move at once), Ctrl-C ends",
+                    (true, false) => "; space goes on (the robot may move at once), s plays one step, q ends",
+                    (true, true) => "; space goes on (the robot may move at once), Enter or s plays one step, q ends",
                 };
-                self.screen.ask(&format!("{} s: paused; {how}", seconds(at_us)));
+                self.screen.ask(&format!("{} s: paused{how}", seconds(at_us)));
             }
+            Notice::Pass { pass: 1 } => self.clock = Clock::Runs(Instant::now()),
             Notice::Pass { pass } => {
                 self.log.passes = pass;
                 self.timeline = Arc::clone(&self.again);
@@ -196,6 +210,11 @@ impl News {
                 self.screen.note(&format!("{} s: goes on", seconds(at_us)));
             }
         }
+    }
+
+    fn stand(&mut self, at_us: u64) {
+        self.log.pauses += u64::from(matches!(self.clock, Clock::Runs(_)));
+        self.clock = Clock::Stands(at_us);
     }
 
     /// An `expect` that holds; one that does not is told at the end.
@@ -219,7 +238,9 @@ impl News {
         let mut line = format!("{} / {} s", seconds(now), seconds(end));
         // The bar gives way to the words on a narrow terminal.
         let room = self.screen.width().saturating_sub(1);
-        let bar = bar(now, end, room.saturating_sub(line.len() + 50));
+        // A pipe and a screen reader can do without.
+        let room_for_bar = room.saturating_sub(line.len() + 50);
+        let bar = bar(now, end, if self.desk.progress == Progress::Plain { 0 } else { room_for_bar });
         for part in std::iter::once(bar).chain(self.parts(now)).filter(|part| !part.is_empty()) {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;
@@ -249,9 +270,6 @@ impl News {
         if self.dropped > 0 {
             parts.push(format!("{} dropped", self.dropped));
         }
-        if self.worst_late >= 1_000_000 {
-            parts.push(format!("late {}.{} ms", self.worst_late / 1_000_000, self.worst_late / 100_000 % 10));
-        }
         if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at_us > now) {
             parts.push(format!("next {} {} s", mark.name, seconds(mark.at_us)));
         }
@@ -259,6 +277,9 @@ impl News {
             Some(drive) if drive.keeps_driving() && !matches!(self.clock, Clock::Stands(_)) => drive.to_string(),
             _ => "stands".to_owned(),
         });
+        if self.worst_late >= 1_000_000 {
+            parts.push(format!("worst {}.{} ms late", self.worst_late / 1_000_000, self.worst_late / 100_000 % 10));
+        }
         if self.state.buzzer() == Some(true) {
             parts.push("buzzer on".to_owned());
         }

@@ -30,6 +30,12 @@ pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// Whether two open files are one.
+pub(super) fn is_same(left: &File, right: &File) -> bool {
+    let identity = |file: &File| file.metadata().map(|meta| (meta.is_file(), meta.dev(), meta.ino()));
+    matches!((identity(left), identity(right)), (Ok(left), Ok(right)) if left.0 && left == right)
+}
+
 /// Throws away what stood in the file before.
 pub(super) fn begin(file: &File) -> io::Result<()> {
     if file.metadata()?.is_file() { file.set_len(0) } else { Ok(()) }

@@ -1,15 +1,16 @@
 //! `motionseq play`: sends a script to a board, in time.
 
+use std::fs::File;
 use std::io;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
-use motionseq::playback::{Cause, Guard, Keys, Player, Realtime, Rig, Signals, Stop, drive, now};
+use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, drive, now};
 use motionseq::sim::{Faults, Served, Settings, VirtualBoard, serve};
 use motionseq::source::Lines;
 use rtrb::RingBuffer;
@@ -17,7 +18,8 @@ use rtrb::RingBuffer;
 use super::Script;
 use super::ending::{End, Lost, Teller};
 use super::exit::Exit;
-use super::news::{News, Progress};
+use super::log::Asking;
+use super::news::{Desk, News, Progress};
 use super::output;
 use super::screen::Screen;
 use super::show::{Show, Staged};
@@ -25,7 +27,7 @@ use super::show::{Show, Staged};
 /// Play a script on a board, or on a virtual one
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n  motionseq play show.motion --from bow --speed 0.5          from the mark `bow` on, at half speed\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nOn a terminal: space pauses and goes on, s plays one step of a pause, q stops and ends, ? shows this.\nA second process, the guard, stops the robot if this one is killed or hangs.\nEverything that play says goes to standard error."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n  motionseq play show.motion --from bow --speed 0.5          from the mark `bow` on, at half speed\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nOn a terminal (not with -q or TERM=dumb): space pauses and goes on, q stops and ends, ? shows the keys.\nAt a pause, s plays what is sent next, at one time: of a move, one sample. The drive stands meanwhile.\nTimes that are shown are those of the run, with a lead-in and --speed; --from and --to are times of the script.\nA second process, the guard, stops the robot if this one is killed, and kills it if it hangs.\nEverything that play says goes to standard error."
 )]
 pub(super) struct Play {
     #[command(flatten)]
@@ -101,14 +103,19 @@ impl Play {
                 Some((path, file))
             }
         };
-        let report = match &self.report {
+        let report: Option<(PathBuf, File)> = match &self.report {
             None => None,
             Some(path) => {
                 Some((path.clone(), output::open(path, &self.script.file).map_err(|error| refused(path, &error))?))
             }
         };
+        if let (Some((path, report)), Some((_, recording))) = (&report, &recording)
+            && output::is_same(report, recording)
+        {
+            return Err(refused(path, &io::Error::other("it is the file of --record")));
+        }
         if (self.paused || self.step) && !(screen.is_live() && Keys::open(false).is_some()) {
-            screen.error("--paused and --step need a terminal, in the foreground, for somebody to press keys");
+            screen.error("--paused and --step need somebody who sees and presses keys: a terminal in the foreground, standard error not redirected, no -q, no TERM=dumb");
             return Err(Exit::Usage);
         }
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
@@ -124,6 +131,7 @@ impl Play {
             return Err(Exit::Usage);
         }
         let settings = Settings { faults, ..Settings::default() };
+        let name = port.as_ref().map(|port| port.display().to_string());
         let port = Port::open(port.as_deref(), timeline.baud, settings, screen)?;
         if let Some((path, file)) = &recording {
             output::begin(file).map_err(|error| refused(path, &error))?;
@@ -134,10 +142,10 @@ impl Play {
         let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
         let recording = recording.map(|(_, file)| file);
         let keys = Keys::open(screen.is_live());
-        let has_keys = keys.is_some() && screen.is_live();
+        let desk = Desk { keys: keys.is_some() && screen.is_live(), steps: self.step, progress: self.progress };
         let again = again.map(Arc::new);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
-        let news = News::start(timelines, (has_keys, self.progress), *screen, recording, notices_out, bytes_out);
+        let news = News::start(timelines, desk, *screen, recording, notices_out, bytes_out);
         let news = news.map_err(|error| system(screen, &error))?;
         let teller = Teller::start().map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
@@ -171,7 +179,9 @@ impl Play {
             // The guard has seen the terminal as it was.
             keys.begin();
         }
-        let start = now();
+        let (start, started) = (now(), SystemTime::now());
+        // The time that is shown begins here, too.
+        lost.notices += u64::from(notices_in.push(Notice::Pass { pass: 1 }).is_err());
         if let Some(board) = &port.board {
             board.begin(start);
         }
@@ -179,6 +189,7 @@ impl Play {
             // Where the screen cannot follow, it misses something; the motion does not wait.
             lost.notices += u64::from(notices_in.push(notice).is_err());
         });
+        let elapsed_us = now().saturating_sub(start) / 1_000;
         let Rig { mut link, guard, keys, .. } = rig;
         drop(keys);
         match guard {
@@ -192,6 +203,7 @@ impl Play {
             let _ = link.discard();
         }
         lost.bytes = link.lost();
+        let bytes = link.taken();
         // Both rings end, which ends the news.
         drop(notices_in);
         let is_real = port.board.is_none();
@@ -200,8 +212,20 @@ impl Play {
         let is_recorded = self.record.is_some();
         let board = port.board;
         let report = report.map(|(path, file)| (path, file, diagnostics));
-        let end =
-            End { screen: *screen, sources, timeline, outcome, lost, news, is_recorded, report, board, port: held };
+        let run = Asking { asked: self.show.asked(), port: name, started, elapsed_us, bytes };
+        let end = End {
+            run,
+            screen: *screen,
+            sources,
+            timeline,
+            outcome,
+            lost,
+            news,
+            is_recorded,
+            report,
+            board,
+            port: held,
+        };
         Ok(teller.tell(end))
     }
 

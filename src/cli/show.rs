@@ -6,6 +6,7 @@ use clap::Args;
 use motionseq::board::State;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::program::{Speed, Time};
+use motionseq::report::Asked;
 use motionseq::source::Sources;
 use motionseq::timeline::{Part, Timeline, part, passes, state_after};
 
@@ -25,7 +26,7 @@ pub(super) struct Show {
     /// Run so fast, from 0.1 to 10: commands, moves and holds; refreshes stay as they are
     #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1")]
     speed: Speed,
-    /// Run it so often, one pass right behind the other, or `forever`
+    /// Run it so often, or `forever`; where a part begins in the middle, each pass first brings the servos back there
     #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1")]
     count: Count,
     /// How long servos have to get where they are at the beginning of a part
@@ -82,17 +83,26 @@ impl Show {
         }
     }
 
+    /// What is asked for, for a report.
+    pub(super) fn asked(&self) -> Asked {
+        let passes = match self.count {
+            Count::Times(times) => Some(times),
+            Count::Forever => None,
+        };
+        Asked { from: self.from.clone(), to: self.to.clone(), speed: self.speed.factor(), passes }
+    }
+
     /// What comes first, and for a run without end what comes again and again.
     fn stage(&self, whole: &Timeline, max_events: usize) -> Result<(Timeline, Option<Timeline>), String> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
         let from_us = moment(&self.from)?.unwrap_or(0);
         let to_us = moment(&self.to)?;
-        let end = seconds(whole.end_us);
         if from_us > whole.end_us {
-            return Err(format!("--from is behind the end of the script, which is at {end} s at this speed"));
+            let end = seconds(self.speed.of_script(whole.end_us));
+            return Err(format!("--from is after the end of the script, which is {end} s long"));
         }
         if to_us.is_some_and(|to_us| to_us <= from_us) {
-            return Err("--to is not behind --from: nothing is left between them".to_owned());
+            return Err("--to is not after --from: nothing is left between them".to_owned());
         }
         let asked = Part { from_us, to_us, lead_in_us: self.lead_in.micros() };
         let first = part(whole, &asked, &State::default());
@@ -128,7 +138,7 @@ impl Show {
             (Some(mark), None) => Ok(mark.at_us),
             (Some(_), Some(_)) => {
                 let all = whole.marks.iter().filter(|mark| mark.name == text).take(5);
-                let all: Vec<String> = all.map(|mark| seconds(mark.at_us)).collect();
+                let all: Vec<String> = all.map(|mark| seconds(self.speed.of_script(mark.at_us))).collect();
                 Err(format!("the mark `{text}` is there more than once, at {} s: write a time", all.join(", ")))
             }
             (None, _) => {
@@ -139,7 +149,8 @@ impl Show {
                     [] => "the script has no marks".to_owned(),
                     all => format!("its marks are {}", all.join(", ")),
                 };
-                Err(format!("`{text}` is no time such as 1.5s, and no mark of the script; {known}"))
+                let seconds = text.parse::<f64>().map_or_else(|_| "1.5s".to_owned(), |_| format!("{text}s"));
+                Err(format!("`{text}` is no time such as {seconds}, and no mark of the script; {known}"))
             }
         }
     }

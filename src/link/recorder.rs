@@ -13,18 +13,24 @@ use super::Link;
 pub struct Recorder<L> {
     inner: L,
     ring: Producer<u8>,
+    taken: u64,
     lost: u64,
 }
 
 impl<L: Link> Recorder<L> {
     /// Records what `inner` takes into `ring`.
     pub fn new(inner: L, ring: Producer<u8>) -> Self {
-        Recorder { inner, ring, lost: 0 }
+        Recorder { inner, ring, taken: 0, lost: 0 }
     }
 
     /// Ends the recording and gives the link back.
     pub fn into_inner(self) -> L {
         self.inner
+    }
+
+    /// How many bytes the port took.
+    pub fn taken(&self) -> u64 {
+        self.taken
     }
 
     /// How many bytes did not fit the ring.
@@ -36,6 +42,7 @@ impl<L: Link> Recorder<L> {
 impl<L: Link> Link for Recorder<L> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let taken = self.inner.write(bytes)?;
+        self.taken += taken as u64;
         for &byte in bytes.iter().take(taken) {
             if self.ring.push(byte).is_err() {
                 self.lost += 1;

@@ -157,7 +157,7 @@ impl<L: Link> Rig<'_, L> {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
             let place = player.place().map(|span| self.lines.place(span));
-            guard.beat(now, player.script_time(now.saturating_sub(start)) / 1_000, place);
+            guard.beat(now, player.run_time(now.saturating_sub(start)) / 1_000, place);
         }
     }
 
@@ -267,7 +267,7 @@ impl<L: Link> Rig<'_, L> {
         let place = player.place().map(|span| self.lines.place(span));
         let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
         if let Some(guard) = &mut self.guard {
-            guard.rest(at_us, place);
+            guard.rest(player.run_time(clock::now().saturating_sub(start)) / 1_000, place);
         }
         notices(Notice::Sleeping { at_us });
         // Whoever shows that sleeps too, a moment later.

@@ -172,7 +172,7 @@ pub enum Cause {
 pub struct Outcome {
     /// Why.
     pub cause: Cause,
-    /// When, in microseconds from the start of the script.
+    /// When, in microseconds of the timeline, with the passes before this one.
     pub at_us: u64,
     /// The last command that was taken up; for [`Cause::Late`] the one that was not sent.
     pub place: Option<Span>,

@@ -22,6 +22,8 @@ pub struct Player<'t> {
     /// What was played before this pass.
     before: [&'t [Event]; 2],
     pass: u64,
+    /// How long the passes before this one took, in nanoseconds.
+    passed: u64,
     end: u64,
     max_late: u64,
     phase: Phase<'t>,
@@ -70,6 +72,7 @@ impl<'t> Player<'t> {
             again: None,
             before: [&[], &[]],
             pass: 1,
+            passed: 0,
             end: timeline.end_us.saturating_mul(1_000),
             max_late,
             phase: Phase::Playing,
@@ -100,6 +103,7 @@ impl<'t> Player<'t> {
         self.before =
             [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
         self.origin = self.origin.saturating_add_unsigned(self.end);
+        self.passed = self.passed.saturating_add(self.end);
         self.pass += 1;
         self.events = again.events();
         self.cues = &again.cues;
@@ -133,6 +137,11 @@ impl<'t> Player<'t> {
             Phase::Pausing(_, at, ..) | Phase::Paused(at) | Phase::Stepping(at) => at,
             _ => self.since_origin(now),
         }
+    }
+
+    /// The same, with the passes before this one.
+    pub(super) fn run_time(&self, now: u64) -> u64 {
+        self.passed.saturating_add(self.script_time(now))
     }
 
     /// Takes a report of the board that came at `now`, in nanoseconds from the start.
@@ -313,7 +322,7 @@ impl<'t> Player<'t> {
         };
         Outcome {
             cause,
-            at_us: time / 1_000,
+            at_us: self.passed.saturating_add(time) / 1_000,
             place: self.span(place),
             stop: Stop::NotSent,
             sent: self.sent,

@@ -79,6 +79,18 @@ impl Speed {
     }
 }
 
+impl Speed {
+    /// It as a number, from 0.1 to 10.
+    pub fn factor(self) -> f64 {
+        f64::from(self.0) / 1_000.0
+    }
+
+    /// Microseconds of a run at this speed as microseconds of the script, cut off.
+    pub fn of_script(self, at_us: u64) -> u64 {
+        u64::try_from(u128::from(at_us) * u128::from(self.0) / 1_000).unwrap_or(u64::MAX)
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         Options { events: 10_000_000, set: Vec::new(), speed: Speed::NORMAL }

@@ -6,7 +6,7 @@ mod run;
 
 pub use cases::{cases_github, cases_json, cases_junit, cases_tap, located};
 pub use findings::{Finding, findings, findings_github, findings_json, findings_sarif};
-pub use run::{Dropped, Expected, Frames, Lateness, Run, run_json};
+pub use run::{Asked, Dropped, Expected, Frames, Lateness, Run, run_json};
 
 /// A value of a workflow command, as GitHub's own toolkit escapes it.
 fn data(text: &str) -> String {

@@ -15,11 +15,21 @@ pub struct Run {
     pub cause: String,
     /// The exit code.
     pub exit: u8,
-    /// When it ended, in microseconds of the script.
+    /// When it began, as RFC 3339 writes it.
+    pub started: String,
+    /// The port; `None` for the virtual board.
+    pub port: Option<String>,
+    /// What part of the script was asked for, how fast, how often.
+    pub asked: Asked,
+    /// When it ended, in microseconds of the timeline, with all passes and without the pauses.
     pub end_us: u64,
-    /// Where in the script.
+    /// How long it took, with the pauses and the stop, in microseconds.
+    pub elapsed_us: u64,
+    /// How often it stood, for a key or for Ctrl-Z.
+    pub pauses: u64,
+    /// Where in the script it ended early.
     pub file: Option<String>,
-    /// Where in the script.
+    /// Where in the script it ended early.
     pub line: Option<usize>,
     /// Whether the robot was stopped: `not needed`, `sent` or `not sent`.
     pub stop: &'static str,
@@ -27,7 +37,7 @@ pub struct Run {
     pub passes: u64,
     /// How many frames.
     pub frames: Frames,
-    /// The bytes of the frames that were sent.
+    /// All bytes that the port took, those of stops among them.
     pub bytes: u64,
     /// How late frames were, in microseconds.
     pub lateness_us: Lateness,
@@ -37,6 +47,19 @@ pub struct Run {
     pub expects: Vec<Expected>,
     /// Warnings of the script.
     pub warnings: Vec<Finding>,
+}
+
+/// What part of the script was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Asked {
+    /// A time or a mark, as it was written.
+    pub from: Option<String>,
+    /// A time or a mark, as it was written.
+    pub to: Option<String>,
+    /// 1 is as the script says.
+    pub speed: f64,
+    /// How many passes; `None` for a run without end.
+    pub passes: Option<u64>,
 }
 
 /// How many frames.

@@ -35,7 +35,10 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
     }
-    let lead_us = if part.from_us > 0 { cut.lead_in(part.lead_in_us, known) } else { 0 };
+    // What is told otherwise at that very moment is not told before.
+    let at_once = events.iter().skip(begin).take_while(|event| event.at_us == part.from_us);
+    let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
+    let lead_us = if part.from_us > 0 { cut.lead_in(part.lead_in_us, known, &at_once) } else { 0 };
     let shifted = |at_us: u64| at_us.saturating_sub(part.from_us).saturating_add(lead_us);
     let inside = events.iter().skip(begin).take_while(|event| event.at_us < to_us);
     for event in inside.filter(|event| event.kind != Kind::Auto) {
@@ -160,7 +163,7 @@ impl Cut {
     }
 
     /// Brings the board to the state of the start; gives how long that takes.
-    fn lead_in(&mut self, lead_in_us: u64, known: &State) -> u64 {
+    fn lead_in(&mut self, lead_in_us: u64, known: &State, at_once: &[&Command]) -> u64 {
         let state = self.state.clone();
         let mut takes_us = 0;
         for command in state.commands() {
@@ -188,7 +191,11 @@ impl Cut {
         }
         // Gains first, then step by step, each servo in its order.
         self.events.sort_by_key(|event| event.at_us);
-        for command in state.commands().filter(|command| command.is_drive() || matches!(command, Command::Buzzer(_))) {
+        let is_buzzer = |command: &Command| matches!(command, Command::Buzzer(_));
+        let is_told = |is: &dyn Fn(&Command) -> bool| at_once.iter().any(|command| is(command));
+        let (drives, sounds) = (!is_told(&Command::is_drive), !is_told(&is_buzzer));
+        let held = |command: &Command| drives && command.is_drive() || sounds && is_buzzer(command);
+        for command in state.commands().filter(held) {
             let place = if command.is_drive() { DRIVE } else { REST };
             self.push(takes_us, command, Kind::Auto, place);
         }
