@@ -38,8 +38,8 @@ fn space_pauses_and_goes_on_s_steps_and_q_ends() {
     let steps = [
         "wait:rocker x=0 y=10 z=20",
         "key: ",
-        "wait:paused; space goes on",
-        "wait:paused  next end",
+        "wait:paused; space or Enter goes on",
+        "wait:paused  stands  next end at",
         "key:?",
         "wait:space: pause, and go on",
         "key:s",

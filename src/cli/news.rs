@@ -47,7 +47,7 @@ pub(super) struct Desk {
 const SECOND: Duration = Duration::from_secs(1);
 
 /// What the keys are.
-const KEYS: &str = "space: pause, and go on · s: one step of a pause, without the drive · q: stop and end · ?: this";
+const KEYS: &str = "space: pause, and go on · Enter: go on, or a step with --step · s: one step of a pause, without the drive · q: stop and end · ?: this";
 
 /// What stands behind the progress of a run that stands.
 const PAUSED: &str = "paused";
@@ -135,7 +135,8 @@ impl News {
             }
             match self.desk.progress {
                 Progress::Auto => self.screen.live(&self.progress()),
-                Progress::Plain if told_at.elapsed() >= SECOND => {
+                // What stands is not said again and again.
+                Progress::Plain if told_at.elapsed() >= SECOND && matches!(self.clock, Clock::Runs(_)) => {
                     told_at = Instant::now();
                     self.screen.note(&self.progress());
                 }
@@ -176,6 +177,7 @@ impl News {
                 if let Some(event) = self.timeline.events().get(event) {
                     self.state.apply(&event.command);
                 }
+                self.frame("not sent, as the drive stands: ", event);
             }
             Notice::Dropped { event } => {
                 self.log.dropped(&self.timeline, event);
@@ -192,7 +194,7 @@ impl News {
                 let how = match (self.desk.keys, self.desk.steps) {
                     _ if std::mem::replace(&mut self.told, true) => "",
                     (false, _) => "; Enter goes on (the robot may move at once), Ctrl-C ends",
-                    (true, false) => "; space goes on (the robot may move at once), s plays one step, q ends",
+                    (true, false) => "; space or Enter goes on (the robot may move at once), s plays one step, q ends",
                     (true, true) => "; space goes on (the robot may move at once), Enter or s plays one step, q ends",
                 };
                 self.screen.ask(&format!("{} s: paused{how}", seconds(at_us)));
@@ -232,7 +234,7 @@ impl News {
         }
     }
 
-    /// `1.2 / 3.0 s ████░░░░░░  next bow 2.0 s  rocker x=10 y=0 z=0  servo 1 1500`, as much of it as there is room for.
+    /// `1.2 / 3.0 s ████░░░░░░  rocker x=10 y=0 z=0  next bow at 2.0 s  servo 1 1500`, as much of it as there is room for.
     fn progress(&self) -> String {
         let (end, now) = (self.timeline.end_us, self.time());
         let mut line = format!("{} / {} s", seconds(now), seconds(end));
@@ -270,13 +272,18 @@ impl News {
         if self.dropped > 0 {
             parts.push(format!("{} dropped", self.dropped));
         }
+        if self.log.passes > 1 {
+            parts.push(format!("pass {}", self.log.passes));
+        }
+        let mut next = None;
         if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at_us > now) {
-            parts.push(format!("next {} {} s", mark.name, seconds(mark.at_us)));
+            next = Some(format!("next {} at {} s", mark.name, seconds(mark.at_us)));
         }
         parts.push(match self.state.drive() {
             Some(drive) if drive.keeps_driving() && !matches!(self.clock, Clock::Stands(_)) => drive.to_string(),
             _ => "stands".to_owned(),
         });
+        parts.extend(next);
         if self.worst_late >= 1_000_000 {
             parts.push(format!("worst {}.{} ms late", self.worst_late / 1_000_000, self.worst_late / 100_000 % 10));
         }

@@ -23,7 +23,8 @@ pub(super) struct Show {
     /// End at this time of the script, or at this mark; an `expect` that is not over by then is left out
     #[arg(long, value_name = "TIME|MARK")]
     to: Option<String>,
-    /// Run so fast, from 0.1 to 10: commands, moves and holds; refreshes stay as they are
+    /// Run so fast, from 0.1 to 10: commands, moves and holds; refreshes and the speeds of the drive stay, so at 0.5 the
+    /// robot drives twice as far
     #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1")]
     speed: Speed,
     /// Run it so often, or `forever`; where a part begins in the middle, each pass first brings the servos back there

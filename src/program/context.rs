@@ -138,7 +138,10 @@ impl<'s> Context<'_, 's, '_> {
                 _ if is_reserved(name) && functions::find(name).is_none() => {
                     format!("`{name}` is a word of the language and has no value; look at what stands before it")
                 }
-                _ if functions::find(name).is_some() => format!("write its arguments right behind it: `{name}(…)`"),
+                _ if functions::find(name).is_some() => {
+                    let example = if name == "random" { "5, 10" } else { "…" };
+                    format!("write its arguments right behind it, with commas: `{name}({example})`")
+                }
                 _ => format!(
                     "name it on a line above: `let {name} = …`, or `mark {name}` for a moment; a `def` sees only what stands above it, and what a `repeat` or `def` names is forgotten behind it"
                 ),

@@ -118,6 +118,13 @@ impl fmt::Display for Expect {
 /// Reads what stands behind `expect`.
 pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
     let names = Measured::ALL.map(|(name, _)| name);
+    // `expect voltage = 10V`.
+    if let Some(named) = names.iter().find_map(|name| args.named(name)) {
+        let help =
+            format!("to compare, write `==`, or better a range: `expect voltage in {}`", sample(Measured::Voltage));
+        args.context.report(Diagnostic::new(Code::Arguments, named.span, "nothing is compared here", help));
+        return None;
+    }
     let value = args.next()?;
     let name = args.word(value, &names)?;
     let (_, measured) = Measured::ALL.into_iter().find(|(other, _)| *other == name)?;

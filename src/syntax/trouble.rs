@@ -13,6 +13,9 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
         return unit(start);
     }
     let help = match first {
+        '.' if text.starts_with("..") && before.contains('(') => {
+            "a call takes its values with a comma between them: `random(1, 6)`"
+        }
         '.' if digit_beside => "write digits on both sides of the point: `0.5`, not `.5` or `5.`",
         '.' => "a name has no point: write only what stands behind it, such as `random(1, 5)`",
         '\'' | '`' | '“' | '”' | '„' => "write texts between plain quotation marks: `\"text\"`",
@@ -24,7 +27,8 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
         '|' => "write `or`",
         '→' => "write the arrow as `->`",
         'b' if text.starts_with("beat") || text.starts_with("bar") => "multiply: `(n * 1 beat)`",
-        '=' if text.starts_with("=>") => "write the arrow as `->`",
+        '=' if text.starts_with("=>") && before.trim_start().starts_with("expect") => "write `>=`",
+        '=' if text.starts_with("=>") => "write the arrow as `->`, and `>=` to compare",
         '=' if text.starts_with("=+") || text.starts_with("= +") => "write a positive number without its `+`",
         '=' if text.starts_with("=-") || text.starts_with("= -") => "a minus stands right before its number: `x=-5`",
         '=' if text.trim_start_matches(['=', ' ']).starts_with('[') => {
@@ -39,6 +43,9 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
         '-' if text.starts_with("->") => "an arrow stands between two values, such as `0 -> 12`",
         '–' | '−' | '—' => "write the minus sign of your keyboard, `-`",
         '°' => "write degrees as `deg`: `90deg`",
+        c if c.is_ascii_digit() && before.rsplit('(').next().is_some_and(|inside| inside.len() < before.len()) => {
+            "values stand in parentheses with a comma between them: `random(5, 10)`"
+        }
         _ => "take it away; an argument is a number with its unit, a word, or a calculation in parentheses",
     };
     // Point at the first character, or at the first word; the rest may be fine.
@@ -98,8 +105,12 @@ pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
         let help = "values are put into a text between braces: `say \"n is {n}\"`".to_owned();
         return trouble("texts are not joined", help);
     }
-    if let Some(number) = written.strip_suffix('%') {
-        return trouble("there is no percent", format!("write the value itself, such as `{}`", number.trim_end()));
+    // `10% for 1s` reads as a remainder, too.
+    let percent =
+        |(at, _): (usize, &str)| written.get(..at).unwrap_or_default().ends_with(|c: char| c.is_ascii_digit());
+    if written.match_indices('%').any(percent) && (written.ends_with('%') || written.contains("% ")) {
+        let value = written.split(['%', ' ']).next().unwrap_or_default();
+        return trouble("there is no percent", format!("write the value itself, such as `{value}`"));
     }
     // `1 +1500`, and `8 - 8 8 - 8`: signs and not a calculation.
     let words: Vec<&str> = written.split(' ').collect();

@@ -67,7 +67,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             None if row.block && context.diagnostics.has(Code::Unclosed) => return None,
             None if row.block => {
                 let message = format!("`{}` needs a block behind it", row.name);
-                context.report(Diagnostic::new(Code::Arguments, command.span, message, row.how()));
+                let help = format!("{}; its `{{` stands on the same line", row.how());
+                context.report(Diagnostic::new(Code::Arguments, command.span, message, help));
                 return None;
             }
             _ => {}
@@ -206,6 +207,18 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             return Some(format!("write `over {time}` for how long it takes to get there"));
         }
         let word = bare_word(argument)?.text;
+        if self.row.moves && Ease::named(word).is_some() {
+            return Some(format!("write `over 1s ease {word}`"));
+        }
+        if self.row.moves && matches!(word, "to" | "from") {
+            return Some("write an arrow from the one value to the other: `1500 -> 900`".to_owned());
+        }
+        if self.row.moves && word == "in" {
+            return Some("write `over 1s` for how long it takes to get there".to_owned());
+        }
+        if self.row.block && word == "times" {
+            return Some("take `times` away: `repeat 3 { … }`".to_owned());
+        }
         if word == "at" {
             return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row.name));
         }

@@ -87,6 +87,10 @@ impl<'s> Unroll<'_, 's, '_> {
         }
         if let Some(below) = self.later.get(name) {
             let message = format!("`{name}` is defined further down");
+            // One that stands above was not taken, and that was said.
+            if below.span.start < call.span.start {
+                return;
+            }
             let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
             self.report(Code::UnknownName, call.span, message, help);
             return;
