@@ -121,9 +121,10 @@ fn a_file_that_cannot_be_used_says_why() {
         &[
             (
                 "main.motion",
-                "use \"missing.motion\"\nuse \"folder\"\nuse moves\n{\n  use \"lib.motion\"\n}\nuse \"does.motion\"\nuse \"broken.motion\"\nstop\n",
+                "use \"missing.motion\"\nuse \"folder\"\nuse moves\n{\n  use \"lib.motion\"\n}\nuse \"does.motion\"\nuse \"broken.motion\"\nuse \"near\"\nstop\n",
             ),
             ("folder/x", ""),
+            ("lib/near.motion", PHRASES),
             ("lib.motion", PHRASES),
             ("does.motion", "let a = 1\nservo 1 1500\ntempo 90bpm\n"),
             ("broken.motion", "def nod() { servo 1 @ }\n"),
@@ -139,6 +140,7 @@ fn a_file_that_cannot_be_used_says_why() {
         "does.motion:2:1",
         "does.motion:3:1",
         "broken.motion:1:21",
+        "did you mean `use \"lib/near.motion\"`?",
     ] {
         assert!(text.contains(words), "{words} is not in:\n{text}");
     }

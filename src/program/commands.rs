@@ -235,7 +235,8 @@ const TILT_LIMIT: &str = "a tilt servo driven further is damaged";
 
 fn servo(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
     let index = args.next()?;
-    let index = args.whole(index, "a servo number");
+    let index =
+        args.whole_because(index, "a servo number", "it stands first, and its pulse width behind it: `servo 1 1500`");
     let argument = args.next_argument()?;
     let glide = pulse::<500, 2500>(args, argument, "a pulse width", "");
     let (index, glide): (board::ServoIndex, Glide) = (index?, glide?);

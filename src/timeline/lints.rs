@@ -84,7 +84,12 @@ impl Servo {
         // A move is told where to be all the time, and still has a step to go where its time ends.
         let needed = going.from.abs_diff(going.target);
         let possible = self.speed.saturating_mul(event.at_us - going.since_us);
-        if begins && needed > possible && going.pulse.abs_diff(going.target) > ARRIVED * MICROS {
+        // Two commands at one time are told as a clash.
+        if begins
+            && event.at_us > going.since_us
+            && needed > possible
+            && going.pulse.abs_diff(going.target) > ARRIVED * MICROS
+        {
             let diagnostic = too_fast(going, index, self.speed, event.at_us);
             diagnostics.push(timeline.traces.attach(diagnostic, going.trace).related(event.span, "its next command"));
         }

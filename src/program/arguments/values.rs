@@ -50,6 +50,16 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         value: &'a Value<'s>,
         what: &str,
     ) -> Option<Ranged<MIN, MAX>> {
+        self.whole_because(value, what, "")
+    }
+
+    /// The same; `why` is said of a number outside.
+    pub(in crate::program) fn whole_because<const MIN: i32, const MAX: i32>(
+        &mut self,
+        value: &'a Value<'s>,
+        what: &str,
+        why: &str,
+    ) -> Option<Ranged<MIN, MAX>> {
         let number = self.number(value, what)?;
         if libm::trunc(number) != number {
             self.context.report(Diagnostic::new(
@@ -60,7 +70,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             ));
             return None;
         }
-        self.in_range(number, value.span, what, ["", ""])
+        self.in_range(number, value.span, what, ["", why])
     }
 
     /// A byte: whole, 0-255 or 0x00-0xFF.

@@ -46,15 +46,17 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             return None;
         };
         let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
-        let path = match self.sources.resolve(self.sources.file(span), name) {
+        let resolve = |name: &str| self.sources.resolve(self.sources.file(span), name);
+        let path = match resolve(name) {
             Ok(path) => path,
             Err(error) => {
-                self.report(
-                    Code::Use,
-                    value.span,
-                    error.to_string(),
-                    "name a script in the folder of the main script, or in a folder inside it",
-                );
+                // What is forgotten most easily: its ending, and the folder for what is used.
+                let near = [format!("{name}.motion"), format!("lib/{name}"), format!("lib/{name}.motion")];
+                let help = match near.iter().find(|near| resolve(near).is_ok()) {
+                    Some(near) => format!("did you mean `use \"{near}\"`?"),
+                    None => "name a script in the folder of the main script, or in a folder inside it".to_owned(),
+                };
+                self.report(Code::Use, value.span, error.to_string(), help);
                 return None;
             }
         };
