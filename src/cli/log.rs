@@ -79,7 +79,8 @@ impl Log {
         let place = place.map(|span| lines.place(span));
         let at = |quantile: f64| {
             let nanos = self.lateness.as_ref().map_or(0, |lateness| lateness.value_at_quantile(quantile));
-            micros(nanos)
+            // The histogram rounds up to its three digits.
+            micros(nanos.min(outcome.worst_late))
         };
         let dropped = self.dropped.iter().filter_map(|(timeline, event)| {
             let event = timeline.events().get(*event)?;
