@@ -61,11 +61,8 @@ pub fn compile(sources: &Sources, options: &Options) -> Compiled {
 }
 
 fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Option<Timeline> {
-    let ast = syntax::parse(sources.main(), diagnostics)?;
-    let readable = !diagnostics.has_errors();
-    let program = program::program(&ast, sources, options, diagnostics);
-    // The tree is large, and has told everything.
-    drop(ast);
+    let script = syntax::read(sources.main(), diagnostics)?;
+    let program = program::program(script, sources, options, diagnostics);
     if !diagnostics.has_errors() {
         let program = program.at_speed(options.speed);
         if program.end > Time::LONGEST {
@@ -77,7 +74,7 @@ fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -
         return Some(timeline::timeline(program, options.events, diagnostics));
     }
     // All errors at once, but none that is only there because something else is missing.
-    if readable && program.times_known {
+    if program.times_known {
         timeline::order(&program, diagnostics);
     }
     None

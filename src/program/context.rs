@@ -15,9 +15,9 @@ use crate::syntax::{Binary, Expression, Node, NodeKind, Value, ValueKind};
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
 
-pub(super) struct Context<'a, 's, 'd> {
+pub(super) struct Context<'s, 'd> {
     pub(super) diagnostics: &'d mut Diagnostics,
-    pub(super) scope: Scope<'a, 's>,
+    pub(super) scope: Scope<'s>,
     pub(super) tempo: Tempo,
     pub(super) random: SplitMix,
     pub(super) traces: Traces,
@@ -27,7 +27,7 @@ pub(super) struct Context<'a, 's, 'd> {
     pub(super) names_missing: bool,
 }
 
-impl<'s> Context<'_, 's, '_> {
+impl<'s> Context<'s, '_> {
     /// Reports something, with the calls that led here.
     pub(super) fn report(&mut self, diagnostic: Diagnostic) {
         let here = self.traces.here();

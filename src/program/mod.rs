@@ -1,4 +1,4 @@
-//! [`Ast`] to [`Program`]: what words and numbers mean, and when each command starts.
+//! The pieces of a script to a [`Program`]: what words and numbers mean, and when each command starts.
 //!
 //! A program is flat: commands in the order of unrolling, each with its exact time and its place in the script. Ranges
 //! and units are checked; what depends on the order in time (clashes, holding, refresh) belongs to the timeline.
@@ -38,7 +38,7 @@ pub use value::{UNITS, Unit};
 use crate::board;
 use crate::diagnostic::Diagnostics;
 use crate::source::{Sources, Span};
-use crate::syntax::Ast;
+use crate::syntax::Reading;
 
 /// The most lines and passes that are unrolled.
 pub const MAX_STEPS: u64 = 100_000_000;
@@ -212,8 +212,8 @@ impl Program {
     }
 }
 
-/// Gives every word its meaning and every command its time. What is wrong is reported and left out.
-pub fn program<'s>(ast: &Ast<'s>, sources: &'s Sources, options: &Options, diagnostics: &mut Diagnostics) -> Program {
-    let trees = unroll::Trees::new();
-    unroll::unroll(ast, sources, &trees, options, diagnostics)
+/// Gives every word its meaning and every command its time. What is wrong is reported and left out. The tree of each piece is
+/// dropped as soon as its lines are run.
+pub fn program(script: Reading<'_>, sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Program {
+    unroll::unroll(script, sources, options, diagnostics)
 }

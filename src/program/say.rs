@@ -5,7 +5,7 @@ use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Value, ValueKind};
 
 /// The words of a `say`: escapes undone, values put in.
-pub(super) fn say<'s>(value: &Value<'s>, context: &mut Context<'_, 's, '_>) -> Option<String> {
+pub(super) fn say<'s>(value: &Value<'s>, context: &mut Context<'s, '_>) -> Option<String> {
     let span = value.span;
     let ValueKind::Text(quoted) = value.kind else {
         context.report(Diagnostic::new(

@@ -1,6 +1,7 @@
 //! Names and what they stand for. `let`, parameters, `repeat … as`, `def` and marks share one name space.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use super::value::{Quantity, UNITS};
 use crate::source::Span;
@@ -22,9 +23,9 @@ pub(super) struct Binding<'s> {
 }
 
 /// A `def`, with what it sees.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Phrase<'a, 's> {
-    pub(super) def: &'a Def<'s>,
+#[derive(Clone, Debug)]
+pub(super) struct Phrase<'s> {
+    pub(super) def: Arc<Def<'s>>,
     /// How many of the top-level names stand above it.
     globals: usize,
     /// How many of the `def`s stand above it.
@@ -53,12 +54,12 @@ pub(super) struct Frame {
 
 /// Everything that can be seen at one place.
 #[derive(Debug, Default)]
-pub(super) struct Scope<'a, 's> {
+pub(super) struct Scope<'s> {
     globals: Vec<Binding<'s>>,
     /// Where each top-level name is among them. A name is given there once.
     global: HashMap<&'s str, usize>,
     locals: Vec<Binding<'s>>,
-    phrases: Vec<Phrase<'a, 's>>,
+    phrases: Vec<Phrase<'s>>,
     by_name: HashMap<&'s str, usize>,
     /// The `let`s of blocks that have ended, and whether anything ever used them.
     ended: BTreeMap<Span, (&'s str, bool)>,
@@ -94,7 +95,7 @@ pub(super) fn is_reserved(word: &str) -> bool {
         || super::functions::find(word).is_some()
 }
 
-impl<'a, 's> Scope<'a, 's> {
+impl<'s> Scope<'s> {
     pub(super) fn new() -> Self {
         Scope { top: true, main: true, ..Scope::default() }
     }
@@ -166,21 +167,21 @@ impl<'a, 's> Scope<'a, 's> {
     }
 
     /// Adds a phrase. It sees the names and phrases above it.
-    pub(super) fn define(&mut self, def: &'a Def<'s>) -> usize {
+    pub(super) fn define(&mut self, def: &Arc<Def<'s>>) -> usize {
         let above = self.phrases.len();
         let (globals, watched) = (self.globals.len(), self.main);
-        self.phrases.push(Phrase { def, globals, above, used: false, watched });
+        self.phrases.push(Phrase { def: Arc::clone(def), globals, above, used: false, watched });
         self.by_name.insert(def.name.text, above);
         self.visible_phrases = self.phrases.len();
         above
     }
 
     /// The phrase with this name, if it can be seen from here.
-    pub(super) fn phrase(&mut self, name: &str) -> Option<Phrase<'a, 's>> {
+    pub(super) fn phrase(&mut self, name: &str) -> Option<Phrase<'s>> {
         let at = self.phrase_number(name)?;
         let phrase = self.phrases.get_mut(at)?;
         phrase.used = true;
-        Some(*phrase)
+        Some(phrase.clone())
     }
 
     /// The number of the phrase with this name, if it can be seen from here.
@@ -230,7 +231,7 @@ impl<'a, 's> Scope<'a, 's> {
     }
 
     /// Begins the body of a phrase: only what stands above it is seen, never the caller's names.
-    pub(super) fn enter(&mut self, phrase: &Phrase<'a, 's>) -> Frame {
+    pub(super) fn enter(&mut self, phrase: &Phrase<'s>) -> Frame {
         let mark = self.open();
         let frame =
             Frame { mark, floor: self.floor, globals: self.visible, phrases: self.visible_phrases, main: self.main };

@@ -1,8 +1,10 @@
 //! The tree of a script: what stands where, with no meaning yet. Names and numbers are slices of the source.
 
+use std::sync::Arc;
+
 use crate::source::Span;
 
-/// A whole script.
+/// A whole script, or a piece of one.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Ast<'s> {
     /// Its lines, as a block without braces.
@@ -92,8 +94,8 @@ pub enum Statement<'s> {
     Call(Call<'s>),
     /// A value gets a name.
     Let(Let<'s>),
-    /// A phrase gets a name.
-    Def(Def<'s>),
+    /// A phrase gets a name. It is kept as long as it can be called.
+    Def(Arc<Def<'s>>),
     /// One of several blocks.
     If(If<'s>),
 }
@@ -262,7 +264,7 @@ pub enum ValueKind<'s> {
     /// A word or a name.
     Word(&'s str),
     /// A call of a function, or an expression in parentheses.
-    Expression(Expression<'s>),
+    Expression(Box<Expression<'s>>),
 }
 
 /// A calculation, in the order in which it is done: operands before their operator. Flat, so that nothing that walks it can

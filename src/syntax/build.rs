@@ -1,6 +1,8 @@
 //! pest's pairs to the tree. What the grammar kept only for its message is reported here, and its statement left out, so
 //! that one mistake is one message.
 
+use std::sync::Arc;
+
 use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
@@ -38,7 +40,12 @@ impl<'s, 'd> Builder<'s, 'd> {
         }
     }
 
-    /// Adds the lines of a piece of the script that begins at `offset`.
+    /// Adds a line that was read without the grammar.
+    pub(super) fn add_flat(&mut self, line: Option<Line<'s>>) {
+        self.lines.extend(line);
+    }
+
+    /// Adds the lines of a part of the script that begins at `offset`.
     pub(super) fn add(&mut self, offset: usize, pairs: Pairs<'_, Rule>) {
         self.offset = self.source.base() as usize + offset;
         for pair in pairs.flat_map(Pair::into_inner) {
@@ -49,16 +56,14 @@ impl<'s, 'd> Builder<'s, 'd> {
         }
     }
 
-    /// A piece that the grammar cannot read at all, which a script that passed the scan should never have.
+    /// A part that the grammar cannot read at all, which a script that passed the scan should never have.
     pub(super) fn unreadable(&mut self, offset: usize, error: &pest::error::Error<Rule>) {
         let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
         self.diagnostics.push(trouble::beyond_the_grammar(self.source.base() as usize + offset + at));
     }
 
-    /// The whole script.
-    pub(super) fn finish(self) -> Ast<'s> {
-        let base = self.source.base() as usize;
-        let span = Span::new(base, base + self.source.text().len());
+    /// What was added.
+    pub(super) fn finish(self, span: Span) -> Ast<'s> {
         Ast { body: Block { lines: self.lines, span }, broken: self.broken, names_missing: self.names_missing }
     }
 
@@ -245,7 +250,8 @@ impl<'s, 'd> Builder<'s, 'd> {
                     if readable {
                         self.broken.remove(place - 1);
                     }
-                    return readable.then_some(Statement::Def(Def { name, parameters, body, span }));
+                    let def = Def { name, parameters, body, span };
+                    return readable.then(|| Statement::Def(Arc::new(def)));
                 }
                 _ => {
                     readable = false;
@@ -321,11 +327,11 @@ impl<'s, 'd> Builder<'s, 'd> {
         let first = arguments.first()?;
         let written = self.source.slice(first.span);
         let trouble = match &first.item {
-            Item::One(Value { kind: ValueKind::Expression(Expression { nodes, span }), .. })
-                if first.name.is_none() =>
-            {
-                match nodes.last() {
-                    Some(Node { kind: NodeKind::Call(name, _), .. }) => trouble::behind_a_call(written, name, *span),
+            Item::One(Value { kind: ValueKind::Expression(expression), .. }) if first.name.is_none() => {
+                match expression.nodes.last() {
+                    Some(Node { kind: NodeKind::Call(name, _), .. }) => {
+                        trouble::behind_a_call(written, name, expression.span)
+                    }
                     _ => trouble::starts_with_no_word(first.span),
                 }
             }
@@ -470,7 +476,7 @@ impl<'s, 'd> Builder<'s, 'd> {
                 _ => {
                     let mut nodes = Vec::new();
                     self.operand(inner, &mut nodes)?;
-                    ValueKind::Expression(Expression { nodes, span })
+                    ValueKind::Expression(Box::new(Expression { nodes, span }))
                 }
             };
             let span = sign.map_or(span, |sign| sign.to(span));

@@ -25,11 +25,12 @@ pub(super) struct Scanned<'s> {
 }
 
 impl Scanned<'_> {
-    /// Pieces of whole lines, each with its offset.
-    pub(super) fn pieces(&self) -> impl Iterator<Item = (usize, &str)> {
-        let starts = std::iter::once(0).chain(self.cuts.iter().copied());
-        let ends = self.cuts.iter().copied().chain([self.text.len()]);
-        starts.zip(ends).filter_map(|(start, end)| Some((start, self.text.get(start..end)?)))
+    /// The piece with this number, counted from 0: whole lines, and their offset.
+    pub(super) fn piece(&self, number: usize) -> Option<(usize, &str)> {
+        let before = number.checked_sub(1).map_or(Some(&0), |before| self.cuts.get(before));
+        let start = *before?;
+        let end = self.cuts.get(number).copied().unwrap_or(self.text.len());
+        Some((start, self.text.get(start..end)?))
     }
 }
 
@@ -45,7 +46,6 @@ pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Opt
         parens: 0,
         blanks: Vec::new(),
         cuts: Vec::new(),
-        cut: None,
         beyond_reading: false,
         diagnostics,
     };
@@ -66,8 +66,6 @@ struct Scan<'s, 'd> {
     /// Ranges that the grammar sees as blanks, the last byte of each as this one.
     blanks: Vec<(usize, usize, char)>,
     cuts: Vec<usize>,
-    /// Where the text may be cut, if what comes next allows it.
-    cut: Option<usize>,
     beyond_reading: bool,
     diagnostics: &'d mut Diagnostics,
 }
@@ -81,13 +79,14 @@ impl<'s> Scan<'s, '_> {
             at = '\u{FEFF}'.len_utf8();
             self.blanks.push((0, at, ' '));
         }
-        while let Some(&byte) = bytes.get(at) {
+        loop {
+            // Most bytes mean nothing here.
+            let rest = bytes.get(at..).unwrap_or_default();
+            at += rest.iter().position(|&byte| is_telling(byte)).unwrap_or(rest.len());
+            let Some(&byte) = bytes.get(at) else { break };
             if at - line > MAX_LINE {
                 self.line_too_long(line);
                 return;
-            }
-            if self.cut.is_some() && !byte.is_ascii_whitespace() {
-                self.line_begins(at);
             }
             at = match byte {
                 b'#' => self.comment(at),
@@ -115,6 +114,10 @@ impl<'s> Scan<'s, '_> {
                 _ => at + 1,
             };
         }
+        if at - line > MAX_LINE {
+            self.line_too_long(line);
+            return;
+        }
         while let Some((bracket, from)) = self.open.pop() {
             self.unclosed(bracket, from, None);
         }
@@ -139,23 +142,16 @@ impl<'s> Scan<'s, '_> {
         ));
     }
 
-    /// Behind a line break outside of all brackets: the piece may be cut here, if it is long enough.
+    /// Behind a line break outside of all brackets: a piece that is long enough ends here, unless the next line is empty, or a
+    /// comment, behind which an `else` may stand, or an `else`, which belongs to the block before.
     fn line_ended(&mut self, at: usize) {
         let last = self.cuts.last().copied().unwrap_or(0);
-        if self.cut.is_none() && self.open.is_empty() && at - last >= PIECE {
-            self.cut = Some(at);
+        if at - last < PIECE || !self.open.is_empty() {
+            return;
         }
-    }
-
-    /// At the first thing in a line. The piece is cut before it, unless it is an `else`, which belongs to the block before,
-    /// or a comment, behind which an `else` may stand.
-    fn line_begins(&mut self, at: usize) {
-        let rest = self.text.get(at..).unwrap_or_default();
-        if let Some(cut) = self.cut.take()
-            && !rest.starts_with("else")
-            && !rest.starts_with('#')
-        {
-            self.cuts.push(cut);
+        let next = self.text.get(at..).unwrap_or_default().trim_start_matches([' ', '\t']);
+        if !next.starts_with(['#', '\r', '\n']) && !next.starts_with("else") {
+            self.cuts.push(at);
         }
     }
 
@@ -165,8 +161,8 @@ impl<'s> Scan<'s, '_> {
         if let Some(at) = line.bytes().position(is_hidden) {
             self.hidden(from + at);
         }
-        let mut allowed = line.split('#').filter_map(|words| words.trim_start().strip_prefix("allow:")).peekable();
-        if allowed.peek().is_some() {
+        if line.contains("allow:") {
+            let allowed = line.split('#').filter_map(|words| words.trim_start().strip_prefix("allow:"));
             self.allow(allowed, from, from + line.trim_end().len());
         }
         if self.parens > 0 {
@@ -177,6 +173,10 @@ impl<'s> Scan<'s, '_> {
 
     /// `# allow: CODE`: on this line those warnings are none.
     fn allow<'t>(&mut self, comments: impl Iterator<Item = &'t str>, from: usize, to: usize) {
+        let mut comments = comments.peekable();
+        if comments.peek().is_none() {
+            return;
+        }
         let before = self.text.get(..from).unwrap_or_default();
         let line = before.rfind('\n').map_or(0, |at| at + 1);
         let comment = Span::new(self.base + from, self.base + to);
@@ -334,6 +334,11 @@ impl<'s> Scan<'s, '_> {
         ));
         from + length
     }
+}
+
+/// Whether the scan does anything at this byte.
+fn is_telling(byte: u8) -> bool {
+    matches!(byte, b'#' | b'"' | b'(' | b')' | b'{' | b'}' | b'\n') || is_hidden(byte)
 }
 
 /// Control characters but tab and line feed. A carriage return belongs to its line feed or is one of them.

@@ -21,7 +21,7 @@ pub(super) struct Arguments<'r, 'a, 's, 'd> {
     pub(super) row: &'static Row,
     /// The command itself.
     pub(super) command: &'a Command<'s>,
-    pub(super) context: &'r mut Context<'a, 's, 'd>,
+    pub(super) context: &'r mut Context<'s, 'd>,
     positional: std::vec::IntoIter<&'a Argument<'s>>,
     named: Vec<&'a Argument<'s>>,
     modifiers: Vec<(Name<'s>, &'a Argument<'s>)>,
@@ -51,11 +51,7 @@ impl Lasting {
 
 impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     /// Sorts the arguments; `None` where they cannot be, which is reported.
-    pub(super) fn new(
-        row: &'static Row,
-        command: &'a Command<'s>,
-        context: &'r mut Context<'a, 's, 'd>,
-    ) -> Option<Self> {
+    pub(super) fn new(row: &'static Row, command: &'a Command<'s>, context: &'r mut Context<'s, 'd>) -> Option<Self> {
         match &command.block {
             Some(block) if !row.block => {
                 let span = Span { end: block.span.start + 1, ..block.span };
@@ -421,7 +417,7 @@ pub(super) fn blank_before_unit(value: &Value<'_>, word: Name<'_>) -> Option<Dia
 }
 
 /// Reads a time; anything else is reported.
-pub(super) fn time<'s>(value: &Value<'s>, context: &mut Context<'_, 's, '_>) -> Option<Time> {
+pub(super) fn time<'s>(value: &Value<'s>, context: &mut Context<'s, '_>) -> Option<Time> {
     match context.value(value)? {
         Quantity::Time(time) => Some(time),
         Quantity::Number(number) => {

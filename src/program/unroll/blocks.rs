@@ -21,10 +21,10 @@ struct Passes<'s> {
     name: Option<Name<'s>>,
 }
 
-impl<'a, 's> Unroll<'a, 's, '_> {
+impl<'s> Unroll<'s, '_> {
     pub(super) fn repeat(
         &mut self,
-        command: &'a Command<'s>,
+        command: &Command<'s>,
         row: &'static Row,
         start: Time,
         depth: usize,
@@ -78,8 +78,8 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     /// Runs a block so many times.
     fn passes(
         &mut self,
-        command: &'a Command<'s>,
-        block: &'a Block<'s>,
+        command: &Command<'s>,
+        block: &Block<'s>,
         Passes { count, every, name }: Passes<'s>,
         start: Time,
         depth: usize,
@@ -126,7 +126,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     /// `on abort { … }`: a small script of its own, from time 0, with nothing known.
     pub(super) fn on_abort(
         &mut self,
-        command: &'a Command<'s>,
+        command: &Command<'s>,
         row: &'static Row,
         frame: &Frame,
         start: Time,

@@ -15,14 +15,8 @@ use crate::syntax::Command;
 /// The most bytes of `say` texts.
 const MAX_SAID: u64 = 64 << 20;
 
-impl<'a, 's> Unroll<'a, 's, '_> {
-    pub(super) fn command(
-        &mut self,
-        command: &'a Command<'s>,
-        start: Time,
-        frame: &Frame,
-        depth: usize,
-    ) -> Option<Time> {
+impl<'s> Unroll<'s, '_> {
+    pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
         let Some(row) = commands::find(command.head.text) else {
             self.unknown(command);
             return None;

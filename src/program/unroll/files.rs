@@ -1,28 +1,28 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
 use super::super::time::Time;
-use super::{Frame, Set, Unroll, definitions};
+use super::{Frame, Later, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
 use crate::syntax::{self, Statement, Value, ValueKind};
 
-impl<'a, 's> Unroll<'a, 's, '_> {
+impl<'s> Unroll<'s, '_> {
     /// Reads each `--set NAME=VALUE` as a `let` of its own.
     pub(super) fn read_sets(&mut self, sets: &[(String, String)]) {
         for (name, value) in sets {
             let source = Source::new(format!("--set {name}"), format!("let {name} = {value}"));
             let Some(source) = self.sources.add(source) else { continue };
             let Some(tree) = syntax::parse(source, self.context.diagnostics) else { continue };
-            let tree = self.trees.push_get(Box::new(tree));
-            let part = tree.body.lines.first().and_then(|line| line.parts.first());
-            match part.map(|part| &part.statement) {
-                Some(Statement::Let(each)) if tree.body.lines.len() == 1 => {
+            let span = tree.body.span;
+            let is_one = tree.body.lines.len() == 1;
+            let part = tree.body.lines.into_iter().next().and_then(|line| line.parts.into_iter().next());
+            match part.map(|part| part.statement) {
+                Some(Statement::Let(each)) if is_one => {
                     // The last one of a name wins.
                     self.sets.retain(|set| set.name != each.name.text);
-                    self.sets.push(Set { name: each.name.text, value: &each.value, span: each.span, used: false });
+                    self.sets.push(Set { name: each.name.text, value: each.value, span: each.span, used: false });
                 }
                 _ => {
-                    let span = tree.body.span;
                     let help = "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`";
                     self.report(Code::Syntax, span, "this cannot be read as a value", help);
                 }
@@ -31,14 +31,14 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// Takes over the names of another file.
-    pub(super) fn use_(&mut self, value: &'a Value<'s>, span: Span) -> Option<()> {
+    pub(super) fn use_(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
         let used = self.try_use(value, span);
         // What it would have named is not reported as missing.
         self.context.names_missing |= used.is_none();
         used
     }
 
-    fn try_use(&mut self, value: &'a Value<'s>, span: Span) -> Option<()> {
+    fn try_use(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
         const MAX_DEPTH: usize = 16;
         let ValueKind::Text(quoted) = value.kind else {
             let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
@@ -96,12 +96,11 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             return None;
         };
         let tree = syntax::parse(source, self.context.diagnostics)?;
-        let tree = self.trees.push_get(Box::new(tree));
         self.context.broken.extend(&tree.broken);
         self.context.names_missing |= tree.names_missing;
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.context.scope.main, false);
-        let later = std::mem::replace(&mut self.later, definitions(tree));
+        let later = std::mem::replace(&mut self.later, Later::new(source));
         let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
         for line in &tree.body.lines {
             for part in &line.parts {

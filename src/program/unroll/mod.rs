@@ -9,8 +9,7 @@ mod words;
 
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
-
-use elsa::FrozenVec;
+use std::sync::Arc;
 
 use super::arguments::{self, blank_before_unit};
 use super::commands::Build;
@@ -23,8 +22,10 @@ use super::value::{Quantity, not_yet};
 use super::weight::Weight;
 use super::{Abort, MAX_STEPS, Options, Program, Settings, Step};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::source::{Sources, Span};
-use crate::syntax::{Ast, Block, Def, Expression, If, Line, Moment, Origin, Part, Start, Statement, Value, ValueKind};
+use crate::source::{Source, Sources, Span};
+use crate::syntax::{
+    self, Block, Def, Expression, If, Line, Moment, Origin, Part, Reading, Start, Statement, Value, ValueKind,
+};
 
 /// How many steps of a script that has an error are looked through.
 const ENOUGH: u64 = 300_000;
@@ -32,33 +33,29 @@ const ENOUGH: u64 = 300_000;
 /// How deep blocks and calls may run inside each other.
 const MAX_DEPTH: usize = 200;
 
-/// The trees of files that are used, kept as long as anything walks them.
-pub(super) type Trees<'s> = FrozenVec<Box<Ast<'s>>>;
-
-pub(super) fn unroll<'a, 's>(
-    ast: &'a Ast<'s>,
+pub(super) fn unroll<'s>(
+    mut script: Reading<'s>,
     sources: &'s Sources,
-    trees: &'a Trees<'s>,
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Program {
+    let mut errors = 0;
     let context = Context {
         diagnostics,
         scope: Scope::new(),
         tempo: super::tempo::Tempo::default(),
         random: crate::random::SplitMix::default(),
         traces: Traces::default(),
-        broken: ast.broken.clone(),
-        names_missing: ast.names_missing,
+        broken: Vec::new(),
+        names_missing: false,
     };
     let mut unroll = Unroll {
         context,
         sources,
-        trees,
         sets: Vec::new(),
         settings: Settings::default(),
         given: Vec::new(),
-        later: definitions(ast),
+        later: Later::new(sources.main()),
         weights: Vec::new(),
         touched: HashSet::new(),
         said: 0,
@@ -88,14 +85,38 @@ pub(super) fn unroll<'a, 's>(
     unroll.read_sets(&options.set);
     let mut frame = Frame::new(Time::ZERO);
     frame.top = true;
-    unroll.lines(&ast.body.lines, &mut frame, 0);
+    while let Some(piece) = script.next(unroll.context.diagnostics) {
+        // What could not be read may have moved anything.
+        unroll.times_known &= unroll.context.diagnostics.errors() == errors;
+        unroll.context.broken.extend(piece.broken);
+        unroll.context.names_missing |= piece.names_missing;
+        unroll.lines(&piece.body.lines, &mut frame, 0);
+        errors = unroll.context.diagnostics.errors();
+    }
     unroll.finish(frame.latest)
 }
 
-/// Every `def` at the top level of a file, by its name.
-fn definitions<'a, 's>(ast: &'a Ast<'s>) -> HashMap<&'s str, &'a Def<'s>> {
-    let parts = ast.body.lines.iter().flat_map(|line| &line.parts);
-    let defs = parts.filter_map(|part| match &part.statement {
+/// The `def`s at the top level of a file, wherever they stand. Only messages need them, so they are looked for when the first
+/// one does.
+struct Later<'s> {
+    source: &'s Source,
+    found: Option<HashMap<&'s str, Arc<Def<'s>>>>,
+}
+
+impl<'s> Later<'s> {
+    fn new(source: &'s Source) -> Self {
+        Later { source, found: None }
+    }
+
+    fn get(&mut self, name: &str) -> Option<Arc<Def<'s>>> {
+        self.found.get_or_insert_with(|| definitions(self.source)).get(name).cloned()
+    }
+}
+
+fn definitions(source: &Source) -> HashMap<&str, Arc<Def<'_>>> {
+    let tree = syntax::parse(source, &mut Diagnostics::default());
+    let parts = tree.into_iter().flat_map(|tree| tree.body.lines).flat_map(|line| line.parts);
+    let defs = parts.filter_map(|part| match part.statement {
         Statement::Def(def) => Some((def.name.text, def)),
         _ => None,
     });
@@ -127,23 +148,22 @@ impl Frame {
 }
 
 /// A `--set` that stands in for a `let`.
-struct Set<'a, 's> {
+struct Set<'s> {
     name: &'s str,
-    value: &'a Expression<'s>,
+    value: Expression<'s>,
     span: Span,
     used: bool,
 }
 
-struct Unroll<'a, 's, 'd> {
-    context: Context<'a, 's, 'd>,
+struct Unroll<'s, 'd> {
+    context: Context<'s, 'd>,
     sources: &'s Sources,
-    trees: &'a Trees<'s>,
-    sets: Vec<Set<'a, 's>>,
+    sets: Vec<Set<'s>>,
     settings: Settings,
     /// Settings that were given, with their places.
     given: Vec<(&'static str, Span)>,
-    /// Every `def` at the top level of the main script, wherever it stands.
-    later: HashMap<&'s str, &'a Def<'s>>,
+    /// Every `def` at the top level of the file that is run.
+    later: Later<'s>,
     /// The `if`s whose names were counted as used.
     touched: HashSet<Span>,
     /// Bytes of `say` texts.
@@ -176,7 +196,7 @@ struct Unroll<'a, 's, 'd> {
     in_phrase: bool,
 }
 
-impl<'a, 's> Unroll<'a, 's, '_> {
+impl<'s> Unroll<'s, '_> {
     fn report(&mut self, code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) {
         self.context.report(Diagnostic::new(code, span, message, help));
     }
@@ -222,7 +242,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
-    fn block(&mut self, block: &'a Block<'s>, start: Time, together: bool, depth: usize) -> Time {
+    fn block(&mut self, block: &Block<'s>, start: Time, together: bool, depth: usize) -> Time {
         let mark = self.context.scope.open();
         let end = self.body(block, start, together, depth);
         self.context.scope.close(mark, false);
@@ -230,7 +250,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// The lines of a block, with names in the scope that is open.
-    fn body(&mut self, block: &'a Block<'s>, start: Time, together: bool, depth: usize) -> Time {
+    fn body(&mut self, block: &Block<'s>, start: Time, together: bool, depth: usize) -> Time {
         let tempo = self.context.tempo;
         let mut frame = Frame { together, ..Frame::new(start) };
         if depth < MAX_DEPTH {
@@ -249,7 +269,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         frame.latest
     }
 
-    fn lines(&mut self, lines: &'a [Line<'s>], frame: &mut Frame, depth: usize) {
+    fn lines(&mut self, lines: &[Line<'s>], frame: &mut Frame, depth: usize) {
         for line in lines {
             self.done += 1;
             // Behind an error only more errors are looked for, and not for ever.
@@ -293,7 +313,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// Runs a line; `None` where something in it is wrong that may have moved what comes behind.
-    fn line(&mut self, line: &'a Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+    fn line(&mut self, line: &Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
         if let Some(in_place) = line.parts.iter().find_map(|part| self.setting_in(line, part, frame)) {
             if in_place {
                 self.set(line, frame);
@@ -327,7 +347,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// The branch that is taken stands there as if the `if` and its braces were not written.
-    fn branch(&mut self, each: &'a If<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+    fn branch(&mut self, each: &If<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
         let mut taken = each.otherwise.as_ref();
         for (condition, block) in &each.arms {
             let value = self.context.expression(condition)?;
@@ -355,7 +375,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// When a line starts.
-    fn start(&mut self, start: &'a Start<'s>, line: &Line<'s>, block: Time, now: Time) -> Option<Time> {
+    fn start(&mut self, start: &Start<'s>, line: &Line<'s>, block: Time, now: Time) -> Option<Time> {
         match start {
             Start::After(value) => {
                 self.no_unit_behind(value, line)?;
@@ -370,7 +390,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         }
     }
 
-    fn moment(&mut self, moment: &'a Moment<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
+    fn moment(&mut self, moment: &Moment<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
         let mut at = match &moment.origin {
             Origin::Bar(bar, beat) => {
                 let bar_number = self.count_from_one(bar, "a bar")?;
@@ -445,7 +465,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// A bar or a beat, counted from 1.
-    fn count_from_one(&mut self, value: &'a Value<'s>, what: &str) -> Option<f64> {
+    fn count_from_one(&mut self, value: &Value<'s>, what: &str) -> Option<f64> {
         match self.context.value(value)? {
             Quantity::Number(count) if count >= 1.0 => Some(count),
             _ => {
@@ -481,7 +501,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// Runs one part of a line; gives the time when it has ended, or `None` where something in it is wrong.
-    fn part(&mut self, part: &'a Part<'s>, joined: bool, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
+    fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
         if let Some(robot) = part.robots.first() {
             self.context.report(not_yet(robot.span, "a command for one of several robots"));
             return None;

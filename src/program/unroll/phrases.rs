@@ -1,6 +1,7 @@
 //! Names and phrases: `let`, `def` and calls.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use super::super::scope;
 use super::super::time::Time;
@@ -11,18 +12,17 @@ use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Block, Call, Def, Let, Name};
 
-impl<'a, 's> Unroll<'a, 's, '_> {
-    pub(super) fn let_(&mut self, each: &'a Let<'s>) -> Option<()> {
+impl<'s> Unroll<'s, '_> {
+    pub(super) fn let_(&mut self, each: &Let<'s>) -> Option<()> {
         let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
         let top = self.context.scope.main && !self.in_phrase;
         let value = match set.filter(|_| top && self.context.scope.is_top()) {
             Some(set) => {
                 set.used = true;
-                set.value
+                self.context.expression(&set.value)
             }
-            None => &each.value,
+            None => self.context.expression(&each.value),
         };
-        let value = self.context.expression(value);
         let free = self.is_free(each.name);
         // Also where its value is wrong, so that its users are not told that it does not exist.
         if free.is_some() {
@@ -65,7 +65,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         Some(())
     }
 
-    pub(super) fn def(&mut self, def: &'a Def<'s>, frame: &Frame) -> Option<()> {
+    pub(super) fn def(&mut self, def: &Arc<Def<'s>>, frame: &Frame) -> Option<()> {
         if !frame.top {
             self.top_level("def", def.span);
             return None;
@@ -95,7 +95,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// A body may call only what stands above its `def`. What it calls in vain is reported here, called or not.
-    pub(super) fn check_calls(&mut self, def: &'a Def<'s>) -> Option<()> {
+    pub(super) fn check_calls(&mut self, def: &Def<'s>) -> Option<()> {
         let mut found = Vec::new();
         scope::calls(&def.body, &mut found);
         let mut fine = Some(());
@@ -105,9 +105,9 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 continue;
             }
             fine = None;
-            let below = self.later.get(call.text).copied();
+            let below = self.later.get(call.text);
             match below {
-                Some(below) => match self.cycle(def, below) {
+                Some(below) => match self.cycle(def, &below) {
                     Some(cycle) => {
                         let message = format!("`{}` ends up calling itself: {cycle}", def.name.text);
                         self.report(Code::Recursion, call.span, message, "use `repeat`; a script always ends");
@@ -129,13 +129,14 @@ impl<'a, 's> Unroll<'a, 's, '_> {
     }
 
     /// How calls lead from `def` over `next` back to `def`, if they do.
-    pub(super) fn cycle(&self, def: &Def<'s>, next: &'a Def<'s>) -> Option<String> {
+    pub(super) fn cycle(&mut self, def: &Def<'s>, next: &Arc<Def<'s>>) -> Option<String> {
         const SHOWN: usize = 8;
         // Paths are kept as the place each name was reached from, so that long chains stay cheap.
-        let mut reached: Vec<(&'a Def<'s>, Option<usize>)> = vec![(next, None)];
+        let mut reached: Vec<(Arc<Def<'s>>, Option<usize>)> = vec![(Arc::clone(next), None)];
         let mut seen: HashSet<&str> = HashSet::from([next.name.text]);
         let mut at = 0;
-        while let Some(&(current, _)) = reached.get(at) {
+        while let Some((current, _)) = reached.get(at) {
+            let current = Arc::clone(current);
             if current.name.text == def.name.text {
                 let mut path = vec![def.name.text];
                 let mut back = reached.get(at)?.1;
@@ -154,7 +155,9 @@ impl<'a, 's> Unroll<'a, 's, '_> {
             let mut found = Vec::new();
             scope::calls(&current.body, &mut found);
             for call in found {
-                if let Some(callee) = self.later.get(call.text).filter(|_| seen.insert(call.text)) {
+                if let Some(callee) = self.later.get(call.text)
+                    && seen.insert(callee.name.text)
+                {
                     reached.push((callee, Some(at)));
                 }
             }
@@ -163,7 +166,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         None
     }
 
-    pub(super) fn call(&mut self, call: &'a Call<'s>, start: Time, depth: usize) -> Option<Time> {
+    pub(super) fn call(&mut self, call: &Call<'s>, start: Time, depth: usize) -> Option<Time> {
         let Some(phrase) = self.context.scope.phrase(call.name.text) else {
             // Inside a phrase it was reported where the phrase is defined.
             if !self.in_phrase {
@@ -191,7 +194,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 None => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
                     let message = format!("`{}` has no such parameter", call.name.text);
-                    self.report(Code::Arguments, span, message, signature(phrase.def));
+                    self.report(Code::Arguments, span, message, signature(&phrase.def));
                     return None;
                 }
             }
@@ -211,7 +214,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
                 (None, Some(default)) => self.context.expression(default),
                 (None, None) => {
                     let message = format!("`{}` needs a value for `{}`", call.name.text, parameter.name.text);
-                    self.report(Code::Arguments, call.span, message, signature(phrase.def));
+                    self.report(Code::Arguments, call.span, message, signature(&phrase.def));
                     None
                 }
             };

@@ -9,7 +9,7 @@ use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Line, Part, Statement};
 
-impl<'a, 's> Unroll<'a, 's, '_> {
+impl<'s> Unroll<'s, '_> {
     /// Whether this part is a setting: `Some(true)` if it stands where it may, `Some(false)` if not, which is reported.
     pub(super) fn setting_in(&mut self, line: &Line<'s>, part: &Part<'s>, frame: &Frame) -> Option<bool> {
         let Statement::Command(command) = &part.statement else {
@@ -47,7 +47,7 @@ impl<'a, 's> Unroll<'a, 's, '_> {
         Some(false)
     }
 
-    pub(super) fn set(&mut self, line: &'a Line<'s>, frame: &mut Frame) {
+    pub(super) fn set(&mut self, line: &Line<'s>, frame: &mut Frame) {
         let Some(Part { statement: Statement::Command(command), .. }) = line.parts.first() else {
             return;
         };

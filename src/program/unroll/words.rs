@@ -9,7 +9,7 @@ use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
 
-impl<'s> Unroll<'_, 's, '_> {
+impl<'s> Unroll<'s, '_> {
     pub(super) fn top_level(&mut self, word: &str, span: Span) {
         let message = format!("`{word}` stands at the top level only");
         self.report(Code::TopLevel, span, message, "move it out of the block");
@@ -130,7 +130,7 @@ impl<'s> Unroll<'_, 's, '_> {
     }
 }
 
-impl<'s> Unroll<'_, 's, '_> {
+impl<'s> Unroll<'s, '_> {
     /// `let a 5`, as it was most likely meant; the name is meant to exist.
     fn mended_let(&mut self, command: &Command<'s>) -> String {
         let [first, rest @ ..] = command.arguments.as_slice() else { return "write `let depth = 300us`".to_owned() };
