@@ -69,7 +69,7 @@ fn flat(count: u64) -> (String, String) {
             0 => ("servo", 1 + turn % 4, 1_500 + turn, 0),
             1 if at + 3 >= count => ("rocker", 0, 0, 0),
             1 => ("rocker", turn - 20, 10 - turn % 20, turn),
-            _ => ("buzzer", turn % 2 & i32::from(at + 3 < count), 0, 0),
+            _ => ("buzzer", (turn % 2) & i32::from(at + 3 < count), 0, 0),
         };
         match kind {
             "servo" => write!(script, "servo {a} {b}").unwrap(),
@@ -137,8 +137,8 @@ fn parse(folder: &Path) {
         let mut diagnostics = Diagnostics::default();
         let mut script = syntax::read(&source, &mut diagnostics).unwrap();
         let mut lines = 0;
-        while let Some(piece) = script.next(&mut diagnostics) {
-            lines += black_box(&piece).body.lines.len();
+        while let Some(line) = script.next(&mut diagnostics) {
+            lines += black_box(line).parts.len();
         }
         ours.push(begin.elapsed().as_secs_f64());
         assert!(lines == 1_000_000 && !diagnostics.has_errors());

@@ -62,7 +62,7 @@ pub fn compile(sources: &Sources, options: &Options) -> Compiled {
 
 fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Option<Timeline> {
     let script = syntax::read(sources.main(), diagnostics)?;
-    let program = program::program(script, sources, options, diagnostics);
+    let mut program = program::program(script, sources, options, diagnostics);
     if !diagnostics.has_errors() {
         let program = program.at_speed(options.speed);
         if program.end > Time::LONGEST {
@@ -75,7 +75,7 @@ fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -
     }
     // All errors at once, but none that is only there because something else is missing.
     if program.times_known {
-        timeline::order(&program, diagnostics);
+        timeline::order(&mut program, diagnostics);
     }
     None
 }

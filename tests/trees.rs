@@ -34,8 +34,10 @@ fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
             Some(Start::At(moment)) => {
                 let origin = match &moment.origin {
                     Origin::Value(origin) => value(origin),
-                    Origin::Bar(bar, None) => format!("bar {}", value(bar)),
-                    Origin::Bar(bar, Some(beat)) => format!("bar {} beat {}", value(bar), value(beat)),
+                    Origin::Bar(count) => match &**count {
+                        (bar, None) => format!("bar {}", value(bar)),
+                        (bar, Some(beat)) => format!("bar {} beat {}", value(bar), value(beat)),
+                    },
                 };
                 let sign = |away: &bool| if *away { '-' } else { '+' };
                 let offsets = moment.offsets.iter().map(|(away, offset)| format!(" {} {}", sign(away), value(offset)));
@@ -101,8 +103,8 @@ fn argument(argument: &Argument<'_>) -> String {
     let name = argument.name.map(|name| format!("{}=", name.text)).unwrap_or_default();
     let item = match &argument.item {
         Item::One(one) => value(one),
-        Item::Arrow(from, to) => format!("arrow({} {})", value(from), value(to)),
-        Item::Range(from, to) => format!("range({} {})", value(from), value(to)),
+        Item::Arrow(ends) => format!("arrow({} {})", value(&ends.0), value(&ends.1)),
+        Item::Range(ends) => format!("range({} {})", value(&ends.0), value(&ends.1)),
         Item::List(list) => format!("list({})", list.iter().map(value).collect::<Vec<_>>().join(" ")),
         Item::Comparison(sign) => format!("compare`{}`", sign.text),
     };

@@ -248,9 +248,22 @@ impl Command {
         }
     }
 
+    /// How many bytes its frame has.
+    pub fn frame_length(&self) -> usize {
+        let payload = match self {
+            Command::Pid(..) => 9,
+            Command::Servos { .. } => 4,
+            Command::Servo { .. } => 3,
+            Command::Rocker { .. } | Command::Wheels(_) | Command::YawHold { .. } | Command::Move { .. } => 8,
+            Command::Buzzer(_) | Command::Request(_) => 1,
+            Command::Raw { payload, .. } => payload.bytes().len(),
+        };
+        frame::OVERHEAD + payload
+    }
+
     /// The frame that carries this command, in a vector of its own.
     pub fn to_frame(&self) -> Vec<u8> {
-        let mut out = Vec::with_capacity(13);
+        let mut out = Vec::with_capacity(self.frame_length());
         self.encode(&mut out);
         out
     }

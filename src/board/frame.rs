@@ -86,20 +86,21 @@ impl fmt::Display for Frame<'_> {
     }
 }
 
-/// A payload of at most [`MAX_PAYLOAD`] bytes.
+/// A payload of at most [`MAX_PAYLOAD`] bytes. It is one pointer, so that a command, of which there may be millions, is no more
+/// than two words.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Payload(Box<[u8]>);
+pub struct Payload(Box<Box<[u8]>>);
 
 impl Payload {
     /// Checks the length; `None` for more than [`MAX_PAYLOAD`] bytes.
     pub fn new(bytes: impl Into<Box<[u8]>>) -> Option<Self> {
         let bytes = bytes.into();
-        (bytes.len() <= MAX_PAYLOAD).then_some(Payload(bytes))
+        (bytes.len() <= MAX_PAYLOAD).then(|| Payload(Box::new(bytes)))
     }
 
     /// The payload of a frame.
     pub fn of(frame: Frame<'_>) -> Self {
-        Payload(frame.payload().into())
+        Payload(Box::new(frame.payload().into()))
     }
 
     /// The bytes.

@@ -122,6 +122,9 @@ impl Screen {
     ///
     /// `-q` keeps warnings back, unless they are why a command fails (`denied`).
     pub(super) fn diagnostics(&self, sources: &Sources, diagnostics: &Diagnostics, denied: bool) {
+        if diagnostics.errors() + diagnostics.warnings() == 0 {
+            return;
+        }
         let printable = Printable::all(sources);
         let theme = if self.color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
         let handler = GraphicalReportHandler::new_themed(theme)

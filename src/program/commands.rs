@@ -252,7 +252,7 @@ fn servo(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
             ),
         ));
     }
-    Some(Motion { shape: Shape::Servo(index), values: vec![glide] })
+    Some(Motion::new(Shape::Servo(index), [glide]))
 }
 
 fn servos(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
@@ -260,7 +260,7 @@ fn servos(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
     let pan = pulse::<500, 2500>(args, pan, "the pan pulse width", "");
     let tilt = args.next_argument()?;
     let tilt = pulse::<500, 1950>(args, tilt, "the tilt pulse width", TILT_LIMIT);
-    Some(Motion { shape: Shape::Servos, values: vec![pan?, tilt?] })
+    Some(Motion::new(Shape::Servos, [pan?, tilt?]))
 }
 
 fn pulse<'a, 's, const MIN: i32, const MAX: i32>(
@@ -277,23 +277,25 @@ fn rocker(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
     let y = axis::<-25, 25>(args, "y", "the speed y");
     let z = axis::<-200, 200>(args, "z", "the turning speed z");
     no_axis(args)?;
-    Some(Motion { shape: Shape::Rocker, values: vec![x?, y?, z?] })
+    Some(Motion::new(Shape::Rocker, [x?, y?, z?]))
 }
 
 fn yaw_hold(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
     let x = axis::<-25, 25>(args, "x", "the speed x");
     let y = axis::<-25, 25>(args, "y", "the speed y");
     no_axis(args)?;
-    Some(Motion { shape: Shape::YawHold, values: vec![x?, y?] })
+    Some(Motion::new(Shape::YawHold, [x?, y?]))
 }
 
 fn wheels(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
-    let mut values = Vec::new();
-    for what in ["the speed of wheel A", "the speed of wheel B", "the speed of wheel C", "the speed of wheel D"] {
+    let mut values = [None; 4];
+    let names = ["the speed of wheel A", "the speed of wheel B", "the speed of wheel C", "the speed of wheel D"];
+    for (value, what) in values.iter_mut().zip(names) {
         let argument = args.next_argument()?;
-        values.push(args.glide::<-25, 25>(argument, |args, value| args.number(value, what), what, ["", ""]));
+        *value = args.glide::<-25, 25>(argument, |args, value| args.number(value, what), what, ["", ""]);
     }
-    Some(Motion { shape: Shape::Wheels, values: values.into_iter().collect::<Option<_>>()? })
+    let [a, b, c, d] = values;
+    Some(Motion::new(Shape::Wheels, [a?, b?, c?, d?]))
 }
 
 /// One axis that may move; left out it is 0.

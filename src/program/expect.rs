@@ -143,12 +143,12 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
         }
         Item::One(Value { kind: ValueKind::Word("in"), negative: false, .. }) => {
             let range = args.next_argument()?;
-            let Item::Range(low, high) = &range.item else {
+            let Item::Range(ends) = &range.item else {
                 let help = format!("write both ends with `..` between them: `expect {name} in {}`", sample(measured));
                 args.context.report(Diagnostic::new(Code::Arguments, range.span, "`in` needs a range", help));
                 return None;
             };
-            let (low, high) = (bound(args, low, measured)?, bound(args, high, measured)?);
+            let (low, high) = (bound(args, &ends.0, measured)?, bound(args, &ends.1, measured)?);
             if low > high {
                 let help = "the smaller value stands first";
                 args.context.report(Diagnostic::new(Code::OutOfRange, range.span, "nothing is in this range", help));

@@ -41,22 +41,23 @@ impl Limited {
     }
 
     /// The values of a command that are limited by this.
-    fn values(self, command: &Command) -> Vec<i32> {
+    fn values(self, command: &Command) -> [Option<i32>; 4] {
+        let one = |value| [Some(value), None, None, None];
         match (self, command) {
-            (Limited::Servo(limited), Command::Servo { index, pulse }) if limited == *index => vec![pulse.get()],
+            (Limited::Servo(limited), Command::Servo { index, pulse }) if limited == *index => one(pulse.get()),
             (Limited::Servo(limited), Command::Servos { pan, tilt }) => match limited.get() {
-                1 => vec![pan.get()],
-                2 => vec![tilt.get()],
-                _ => Vec::new(),
+                1 => one(pan.get()),
+                2 => one(tilt.get()),
+                _ => [None; 4],
             },
             (Limited::Rocker(axis), Command::Rocker { x, y, z }) => {
-                [x.get(), y.get(), z.get()].get(axis).copied().into_iter().collect()
+                [x.get(), y.get(), z.get()].get(axis).map_or([None; 4], |value| one(*value))
             }
             (Limited::YawHold(axis), Command::YawHold { x, y }) => {
-                [x.get(), y.get()].get(axis).copied().into_iter().collect()
+                [x.get(), y.get()].get(axis).map_or([None; 4], |value| one(*value))
             }
-            (Limited::Wheels, Command::Wheels(wheels)) => wheels.iter().map(|wheel| wheel.get()).collect(),
-            _ => Vec::new(),
+            (Limited::Wheels, Command::Wheels(wheels)) => wheels.map(|wheel| Some(wheel.get())),
+            _ => [None; 4],
         }
     }
 }
@@ -65,7 +66,7 @@ impl Limited {
 pub fn broken<'l>(limits: &'l [Limit], command: &Command) -> Option<(&'l Limit, i32)> {
     limits.iter().find_map(|limit| {
         let outside = |value: &i32| f64::from(*value) < limit.low || f64::from(*value) > limit.high;
-        limit.limited.values(command).into_iter().find(outside).map(|value| (limit, value))
+        limit.limited.values(command).into_iter().flatten().find(outside).map(|value| (limit, value))
     })
 }
 

@@ -1,4 +1,4 @@
-//! The pieces of a script to a [`Program`]: what words and numbers mean, and when each command starts.
+//! The lines of a script to a [`Program`]: what words and numbers mean, and when each command starts.
 //!
 //! A program is flat: commands in the order of unrolling, each with its exact time and its place in the script. Ranges
 //! and units are checked; what depends on the order in time (clashes, holding, refresh) belongs to the timeline.
@@ -134,6 +134,8 @@ pub struct Step {
     pub span: Span,
     /// The calls and passes that led to it.
     pub trace: TraceId,
+    /// Its place in the order of unrolling, which decides where times are equal.
+    pub order: u32,
     /// What it does.
     pub action: Action,
 }
@@ -141,12 +143,14 @@ pub struct Step {
 /// What a step does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Sends a command. With a time it holds for so long, and then ends: the drive stops, the buzzer goes off.
-    Send(board::Command, Option<Time>),
+    /// Sends a command.
+    Send(board::Command),
+    /// Sends a command that holds for so long, and then ends: the drive stops, the buzzer goes off.
+    Hold(Box<(board::Command, Time)>),
     /// Goes somewhere over a time.
     Go(Box<Move>),
     /// Shows a line of text.
-    Say(String),
+    Say(Box<str>),
     /// Judges what the board reports.
     Expect(Box<Expect>),
 }
@@ -198,10 +202,10 @@ impl Program {
         for step in &mut self.steps {
             step.at = speed.time(step.at);
             match &mut step.action {
-                Action::Send(_, hold) => *hold = hold.map(|hold| speed.time(hold)),
+                Action::Hold(held) => held.1 = speed.time(held.1),
                 Action::Go(going) => going.over = speed.time(going.over),
                 Action::Expect(expect) => expect.within = expect.within.map(|within| speed.time(within)),
-                Action::Say(_) => {}
+                Action::Send(_) | Action::Say(_) => {}
             }
         }
         for (_, at) in &mut self.marks {
@@ -212,8 +216,13 @@ impl Program {
     }
 }
 
-/// Gives every word its meaning and every command its time. What is wrong is reported and left out. The tree of each piece is
-/// dropped as soon as its lines are run.
-pub fn program(script: Reading<'_>, sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Program {
+/// Gives every word its meaning and every command its time. What is wrong is reported and left out. The tree of each line is
+/// dropped as soon as it is run.
+pub fn program<'s>(
+    script: Reading<'s>,
+    sources: &'s Sources,
+    options: &Options,
+    diagnostics: &mut Diagnostics,
+) -> Program {
     unroll::unroll(script, sources, options, diagnostics)
 }

@@ -22,7 +22,7 @@ pub enum Shape {
 }
 
 /// One value of such a command.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Glide {
     /// Where it starts, if the script says so with `A -> B`.
     pub from: Option<f64>,
@@ -35,8 +35,8 @@ pub struct Glide {
 pub struct Motion {
     /// Which command.
     pub shape: Shape,
-    /// Its values, as many as the shape has.
-    pub values: Vec<Glide>,
+    /// Its values, in the places of those that the shape has.
+    glides: [Glide; 4],
 }
 
 /// A command that goes somewhere over a time.
@@ -89,6 +89,18 @@ fn ranged<const MIN: i32, const MAX: i32>(value: f64, at: usize) -> Result<Range
 }
 
 impl Motion {
+    /// A command with these values.
+    pub(super) fn new<const N: usize>(shape: Shape, values: [Glide; N]) -> Self {
+        let mut glides = [Glide::default(); 4];
+        glides.iter_mut().zip(values).for_each(|(place, value)| *place = value);
+        Motion { shape, glides }
+    }
+
+    /// Its values, as many as the shape has.
+    pub fn values(&self) -> &[Glide] {
+        self.glides.get(..self.shape.names().len()).unwrap_or_default()
+    }
+
     /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.
     pub fn with_starts(&self) -> String {
         let value = |glide: &Glide| {
@@ -107,18 +119,17 @@ impl Motion {
             Shape::Wheels => ("wheels".into(), &[]),
         };
         let axes = axes.iter().copied().chain(std::iter::repeat(""));
-        let values = self.values.iter().zip(axes).map(|(glide, axis)| format!(" {axis}{}", value(glide)));
+        let values = self.values().iter().zip(axes).map(|(glide, axis)| format!(" {axis}{}", value(glide)));
         std::iter::once(word).chain(values).collect()
     }
 
     /// Whether any value says where it starts.
     pub fn has_start(&self) -> bool {
-        self.values.iter().any(|glide| glide.from.is_some())
+        self.values().iter().any(|glide| glide.from.is_some())
     }
 
     /// The command that it arrives at.
     pub fn target(&self) -> Option<Command> {
-        let values: Vec<f64> = self.values.iter().map(|glide| glide.to).collect();
-        self.shape.command(&values).ok()
+        self.shape.command(&self.glides.map(|glide| glide.to)).ok()
     }
 }

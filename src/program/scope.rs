@@ -314,9 +314,9 @@ pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
                     for argument in &command.arguments {
                         match &argument.item {
                             Item::One(value) => names_of(value, found),
-                            Item::Arrow(from, to) | Item::Range(from, to) => {
-                                names_of(from, found);
-                                names_of(to, found);
+                            Item::Arrow(ends) | Item::Range(ends) => {
+                                names_of(&ends.0, found);
+                                names_of(&ends.1, found);
                             }
                             Item::List(list) => list.iter().for_each(|value| names_of(value, found)),
                             Item::Comparison(_) => {}

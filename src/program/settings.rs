@@ -213,7 +213,7 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     {
         return servo_speed(index, args, settings);
     }
-    let Item::Range(low, high) = &argument.item else {
+    let Item::Range(ends) = &argument.item else {
         let help = "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`";
         args.context.report(Diagnostic::new(Code::Arguments, argument.span, "a range is needed here", help));
         return None;
@@ -223,7 +223,7 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         Limited::Servo(_) => args.micros(value, "a pulse width"),
         _ => args.number(value, "a speed"),
     };
-    let (low, high) = (bound(low)?, bound(high)?);
+    let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
         args.context.report(Diagnostic::new(
             Code::OutOfRange,

@@ -176,7 +176,7 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
 
 /// A number with letters behind it, or none.
 fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
-    let digits_end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let digits_end = text.bytes().position(|byte| !byte.is_ascii_digit() && byte != b'.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
     let Ok(number) = digits.parse::<f64>() else {
         return Err(odd(text, span));
@@ -212,14 +212,16 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
 /// A time. humantime reads it; its looser spellings are ruled out by the grammar before, its order here.
 fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     let is_digit = |c: char| c.is_ascii_digit() || c == '.';
-    let ranks = text.split(is_digit).filter(|name| !name.is_empty()).map(|name| match name {
+    let rank = |name: &str| match name {
         "h" => 4,
         "min" | "m" => 3,
         "s" => 2,
         "ms" => 1,
         _ => 0,
-    });
-    if !ranks.clone().zip(ranks.skip(1)).all(|(left, right)| left > right) {
+    };
+    // Units of one number are in order.
+    let ranks = text.trim_start_matches(is_digit).split(is_digit).filter(|name| !name.is_empty()).map(rank);
+    if !ranks.is_sorted_by(|left, right| left > right) {
         return Err(Diagnostic::new(
             Code::Number,
             span,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::source::Span;
 
-/// A whole script, or a piece of one.
+/// A whole script.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Ast<'s> {
     /// Its lines, as a block without braces.
@@ -71,7 +71,7 @@ pub enum Origin<'s> {
     /// A time from the start of the block, or a mark's name.
     Value(Value<'s>),
     /// `bar N beat M`, counted from 1.
-    Bar(Value<'s>, Option<Value<'s>>),
+    Bar(Box<(Value<'s>, Option<Value<'s>>)>),
 }
 
 /// One statement of a line.
@@ -215,7 +215,8 @@ impl Argument<'_> {
     /// The place of its last value.
     pub(super) fn last_value(&self) -> Span {
         match &self.item {
-            Item::One(value) | Item::Arrow(_, value) | Item::Range(_, value) => value.span,
+            Item::One(value) => value.span,
+            Item::Arrow(ends) | Item::Range(ends) => ends.1.span,
             Item::List(list) => list.last().map_or(self.span, |value| value.span),
             Item::Comparison(sign) => sign.span,
         }
@@ -234,9 +235,9 @@ pub enum Item<'s> {
     /// One value.
     One(Value<'s>),
     /// `A -> B`.
-    Arrow(Value<'s>, Value<'s>),
+    Arrow(Box<(Value<'s>, Value<'s>)>),
     /// `A..B`.
-    Range(Value<'s>, Value<'s>),
+    Range(Box<(Value<'s>, Value<'s>)>),
     /// `A,B,…`.
     List(Vec<Value<'s>>),
     /// A comparison sign, for `expect`.

@@ -7,7 +7,7 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Ast, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node, NodeKind,
+    Argument, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node, NodeKind,
     NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 use super::grammar::Rule;
@@ -40,11 +40,6 @@ impl<'s, 'd> Builder<'s, 'd> {
         }
     }
 
-    /// Adds a line that was read without the grammar.
-    pub(super) fn add_flat(&mut self, line: Option<Line<'s>>) {
-        self.lines.extend(line);
-    }
-
     /// Adds the lines of a part of the script that begins at `offset`.
     pub(super) fn add(&mut self, offset: usize, pairs: Pairs<'_, Rule>) {
         self.offset = self.source.base() as usize + offset;
@@ -62,9 +57,9 @@ impl<'s, 'd> Builder<'s, 'd> {
         self.diagnostics.push(trouble::beyond_the_grammar(self.source.base() as usize + offset + at));
     }
 
-    /// What was added.
-    pub(super) fn finish(self, span: Span) -> Ast<'s> {
-        Ast { body: Block { lines: self.lines, span }, broken: self.broken, names_missing: self.names_missing }
+    /// What was added: lines, names whose statements could not be read, and whether any name may have been lost.
+    pub(super) fn finish(self) -> (Vec<Line<'s>>, Vec<&'s str>, bool) {
+        (self.lines, self.broken, self.names_missing)
     }
 
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
@@ -177,7 +172,7 @@ impl<'s, 'd> Builder<'s, 'd> {
                 None => None,
             };
             let last = beat.as_ref().map_or(bar.span, |beat| beat.span);
-            (Origin::Bar(bar, beat), Span { end: last.end, ..from })
+            (Origin::Bar(Box::new((bar, beat))), Span { end: last.end, ..from })
         } else {
             let value = self.value(first)?;
             let span = value.span;
@@ -449,8 +444,8 @@ impl<'s, 'd> Builder<'s, 'd> {
         let second = self.value(parts.next()?)?;
         let span = from.to(second.span);
         Some(match next.as_rule() {
-            Rule::arrow => (Item::Arrow(first, second), span),
-            _ => (Item::Range(first, second), span),
+            Rule::arrow => (Item::Arrow(Box::new((first, second))), span),
+            _ => (Item::Range(Box::new((first, second))), span),
         })
     }
 

@@ -15,14 +15,20 @@ const OTHERS: &[&str] = &["at", "def", "else", "if", "let", "use"];
 const BEATS: &[&str] = &["beat", "beats", "bar", "bars"];
 /// The units that make a number a time.
 const TIMES: &[&str] = &["us", "ms", "min", "s", "m", "h"];
+/// How many arguments there is room for at once.
+const USUAL: usize = 3;
 /// The most digits before and behind a point, as in the grammar.
 const MAX_DIGITS: usize = 15;
 
-/// Reads one line of a text, which may end in a comment and its line break. `offset` is the place of its first byte. `Some(None)` is an empty
-/// line; `None` is one that is not flat.
-pub(super) fn line(text: &str, offset: usize) -> Option<Option<Line<'_>>> {
+/// Reads one line of a text, which may end in a comment and its line break. `offset` is the place of its first byte. `None` is an empty
+/// line.
+pub(super) fn line(text: &str, offset: usize) -> Result<Option<Line<'_>>, NotFlat> {
     Reader { text, at: 0, offset }.line()
 }
+
+/// A line that is left to the rules of the whole language.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct NotFlat;
 
 struct Reader<'s> {
     text: &'s str,
@@ -31,51 +37,47 @@ struct Reader<'s> {
 }
 
 impl<'s> Reader<'s> {
-    fn line(&mut self) -> Option<Option<Line<'s>>> {
+    fn line(&mut self) -> Result<Option<Line<'s>>, NotFlat> {
         self.blanks();
         if self.is_end() {
-            return Some(None);
+            return Ok(None);
         }
         let from = self.at;
         let start = self.start()?;
         let head = self.name();
         if head.text.is_empty() || OTHERS.contains(&head.text) || !self.is_apart() {
-            return None;
+            return Err(NotFlat);
         }
-        let mut arguments: Vec<Argument<'s>> = Vec::new();
+        let mut arguments: Vec<Argument<'s>> = Vec::with_capacity(USUAL);
         let mut span = head.span;
         self.blanks();
         while !self.is_end() {
-            let argument = self.argument()?;
-            if !self.is_apart() {
-                return None;
-            }
+            let argument = self.argument().filter(|_| self.is_apart()).ok_or(NotFlat)?;
             span.end = argument.span.end;
             arguments.push(argument);
             self.blanks();
         }
         let statement = Statement::Command(Command { head, arguments, block: None, span });
-        let whole = if start.is_some() { self.span(from).to(span) } else { span };
-        let whole = Span { end: span.end, ..whole };
-        Some(Some(Line { start, parts: vec![Part { robots: Vec::new(), statement }], span: whole }))
+        let whole = Span { start: self.span(from).start, ..span };
+        Ok(Some(Line { start, parts: vec![Part { robots: Vec::new(), statement }], span: whole }))
     }
 
-    /// `at T` or `+D`, if the line begins with one; `None` where it is none of these two.
-    fn start(&mut self) -> Option<Option<Start<'s>>> {
+    /// `at T` or `+D`, if the line begins with one.
+    fn start(&mut self) -> Result<Option<Start<'s>>, NotFlat> {
         if self.peek() == b'+' {
             self.at += 1;
             self.blanks();
-            let value = self.time()?;
-            return Some(Some(Start::After(value)));
+            let value = self.time().ok_or(NotFlat)?;
+            return Ok(Some(Start::After(value)));
         }
         if !self.text.as_bytes().get(self.at..).is_some_and(|rest| matches!(rest, [b'a', b't', b' ' | b'\t', ..])) {
-            return Some(None);
+            return Ok(None);
         }
         self.at += 2;
         self.blanks();
-        let value = self.time()?;
+        let value = self.time().ok_or(NotFlat)?;
         let span = value.span;
-        Some(Some(Start::At(Moment { origin: Origin::Value(value), offsets: Vec::new(), span })))
+        Ok(Some(Start::At(Moment { origin: Origin::Value(value), offsets: Vec::new(), span })))
     }
 
     /// A number, and the blanks behind it.
@@ -126,9 +128,7 @@ impl<'s> Reader<'s> {
     fn word(&mut self, name: Span) -> Option<Value<'s>> {
         while self.peek() == b'-' {
             self.at += 1;
-            let from = self.at;
-            self.skip_word();
-            if self.at == from {
+            if self.skip(is_word) == 0 {
                 return None;
             }
         }
@@ -139,22 +139,17 @@ impl<'s> Reader<'s> {
     /// A number with its letters; its sign stands at `from`, if it has one.
     fn number(&mut self, from: usize) -> Option<Value<'s>> {
         let begin = self.at;
-        let digits = |reader: &mut Self| {
-            let from = reader.at;
-            while reader.peek().is_ascii_digit() {
-                reader.at += 1;
-            }
-            (1..=MAX_DIGITS).contains(&(reader.at - from)).then_some(())
-        };
-        digits(self)?;
+        if !(1..=MAX_DIGITS).contains(&self.skip(|byte| byte.is_ascii_digit())) {
+            return None;
+        }
         if self.peek() == b'.' {
             self.at += 1;
-            digits(self)?;
+            if !(1..=MAX_DIGITS).contains(&self.skip(|byte| byte.is_ascii_digit())) {
+                return None;
+            }
         }
         let unit = self.at;
-        while self.peek().is_ascii_alphabetic() {
-            self.at += 1;
-        }
+        self.skip(|byte| byte.is_ascii_alphabetic());
         let letters = self.text.get(unit..self.at)?;
         let shape = if letters.is_empty() {
             if self.is_before_beats() {
@@ -183,22 +178,22 @@ impl<'s> Reader<'s> {
     fn name(&mut self) -> Name<'s> {
         let from = self.at;
         if !self.peek().is_ascii_digit() {
-            self.skip_word();
+            self.skip(is_word);
         }
         let span = self.span(from);
         Name { text: self.slice(span), span }
     }
 
-    fn skip_word(&mut self) {
-        while is_word(self.peek()) {
-            self.at += 1;
-        }
+    fn blanks(&mut self) {
+        self.skip(|byte| matches!(byte, b' ' | b'\t'));
     }
 
-    fn blanks(&mut self) {
-        while matches!(self.peek(), b' ' | b'\t') {
-            self.at += 1;
-        }
+    /// Skips bytes of a kind; gives how many they are.
+    fn skip(&mut self, is_one: impl Fn(u8) -> bool) -> usize {
+        let rest = self.text.as_bytes().get(self.at..).unwrap_or_default();
+        let count = rest.iter().position(|byte| !is_one(*byte)).unwrap_or(rest.len());
+        self.at += count;
+        count
     }
 
     /// The byte here; a line feed at the end of the text.
@@ -240,4 +235,165 @@ fn plain(value: Value<'_>) -> Argument<'_> {
 
 fn is_word(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || byte == b'_'
+}
+
+#[cfg(test)]
+mod tests {
+    use pest::Parser as _;
+    use proptest::prelude::*;
+
+    use super::super::ast::Ast;
+    use super::super::build::Builder;
+    use super::super::grammar::{Grammar, Rule};
+    use super::super::{parse, scan};
+    use crate::diagnostic::{Diagnostic, Diagnostics};
+    use crate::source::Source;
+
+    /// What flat lines are made of, and what makes lines that only look flat.
+    fn fragment() -> impl Strategy<Value = String> {
+        let words = [
+            "at",
+            "servo",
+            "rocker",
+            "x",
+            "buzzer",
+            "on",
+            "in-out-sine",
+            "for",
+            "bar",
+            "beats",
+            "beat",
+            "def",
+            "let",
+            "if",
+            "else",
+            "use",
+            "not",
+            "and",
+            "min",
+            "Up",
+            "_a1",
+            "a-",
+            "stop",
+            "near",
+        ];
+        let numbers = [
+            "0",
+            "1",
+            "1500",
+            "0.5s",
+            "10ms",
+            "2min",
+            "1m30s",
+            "90deg",
+            "9us",
+            "3mi",
+            "0x1F",
+            "1.",
+            ".5",
+            "1.2.3",
+            "1e3",
+            "007",
+            "1234567890123456",
+            "0.1234567890123456",
+            "3/4",
+            "5_0",
+            "7x",
+            "12V",
+            "4m",
+        ];
+        let signs = [
+            " ",
+            "  ",
+            "\t",
+            "=",
+            "-",
+            "->",
+            "..",
+            ",",
+            ";",
+            ":",
+            "(",
+            ")",
+            "{",
+            "}",
+            "\"",
+            "#",
+            "# allow: raw-frame",
+            "+",
+            "*",
+            "<",
+            "==",
+            "é",
+            "µs",
+            "\r",
+            "\u{1}",
+            "\\",
+        ];
+        prop_oneof![
+            4 => prop::sample::select(words.to_vec()).prop_map(str::to_owned),
+            4 => prop::sample::select(numbers.to_vec()).prop_map(str::to_owned),
+            6 => Just(" ".to_owned()),
+            3 => prop::sample::select(signs.to_vec()).prop_map(str::to_owned),
+        ]
+    }
+
+    fn script() -> impl Strategy<Value = String> {
+        let soup = prop::collection::vec(fragment(), 0..10).prop_map(|parts| parts.concat());
+        let flat = (
+            prop_oneof![Just(String::new()), "at [0-9]{1,3}(\\.[0-9]{1,2})?(s|ms|m) ", "\\+ ?[0-9]{1,2}ms "],
+            "[a-z]{2,6}",
+            "( [xyz]=-?[0-9]{1,3}| -?[0-9]{1,4}| [a-z]{1,3}| [a-z]{2}-[a-z]{3}){0,4}",
+            prop_oneof![Just(""), Just("  # why"), Just(" "), Just("#")],
+        );
+        let flat = flat.prop_map(|(start, head, arguments, comment)| format!("{start}{head}{arguments}{comment}"));
+        let line = prop_oneof![2 => soup, 3 => flat];
+        let ends = prop_oneof![8 => Just("\n"), 2 => Just("\r\n"), 1 => Just("")];
+        prop::collection::vec((line, ends), 0..8)
+            .prop_map(|lines| lines.into_iter().fold(String::new(), |text, (line, end)| text + &line + end))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 20_000, ..ProptestConfig::default() })]
+
+        /// Lines, spans and errors are those of the grammar, whichever way each line is read.
+        #[test]
+        fn flat_lines_are_read_as_the_grammar_reads_them(text in script()) {
+            let source = Source::new("x.motion", text.as_str());
+            let mut found = Diagnostics::default();
+            let tree = parse(&source, &mut found);
+            let mut expected = Diagnostics::default();
+            let grammar = scan::scan(&source, &mut expected).map(|scanned| {
+                let mut builder = Builder::new(&source, &mut expected);
+                let text = scanned.text(0..text.len());
+                match Grammar::parse(Rule::script, text) {
+                    Ok(pairs) => builder.add(0, pairs),
+                    Err(error) => builder.unreadable(0, &error),
+                }
+                builder.finish()
+            });
+            let tree = tree.map(|Ast { body, broken, names_missing }| (body.lines, broken, names_missing));
+            prop_assert_eq!(tree, grammar);
+            let sorted = |all: &Diagnostics| all.sorted().into_iter().cloned().collect::<Vec<Diagnostic>>();
+            prop_assert_eq!(sorted(&found), sorted(&expected));
+        }
+    }
+
+    /// The test above would say nothing if no line were flat.
+    #[test]
+    fn usual_lines_are_flat() {
+        for line in [
+            "servo 1 1500",
+            "at 0.5s rocker x=10 z=-50 for 1s  # a turn\n",
+            "+10ms buzzer on\r\n",
+            "servo 1 90deg over 2s ease in-out-sine",
+        ] {
+            assert!(matches!(super::line(line, 0), Ok(Some(_))), "{line}");
+        }
+        for line in
+            ["let a = 5", "servo 1 (a)", "at 1 beat stop", "stop; stop", "repeat 2 {", "say \"a\"", "servo 1 1 -> 2"]
+        {
+            assert!(super::line(line, 0).is_err(), "{line}");
+        }
+    }
 }

@@ -2,6 +2,7 @@
 //! makes line breaks inside `( )` blanks. One pass, no recursion, offsets unchanged.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use crate::diagnostic::{Code, Diagnostic, Diagnostics, Severity};
 use crate::source::{Source, Span};
@@ -14,8 +15,8 @@ const MAX_ALLOWED: usize = 64;
 pub const MAX_LINE: usize = 64 * 1024;
 
 /// The least bytes of a piece that the grammar reads at once. What pest keeps of a text is many times as long as the text,
-/// so a long script is read in pieces.
-const PIECE: usize = 16 * 1024;
+/// so a long script is read in pieces, small enough that the allocator keeps the memory for the next one.
+const PIECE: usize = 4 * 1024;
 
 /// The text as the grammar reads it, of the same length.
 pub(super) struct Scanned<'s> {
@@ -25,12 +26,15 @@ pub(super) struct Scanned<'s> {
 }
 
 impl Scanned<'_> {
-    /// The piece with this number, counted from 0: whole lines, and their offset.
-    pub(super) fn piece(&self, number: usize) -> Option<(usize, &str)> {
-        let before = number.checked_sub(1).map_or(Some(&0), |before| self.cuts.get(before));
-        let start = *before?;
-        let end = self.cuts.get(number).copied().unwrap_or(self.text.len());
-        Some((start, self.text.get(start..end)?))
+    /// Where the piece ends that begins at `start`.
+    pub(super) fn piece(&self, start: usize) -> usize {
+        let next = self.cuts.partition_point(|&cut| cut <= start);
+        self.cuts.get(next).copied().unwrap_or(self.text.len())
+    }
+
+    /// A part of the text.
+    pub(super) fn text(&self, range: Range<usize>) -> &str {
+        self.text.get(range).unwrap_or_default()
     }
 }
 
@@ -338,7 +342,9 @@ impl<'s> Scan<'s, '_> {
 
 /// Whether the scan does anything at this byte.
 fn is_telling(byte: u8) -> bool {
-    matches!(byte, b'#' | b'"' | b'(' | b')' | b'{' | b'}' | b'\n') || is_hidden(byte)
+    // Nearly all bytes are in this range, which ends the question at once.
+    !matches!(byte, b'*'..=b'z' | b' ')
+        && (matches!(byte, b'#' | b'"' | b'(' | b')' | b'{' | b'}' | b'\n') || is_hidden(byte))
 }
 
 /// Control characters but tab and line feed. A carriage return belongs to its line feed or is one of them.

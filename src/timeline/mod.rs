@@ -15,7 +15,7 @@ pub mod wire;
 
 use crate::board::{Command, Query, ServoIndex};
 use crate::diagnostic::Diagnostics;
-use crate::program::{Action, Expect, Program, Shape, TraceId, Traces};
+use crate::program::{Action, Expect, Program, Shape, Step, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 
 pub use diff::{Again, Change, Shift, What, diff};
@@ -209,8 +209,8 @@ impl Event {
 
 /// Lays a program out in time, with at most `events` frames a robot. Clashes and what else is wrong in the order of time is
 /// reported.
-pub fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    order(&program, diagnostics);
+pub fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
+    order(&mut program, diagnostics);
     let speeds = program.settings.servo_speeds;
     let timeline = lay::lay(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
@@ -218,10 +218,14 @@ pub fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) 
     timeline
 }
 
-/// Only looks for what is wrong in the order of time, for a program that has other errors but whose times are right.
-pub fn order(program: &Program, diagnostics: &mut Diagnostics) {
+/// Sorts a program by time, and looks for what is wrong in that order. Alone it is for a program that has other errors but whose
+/// times are right.
+pub fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
+    let sort = |steps: &mut [Step]| steps.sort_unstable_by_key(|step| (step.at.micros(), step.order));
+    sort(&mut program.steps);
     order::check(&program.steps, &program.traces, diagnostics);
-    if let Some(abort) = &program.abort {
+    if let Some(abort) = &mut program.abort {
+        sort(&mut abort.steps);
         order::check(&abort.steps, &program.traces, diagnostics);
     }
 }
@@ -250,7 +254,8 @@ fn things(command: &Command) -> [Option<usize>; 2] {
 fn things_of(action: &Action) -> [Option<usize>; 2] {
     match action {
         Action::Say(_) | Action::Expect(_) => [None, None],
-        Action::Send(command, _) => things(command),
+        Action::Send(command) => things(command),
+        Action::Hold(held) => things(&held.0),
         Action::Go(going) => match going.motion.shape {
             Shape::Servo(index) => [Some(servo(index)), None],
             Shape::Servos => [Some(2), Some(3)],

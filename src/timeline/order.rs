@@ -17,7 +17,7 @@ use crate::source::Span;
 struct Occupied {
     start: u64,
     end: u64,
-    order: usize,
+    order: u32,
     /// Whether it has no `for`.
     instant: bool,
     span: Span,
@@ -38,29 +38,29 @@ impl Occupied {
     }
 }
 
-/// Reports every command that runs into one before it, and every `move` whose last `pid` was not `pid position`.
+/// Reports every command that runs into one before it, and every `move` whose last `pid` was not `pid position`. The steps are
+/// sorted by time.
 pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnostics) {
-    let mut sorted: Vec<(usize, &Step)> = steps.iter().enumerate().collect();
-    sorted.sort_by_key(|&(order, step)| (step.at.micros(), order));
     // Of each thing, the command that occupies it longest so far.
     let mut occupied: [Option<Occupied>; THINGS] = [None; THINGS];
     let mut mode = None;
-    for (order, step) in sorted {
+    for step in steps {
         match &step.action {
-            Action::Send(Command::Pid(to, _), _) => mode = Some(*to),
-            Action::Send(Command::Move { .. }, _) if mode != Some(Mode::Position) => {
+            Action::Send(Command::Pid(to, _)) => mode = Some(*to),
+            Action::Send(Command::Move { .. }) if mode != Some(Mode::Position) => {
                 diagnostics.push(traces.attach(move_mode(step.span), step.trace));
             }
             _ => {}
         }
         let lasting = match &step.action {
-            Action::Send(_, hold) => *hold,
+            Action::Hold(held) => Some(held.1),
             Action::Go(going) => Some(going.over),
-            Action::Say(_) | Action::Expect(_) => None,
+            Action::Send(_) | Action::Say(_) | Action::Expect(_) => None,
         };
         let start = step.at.micros();
         let end = lasting.map_or(start, |lasting| step.at.plus(lasting).micros());
-        let next = Occupied { start, end, order, instant: lasting.is_none(), span: step.span, trace: step.trace };
+        let next =
+            Occupied { start, end, order: step.order, instant: lasting.is_none(), span: step.span, trace: step.trace };
         let mut reported = false;
         for thing in things_of(&step.action).into_iter().flatten() {
             let Some(slot) = occupied.get_mut(thing) else {

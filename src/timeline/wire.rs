@@ -74,7 +74,7 @@ pub fn load(timeline: &Timeline) -> Load {
     let mut load = Load::default();
     let second = wire.micros(MICROS);
     for (at, event) in timeline.events().iter().enumerate() {
-        let bytes = event.command.to_frame().len();
+        let bytes = event.command.frame_length();
         let departure = wire.send(event.at_us, bytes);
         let late_us = late(&wire, event, departure);
         if load.worst.is_none_or(|(_, worst)| late_us > worst) {
@@ -97,7 +97,10 @@ pub fn load(timeline: &Timeline) -> Load {
 
 /// By how many microseconds a frame begins to leave after it is due, rounded up.
 fn late(wire: &Wire, event: &Event, departure: Departure) -> u64 {
-    departure.begins.saturating_sub(wire.micros(event.at_us)).div_ceil(wire.baud)
+    match departure.begins.saturating_sub(wire.micros(event.at_us)) {
+        0 => 0,
+        ticks => ticks.div_ceil(wire.baud),
+    }
 }
 
 /// Reports what leaves too late: summed up, at the worst frame.
@@ -106,11 +109,8 @@ pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
         let mut wire = Wire::new(timeline.baud);
         let mut worst: Option<(&Event, u64)> = None;
         let mut count = 0_usize;
-        let mut bytes = Vec::new();
         for event in timeline.frames(aborts) {
-            bytes.clear();
-            event.encode(&mut bytes);
-            let departure = wire.send(event.at_us, bytes.len());
+            let departure = wire.send(event.at_us, event.command.frame_length());
             let late_us = late(&wire, event, departure);
             let is_allowed = || late_us <= FULL_US && diagnostics.is_allowed(Code::WireLate, event.span);
             if late_us <= LATE_US || is_allowed() {

@@ -2,6 +2,8 @@
 
 mod values;
 
+use smallvec::SmallVec;
+
 use super::commands::{self, Row};
 use super::context::Context;
 use super::ease::Ease;
@@ -22,9 +24,9 @@ pub(super) struct Arguments<'r, 'a, 's, 'd> {
     /// The command itself.
     pub(super) command: &'a Command<'s>,
     pub(super) context: &'r mut Context<'s, 'd>,
-    positional: std::vec::IntoIter<&'a Argument<'s>>,
-    named: Vec<&'a Argument<'s>>,
-    modifiers: Vec<(Name<'s>, &'a Argument<'s>)>,
+    positional: smallvec::IntoIter<[&'a Argument<'s>; 4]>,
+    named: SmallVec<[&'a Argument<'s>; 4]>,
+    modifiers: SmallVec<[(Name<'s>, &'a Argument<'s>); 2]>,
     /// Whether something is missing.
     incomplete: bool,
     /// How many errors there were before this command.
@@ -74,9 +76,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             row,
             command,
             context,
-            positional: Vec::new().into_iter(),
-            named: Vec::new(),
-            modifiers: Vec::new(),
+            positional: SmallVec::new().into_iter(),
+            named: SmallVec::new(),
+            modifiers: SmallVec::new(),
             incomplete: false,
             errors_before,
         };
@@ -85,7 +87,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     }
 
     fn sort(&mut self) -> Option<()> {
-        let mut positional: Vec<&'a Argument<'s>> = Vec::new();
+        let mut positional = SmallVec::new();
         let mut rest = self.command.arguments.iter();
         let mut last: Option<&'a Argument<'s>> = None;
         while let Some(argument) = rest.next() {
@@ -153,6 +155,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     pub(super) fn finish(self) -> Option<()> {
         if self.incomplete {
             return None;
+        }
+        if self.positional.as_slice().is_empty() && self.named.is_empty() && self.modifiers.is_empty() {
+            return Some(());
         }
         let usage = self.row.how();
         let mut clean = true;

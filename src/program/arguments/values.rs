@@ -19,7 +19,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         unit_and_why: [&str; 2],
     ) -> Option<Glide> {
         let (from, to) = match &argument.item {
-            Item::Arrow(from, to) => (Some(from), to),
+            Item::Arrow(ends) => (Some(&ends.0), &ends.1),
             _ => (None, self.one(argument)?),
         };
         let mut checked = |value: &'a Value<'s>| {

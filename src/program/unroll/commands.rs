@@ -102,7 +102,7 @@ impl<'s> Unroll<'s, '_> {
                     self.report(Code::TooManyEvents, command.span, "the script says more than 64 MiB of text", help);
                     return None;
                 }
-                self.push(start, command.span, Action::Say(text));
+                self.push(start, command.span, Action::Say(text.into()));
                 Some(start)
             }
             Build::Expect => {
@@ -176,11 +176,16 @@ impl<'s> Unroll<'s, '_> {
             self.context.report(diagnostic);
             return;
         }
-        self.push(at, span, Action::Send(command, hold));
+        let action = match hold {
+            Some(hold) => Action::Hold(Box::new((command, hold))),
+            None => Action::Send(command),
+        };
+        self.push(at, span, action);
     }
 
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.context.traces.here();
-        self.steps.push(Step { at, span, trace, action });
+        let order = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
+        self.steps.push(Step { at, span, trace, order, action });
     }
 }

@@ -85,14 +85,15 @@ pub(super) fn unroll<'s>(
     unroll.read_sets(&options.set);
     let mut frame = Frame::new(Time::ZERO);
     frame.top = true;
-    while let Some(piece) = script.next(unroll.context.diagnostics) {
+    while let Some(line) = script.next(unroll.context.diagnostics) {
         // What could not be read may have moved anything.
         unroll.times_known &= unroll.context.diagnostics.errors() == errors;
-        unroll.context.broken.extend(piece.broken);
-        unroll.context.names_missing |= piece.names_missing;
-        unroll.lines(&piece.body.lines, &mut frame, 0);
+        unroll.context.broken.append(&mut script.broken);
+        unroll.context.names_missing |= script.names_missing;
+        unroll.lines(std::slice::from_ref(&line), &mut frame, 0);
         errors = unroll.context.diagnostics.errors();
     }
+    unroll.times_known &= unroll.context.diagnostics.errors() == errors;
     unroll.finish(frame.latest)
 }
 
@@ -392,7 +393,8 @@ impl<'s> Unroll<'s, '_> {
 
     fn moment(&mut self, moment: &Moment<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
         let mut at = match &moment.origin {
-            Origin::Bar(bar, beat) => {
+            Origin::Bar(count) => {
+                let (bar, beat) = &**count;
                 let bar_number = self.count_from_one(bar, "a bar")?;
                 let beat = match beat {
                     None => Time::ZERO,

@@ -1,0 +1,100 @@
+//! A script line by line: flat lines by hand, all others by the grammar.
+
+use pest::Parser as _;
+use pest::iterators::Pair;
+
+use super::ast::Line;
+use super::build::Builder;
+use super::flat::{self, NotFlat};
+use super::grammar::{Grammar, Rule};
+use super::scan::Scanned;
+use crate::diagnostic::Diagnostics;
+use crate::source::Source;
+
+/// A script that is being read.
+pub struct Reading<'s> {
+    source: &'s Source,
+    scanned: Scanned<'s>,
+    /// How far it is read.
+    at: usize,
+    /// Where the piece ends that is being read.
+    end: usize,
+    /// Where the lines of that piece end that may be flat.
+    ends: std::vec::IntoIter<usize>,
+    /// Lines that the grammar has read.
+    lines: std::vec::IntoIter<Line<'s>>,
+    /// Names whose `let` or `def` could not be read so far: they are meant to exist.
+    pub broken: Vec<&'s str>,
+    /// Whether a `use` could not be read so far, so that any name may be meant to exist.
+    pub names_missing: bool,
+}
+
+impl<'s> Reading<'s> {
+    pub(super) fn new(source: &'s Source, scanned: Scanned<'s>) -> Self {
+        let (ends, lines) = (Vec::new().into_iter(), Vec::new().into_iter());
+        Reading { source, scanned, at: 0, end: 0, ends, lines, broken: Vec::new(), names_missing: false }
+    }
+
+    /// The next line, with its blocks. What cannot be read is reported and left out.
+    pub fn next(&mut self, diagnostics: &mut Diagnostics) -> Option<Line<'s>> {
+        loop {
+            if let Some(line) = self.lines.next() {
+                return Some(line);
+            }
+            if self.at == self.end && !self.next_piece() {
+                return None;
+            }
+            match self.flat_line() {
+                Ok(Some(line)) => return Some(line),
+                Ok(None) => {}
+                Err(NotFlat) => self.other_line(diagnostics),
+            }
+        }
+    }
+
+    /// Goes on to the next piece; `false` where there is none.
+    fn next_piece(&mut self) -> bool {
+        self.end = self.scanned.piece(self.at);
+        let piece = self.scanned.text(self.at..self.end);
+        let lines = Grammar::parse(Rule::flat_lines, piece).into_iter().flatten().flat_map(Pair::into_inner);
+        let ends: Vec<usize> = lines.map(|line| self.at + line.as_span().end()).collect();
+        self.ends = ends.into_iter();
+        self.at < self.end
+    }
+
+    /// Reads a flat line, which may be empty.
+    fn flat_line(&mut self) -> Result<Option<Line<'s>>, NotFlat> {
+        let end = self.ends.next().ok_or(NotFlat)?;
+        // The same bytes as the grammar has seen, of the source itself.
+        let text = self.source.text().get(self.at..end).ok_or(NotFlat)?;
+        let line = flat::line(text, self.source.base() as usize + self.at)?;
+        self.at = end;
+        Ok(line)
+    }
+
+    /// Reads one line of the whole language; where that is not possible, all that is left of the piece.
+    fn other_line(&mut self, diagnostics: &mut Diagnostics) {
+        let text = self.scanned.text(self.at..self.end);
+        let mut builder = Builder::new(self.source, diagnostics);
+        let length = match Grammar::parse(Rule::one_line, text).or_else(|_| Grammar::parse(Rule::script, text)) {
+            Ok(pairs) => {
+                let length = pairs.clone().next().map_or(text.len(), |pair| pair.as_span().end());
+                builder.add(self.at, pairs);
+                length
+            }
+            Err(error) => {
+                builder.unreadable(self.at, &error);
+                text.len()
+            }
+        };
+        let (lines, broken, names_missing) = builder.finish();
+        self.lines = lines.into_iter();
+        self.broken.extend(broken);
+        self.names_missing |= names_missing;
+        // It ends where a line ends.
+        self.at += length;
+        while self.ends.as_slice().first().is_some_and(|end| *end <= self.at) {
+            self.ends.next();
+        }
+    }
+}

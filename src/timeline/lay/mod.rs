@@ -1,0 +1,425 @@
+//! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
+
+mod moves;
+
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+use super::{BUZZER, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things};
+use crate::board::{Command, State};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::program::{Abort, Action, Limit, Program, Settings, Step, Time, TraceId, Traces};
+use crate::source::Span;
+
+pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
+    let Program { settings, steps, end, abort, traces, marks, .. } = program;
+    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at_us: at.micros() }).collect();
+    marks.sort_by_key(|mark| mark.at_us);
+    let mut cues = Vec::new();
+    let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
+    lay.run(steps, &mut cues);
+    lay.close(end);
+    lay.reports(end);
+    let expects = std::mem::take(&mut lay.expects);
+    let (events, tweens) = lay.finish();
+    let (abort, abort_cues) =
+        abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
+    Timeline {
+        tracks: vec![Track { robot: None, events, tweens, abort }],
+        cues,
+        expects,
+        marks,
+        abort_cues,
+        end_us: end.micros(),
+        baud: settings.baud,
+        traces,
+    }
+}
+
+/// What is sent where something ends a run early. It starts with nothing known, and leaves no buzzer on.
+fn lay_abort(
+    abort: Abort,
+    settings: &Settings,
+    traces: &Traces,
+    limit: usize,
+    diagnostics: &mut Diagnostics,
+) -> (Vec<Event>, Vec<Cue>) {
+    let mut cues = Vec::new();
+    let mut lay = Lay::new(settings, traces, limit, diagnostics);
+    lay.run(abort.steps, &mut cues);
+    if let Some(from) = lay.raw {
+        // Nobody knows what a raw frame left behind.
+        lay.emit(abort.end, Command::STOP, Kind::Abort, From { order: u32::MAX - 1, ..from });
+        lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, From { order: u32::MAX, ..from });
+    } else if lay.state.buzzer() == Some(true) {
+        let from = From { order: u32::MAX, ..lay.last(BUZZER) };
+        lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, from);
+    }
+    let (mut events, _) = lay.finish();
+    for event in &mut events {
+        event.kind = Kind::Abort;
+    }
+    (events, cues)
+}
+
+/// How many `expect`s with `within` may wait at the same time.
+const MAX_WAITING: usize = 64;
+/// A hold without `for` that lasts longer looks like a forgotten `stop`.
+const LONG_HOLD: Time = Time::from_millis(10_000);
+
+/// The step that a frame belongs to.
+#[derive(Clone, Copy, Default)]
+struct From {
+    /// The place in script order.
+    order: u32,
+    span: Span,
+    trace: TraceId,
+}
+
+impl From {
+    fn step(step: &Step) -> From {
+        From { order: step.order, span: step.span, trace: step.trace }
+    }
+}
+
+/// The end of a `for`. Ends are sorted by time, and at one time in script order.
+struct End {
+    at_us: u64,
+    from: From,
+    /// The exact time.
+    at: Time,
+    command: Command,
+}
+
+impl End {
+    fn key(&self) -> (u64, u32) {
+        (self.at_us, self.from.order)
+    }
+}
+
+impl PartialEq for End {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for End {}
+
+impl PartialOrd for End {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for End {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.key().cmp(&other.key())
+    }
+}
+
+struct Lay<'d> {
+    period: Time,
+    refresh: Option<Time>,
+    limits: &'d [Limit],
+    traces: &'d Traces,
+    /// The most events.
+    limit: usize,
+    /// Commands and samples.
+    events: Vec<Event>,
+    /// The place of each in script order.
+    orders: Vec<u32>,
+    /// The moves, each with the time and the place in script order of its first step.
+    tweens: Vec<(Tween, (u64, u32))>,
+    /// Refreshes, sorted by time.
+    refreshes: Vec<Event>,
+    expects: Vec<Expectation>,
+    state: State,
+    /// The drive command that holds, with the time it was sent.
+    held: Option<(Time, Command, From)>,
+    /// Whether it goes on until something ends it: it has no `for`.
+    open_ended: bool,
+    /// Of each thing, the last step that used it.
+    last: [From; THINGS],
+    /// When the last move of the drive ends.
+    drive_until: Time,
+    /// The first raw frame.
+    raw: Option<From>,
+    /// Whether the limit of events was reached.
+    full: bool,
+    diagnostics: &'d mut Diagnostics,
+}
+
+impl<'d> Lay<'d> {
+    fn new(settings: &'d Settings, traces: &'d Traces, limit: usize, diagnostics: &'d mut Diagnostics) -> Self {
+        Lay {
+            period: settings.period,
+            refresh: settings.refresh,
+            limits: &settings.limits,
+            traces,
+            limit,
+            events: Vec::new(),
+            orders: Vec::new(),
+            tweens: Vec::new(),
+            refreshes: Vec::new(),
+            expects: Vec::new(),
+            state: State::default(),
+            held: None,
+            open_ended: false,
+            last: [From::default(); THINGS],
+            drive_until: Time::ZERO,
+            raw: None,
+            full: false,
+            diagnostics,
+        }
+    }
+
+    /// Lays every step, sorted by time; lines to show go to `cues`.
+    fn run(&mut self, mut steps: Vec<Step>, cues: &mut Vec<Cue>) {
+        let mut ends: BinaryHeap<Reverse<End>> = BinaryHeap::new();
+        let mut ended: Vec<End> = Vec::new();
+        let mut rest = steps.as_mut_slice();
+        loop {
+            let next = rest.first().map(|step| step.at.micros());
+            let end = ends.peek().map(|Reverse(end)| end.at_us);
+            let Some(now) = next.into_iter().chain(end).min() else { break };
+            let count = rest.iter().take_while(|step| step.at.micros() == now).count();
+            let (group, behind) = rest.split_at_mut(count);
+            rest = behind;
+            for step in group.iter() {
+                if let Action::Hold(held) = &step.action {
+                    let command = if held.0.is_drive() { Command::STOP } else { Command::Buzzer(false) };
+                    let at = step.at.plus(held.1);
+                    ends.push(Reverse(End { at_us: at.micros(), from: From::step(step), at, command }));
+                }
+            }
+            // Of a hold too short to see, the start still comes before its end.
+            ended.clear();
+            while ends.peek().is_some_and(|Reverse(end)| end.at_us == now) {
+                ended.extend(ends.pop().map(|Reverse(end)| end).filter(|end| !superseded(end, group)));
+            }
+            let mut ended = ended.iter().peekable();
+            for step in group {
+                while let Some(end) = ended.next_if(|end| end.from.order < step.order) {
+                    self.send(end.at, &end.command, Kind::Command, end.from);
+                }
+                self.step(step, cues);
+            }
+            for end in ended {
+                self.send(end.at, &end.command, Kind::Command, end.from);
+            }
+        }
+        self.waiting_expects();
+    }
+
+    fn step(&mut self, step: &mut Step, cues: &mut Vec<Cue>) {
+        let from = From::step(step);
+        match &mut step.action {
+            Action::Send(command) => self.send(step.at, command, Kind::Command, from),
+            Action::Hold(held) => {
+                self.send(step.at, &held.0, Kind::Command, from);
+                self.open_ended &= !held.0.is_drive();
+            }
+            Action::Go(going) => self.go(step.at, going, from),
+            Action::Say(text) => {
+                cues.push(Cue { at_us: step.at.micros(), text: std::mem::take(text).into(), span: step.span });
+            }
+            Action::Expect(expect) => {
+                let until = step.at.plus(expect.within.unwrap_or(Time::ZERO));
+                let (at_us, until_us) = (step.at.micros(), until.micros());
+                let (expect, span, trace) = ((**expect).clone(), step.span, step.trace);
+                self.expects.push(Expectation { at_us, until_us, expect, span, trace });
+            }
+        }
+    }
+
+    fn last(&self, thing: usize) -> From {
+        self.last.get(thing).copied().unwrap_or_default()
+    }
+
+    fn report(&mut self, diagnostic: Diagnostic, from: From) {
+        self.diagnostics.push(self.traces.attach(diagnostic, from.trace));
+    }
+
+    /// Sends a command: the hold before it ends, and its own begins.
+    fn send(&mut self, at: Time, command: &Command, kind: Kind, from: From) {
+        // A raw frame in the middle of a move: the samples behind it, which are laid already, have the last word.
+        if matches!(command, Command::Raw { .. }) && at < self.drive_until {
+            self.raw = self.raw.or(Some(from));
+            self.emit(at, command.clone(), kind, from);
+            return;
+        }
+        if command.is_drive() {
+            self.long_hold(at);
+            self.release(at);
+            self.held = command.keeps_driving().then(|| (at, command.clone(), from));
+            self.open_ended = true;
+        }
+        for thing in things(command).into_iter().flatten() {
+            if let Some(last) = self.last.get_mut(thing) {
+                *last = from;
+            }
+        }
+        if let Command::Raw { .. } = command {
+            self.raw = self.raw.or(Some(from));
+        }
+        self.state.apply(command);
+        self.emit(at, command.clone(), kind, from);
+    }
+
+    fn emit(&mut self, at: Time, command: Command, kind: Kind, from: From) {
+        if self.has_room(1, from) {
+            self.events.push(Event { at_us: at.micros(), command, kind, span: from.span, trace: from.trace });
+            self.orders.push(from.order);
+        }
+    }
+
+    /// A hold that nothing in its own line ends, and that lasted long.
+    fn long_hold(&mut self, until: Time) {
+        let Some((start, command, from)) = self.held.as_ref().filter(|_| self.open_ended) else { return };
+        let lasted = until.minus(*start);
+        if lasted <= LONG_HOLD {
+            return;
+        }
+        let seconds = lasted;
+        let diagnostic = Diagnostic::new(
+            Code::LongHold,
+            from.span,
+            format!("`{command}` drives on for {seconds}, until another line ends it"),
+            format!("if that is meant, say so where it starts: `{command} for {seconds}`"),
+        )
+        .label("no `for`");
+        let from = *from;
+        self.report(diagnostic, from);
+    }
+
+    /// Ends a hold just before `until`, and sends its refreshes.
+    fn release(&mut self, until: Time) {
+        let (Some((start, command, from)), Some(interval)) = (self.held.take(), self.refresh) else {
+            return;
+        };
+        if start.plus(interval).micros() >= until.micros() {
+            return;
+        }
+        // Counted before anything is laid, so that a day of refreshes costs nothing where it is too much.
+        let count = until.minus(start).over(interval).unwrap_or(0.0);
+        if !self.has_room(frames(count), from) {
+            return;
+        }
+        let times = (1_u64..).map(|k| start.plus(interval.times(k)).micros());
+        for at_us in times.take_while(|&at_us| at_us < until.micros()) {
+            let event =
+                Event { at_us, command: command.clone(), kind: Kind::Refresh, span: from.span, trace: from.trace };
+            self.refreshes.push(event);
+        }
+    }
+
+    /// What is still running at the end is ended.
+    fn close(&mut self, end: Time) {
+        self.release(end);
+        let (drive, buzzer) = (self.last(DRIVE), self.last(BUZZER));
+        let runs = self.state.drive().is_some_and(Command::keeps_driving);
+        let sounds = self.state.buzzer() == Some(true);
+        if runs {
+            self.left_running(drive, "the drive is still running when the script ends", "stop");
+        }
+        if sounds {
+            self.left_running(buzzer, "the buzzer is still on when the script ends", "buzzer off");
+        }
+        // Nobody knows what a raw frame left behind.
+        if runs || self.raw.is_some() {
+            self.emit(end, Command::STOP, Kind::Closing, self.raw.unwrap_or(drive));
+        }
+        if sounds || self.raw.is_some() {
+            self.emit(end, Command::Buzzer(false), Kind::Closing, self.raw.unwrap_or(buzzer));
+        }
+    }
+
+    /// Each report is held against every `expect` that waits, so not too many may wait together.
+    fn waiting_expects(&mut self) {
+        let mut waiting = BinaryHeap::new();
+        let mut found = None;
+        for expect in self.expects.iter().filter(|expect| expect.until_us > expect.at_us) {
+            while waiting.peek().is_some_and(|Reverse(until_us)| *until_us <= expect.at_us) {
+                waiting.pop();
+            }
+            waiting.push(Reverse(expect.until_us));
+            if waiting.len() > MAX_WAITING {
+                found = Some((expect.span, expect.trace));
+                break;
+            }
+        }
+        if let Some((span, trace)) = found {
+            let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time here");
+            let diagnostic = Diagnostic::new(Code::TooManyEvents, span, message, "let fewer of them overlap");
+            self.report(diagnostic, From { span, trace, ..From::default() });
+        }
+    }
+
+    /// Where something is expected, the board reports from the start to the end.
+    fn reports(&mut self, end: Time) {
+        let [start, stop] = REPORTS;
+        if let (Some(first), Some(last)) = (self.expects.first(), self.expects.last()) {
+            let (first, last) = ((first.span, first.trace), (last.span, last.trace));
+            self.emit(Time::ZERO, start, Kind::Auto, From { order: 0, span: first.0, trace: first.1 });
+            self.emit(end, stop, Kind::Auto, From { order: u32::MAX, span: last.0, trace: last.1 });
+        }
+    }
+
+    fn left_running(&mut self, from: From, message: &str, command: &str) {
+        let help = format!("end the script with `{command}`; motionseq sends it at the end in any case");
+        self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
+    }
+
+    /// Whether so many more frames are allowed; where not, that is reported once.
+    fn has_room(&mut self, more: usize, from: From) -> bool {
+        let total = self.events.len().saturating_add(self.refreshes.len()).saturating_add(more);
+        let room = total <= self.limit;
+        if !room && !self.full {
+            self.full = true;
+            let message = format!("the script sends more than {} frames", self.limit);
+            let help = "make it shorter or the refresh interval longer, or allow more with `--max-events`";
+            self.report(Diagnostic::new(Code::TooManyEvents, from.span, message, help), from);
+        }
+        room
+    }
+
+    /// All events in the order of sending, and the moves in that of their first steps. Closing frames keep theirs.
+    fn finish(mut self) -> (Vec<Event>, Vec<Tween>) {
+        self.tweens.sort_by_key(|(_, first)| *first);
+        let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
+        let key = |event: &Event, order: u32| {
+            (event.at_us, event.rank(), if event.kind == Kind::Closing { 0 } else { order })
+        };
+        let mut events = self.events;
+        // Without moves they are laid in this order.
+        if !events.iter().zip(&self.orders).is_sorted_by_key(|(event, order)| key(event, *order)) {
+            let mut sorted: Vec<(Event, u32)> = events.into_iter().zip(self.orders).collect();
+            sorted.sort_by_key(|(event, order)| key(event, *order));
+            events = sorted.into_iter().map(|(event, _)| event).collect();
+        }
+        if !self.refreshes.is_empty() {
+            events.extend(self.refreshes);
+            events.sort_by_key(|event| (event.at_us, event.rank()));
+        }
+        (events, tweens)
+    }
+}
+
+/// A number of frames, held where it is far too large.
+fn frames(count: f64) -> usize {
+    const MANY: f64 = 1e12;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
+    if count.is_finite() { count.clamp(0.0, MANY) as usize } else { usize::MAX }
+}
+
+/// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A move
+/// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
+fn superseded(end: &End, group: &[Step]) -> bool {
+    let [thing, _] = things(&end.command);
+    let starts = |step: &Step| match &step.action {
+        Action::Send(command) => things(command)[0] == thing,
+        Action::Hold(held) => things(&held.0)[0] == thing,
+        Action::Go(_) | Action::Say(_) | Action::Expect(_) => false,
+    };
+    group.iter().any(|step| step.order != end.from.order && starts(step))
+}

@@ -1,0 +1,168 @@
+//! Moves: where they start, and the frames on their way.
+
+use super::super::{Kind, Tween, things};
+use super::{From, Lay, frames};
+use crate::board::{Command, TiltPulseWidth};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::program::{Motion, Move, Shape, Time, broken, broken_limit};
+
+impl Lay<'_> {
+    /// Samples a move: at the start where it says so, then every period, then exactly the target. What would say the same
+    /// as the last frame to the same thing is left out.
+    pub(super) fn go(&mut self, at: Time, going: &Move, from: From) {
+        let Move { motion, over, ease, .. } = going;
+        let Some(starts) = self.starts(motion, from) else {
+            return;
+        };
+        let count = over.over(self.period).unwrap_or(0.0);
+        if !self.has_room(frames(count), from) {
+            return;
+        }
+        let before = self.events.len();
+        let end = at.plus(*over);
+        self.samples(at, end, going, &starts, from);
+        let steps = self.events.get(before..).unwrap_or_default();
+        if let Some(first) = steps.first() {
+            let tween = Tween { at_us: at.micros(), end_us: end.micros(), ease: *ease, steps: steps.len() };
+            self.tweens.push((tween, (first.at_us, from.order)));
+        }
+    }
+
+    fn samples(&mut self, at: Time, end: Time, going: &Move, starts: &[f64], from: From) {
+        let Move { motion, over, ease, .. } = going;
+        if motion.has_start() {
+            self.sample(at, going, starts, from);
+        }
+        for k in 1_u64.. {
+            let passed = self.period.times(k);
+            if passed >= *over || self.full {
+                break;
+            }
+            let part = ease.at(passed.over(*over).unwrap_or(1.0));
+            let values: Vec<f64> =
+                starts.iter().zip(motion.values()).map(|(start, glide)| start + (glide.to - start) * part).collect();
+            if !self.sample(at.plus(passed), going, &values, from) {
+                return;
+            }
+        }
+        if !matches!(motion.shape, Shape::Servo(_) | Shape::Servos) {
+            self.drive_until = end;
+        }
+        let targets: Vec<f64> = motion.values().iter().map(|glide| glide.to).collect();
+        self.sample(end, going, &targets, from);
+    }
+
+    /// Where each value of a move starts; `None` where one is not known, which is reported.
+    fn starts(&mut self, motion: &Motion, from: From) -> Option<Vec<f64>> {
+        let known = self.known(motion.shape);
+        let names = motion.shape.names();
+        let mut starts = Vec::new();
+        for (at, glide) in motion.values().iter().enumerate() {
+            let start = glide.from.or_else(|| known.as_ref()?.get(at).copied().flatten());
+            let Some(start) = start else {
+                let name = names.get(at).copied().unwrap_or("value");
+                let help = match motion.shape {
+                    Shape::Servo(_) | Shape::Servos => "send it somewhere first, or write where it starts".to_owned(),
+                    _ => {
+                        "put a `stop` before it, so that it starts from 0, or write where each value starts".to_owned()
+                    }
+                };
+                let help = format!("{help}: `{}`", motion.with_starts());
+                let message = format!("nobody knows where the {name} starts");
+                self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
+                // From here on it is known, so that one mistake is one message.
+                if let Some(target) = motion.target() {
+                    self.state.apply(&target);
+                    for thing in things(&target).into_iter().flatten() {
+                        if let Some(last) = self.last.get_mut(thing) {
+                            *last = from;
+                        }
+                    }
+                }
+                return None;
+            };
+            starts.push(start);
+        }
+        Some(starts)
+    }
+
+    /// The last values of this kind of command, as far as they are known.
+    fn known(&self, shape: Shape) -> Option<Vec<Option<f64>>> {
+        let servo = |index| self.state.servo(index).map(|pulse| f64::from(pulse.get()));
+        let zero = self.state.drive() == Some(&Command::STOP);
+        let zeros = || vec![Some(0.0); shape.names().len()];
+        match (shape, self.state.drive()) {
+            (Shape::Servo(index), _) => Some(vec![servo(index)]),
+            (Shape::Servos, _) => {
+                let indices = [1, 2].map(|index| crate::board::ServoIndex::new(index).ok());
+                Some(indices.map(|index| index.and_then(servo)).to_vec())
+            }
+            (Shape::Rocker, Some(Command::Rocker { x, y, z })) => {
+                Some([x.get(), y.get(), z.get()].map(|value| Some(f64::from(value))).to_vec())
+            }
+            (Shape::YawHold, Some(Command::YawHold { x, y })) => {
+                Some([x.get(), y.get()].map(|value| Some(f64::from(value))).to_vec())
+            }
+            (Shape::Wheels, Some(Command::Wheels(wheels))) => {
+                Some(wheels.map(|wheel| Some(f64::from(wheel.get()))).to_vec())
+            }
+            _ => zero.then(zeros),
+        }
+    }
+
+    /// Sends one sample, if it says anything new. `false` where it is out of range, which is reported.
+    fn sample(&mut self, at: Time, going: &Move, values: &[f64], from: From) -> bool {
+        let command = match going.motion.shape.command(values) {
+            Ok(command) => command,
+            Err(wrong) => {
+                let name = going.motion.shape.names().get(wrong).copied().unwrap_or("value");
+                let value = values.get(wrong).copied().unwrap_or(0.0);
+                let diagnostic = Diagnostic::new(
+                    Code::OutOfRange,
+                    from.span,
+                    format!("on the way the {name} gets to {value:.0}, which is out of range"),
+                    "choose an easing that does not overshoot, or stay further inside the range",
+                );
+                self.report(diagnostic, from);
+                return false;
+            }
+        };
+        if let Some((limit, value)) = broken(self.limits, &command) {
+            self.report(broken_limit(limit, value, from.span), from);
+            return false;
+        }
+        self.tilt(&command, going, from);
+        if !self.was_last(&command) {
+            self.send(at, &command, Kind::Sample, from);
+        }
+        true
+    }
+
+    /// A move that only on its way gets further than a tilt servo survives.
+    fn tilt(&mut self, command: &Command, going: &Move, from: From) {
+        let Command::Servo { index, pulse } = command else {
+            return;
+        };
+        let most = f64::from(TiltPulseWidth::MAX);
+        let ends_inside =
+            going.motion.values().iter().all(|glide| glide.to <= most && glide.from.unwrap_or(0.0) <= most);
+        if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX && ends_inside {
+            let message =
+                format!("servo 2 is the tilt servo, and on the way this gets to {pulse} µs, which it does not survive");
+            let help = "choose an easing that does not overshoot, or stay further inside the range";
+            self.report(Diagnostic::new(Code::TiltRange, from.span, message, help), from);
+        }
+    }
+
+    /// Whether this is what was sent last to the same thing.
+    fn was_last(&self, command: &Command) -> bool {
+        match command {
+            Command::Servo { index, pulse } => self.state.servo(*index) == Some(*pulse),
+            Command::Servos { pan, tilt } => {
+                let servo = |index| crate::board::ServoIndex::new(index).ok().and_then(|index| self.state.servo(index));
+                servo(1) == Some(*pan) && servo(2).is_some_and(|pulse| pulse.get() == tilt.get())
+            }
+            drive => self.state.drive() == Some(drive),
+        }
+    }
+}
