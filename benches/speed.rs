@@ -20,7 +20,7 @@ use serde::Deserialize;
 #[derive(Deserialize)]
 #[allow(dead_code, reason = "filled, as a program would, and dropped")]
 struct Event {
-    at_us: u64,
+    t: u64,
     kind: Kind,
     a: i32,
     b: i32,
@@ -78,7 +78,7 @@ fn flat(count: u64) -> (String, String) {
         }
         script.push_str(if at % 5 == 0 { "  # the next bow\n" } else { "\n" });
         let comma = if at == 0 { "" } else { "," };
-        write!(json, "{comma}{{\"at_us\":{},\"kind\":\"{kind}\",\"a\":{a},\"b\":{b},\"c\":{c}}}", ms * 1_000).unwrap();
+        write!(json, "{comma}{{\"t\":{ms},\"kind\":\"{kind}\",\"a\":{a},\"b\":{b},\"c\":{c}}}").unwrap();
     }
     json.push(']');
     (script, json)
@@ -88,26 +88,26 @@ fn flat(count: u64) -> (String, String) {
 fn nested(events: u64) -> String {
     let outer = events / 1_000;
     format!(
-        "# A bow of four commands, a hundred thousand times.
+        "# A bow of five commands, again and again.
 let step = 5ms
-let far = 1540
 let near = 1500
+let far = 1540
 repeat {outer} {{
+    # A thousand of them are a dance.
     repeat 10 {{
-        repeat 25 {{
-            servo 1 near
-            wait step
-            rocker x=10 y=-5 z=20
-            wait step
-            buzzer on
-            wait step
-            buzzer off
-            wait step
+        # Twenty bows.
+        repeat 20 {{
+            +step servo 1 near
+            +step rocker x=10 y=-5 z=20
+            +step buzzer on
+            +step buzzer off
+            +step servo 2 far
         }}
     }}
-    servo 2 far
 }}
-stop
+
++step stop
+say \"that was it\"
 "
     )
 }
@@ -118,7 +118,7 @@ fn write_scripts(folder: &Path) {
         fs::write(folder.join(format!("flat-{count}.motion")), script).unwrap();
         fs::write(folder.join(format!("flat-{count}.json")), json).unwrap();
     }
-    for count in [10_000, 100_000, 1_000_000, 10_000_000] {
+    for count in [10_000, 100_000, 1_000_000, 2_000_000, 10_000_000] {
         fs::write(folder.join(format!("nested-{count}.motion")), nested(count)).unwrap();
     }
 }

@@ -1,10 +1,12 @@
 //! Numbers that are inside the range that the board takes, or do not exist.
 
+use std::cmp::Ordering;
 use std::fmt;
 
-/// A whole number from `MIN` to `MAX`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Ranged<const MIN: i32, const MAX: i32>(i32);
+/// A whole number from `MIN` to `MAX`. It is kept in the lower three bytes of an `i32`, which is enough for every range of the
+/// protocol: there may be millions of commands.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Ranged<const MIN: i32, const MAX: i32>([u8; 3]);
 
 /// Index of a servo, 1-4 (protocol row 0x02, 3).
 pub type ServoIndex = Ranged<1, 4>;
@@ -27,33 +29,40 @@ impl<const MIN: i32, const MAX: i32> Ranged<MIN, MAX> {
     /// Zero, for ranges that hold it.
     pub const ZERO: Self = {
         assert!(MIN <= 0 && MAX >= 0, "the range does not hold zero");
-        Ranged(0)
+        Ranged([0; 3])
     };
 
     /// Checks a value; fails with [`OutOfRange`].
     pub const fn new(value: i32) -> Result<Self, OutOfRange> {
-        if value < MIN || value > MAX { Err(OutOfRange { value, min: MIN, max: MAX }) } else { Ok(Ranged(value)) }
+        const { assert!(MIN >= -0x80_0000 && MAX <= 0x7F_FFFF, "three bytes hold no more") };
+        if value < MIN || value > MAX {
+            return Err(OutOfRange { value, min: MIN, max: MAX });
+        }
+        let [low, middle, high, _] = value.to_le_bytes();
+        Ok(Ranged([low, middle, high]))
     }
 
     /// The value.
     pub const fn get(self) -> i32 {
-        self.0
+        let [low, middle, high] = self.0;
+        // The sign comes down from the highest byte.
+        i32::from_le_bytes([0, low, middle, high]) >> 8
     }
 
     /// Whether it is zero.
     pub const fn is_zero(self) -> bool {
-        self.0 == 0
+        self.get() == 0
     }
 
     /// Whether it is below zero.
     pub(crate) const fn is_negative(self) -> bool {
-        self.0 < 0
+        self.get() < 0
     }
 
     /// The magnitude as the wire carries it: two bytes, high byte first. Every range here fits.
     pub(crate) const fn magnitude(self) -> [u8; 2] {
         const { assert!(MIN >= -0xFFFF && MAX <= 0xFFFF, "two bytes hold no more") };
-        let [_, _, high, low] = self.0.unsigned_abs().to_be_bytes();
+        let [_, _, high, low] = self.get().unsigned_abs().to_be_bytes();
         [high, low]
     }
 
@@ -72,9 +81,27 @@ impl<const MIN: i32, const MAX: i32> TryFrom<i32> for Ranged<MIN, MAX> {
     }
 }
 
+impl<const MIN: i32, const MAX: i32> PartialOrd for Ranged<MIN, MAX> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl<const MIN: i32, const MAX: i32> Ord for Ranged<MIN, MAX> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.get().cmp(&other.get())
+    }
+}
+
+impl<const MIN: i32, const MAX: i32> fmt::Debug for Ranged<MIN, MAX> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Ranged({self})")
+    }
+}
+
 impl<const MIN: i32, const MAX: i32> fmt::Display for Ranged<MIN, MAX> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
+        self.get().fmt(f)
     }
 }
 

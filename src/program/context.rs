@@ -10,7 +10,7 @@ use super::value::{self, Quantity};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::random::SplitMix;
 use crate::source::Span;
-use crate::syntax::{Binary, Expression, Node, NodeKind, Value, ValueKind};
+use crate::syntax::{Binary, Expression, Node, NodeKind, NumberShape, Value, ValueKind};
 
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
@@ -20,6 +20,8 @@ pub(super) struct Context<'s, 'd> {
     pub(super) scope: Scope<'s>,
     pub(super) tempo: Tempo,
     pub(super) random: SplitMix,
+    /// Whether a value since this was reset came from a random number or from the tempo.
+    pub(super) varies: bool,
     pub(super) traces: Traces,
     /// Names that are meant to exist, but whose `let` or `def` could not be read.
     pub(super) broken: Vec<&'s str>,
@@ -37,7 +39,7 @@ impl<'s> Context<'s, '_> {
     /// A value that must be a quantity; `None` where it is none, which is reported.
     pub(super) fn value(&mut self, value: &Value<'s>) -> Option<Quantity> {
         let quantity = match &value.kind {
-            ValueKind::Number(shape, text) => self.number(value::number(*shape, text, value.span, self.tempo)),
+            ValueKind::Number(shape, text) => self.number(*shape, text, value.span),
             ValueKind::Text(_) => {
                 self.report(Diagnostic::new(
                     Code::Arguments,
@@ -60,7 +62,7 @@ impl<'s> Context<'s, '_> {
         while let Some(node) = expression.nodes.get(at) {
             at += 1;
             let result = match node.kind {
-                NodeKind::Number(shape, text) => self.number(value::number(shape, text, node.span, self.tempo))?,
+                NodeKind::Number(shape, text) => self.number(shape, text, node.span)?,
                 NodeKind::Text(_) => {
                     self.kinds(node.span, "a text cannot be calculated with");
                     return None;
@@ -103,8 +105,9 @@ impl<'s> Context<'s, '_> {
         stack.pop()
     }
 
-    fn number(&mut self, read: Result<Quantity, Diagnostic>) -> Option<Quantity> {
-        read.map_err(|diagnostic| self.report(diagnostic)).ok()
+    fn number(&mut self, shape: NumberShape, text: &str, span: Span) -> Option<Quantity> {
+        self.varies |= shape == NumberShape::Beats;
+        value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.report(diagnostic)).ok()
     }
 
     /// Whether a name may have been lost with something that could not be read.
@@ -419,6 +422,7 @@ impl<'s> Context<'s, '_> {
                 found
             }
             Compute::Random => {
+                self.varies = true;
                 let part = self.random.next() >> 11;
                 let upper = *arguments.get(1)?;
                 let width = self.binary(Binary::Subtract, upper, first, span)?;
@@ -431,6 +435,7 @@ impl<'s> Context<'s, '_> {
             }
             Compute::Pick => {
                 let count = u64::try_from(arguments.len()).ok()?;
+                self.varies = true;
                 let index = usize::try_from(self.random.next().checked_rem(count)?).ok()?;
                 arguments.get(index).copied()
             }

@@ -150,7 +150,7 @@ pub enum Action {
     /// Goes somewhere over a time.
     Go(Box<Move>),
     /// Shows a line of text.
-    Say(Box<str>),
+    Say(Box<Box<str>>),
     /// Judges what the board reports.
     Expect(Box<Expect>),
 }

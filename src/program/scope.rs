@@ -1,6 +1,6 @@
 //! Names and what they stand for. `let`, parameters, `repeat … as`, `def` and marks share one name space.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::value::{Quantity, UNITS};
@@ -57,10 +57,10 @@ pub(super) struct Frame {
 pub(super) struct Scope<'s> {
     globals: Vec<Binding<'s>>,
     /// Where each top-level name is among them. A name is given there once.
-    global: HashMap<&'s str, usize>,
+    global: BTreeMap<&'s str, usize>,
     locals: Vec<Binding<'s>>,
     phrases: Vec<Phrase<'s>>,
-    by_name: HashMap<&'s str, usize>,
+    by_name: BTreeMap<&'s str, usize>,
     /// The `let`s of blocks that have ended, and whether anything ever used them.
     ended: BTreeMap<Span, (&'s str, bool)>,
     /// Whether names go to the top level.
@@ -69,6 +69,8 @@ pub(super) struct Scope<'s> {
     block: usize,
     /// Where the names of this call begin among the locals.
     floor: usize,
+    /// Behind the newest of the locals that was used since this was reset.
+    pub(super) newest: usize,
     /// How many top-level names and phrases are visible.
     visible: usize,
     visible_phrases: usize,
@@ -103,10 +105,14 @@ impl<'s> Scope<'s> {
     /// The value of a name.
     pub(super) fn value(&mut self, name: &str) -> Option<Quantity> {
         let floor = self.floor;
-        let local = self.locals.get_mut(floor..)?.iter_mut().rev().find(|binding| binding.name == name);
+        let locals = self.locals.get_mut(floor..)?.iter_mut().enumerate();
+        let local = locals.rev().find(|(_, binding)| binding.name == name);
         let visible = if self.top { self.globals.len() } else { self.visible };
         let found = match local {
-            Some(binding) => binding,
+            Some((at, binding)) => {
+                self.newest = self.newest.max(floor + at + 1);
+                binding
+            }
             None => {
                 let at = self.global.get(name).copied().filter(|&at| at < visible)?;
                 self.globals.get_mut(at)?
@@ -197,6 +203,11 @@ impl<'s> Scope<'s> {
     /// The names of the phrases that can be seen.
     pub(super) fn phrase_names(&self) -> impl Iterator<Item = &'s str> {
         self.phrases.iter().take(self.visible_phrases).map(|phrase| phrase.def.name.text)
+    }
+
+    /// How many names of blocks there are now.
+    pub(super) fn locals(&self) -> usize {
+        self.locals.len()
     }
 
     /// Begins a block.

@@ -61,8 +61,8 @@ pub const SETTINGS: &[Row] = &[
 
 fn language(args: &mut Args<'_, '_, '_, '_>, _: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let version: Ranged<0, { i32::MAX }> = args.whole(value, "the version of the language")?;
-    if version.get() == 1 {
+    let version = args.integer::<0, { i32::MAX }>(value, "the version of the language", "")?;
+    if version == 1 {
         return Some(());
     }
     args.context.report(Diagnostic::new(
@@ -186,8 +186,8 @@ fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
 
 fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let seed: Ranged<0, { i32::MAX }> = args.whole(value, "a seed")?;
-    settings.seed = u64::try_from(seed.get()).ok()?;
+    let seed = args.integer::<0, { i32::MAX }>(value, "a seed", "")?;
+    settings.seed = u64::try_from(seed).ok()?;
     Some(())
 }
 

@@ -30,7 +30,7 @@ impl Time {
     /// The longest script.
     pub const LONGEST: Time = Time::from_nanos(24 * 3_600 * 1_000_000_000);
 
-    const fn from_nanos(nanos: i64) -> Time {
+    pub(super) const fn from_nanos(nanos: i64) -> Time {
         Time { nanos, per: 1 }
     }
 
@@ -63,6 +63,11 @@ impl Time {
                 fits.unwrap_or_else(|| Time::from_nanos(held(nanos.div_euclid(per))))
             }
         }
+    }
+
+    /// Whether it is a whole number of nanoseconds.
+    pub(super) fn is_whole(self) -> bool {
+        self.per == 1
     }
 
     /// In whole microseconds, half up; times before zero count as zero.

@@ -178,7 +178,7 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
 fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     let digits_end = text.bytes().position(|byte| !byte.is_ascii_digit() && byte != b'.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
-    let Ok(number) = digits.parse::<f64>() else {
+    let Some(number) = float(digits) else {
         return Err(odd(text, span));
     };
     if name.is_empty() {
@@ -209,19 +209,24 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     Err(Diagnostic::new(Code::Unit, span, format!("`{name}` is not a unit"), help))
 }
 
+/// A decimal number. Whole ones, which most are, take a shorter way to the same number.
+fn float(digits: &str) -> Option<f64> {
+    if digits.len() < 10
+        && let Ok(whole) = digits.parse::<u32>()
+    {
+        return Some(f64::from(whole));
+    }
+    digits.parse().ok()
+}
+
 /// A time. humantime reads it; its looser spellings are ruled out by the grammar before, its order here.
 fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
-    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
-    let rank = |name: &str| match name {
-        "h" => 4,
-        "min" | "m" => 3,
-        "s" => 2,
-        "ms" => 1,
-        _ => 0,
-    };
-    // Units of one number are in order.
-    let ranks = text.trim_start_matches(is_digit).split(is_digit).filter(|name| !name.is_empty()).map(rank);
-    if !ranks.is_sorted_by(|left, right| left > right) {
+    if let Some(time) = one_unit(text) {
+        return Ok(Quantity::Time(time));
+    }
+    let is_digit = |byte: u8| byte.is_ascii_digit() || byte == b'.';
+    let has_more = text.bytes().skip_while(|byte| is_digit(*byte)).any(is_digit);
+    if has_more && !is_falling(text) {
         return Err(Diagnostic::new(
             Code::Number,
             span,
@@ -237,6 +242,36 @@ fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
             "write it in a shorter unit, such as `ms` or `us`; a script is at most 24 hours long",
         )
     })
+}
+
+/// A short time with one unit, as nearly all lines of a long script have one: the same that humantime would read, sooner. `None` is
+/// any other.
+fn one_unit(text: &str) -> Option<Time> {
+    let (number, nanos) = [("ms", 1_000_000), ("us", 1_000), ("s", 1_000_000_000)]
+        .into_iter()
+        .find_map(|(unit, nanos)| Some((text.strip_suffix(unit)?, nanos)))?;
+    let (whole, part) = number.split_once('.').unwrap_or((number, "0"));
+    if whole.len() > 6 || part.len() > 9 {
+        return None;
+    }
+    let parts = 10_i64.pow(u32::try_from(part.len()).ok()?);
+    let all = i64::from(whole.parse::<u32>().ok()?) * parts + i64::from(part.parse::<u32>().ok()?);
+    let nanos = all.checked_mul(nanos)?;
+    // What is finer than a nanosecond is humantime's to judge.
+    (nanos % parts == 0).then(|| Time::from_nanos(nanos / parts))
+}
+
+/// Whether the units of a time fall from long to short.
+fn is_falling(text: &str) -> bool {
+    let names = text.split(|c: char| c.is_ascii_digit() || c == '.').filter(|name| !name.is_empty());
+    let ranks = names.map(|name| match name {
+        "h" => 4,
+        "min" | "m" => 3,
+        "s" => 2,
+        "ms" => 1,
+        _ => 0,
+    });
+    ranks.is_sorted_by(|left, right| left > right)
 }
 
 /// What is wrong with something that starts with a digit and is no number.
@@ -262,4 +297,36 @@ pub(super) fn round(number: f64) -> Option<i32> {
     let rounded = libm::round(number);
     #[expect(clippy::cast_possible_truncation, reason = "in range and whole")]
     (rounded.abs() <= f64::from(i32::MAX)).then_some(rounded as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 5_000, ..ProptestConfig::default() })]
+
+        /// The short way reads what humantime reads, or nothing.
+        #[test]
+        fn times_of_one_unit_are_those_of_humantime(text in "[0-9]{1,7}(\\.[0-9]{1,10})?(s|ms|us|m|h)") {
+            if let Some(time) = one_unit(&text) {
+                let humantime = humantime::parse_duration(&text).ok().and_then(Time::from_duration);
+                prop_assert_eq!(Some(time), humantime);
+            }
+        }
+
+        #[test]
+        fn whole_numbers_are_those_of_the_standard_library(text in "[0-9]{1,15}") {
+            prop_assert_eq!(float(&text), text.parse().ok());
+        }
+    }
+
+    #[test]
+    fn usual_times_take_the_short_way() {
+        for text in ["0.5s", "10ms", "1234.56s", "250us"] {
+            assert!(one_unit(text).is_some(), "{text}");
+        }
+    }
 }

@@ -9,12 +9,6 @@ use super::ast::{
 };
 use crate::source::Span;
 
-/// Words that begin a statement of another kind.
-const OTHERS: &[&str] = &["at", "def", "else", "if", "let", "use"];
-/// Words that a number belongs to although a blank stands between.
-const BEATS: &[&str] = &["beat", "beats", "bar", "bars"];
-/// The units that make a number a time.
-const TIMES: &[&str] = &["us", "ms", "min", "s", "m", "h"];
 /// How many arguments there is room for at once.
 const USUAL: usize = 3;
 /// The most digits before and behind a point, as in the grammar.
@@ -45,7 +39,7 @@ impl<'s> Reader<'s> {
         let from = self.at;
         let start = self.start()?;
         let head = self.name();
-        if head.text.is_empty() || OTHERS.contains(&head.text) || !self.is_apart() {
+        if head.text.is_empty() || is_other(head.text) || !self.is_apart() {
             return Err(NotFlat);
         }
         let mut arguments: Vec<Argument<'s>> = Vec::with_capacity(USUAL);
@@ -156,7 +150,7 @@ impl<'s> Reader<'s> {
                 return None;
             }
             NumberShape::Plain
-        } else if TIMES.contains(&letters) {
+        } else if is_time(letters) {
             NumberShape::Duration
         } else if letters.starts_with('x') {
             return None;
@@ -167,12 +161,11 @@ impl<'s> Reader<'s> {
         Some(Value { negative: from != begin, kind: ValueKind::Number(shape, text), span: self.span(from) })
     }
 
-    /// Whether the number that ends here is one of beats or bars.
+    /// Whether the number that ends here is one of beats or bars, which stand behind a blank.
     fn is_before_beats(&self) -> bool {
-        let rest = self.text.get(self.at..).unwrap_or_default();
-        let word = rest.trim_start_matches([' ', '\t']);
-        word.starts_with('b')
-            && BEATS.contains(&word.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').next().unwrap_or_default())
+        let rest = self.text.get(self.at..).unwrap_or_default().trim_start_matches([' ', '\t']);
+        let rest = rest.strip_prefix("beat").or(rest.strip_prefix("bar"));
+        rest.is_some_and(|rest| !rest.strip_prefix('s').unwrap_or(rest).bytes().next().is_some_and(is_word))
     }
 
     fn name(&mut self) -> Name<'s> {
@@ -231,6 +224,16 @@ impl<'s> Reader<'s> {
 
 fn plain(value: Value<'_>) -> Argument<'_> {
     Argument { name: None, span: value.span, item: Item::One(value) }
+}
+
+/// Whether a word begins a statement of another kind.
+fn is_other(word: &str) -> bool {
+    matches!(word, "at" | "def" | "else" | "if" | "let" | "use")
+}
+
+/// Whether these letters make a number a time.
+fn is_time(unit: &str) -> bool {
+    matches!(unit, "us" | "ms" | "min" | "s" | "m" | "h")
 }
 
 fn is_word(byte: u8) -> bool {

@@ -41,7 +41,8 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         what: &str,
     ) -> Option<Ranged<MIN, MAX>> {
         let number = self.number(value, what)?;
-        self.in_range(number, value.span, what, ["", ""])
+        let number = self.in_range::<MIN, MAX>(number, value.span, what, ["", ""])?;
+        Ranged::new(number).ok()
     }
 
     /// A whole number in the range of `Ranged`: an index, a count or a byte is never rounded.
@@ -60,6 +61,17 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         what: &str,
         why: &str,
     ) -> Option<Ranged<MIN, MAX>> {
+        let number = self.integer::<MIN, MAX>(value, what, why)?;
+        Ranged::new(number).ok()
+    }
+
+    /// The same for ranges that the board does not know.
+    pub(in crate::program) fn integer<const MIN: i32, const MAX: i32>(
+        &mut self,
+        value: &'a Value<'s>,
+        what: &str,
+        why: &str,
+    ) -> Option<i32> {
         let number = self.number(value, what)?;
         if libm::trunc(number) != number {
             self.context.report(Diagnostic::new(
@@ -70,7 +82,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             ));
             return None;
         }
-        self.in_range(number, value.span, what, ["", why])
+        self.in_range::<MIN, MAX>(number, value.span, what, ["", why])
     }
 
     /// A byte: whole, 0-255 or 0x00-0xFF.
@@ -142,8 +154,8 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         span: Span,
         what: &str,
         [unit, why]: [&str; 2],
-    ) -> Option<Ranged<MIN, MAX>> {
-        let checked = value::round(number).and_then(|number| Ranged::new(number).ok());
+    ) -> Option<i32> {
+        let checked = value::round(number).filter(|number| (MIN..=MAX).contains(number));
         if checked.is_none() {
             let angle = (unit == " µs" && (0.0..=180.0).contains(&number))
                 .then(|| format!("for an angle, write `{number}deg`"));

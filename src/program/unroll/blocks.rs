@@ -7,6 +7,7 @@ use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
+use super::fixed::Fixed;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
@@ -85,6 +86,7 @@ impl<'s> Unroll<'s, '_> {
         depth: usize,
     ) -> Option<Time> {
         let mut now = start;
+        let mut fixed = Some(Fixed::new(self.context.scope.locals()));
         for pass in 0..count {
             self.done += 1;
             let mark = self.context.scope.open();
@@ -96,7 +98,9 @@ impl<'s> Unroll<'s, '_> {
                 }
                 self.context.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
             }
-            let end = self.body(block, now, false, depth);
+            let frame = self.body(block, Frame { fixed: fixed.take(), ..Frame::new(now) }, depth);
+            let end = frame.latest;
+            fixed = frame.fixed;
             self.context.traces.leave();
             self.context.scope.close(mark, true);
             now = match every {

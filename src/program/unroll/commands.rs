@@ -102,7 +102,7 @@ impl<'s> Unroll<'s, '_> {
                     self.report(Code::TooManyEvents, command.span, "the script says more than 64 MiB of text", help);
                     return None;
                 }
-                self.push(start, command.span, Action::Say(text.into()));
+                self.push(start, command.span, Action::Say(Box::new(text.into())));
                 Some(start)
             }
             Build::Expect => {

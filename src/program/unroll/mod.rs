@@ -3,6 +3,7 @@
 mod blocks;
 mod commands;
 mod files;
+mod fixed;
 mod phrases;
 mod settings;
 mod words;
@@ -20,6 +21,8 @@ use super::time::Time;
 use super::trace::Traces;
 use super::value::{Quantity, not_yet};
 use super::weight::Weight;
+use fixed::Fixed;
+
 use super::{Abort, MAX_STEPS, Options, Program, Settings, Step};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Source, Sources, Span};
@@ -45,6 +48,7 @@ pub(super) fn unroll<'s>(
         scope: Scope::new(),
         tempo: super::tempo::Tempo::default(),
         random: crate::random::SplitMix::default(),
+        varies: false,
         traces: Traces::default(),
         broken: Vec::new(),
         names_missing: false,
@@ -140,11 +144,22 @@ struct Frame {
     begun: bool,
     /// `tempo` and `meter` of this block.
     given: Vec<(&'static str, Span)>,
+    /// In a pass of a `repeat`, what its lines do in every pass.
+    fixed: Option<Fixed>,
 }
 
 impl Frame {
     fn new(start: Time) -> Self {
-        Frame { start, now: start, latest: start, together: false, top: false, begun: false, given: Vec::new() }
+        Frame {
+            start,
+            now: start,
+            latest: start,
+            together: false,
+            top: false,
+            begun: false,
+            given: Vec::new(),
+            fixed: None,
+        }
     }
 }
 
@@ -245,15 +260,14 @@ impl<'s> Unroll<'s, '_> {
     /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
     fn block(&mut self, block: &Block<'s>, start: Time, together: bool, depth: usize) -> Time {
         let mark = self.context.scope.open();
-        let end = self.body(block, start, together, depth);
+        let frame = self.body(block, Frame { together, ..Frame::new(start) }, depth);
         self.context.scope.close(mark, false);
-        end
+        frame.latest
     }
 
-    /// The lines of a block, with names in the scope that is open.
-    fn body(&mut self, block: &Block<'s>, start: Time, together: bool, depth: usize) -> Time {
+    /// The lines of a block, with names in the scope that is open; gives how far they have run.
+    fn body(&mut self, block: &Block<'s>, mut frame: Frame, depth: usize) -> Frame {
         let tempo = self.context.tempo;
-        let mut frame = Frame { together, ..Frame::new(start) };
         if depth < MAX_DEPTH {
             self.lines(&block.lines, &mut frame, depth + 1);
         } else {
@@ -267,18 +281,18 @@ impl<'s> Unroll<'s, '_> {
             self.exhausted = true;
         }
         self.context.tempo = tempo;
-        frame.latest
+        frame
     }
 
     fn lines(&mut self, lines: &[Line<'s>], frame: &mut Frame, depth: usize) {
-        for line in lines {
+        for (place, line) in lines.iter().enumerate() {
             self.done += 1;
             // Behind an error only more errors are looked for, and not for ever.
             self.exhausted |= self.done > ENOUGH && self.context.diagnostics.has_errors();
             if self.exhausted || !self.within_bounds(line.span) {
                 return;
             }
-            if self.line(line, frame, depth).is_none() {
+            if self.line_again(place, line, frame, depth).is_none() {
                 self.times_known = false;
                 self.failed.get_or_insert(line.span);
             }

@@ -223,7 +223,7 @@ impl<'s> Unroll<'s, '_> {
                 None => complete = false,
             }
         }
-        let end = if complete { Some(self.body(&phrase.def.body, start, false, depth)) } else { None };
+        let end = if complete { Some(self.body(&phrase.def.body, Frame::new(start), depth).latest) } else { None };
         self.in_phrase = in_phrase;
         self.context.traces.leave();
         self.context.scope.leave(frame);

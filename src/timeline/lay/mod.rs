@@ -221,7 +221,7 @@ impl<'d> Lay<'d> {
             }
             Action::Go(going) => self.go(step.at, going, from),
             Action::Say(text) => {
-                cues.push(Cue { at_us: step.at.micros(), text: std::mem::take(text).into(), span: step.span });
+                cues.push(Cue { at_us: step.at.micros(), text: std::mem::take(&mut **text).into(), span: step.span });
             }
             Action::Expect(expect) => {
                 let until = step.at.plus(expect.within.unwrap_or(Time::ZERO));

@@ -1,0 +1,96 @@
+//! Lines that do the same in every pass of a `repeat`: what one does is worked out in the first pass, and only put at its time
+//! in all others. A script of a few lines may unroll to millions of commands.
+
+use super::super::Action;
+use super::super::commands::{self, Build};
+use super::super::time::Time;
+use super::{Frame, Unroll};
+use crate::source::Span;
+use crate::syntax::{Line, Part, Start, Statement};
+
+/// What the lines of one `repeat` do in every pass.
+pub(super) struct Fixed {
+    /// How many names of blocks there were before the first pass. Later ones are given anew in each.
+    outer: usize,
+    /// What is known of each line, by its place in the block.
+    lines: Vec<Option<Done>>,
+}
+
+/// What a line did.
+#[derive(Clone)]
+struct Done {
+    line: Span,
+    /// How long after the line before its step began.
+    delay: Time,
+    /// How long it took from there.
+    lasted: Time,
+    /// The step that it was, if it was one, and where that stands.
+    step: Option<(Span, Action)>,
+}
+
+impl Fixed {
+    pub(super) fn new(outer: usize) -> Self {
+        Fixed { outer, lines: Vec::new() }
+    }
+
+    fn done(&self, place: usize, line: Span) -> Option<&Done> {
+        self.lines.get(place)?.as_ref().filter(|done| done.line == line)
+    }
+
+    fn keep(&mut self, place: usize, done: Done) {
+        if self.lines.len() <= place {
+            self.lines.resize(place + 1, None);
+        }
+        if let Some(slot) = self.lines.get_mut(place) {
+            *slot = Some(done);
+        }
+    }
+}
+
+impl<'s> Unroll<'s, '_> {
+    /// Runs a line, which may be known from a pass before.
+    pub(super) fn line_again(&mut self, place: usize, line: &Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+        let Some(fixed) = &frame.fixed else { return self.line(line, frame, depth) };
+        let from = if frame.together { frame.start } else { frame.now };
+        if let Some(done) = fixed.done(place, line.span) {
+            let start = from.plus(done.delay);
+            let end = start.plus(done.lasted);
+            if let Some((span, action)) = &done.step {
+                self.push(start, *span, action.clone());
+            }
+            frame.begun = true;
+            frame.now = end;
+            frame.latest = frame.latest.max(end);
+            return Some(());
+        }
+        if !may_be_fixed(line) {
+            return self.line(line, frame, depth);
+        }
+        let outer = fixed.outer;
+        let before = self.steps.len();
+        (self.context.varies, self.context.scope.newest) = (false, 0);
+        self.line(line, frame, depth)?;
+        if self.context.varies || self.context.scope.newest > outer {
+            return Some(());
+        }
+        let step = self.steps.get(before);
+        let (start, end) = (step.map_or(from, |step| step.at), frame.now);
+        // Whole nanoseconds are added and taken away exactly.
+        if [from, start, end].into_iter().all(Time::is_whole)
+            && let Some(fixed) = &mut frame.fixed
+        {
+            let step = step.map(|step| (step.span, step.action.clone()));
+            fixed.keep(place, Done { line: line.span, delay: start.minus(from), lasted: end.minus(start), step });
+        }
+        Some(())
+    }
+}
+
+/// Whether a line is one command to the board, or passes time, and starts where the line before has ended or a time behind.
+fn may_be_fixed(line: &Line<'_>) -> bool {
+    let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
+    let row = commands::find(command.head.text);
+    robots.is_empty()
+        && matches!(line.start, None | Some(Start::After(_)))
+        && row.is_some_and(|row| matches!(row.build, Build::Send(_) | Build::Go(_) | Build::Wait))
+}
