@@ -39,17 +39,15 @@ impl<'s> Reader<'s> {
         let from = self.at;
         let start = self.start()?;
         let head = self.name();
-        if head.text.is_empty() || is_other(head.text) || !self.is_apart() {
+        if head.text.is_empty() || is_other(head.text) {
             return Err(NotFlat);
         }
         let mut arguments: Vec<Argument<'s>> = Vec::with_capacity(USUAL);
         let mut span = head.span;
-        self.blanks();
-        while !self.is_end() {
-            let argument = self.argument().filter(|_| self.is_apart()).ok_or(NotFlat)?;
+        while self.goes_on()? {
+            let argument = self.argument().ok_or(NotFlat)?;
             span.end = argument.span.end;
             arguments.push(argument);
-            self.blanks();
         }
         let statement = Statement::Command(Command { head, arguments, block: None, span });
         let whole = Span { start: self.span(from).start, ..span };
@@ -61,7 +59,7 @@ impl<'s> Reader<'s> {
         if self.peek() == b'+' {
             self.at += 1;
             self.blanks();
-            let value = self.time().ok_or(NotFlat)?;
+            let value = self.time()?;
             return Ok(Some(Start::After(value)));
         }
         if !self.text.as_bytes().get(self.at..).is_some_and(|rest| matches!(rest, [b'a', b't', b' ' | b'\t', ..])) {
@@ -69,20 +67,15 @@ impl<'s> Reader<'s> {
         }
         self.at += 2;
         self.blanks();
-        let value = self.time().ok_or(NotFlat)?;
+        let value = self.time()?;
         let span = value.span;
         Ok(Some(Start::At(Moment { origin: Origin::Value(value), offsets: Vec::new(), span })))
     }
 
     /// A number, and the blanks behind it.
-    fn time(&mut self) -> Option<Value<'s>> {
-        let from = self.at;
-        let value = self.number(from)?;
-        if !self.is_apart() {
-            return None;
-        }
-        self.blanks();
-        Some(value)
+    fn time(&mut self) -> Result<Value<'s>, NotFlat> {
+        let value = self.number(self.at).ok_or(NotFlat)?;
+        if self.goes_on()? { Ok(value) } else { Err(NotFlat) }
     }
 
     fn argument(&mut self) -> Option<Argument<'s>> {
@@ -203,9 +196,14 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Whether a word or a number ends here.
-    fn is_apart(&self) -> bool {
-        matches!(self.peek(), b' ' | b'\t') || self.is_end()
+    /// Behind a word or a number: whether more follows in this line, with a blank between, which is skipped.
+    fn goes_on(&mut self) -> Result<bool, NotFlat> {
+        let from = self.at;
+        self.blanks();
+        if self.is_end() {
+            return Ok(false);
+        }
+        if self.at > from { Ok(true) } else { Err(NotFlat) }
     }
 
     fn here(&self) -> u32 {

@@ -522,16 +522,7 @@ impl<'s> Unroll<'s, '_> {
             self.context.report(not_yet(robot.span, "a command for one of several robots"));
             return None;
         }
-        let alone = match &part.statement {
-            Statement::Let(each) => Some(("let", each.span)),
-            Statement::If(each) => Some(("if", each.span)),
-            Statement::Def(def) => Some(("def", def.span)),
-            Statement::Command(command) => super::commands::find(command.head.text)
-                .filter(|row| matches!(row.build, Build::Wait | Build::Mark | Build::Use | Build::Abort))
-                .map(|row| (row.name, command.span)),
-            Statement::Block(_) | Statement::Call(_) => None,
-        };
-        if let Some((word, span)) = alone.filter(|_| joined) {
+        if joined && let Some((word, span)) = stands_alone(&part.statement) {
             let help =
                 "give it a line of its own; what `;` joins starts together and takes as long as its longest part";
             self.report(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
@@ -546,5 +537,18 @@ impl<'s> Unroll<'s, '_> {
             Statement::If(_) => None,
             Statement::Command(command) => self.command(command, start, frame, depth),
         }
+    }
+}
+
+/// The word of a statement that cannot be joined to others, and its place.
+fn stands_alone(statement: &Statement<'_>) -> Option<(&'static str, Span)> {
+    match statement {
+        Statement::Let(each) => Some(("let", each.span)),
+        Statement::If(each) => Some(("if", each.span)),
+        Statement::Def(def) => Some(("def", def.span)),
+        Statement::Command(command) => super::commands::find(command.head.text)
+            .filter(|row| matches!(row.build, Build::Wait | Build::Mark | Build::Use | Build::Abort))
+            .map(|row| (row.name, command.span)),
+        Statement::Block(_) | Statement::Call(_) => None,
     }
 }
