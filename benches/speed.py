@@ -105,7 +105,7 @@ def scaling():
     for number in range(1_000):
         with open(os.path.join(folder, f"{number}.motion"), "w") as out:
             out.write(text)
-    subprocess.run([PROGRAM, "test", folder, "--update"], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    subprocess.run([PROGRAM, "test", folder, "--bless"], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     cores = os.cpu_count()
     runs = {"one": ["/usr/bin/taskset", "-c", "0", PROGRAM, "test", folder], "all": [PROGRAM, "test", folder]}
     times = in_turns(runs, 7)

@@ -142,6 +142,25 @@ impl Diagnostics {
         }
     }
 
+    /// Adds all of another, as if each had been added here.
+    pub fn append(&mut self, other: Diagnostics) {
+        let left_out = other.left_out();
+        for diagnostic in other.kept {
+            self.push(diagnostic);
+        }
+        if left_out > 0 {
+            // Of these only the places are known.
+            for (code, span) in other.seen {
+                if !self.is_allowed(code, span) && self.seen.insert((code, span)) {
+                    match code.severity() {
+                        Severity::Error => self.errors += 1,
+                        Severity::Warning => self.warnings += 1,
+                    }
+                }
+            }
+        }
+    }
+
     /// Whether there is one with this code.
     pub fn has(&self, code: Code) -> bool {
         self.seen.range((code, Span::default())..).next().is_some_and(|(first, _)| *first == code)

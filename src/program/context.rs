@@ -10,7 +10,7 @@ use super::value::{self, Quantity};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::random::SplitMix;
 use crate::source::Span;
-use crate::syntax::{Binary, Expression, Node, NodeKind, NumberShape, Value, ValueKind};
+use crate::syntax::{Binary, Expression, Lost, Node, NodeKind, NumberShape, Value, ValueKind};
 
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
@@ -23,10 +23,8 @@ pub(super) struct Context<'s, 'd> {
     /// Whether a value since this was reset came from a random number or from the tempo.
     pub(super) varies: bool,
     pub(super) traces: Traces,
-    /// Names that are meant to exist, but whose `let` or `def` could not be read.
-    pub(super) broken: Vec<&'s str>,
-    /// Whether a file that could not be used may have given any name.
-    pub(super) names_missing: bool,
+    /// Names that are meant to exist, although nobody could read them.
+    pub(super) lost: Lost<'s>,
 }
 
 impl<'s> Context<'s, '_> {
@@ -112,7 +110,7 @@ impl<'s> Context<'s, '_> {
 
     /// Whether a name may have been lost with something that could not be read.
     pub(super) fn may_exist(&self, name: &str) -> bool {
-        self.names_missing || self.broken.contains(&name)
+        self.lost.may_hold(name)
     }
 
     fn name(&mut self, name: &str, span: Span) -> Option<Quantity> {

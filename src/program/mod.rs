@@ -38,7 +38,7 @@ pub use value::{UNITS, Unit};
 use crate::board;
 use crate::diagnostic::Diagnostics;
 use crate::source::{Sources, Span};
-use crate::syntax::Reading;
+use crate::syntax::{self, Reading};
 
 /// The most lines and passes that are unrolled.
 pub const MAX_STEPS: u64 = 100_000_000;
@@ -224,5 +224,5 @@ pub fn program<'s>(
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Program {
-    unroll::unroll(script, sources, options, diagnostics)
+    syntax::read_ahead(script, |lines| unroll::unroll(lines, sources, options, diagnostics))
 }

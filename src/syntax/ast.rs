@@ -9,10 +9,35 @@ use crate::source::Span;
 pub struct Ast<'s> {
     /// Its lines, as a block without braces.
     pub body: Block<'s>,
-    /// Names whose `let` or `def` could not be read: they are meant to exist.
-    pub broken: Vec<&'s str>,
+    /// What could not be read of it and names something.
+    pub lost: Lost<'s>,
+}
+
+/// Names that are meant to exist, but were lost with what could not be read: whatever uses them is not told that they are missing.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Lost<'s> {
+    /// Names whose `let` or `def` could not be read.
+    pub names: Vec<&'s str>,
     /// Whether a `use` could not be read, so that any name may be meant to exist.
-    pub names_missing: bool,
+    pub any: bool,
+}
+
+impl<'s> Lost<'s> {
+    /// Whether nothing was lost.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty() && !self.any
+    }
+
+    /// Whether this name may have been lost.
+    pub fn may_hold(&self, name: &str) -> bool {
+        self.any || self.names.contains(&name)
+    }
+
+    /// Adds what was lost elsewhere.
+    pub fn add(&mut self, other: Lost<'s>) {
+        self.names.extend(other.names);
+        self.any |= other.any;
+    }
 }
 
 /// Lines that run one after the other.

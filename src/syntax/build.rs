@@ -7,7 +7,7 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node, NodeKind,
+    Argument, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Lost, Moment, Name, Node, NodeKind,
     NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 use super::grammar::Rule;
@@ -21,23 +21,14 @@ pub(super) struct Builder<'s, 'd> {
     /// Where the text that pest has read begins in the source.
     offset: usize,
     lines: Vec<Line<'s>>,
-    broken: Vec<&'s str>,
-    names_missing: bool,
+    lost: Lost<'s>,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn new(source: &'s Source, diagnostics: &'d mut Diagnostics) -> Self {
-        Builder {
-            source,
-            diagnostics,
-            offset: 0,
-            lines: Vec::new(),
-            broken: Vec::new(),
-            names_missing: false,
-            empty_at: None,
-        }
+        Builder { source, diagnostics, offset: 0, lines: Vec::new(), lost: Lost::default(), empty_at: None }
     }
 
     /// Adds the lines of a part of the script that begins at `offset`.
@@ -57,9 +48,9 @@ impl<'s, 'd> Builder<'s, 'd> {
         self.diagnostics.push(trouble::beyond_the_grammar(self.source.base() as usize + offset + at));
     }
 
-    /// What was added: lines, names whose statements could not be read, and whether any name may have been lost.
-    pub(super) fn finish(self) -> (Vec<Line<'s>>, Vec<&'s str>, bool) {
-        (self.lines, self.broken, self.names_missing)
+    /// What was added, and what was lost.
+    pub(super) fn finish(self) -> (Vec<Line<'s>>, Lost<'s>) {
+        (self.lines, self.lost)
     }
 
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
@@ -209,13 +200,13 @@ impl<'s, 'd> Builder<'s, 'd> {
         let from = self.span(&pair);
         let mut parts = pair.into_inner().skip(1);
         let name = self.name(&parts.next()?);
-        self.broken.push(name.text);
+        self.lost.names.push(name.text);
         let value = self.expression(parts.next()?)?;
         if let Some(junk) = parts.next() {
             self.junk(&junk);
             return None;
         }
-        self.broken.pop();
+        self.lost.names.pop();
         let span = Span { end: value.span.end, ..from };
         Some(Statement::Let(Let { name, value, span }))
     }
@@ -224,8 +215,8 @@ impl<'s, 'd> Builder<'s, 'd> {
         let from = self.span(&pair);
         let mut parts = pair.into_inner().skip(1);
         let name = self.name(&parts.next()?);
-        self.broken.push(name.text);
-        let place = self.broken.len();
+        self.lost.names.push(name.text);
+        let place = self.lost.names.len();
         let mut parameters = Vec::new();
         let mut readable = true;
         for part in parts {
@@ -243,7 +234,7 @@ impl<'s, 'd> Builder<'s, 'd> {
                     let body = self.block(part);
                     let span = Span { end: body.span.start, ..from };
                     if readable {
-                        self.broken.remove(place - 1);
+                        self.lost.names.remove(place - 1);
                     }
                     let def = Def { name, parameters, body, span };
                     return readable.then(|| Statement::Def(Arc::new(def)));
@@ -291,7 +282,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         let head = self.name(&inner.next()?);
         if head.text == "use" && inner.peek().is_some_and(|first| !first.as_str().trim_start().starts_with('"')) {
             let name = self.source.slice(Span { start: head.span.end, ..whole }).trim().trim_matches(['\'', '`']);
-            self.names_missing = true;
+            self.lost.any = true;
             self.diagnostics.push(trouble::file_without_marks(name, whole));
             return None;
         }

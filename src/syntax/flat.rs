@@ -373,7 +373,7 @@ mod tests {
                 }
                 builder.finish()
             });
-            let tree = tree.map(|Ast { body, broken, names_missing }| (body.lines, broken, names_missing));
+            let tree = tree.map(|Ast { body, lost }| (body.lines, lost));
             prop_assert_eq!(tree, grammar);
             let sorted = |all: &Diagnostics| all.sorted().into_iter().cloned().collect::<Vec<Diagnostic>>();
             prop_assert_eq!(sorted(&found), sorted(&expected));

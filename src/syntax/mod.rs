@@ -4,6 +4,7 @@
 //! and the builder turns pest's pairs into the tree. Every mistake found on the way becomes a diagnostic; the tree holds what
 //! could be read.
 
+mod ahead;
 mod ast;
 mod build;
 mod expression;
@@ -13,8 +14,9 @@ mod reading;
 mod scan;
 mod trouble;
 
+pub use ahead::{Lines, read_ahead};
 pub use ast::{
-    Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Moment, Name, Node,
+    Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Lost, Moment, Name, Node,
     NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 pub use print::format;
@@ -36,10 +38,11 @@ mod grammar {
 /// Reads a whole script. `None` where a line is too long or its brackets are nested too deep, so that nothing else can be said of it.
 pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Ast<'s>> {
     let mut reading = read(source, diagnostics)?;
-    let lines = std::iter::from_fn(|| reading.next(diagnostics)).collect();
+    let mut lost = Lost::default();
+    let lines = std::iter::from_fn(|| reading.next(diagnostics, &mut lost)).collect();
     let base = source.base() as usize;
     let body = Block { lines, span: Span::new(base, base + source.text().len()) };
-    Some(Ast { body, broken: reading.broken, names_missing: reading.names_missing })
+    Some(Ast { body, lost })
 }
 
 /// Begins to read a script line by line, so that the tree of a long one is never there as a whole. `None` as for [`parse`].

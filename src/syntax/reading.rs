@@ -3,7 +3,7 @@
 use pest::Parser as _;
 use pest::iterators::Pair;
 
-use super::ast::Line;
+use super::ast::{Line, Lost};
 use super::build::Builder;
 use super::flat::{self, NotFlat};
 use super::grammar::{Grammar, Rule};
@@ -23,20 +23,21 @@ pub struct Reading<'s> {
     ends: std::vec::IntoIter<usize>,
     /// Lines that the grammar has read.
     lines: std::vec::IntoIter<Line<'s>>,
-    /// Names whose `let` or `def` could not be read so far: they are meant to exist.
-    pub broken: Vec<&'s str>,
-    /// Whether a `use` could not be read so far, so that any name may be meant to exist.
-    pub names_missing: bool,
 }
 
 impl<'s> Reading<'s> {
     pub(super) fn new(source: &'s Source, scanned: Scanned<'s>) -> Self {
         let (ends, lines) = (Vec::new().into_iter(), Vec::new().into_iter());
-        Reading { source, scanned, at: 0, end: 0, ends, lines, broken: Vec::new(), names_missing: false }
+        Reading { source, scanned, at: 0, end: 0, ends, lines }
+    }
+
+    /// How long the script is, in bytes.
+    pub(super) fn length(&self) -> usize {
+        self.source.text().len()
     }
 
     /// The next line, with its blocks. What cannot be read is reported and left out.
-    pub fn next(&mut self, diagnostics: &mut Diagnostics) -> Option<Line<'s>> {
+    pub fn next(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Line<'s>> {
         loop {
             if let Some(line) = self.lines.next() {
                 return Some(line);
@@ -47,7 +48,7 @@ impl<'s> Reading<'s> {
             match self.flat_line() {
                 Ok(Some(line)) => return Some(line),
                 Ok(None) => {}
-                Err(NotFlat) => self.other_line(diagnostics),
+                Err(NotFlat) => self.other_line(diagnostics, lost),
             }
         }
     }
@@ -73,7 +74,7 @@ impl<'s> Reading<'s> {
     }
 
     /// Reads one line of the whole language; where that is not possible, all that is left of the piece.
-    fn other_line(&mut self, diagnostics: &mut Diagnostics) {
+    fn other_line(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) {
         let text = self.scanned.text(self.at..self.end);
         let mut builder = Builder::new(self.source, diagnostics);
         let length = match Grammar::parse(Rule::one_line, text).or_else(|_| Grammar::parse(Rule::script, text)) {
@@ -87,10 +88,9 @@ impl<'s> Reading<'s> {
                 text.len()
             }
         };
-        let (lines, broken, names_missing) = builder.finish();
+        let (lines, names) = builder.finish();
         self.lines = lines.into_iter();
-        self.broken.extend(broken);
-        self.names_missing |= names_missing;
+        lost.add(names);
         // It ends where a line ends.
         self.at += length;
         while self.ends.as_slice().first().is_some_and(|end| *end <= self.at) {

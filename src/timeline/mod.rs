@@ -221,7 +221,13 @@ pub fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnosti
 /// Sorts a program by time, and looks for what is wrong in that order. Alone it is for a program that has other errors but whose
 /// times are right.
 pub fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
-    let sort = |steps: &mut [Step]| steps.sort_unstable_by_key(|step| (step.at.micros(), step.order));
+    let key = |step: &Step| (step.at.micros(), step.order);
+    let sort = |steps: &mut [Step]| {
+        // Most scripts are written in the order of time.
+        if !steps.is_sorted_by_key(key) {
+            steps.sort_unstable_by_key(key);
+        }
+    };
     sort(&mut program.steps);
     order::check(&program.steps, &program.traces, diagnostics);
     if let Some(abort) = &mut program.abort {

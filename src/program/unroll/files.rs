@@ -1,7 +1,8 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
 use super::super::time::Time;
-use super::{Frame, Later, Set, Unroll};
+use super::phrases::Later;
+use super::{Frame, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
 use crate::syntax::{self, Statement, Value, ValueKind};
@@ -34,7 +35,7 @@ impl<'s> Unroll<'s, '_> {
     pub(super) fn use_(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
         let used = self.try_use(value, span);
         // What it would have named is not reported as missing.
-        self.context.names_missing |= used.is_none();
+        self.context.lost.any |= used.is_none();
         used
     }
 
@@ -95,9 +96,8 @@ impl<'s> Unroll<'s, '_> {
             self.report(Code::SourceTooLarge, value.span, "all files together are larger than 64 MiB", help);
             return None;
         };
-        let tree = syntax::parse(source, self.context.diagnostics)?;
-        self.context.broken.extend(&tree.broken);
-        self.context.names_missing |= tree.names_missing;
+        let mut tree = syntax::parse(source, self.context.diagnostics)?;
+        self.context.lost.add(std::mem::take(&mut tree.lost));
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.context.scope.main, false);
         let later = std::mem::replace(&mut self.later, Later::new(source));

@@ -10,7 +10,6 @@ mod words;
 
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use super::arguments::{self, blank_before_unit};
 use super::commands::Build;
@@ -22,12 +21,13 @@ use super::trace::Traces;
 use super::value::{Quantity, not_yet};
 use super::weight::Weight;
 use fixed::Fixed;
+use phrases::Later;
 
 use super::{Abort, MAX_STEPS, Options, Program, Settings, Step};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::source::{Source, Sources, Span};
+use crate::source::{Sources, Span};
 use crate::syntax::{
-    self, Block, Def, Expression, If, Line, Moment, Origin, Part, Reading, Start, Statement, Value, ValueKind,
+    Block, Expression, If, Line, Lines, Lost, Moment, Origin, Part, Start, Statement, Value, ValueKind,
 };
 
 /// How many steps of a script that has an error are looked through.
@@ -37,12 +37,12 @@ const ENOUGH: u64 = 300_000;
 const MAX_DEPTH: usize = 200;
 
 pub(super) fn unroll<'s>(
-    mut script: Reading<'s>,
+    script: &mut Lines<'s>,
     sources: &'s Sources,
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Program {
-    let mut errors = 0;
+    let is_readable = !diagnostics.has_errors();
     let context = Context {
         diagnostics,
         scope: Scope::new(),
@@ -50,8 +50,7 @@ pub(super) fn unroll<'s>(
         random: crate::random::SplitMix::default(),
         varies: false,
         traces: Traces::default(),
-        broken: Vec::new(),
-        names_missing: false,
+        lost: Lost::default(),
     };
     let mut unroll = Unroll {
         context,
@@ -79,7 +78,7 @@ pub(super) fn unroll<'s>(
         max_events: options.events,
         exhausted: false,
         too_long: false,
-        times_known: true,
+        times_known: is_readable,
         unknown: HashSet::new(),
         failed: None,
         abort: None,
@@ -89,43 +88,15 @@ pub(super) fn unroll<'s>(
     unroll.read_sets(&options.set);
     let mut frame = Frame::new(Time::ZERO);
     frame.top = true;
-    while let Some(line) = script.next(unroll.context.diagnostics) {
+    loop {
+        let errors = unroll.context.diagnostics.errors();
+        let line = script.next(unroll.context.diagnostics, &mut unroll.context.lost);
         // What could not be read may have moved anything.
         unroll.times_known &= unroll.context.diagnostics.errors() == errors;
-        unroll.context.broken.append(&mut script.broken);
-        unroll.context.names_missing |= script.names_missing;
-        unroll.lines(std::slice::from_ref(&line), &mut frame, 0);
-        errors = unroll.context.diagnostics.errors();
+        let Some(line) = line else { break };
+        unroll.lines(std::slice::from_ref(line), &mut frame, 0);
     }
-    unroll.times_known &= unroll.context.diagnostics.errors() == errors;
     unroll.finish(frame.latest)
-}
-
-/// The `def`s at the top level of a file, wherever they stand. Only messages need them, so they are looked for when the first
-/// one does.
-struct Later<'s> {
-    source: &'s Source,
-    found: Option<HashMap<&'s str, Arc<Def<'s>>>>,
-}
-
-impl<'s> Later<'s> {
-    fn new(source: &'s Source) -> Self {
-        Later { source, found: None }
-    }
-
-    fn get(&mut self, name: &str) -> Option<Arc<Def<'s>>> {
-        self.found.get_or_insert_with(|| definitions(self.source)).get(name).cloned()
-    }
-}
-
-fn definitions(source: &Source) -> HashMap<&str, Arc<Def<'_>>> {
-    let tree = syntax::parse(source, &mut Diagnostics::default());
-    let parts = tree.into_iter().flat_map(|tree| tree.body.lines).flat_map(|line| line.parts);
-    let defs = parts.filter_map(|part| match part.statement {
-        Statement::Def(def) => Some((def.name.text, def)),
-        _ => None,
-    });
-    defs.collect()
 }
 
 /// How far a block has run.

@@ -137,7 +137,7 @@ impl<'s> Unroll<'s, '_> {
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
             return "a name begins with a small letter: write `let depth = 300us`".to_owned();
         };
-        self.context.broken.push(name);
+        self.context.lost.names.push(name);
         let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
         let value = value.map_or("300us", |span| self.sources.file(span).slice(span).trim());
         format!("write `let {name} = {}`", value.trim_start_matches(['=', ':']).trim())

@@ -17,11 +17,11 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
     marks.sort_by_key(|mark| mark.at_us);
     let mut cues = Vec::new();
     let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
-    lay.run(steps, &mut cues);
+    let steps = lay.run(steps, &mut cues);
     lay.close(end);
     lay.reports(end);
     let expects = std::mem::take(&mut lay.expects);
-    let (events, tweens) = lay.finish();
+    let (events, tweens) = lay.finish(steps);
     let (abort, abort_cues) =
         abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
     Timeline {
@@ -46,7 +46,7 @@ fn lay_abort(
 ) -> (Vec<Event>, Vec<Cue>) {
     let mut cues = Vec::new();
     let mut lay = Lay::new(settings, traces, limit, diagnostics);
-    lay.run(abort.steps, &mut cues);
+    let steps = lay.run(abort.steps, &mut cues);
     if let Some(from) = lay.raw {
         // Nobody knows what a raw frame left behind.
         lay.emit(abort.end, Command::STOP, Kind::Abort, From { order: u32::MAX - 1, ..from });
@@ -55,7 +55,7 @@ fn lay_abort(
         let from = From { order: u32::MAX, ..lay.last(BUZZER) };
         lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, from);
     }
-    let (mut events, _) = lay.finish();
+    let (mut events, _) = lay.finish(steps);
     for event in &mut events {
         event.kind = Kind::Abort;
     }
@@ -124,10 +124,10 @@ struct Lay<'d> {
     traces: &'d Traces,
     /// The most events.
     limit: usize,
-    /// Commands and samples.
-    events: Vec<Event>,
-    /// The place of each in script order.
-    orders: Vec<u32>,
+    /// How many of the steps are one event each.
+    plain: usize,
+    /// All other events but refreshes, with their places in script order.
+    events: Vec<(Event, u32)>,
     /// The moves, each with the time and the place in script order of its first step.
     tweens: Vec<(Tween, (u64, u32))>,
     /// Refreshes, sorted by time.
@@ -157,8 +157,8 @@ impl<'d> Lay<'d> {
             limits: &settings.limits,
             traces,
             limit,
+            plain: 0,
             events: Vec::new(),
-            orders: Vec::new(),
             tweens: Vec::new(),
             refreshes: Vec::new(),
             expects: Vec::new(),
@@ -173,8 +173,9 @@ impl<'d> Lay<'d> {
         }
     }
 
-    /// Lays every step, sorted by time; lines to show go to `cues`.
-    fn run(&mut self, mut steps: Vec<Step>, cues: &mut Vec<Cue>) {
+    /// Lays every step, sorted by time; lines to show go to `cues`. The steps are given back: those that are one event each become
+    /// it where they stand, in [`finish`](Self::finish), because there may be millions of them.
+    fn run(&mut self, mut steps: Vec<Step>, cues: &mut Vec<Cue>) -> Vec<Step> {
         let mut ends: BinaryHeap<Reverse<End>> = BinaryHeap::new();
         let mut ended: Vec<End> = Vec::new();
         let mut rest = steps.as_mut_slice();
@@ -209,14 +210,15 @@ impl<'d> Lay<'d> {
             }
         }
         self.waiting_expects();
+        steps
     }
 
     fn step(&mut self, step: &mut Step, cues: &mut Vec<Cue>) {
         let from = From::step(step);
         match &mut step.action {
-            Action::Send(command) => self.send(step.at, command, Kind::Command, from),
+            Action::Send(command) => self.plain(step.at, command, from),
             Action::Hold(held) => {
-                self.send(step.at, &held.0, Kind::Command, from);
+                self.plain(step.at, &held.0, from);
                 self.open_ended &= !held.0.is_drive();
             }
             Action::Go(going) => self.go(step.at, going, from),
@@ -240,12 +242,25 @@ impl<'d> Lay<'d> {
         self.diagnostics.push(self.traces.attach(diagnostic, from.trace));
     }
 
-    /// Sends a command: the hold before it ends, and its own begins.
+    /// Sends a command that is a step.
+    fn plain(&mut self, at: Time, command: &Command, from: From) {
+        self.tell(at, command, from);
+        if self.has_room(1, from) {
+            self.plain += 1;
+        }
+    }
+
+    /// Sends a command that is none.
     fn send(&mut self, at: Time, command: &Command, kind: Kind, from: From) {
+        self.tell(at, command, from);
+        self.emit(at, command.clone(), kind, from);
+    }
+
+    /// The hold before a command ends, and its own begins.
+    fn tell(&mut self, at: Time, command: &Command, from: From) {
         // A raw frame in the middle of a move: the samples behind it, which are laid already, have the last word.
         if matches!(command, Command::Raw { .. }) && at < self.drive_until {
             self.raw = self.raw.or(Some(from));
-            self.emit(at, command.clone(), kind, from);
             return;
         }
         if command.is_drive() {
@@ -263,13 +278,12 @@ impl<'d> Lay<'d> {
             self.raw = self.raw.or(Some(from));
         }
         self.state.apply(command);
-        self.emit(at, command.clone(), kind, from);
     }
 
     fn emit(&mut self, at: Time, command: Command, kind: Kind, from: From) {
         if self.has_room(1, from) {
-            self.events.push(Event { at_us: at.micros(), command, kind, span: from.span, trace: from.trace });
-            self.orders.push(from.order);
+            let event = Event { at_us: at.micros(), command, kind, span: from.span, trace: from.trace };
+            self.events.push((event, from.order));
         }
     }
 
@@ -372,7 +386,7 @@ impl<'d> Lay<'d> {
 
     /// Whether so many more frames are allowed; where not, that is reported once.
     fn has_room(&mut self, more: usize, from: From) -> bool {
-        let total = self.events.len().saturating_add(self.refreshes.len()).saturating_add(more);
+        let total = (self.plain + self.events.len() + self.refreshes.len()).saturating_add(more);
         let room = total <= self.limit;
         if !room && !self.full {
             self.full = true;
@@ -383,26 +397,37 @@ impl<'d> Lay<'d> {
         room
     }
 
-    /// All events in the order of sending, and the moves in that of their first steps. Closing frames keep theirs.
-    fn finish(mut self) -> (Vec<Event>, Vec<Tween>) {
+    /// All events in the order of sending, and the moves in that of their first steps. The sort is stable: closing frames keep
+    /// theirs.
+    fn finish(mut self, steps: Vec<Step>) -> (Vec<Event>, Vec<Tween>) {
         self.tweens.sort_by_key(|(_, first)| *first);
         let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
-        let key = |event: &Event, order: u32| {
-            (event.at_us, event.rank(), if event.kind == Kind::Closing { 0 } else { order })
+        let key = |(event, order): &(Event, u32)| {
+            (event.at_us, event.rank(), if event.kind == Kind::Closing { 0 } else { *order })
         };
-        let mut events = self.events;
-        // Without moves they are laid in this order.
-        if !events.iter().zip(&self.orders).is_sorted_by_key(|(event, order)| key(event, *order)) {
-            let mut sorted: Vec<(Event, u32)> = events.into_iter().zip(self.orders).collect();
-            sorted.sort_by_key(|(event, order)| key(event, *order));
-            events = sorted.into_iter().map(|(event, _)| event).collect();
+        let mut events: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
+        events.extend(self.events);
+        if !events.is_sorted_by_key(key) {
+            events.sort_by_key(key);
         }
+        let mut events: Vec<Event> = events.into_iter().map(|(event, _)| event).collect();
         if !self.refreshes.is_empty() {
             events.extend(self.refreshes);
             events.sort_by_key(|event| (event.at_us, event.rank()));
         }
         (events, tweens)
     }
+}
+
+/// The event that a step is, if it is one, with its place in script order.
+fn plain_event(step: Step) -> Option<(Event, u32)> {
+    let Step { at, span, trace, order, action } = step;
+    let command = match action {
+        Action::Send(command) => command,
+        Action::Hold(held) => held.0,
+        Action::Go(_) | Action::Say(_) | Action::Expect(_) => return None,
+    };
+    Some((Event { at_us: at.micros(), command, kind: Kind::Command, span, trace }, order))
 }
 
 /// A number of frames, held where it is far too large.

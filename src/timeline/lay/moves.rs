@@ -22,7 +22,7 @@ impl Lay<'_> {
         let end = at.plus(*over);
         self.samples(at, end, going, &starts, from);
         let steps = self.events.get(before..).unwrap_or_default();
-        if let Some(first) = steps.first() {
+        if let Some((first, _)) = steps.first() {
             let tween = Tween { at_us: at.micros(), end_us: end.micros(), ease: *ease, steps: steps.len() };
             self.tweens.push((tween, (first.at_us, from.order)));
         }
