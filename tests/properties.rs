@@ -61,6 +61,8 @@ fn varying() -> impl Strategy<Value = String> {
         "servo 3 pick(900, 1800)\n",
         "{\ntempo 70bpm\n+1 beat stop\n}\n",
         "if pass == 1 { servo 1 near }\nwait 20ms\n",
+        "if pass == 1 { let near = 1700 }\nservo 1 near\nwait 20ms\n",
+        "if pass == 2 { let unused = 1 } else { let near = 1250 }\nwait (near * 10us)\n",
         "wait 1 beat\n",
     ])
     .prop_map(str::to_owned)

@@ -118,7 +118,7 @@ impl Diagnostics {
         code.severity() == Severity::Warning && line.is_some_and(|line| span.start <= line.end)
     }
 
-    /// Adds one. A warning that is allowed at its place is none. Beyond [`MAX_KEPT`] it is only counted, except that the first error is always kept.
+    /// Adds one. A warning that is allowed at its place is none. Beyond [`MAX_KEPT`] it is only counted, except that a warning gives way to an error.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         if self.is_allowed(diagnostic.code, diagnostic.span) {
             return;
@@ -127,23 +127,21 @@ impl Diagnostics {
         if !self.seen.insert((diagnostic.code, diagnostic.span)) {
             return;
         }
-        let first_error = match diagnostic.code.severity() {
-            Severity::Error => {
-                self.errors += 1;
-                self.errors == 1
-            }
-            Severity::Warning => {
-                self.warnings += 1;
-                false
-            }
-        };
-        if self.kept.len() < MAX_KEPT || first_error {
+        match diagnostic.code.severity() {
+            Severity::Error => self.errors += 1,
+            Severity::Warning => self.warnings += 1,
+        }
+        if self.kept.len() < MAX_KEPT {
             self.kept.push(diagnostic);
+        } else if diagnostic.is_error()
+            && let Some(warning) = self.kept.iter_mut().rfind(|kept| !kept.is_error())
+        {
+            *warning = diagnostic;
         }
     }
 
-    /// Adds all of another, as if each had been added here.
-    pub fn append(&mut self, other: Diagnostics) {
+    /// Adds the errors and warnings of another, as if each had been added here.
+    pub(crate) fn append(&mut self, other: Diagnostics) {
         let left_out = other.left_out();
         for diagnostic in other.kept {
             self.push(diagnostic);

@@ -2,6 +2,7 @@
 //! there.
 
 use super::functions::{self, Compute, below};
+use super::later::Later;
 use super::scope::{Scope, is_reserved};
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
@@ -25,6 +26,8 @@ pub(super) struct Context<'s, 'd> {
     pub(super) traces: Traces,
     /// Names that are meant to exist, although nobody could read them.
     pub(super) lost: Lost<'s>,
+    /// What stands further down in the file that is run.
+    pub(super) later: Later<'s>,
 }
 
 impl<'s> Context<'s, '_> {
@@ -109,8 +112,8 @@ impl<'s> Context<'s, '_> {
     }
 
     /// Whether a name may have been lost with something that could not be read.
-    pub(super) fn may_exist(&self, name: &str) -> bool {
-        self.lost.may_hold(name)
+    pub(super) fn may_exist(&mut self, name: &str) -> bool {
+        self.lost.may_hold(name) || self.later.may_have_lost(name)
     }
 
     fn name(&mut self, name: &str, span: Span) -> Option<Quantity> {

@@ -9,6 +9,7 @@ mod context;
 mod ease;
 mod expect;
 mod functions;
+mod later;
 mod limits;
 mod motion;
 mod say;

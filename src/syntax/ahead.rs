@@ -20,7 +20,7 @@ const BATCH: usize = 512;
 const WAITING: usize = 8;
 
 /// The lines of a script, one after another.
-pub struct Lines<'s> {
+pub(crate) struct Lines<'s> {
     from: From<'s>,
     line: Option<Line<'s>>,
 }
@@ -54,7 +54,7 @@ struct Trouble<'s> {
 }
 
 /// Runs something with the lines of a script, which are read ahead if there are many.
-pub fn read_ahead<'s, T>(script: Reading<'s>, run: impl FnOnce(&mut Lines<'s>) -> T) -> T {
+pub(crate) fn read_ahead<'s, T>(script: Reading<'s>, run: impl FnOnce(&mut Lines<'s>) -> T) -> T {
     let lines = |from| Lines { from, line: None };
     if script.length() < LONG {
         return run(&mut lines(From::Here(script)));
@@ -102,7 +102,7 @@ fn read<'s>(mut script: Reading<'s>, hand_over: &SyncSender<Batch<'s>>, spent: &
 
 impl<'s> Lines<'s> {
     /// The next line, with its blocks. What cannot be read is reported and left out.
-    pub fn next(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<&Line<'s>> {
+    pub(crate) fn next(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<&Line<'s>> {
         let spent = self.line.take();
         self.line = match &mut self.from {
             From::Here(reading) => {

@@ -24,17 +24,17 @@ pub struct Lost<'s> {
 
 impl<'s> Lost<'s> {
     /// Whether nothing was lost.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.names.is_empty() && !self.any
     }
 
     /// Whether this name may have been lost.
-    pub fn may_hold(&self, name: &str) -> bool {
+    pub(crate) fn may_hold(&self, name: &str) -> bool {
         self.any || self.names.contains(&name)
     }
 
     /// Adds what was lost elsewhere.
-    pub fn add(&mut self, other: Lost<'s>) {
+    pub(crate) fn add(&mut self, other: Lost<'s>) {
         self.names.extend(other.names);
         self.any |= other.any;
     }

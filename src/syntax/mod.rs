@@ -14,7 +14,7 @@ mod reading;
 mod scan;
 mod trouble;
 
-pub use ahead::{Lines, read_ahead};
+pub(crate) use ahead::{Lines, read_ahead};
 pub use ast::{
     Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Lost, Moment, Name, Node,
     NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,

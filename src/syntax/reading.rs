@@ -11,6 +11,9 @@ use super::scan::Scanned;
 use crate::diagnostic::Diagnostics;
 use crate::source::Source;
 
+/// How many bytes of lines are cut at once.
+const FEW: usize = 4 * 1024;
+
 /// A script that is being read.
 pub struct Reading<'s> {
     source: &'s Source,
@@ -19,7 +22,7 @@ pub struct Reading<'s> {
     at: usize,
     /// Where the piece ends that is being read.
     end: usize,
-    /// Where the lines of that piece end that may be flat.
+    /// Where its next lines end, as the grammar has cut them.
     ends: std::vec::IntoIter<usize>,
     /// Lines that the grammar has read.
     lines: std::vec::IntoIter<Line<'s>>,
@@ -56,15 +59,25 @@ impl<'s> Reading<'s> {
     /// Goes on to the next piece; `false` where there is none.
     fn next_piece(&mut self) -> bool {
         self.end = self.scanned.piece(self.at);
-        let piece = self.scanned.text(self.at..self.end);
-        let lines = Grammar::parse(Rule::flat_lines, piece).into_iter().flatten().flat_map(Pair::into_inner);
+        self.at < self.end
+    }
+
+    /// Cuts the next few lines. A piece is long where empty lines and comments follow each other, and a token is longer than they are.
+    fn cut(&mut self) {
+        let rest = self.scanned.text(self.at..self.end);
+        let most = rest.floor_char_boundary(FEW);
+        let end = rest.bytes().skip(most).position(|byte| byte == b'\n').map_or(rest.len(), |at| most + at + 1);
+        let few = rest.get(..end).unwrap_or_default();
+        let lines = Grammar::parse(Rule::flat_lines, few).into_iter().flatten().flat_map(Pair::into_inner);
         let ends: Vec<usize> = lines.map(|line| self.at + line.as_span().end()).collect();
         self.ends = ends.into_iter();
-        self.at < self.end
     }
 
     /// Reads a flat line, which may be empty.
     fn flat_line(&mut self) -> Result<Option<Line<'s>>, NotFlat> {
+        if self.ends.as_slice().is_empty() {
+            self.cut();
+        }
         let end = self.ends.next().ok_or(NotFlat)?;
         // The same bytes as the grammar has seen, of the source itself.
         let text = self.source.text().get(self.at..end).ok_or(NotFlat)?;
@@ -91,8 +104,8 @@ impl<'s> Reading<'s> {
         let (lines, names) = builder.finish();
         self.lines = lines.into_iter();
         lost.add(names);
-        // It ends where a line ends.
         self.at += length;
+        // It ends where a line ends, perhaps further down.
         while self.ends.as_slice().first().is_some_and(|end| *end <= self.at) {
             self.ends.next();
         }

@@ -1,7 +1,7 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
+use super::super::later::Later;
 use super::super::time::Time;
-use super::phrases::Later;
 use super::{Frame, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
@@ -100,7 +100,7 @@ impl<'s> Unroll<'s, '_> {
         self.context.lost.add(std::mem::take(&mut tree.lost));
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.context.scope.main, false);
-        let later = std::mem::replace(&mut self.later, Later::new(source));
+        let later = std::mem::replace(&mut self.context.later, Later::new(source));
         let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
         for line in &tree.body.lines {
             for part in &line.parts {
@@ -123,7 +123,7 @@ impl<'s> Unroll<'s, '_> {
         if self.context.diagnostics.errors() == errors {
             self.lines(&tree.body.lines, &mut frame, 0);
         }
-        self.later = later;
+        self.context.later = later;
         self.context.scope.main = main;
         self.loading.pop();
         self.loaded.push(path);

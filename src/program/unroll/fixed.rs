@@ -10,7 +10,8 @@ use crate::syntax::{Line, Part, Start, Statement};
 
 /// What the lines of one `repeat` do in every pass.
 pub(super) struct Fixed {
-    /// How many names of blocks there were before the first pass. Later ones are given anew in each.
+    /// How many names of blocks there were before the first pass. Those behind are given anew in each; one that an `if` gives ends all
+    /// this, because it hides others in some passes only.
     outer: usize,
     /// What is known of each line, by its place in the block.
     lines: Vec<Option<Done>>,
@@ -51,7 +52,8 @@ impl<'s> Unroll<'s, '_> {
     /// Runs a line, which may be known from a pass before.
     pub(super) fn line_again(&mut self, place: usize, line: &Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
         let Some(fixed) = &frame.fixed else { return self.line(line, frame, depth) };
-        let from = if frame.together { frame.start } else { frame.now };
+        // A pass is no `together`.
+        let from = frame.now;
         if let Some(done) = fixed.done(place, line.span) {
             let start = from.plus(done.delay);
             let end = start.plus(done.lasted);

@@ -14,6 +14,7 @@ use std::path::PathBuf;
 use super::arguments::{self, blank_before_unit};
 use super::commands::Build;
 use super::context::Context;
+use super::later::Later;
 use super::scope::{self, Scope};
 use super::suggest::suggest;
 use super::time::Time;
@@ -21,7 +22,6 @@ use super::trace::Traces;
 use super::value::{Quantity, not_yet};
 use super::weight::Weight;
 use fixed::Fixed;
-use phrases::Later;
 
 use super::{Abort, MAX_STEPS, Options, Program, Settings, Step};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
@@ -51,6 +51,7 @@ pub(super) fn unroll<'s>(
         varies: false,
         traces: Traces::default(),
         lost: Lost::default(),
+        later: Later::new(sources.main()),
     };
     let mut unroll = Unroll {
         context,
@@ -58,7 +59,6 @@ pub(super) fn unroll<'s>(
         sets: Vec::new(),
         settings: Settings::default(),
         given: Vec::new(),
-        later: Later::new(sources.main()),
         weights: Vec::new(),
         touched: HashSet::new(),
         said: 0,
@@ -149,8 +149,6 @@ struct Unroll<'s, 'd> {
     settings: Settings,
     /// Settings that were given, with their places.
     given: Vec<(&'static str, Span)>,
-    /// Every `def` at the top level of the file that is run.
-    later: Later<'s>,
     /// The `if`s whose names were counted as used.
     touched: HashSet<Span>,
     /// Bytes of `say` texts.
@@ -355,7 +353,12 @@ impl<'s> Unroll<'s, '_> {
             }
         }
         if let Some(block) = taken {
+            let names = self.context.scope.locals();
             self.lines(&block.lines, frame, depth);
+            // What it has named may hide, in this pass only, what lines behind it use.
+            if self.context.scope.locals() > names {
+                frame.fixed = None;
+            }
         }
         Some(())
     }

@@ -1,6 +1,6 @@
 //! Names and phrases: `let`, `def` and calls.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::super::scope;
@@ -8,9 +8,9 @@ use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::weight::{self, Weight};
 use super::{Frame, Unroll};
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::source::{Source, Span};
-use crate::syntax::{self, Block, Call, Def, Let, Name, Statement};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::source::Span;
+use crate::syntax::{Block, Call, Def, Let, Name};
 
 impl<'s> Unroll<'s, '_> {
     pub(super) fn let_(&mut self, each: &Let<'s>) -> Option<()> {
@@ -105,7 +105,7 @@ impl<'s> Unroll<'s, '_> {
                 continue;
             }
             fine = None;
-            let below = self.later.get(call.text);
+            let below = self.context.later.get(call.text);
             match below {
                 Some(below) => match self.cycle(def, &below) {
                     Some(cycle) => {
@@ -155,7 +155,7 @@ impl<'s> Unroll<'s, '_> {
             let mut found = Vec::new();
             scope::calls(&current.body, &mut found);
             for call in found {
-                if let Some(callee) = self.later.get(call.text)
+                if let Some(callee) = self.context.later.get(call.text)
                     && seen.insert(callee.name.text)
                 {
                     reached.push((callee, Some(at)));
@@ -242,33 +242,6 @@ impl<'s> Unroll<'s, '_> {
         self.counted.insert(block.span, weight);
         weight
     }
-}
-
-/// The `def`s at the top level of a file, wherever they stand. Only messages need them, so they are looked for when the first
-/// one does.
-pub(super) struct Later<'s> {
-    source: &'s Source,
-    found: Option<HashMap<&'s str, Arc<Def<'s>>>>,
-}
-
-impl<'s> Later<'s> {
-    pub(super) fn new(source: &'s Source) -> Self {
-        Later { source, found: None }
-    }
-
-    pub(super) fn get(&mut self, name: &str) -> Option<Arc<Def<'s>>> {
-        self.found.get_or_insert_with(|| definitions(self.source)).get(name).cloned()
-    }
-}
-
-fn definitions(source: &Source) -> HashMap<&str, Arc<Def<'_>>> {
-    let tree = syntax::parse(source, &mut Diagnostics::default());
-    let parts = tree.into_iter().flat_map(|tree| tree.body.lines).flat_map(|line| line.parts);
-    let defs = parts.filter_map(|part| match part.statement {
-        Statement::Def(def) => Some((def.name.text, def)),
-        _ => None,
-    });
-    defs.collect()
 }
 
 /// How a phrase is called.

@@ -85,7 +85,7 @@ impl<'s> Unroll<'s, '_> {
         if self.context.may_exist(name) || !self.unknown.insert(call.span) {
             return;
         }
-        if let Some(below) = self.later.get(name) {
+        if let Some(below) = self.context.later.get(name) {
             let message = format!("`{name}` is defined further down");
             // One that stands above was not taken, and that was said.
             if below.span.start < call.span.start {

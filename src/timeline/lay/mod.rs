@@ -448,3 +448,16 @@ fn superseded(end: &End, group: &[Step]) -> bool {
     };
     group.iter().any(|step| step.order != end.from.order && starts(step))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A million of them are there at once, and the second becomes the third in the same memory.
+    #[test]
+    fn what_there_are_millions_of_is_small() {
+        assert_eq!(size_of::<Command>(), 16);
+        assert_eq!(size_of::<Step>(), 48);
+        assert!(size_of::<(Event, u32)>() <= size_of::<Step>() && align_of::<(Event, u32)>() == align_of::<Step>());
+    }
+}
