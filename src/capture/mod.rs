@@ -1,14 +1,14 @@
 //! Bytes that another program sent, read back: as a listing, whatever is wrong with them.
 
+mod listing;
 mod text;
 
 use std::io::{self, Read, Write};
 
-use crate::board::{Command, Decoder, Frame, Item, Skip};
+use crate::board::{Decoder, Item};
+pub use listing::{Listing, write_json};
 use text::Text;
 
-/// The most bytes of a run that are shown where they belong to no frame.
-const SHOWN: usize = 16;
 const CHUNK: usize = 64 * 1024;
 
 /// What a stream held.
@@ -44,7 +44,8 @@ pub enum DecodeError {
 ///
 /// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
 pub fn decode(mut input: impl Read, out: &mut impl Write) -> Result<Decoded, DecodeError> {
-    let mut listing = Listing { out, position: 0, decoded: Decoded::default(), run: None, failed: None };
+    let mut listing = Listing::new(out);
+    let take = |listing: &mut Listing<_>, item: Item<'_>| listing.take(listing.decoded.bytes, item);
     let mut decoder = Decoder::new();
     let mut buffer = vec![0; CHUNK];
     let mut text: Option<Text> = None;
@@ -65,99 +66,20 @@ pub fn decode(mut input: impl Read, out: &mut impl Write) -> Result<Decoded, Dec
             Some(text) => {
                 bytes.clear();
                 text.feed(block, &mut bytes);
-                decoder.feed(&bytes, |item| listing.take(item));
+                decoder.feed(&bytes, |item| take(&mut listing, item));
             }
-            None => decoder.feed(block, |item| listing.take(item)),
+            None => decoder.feed(block, |item| take(&mut listing, item)),
         }
-        listing.failure()?;
+        listing.failure().map_err(DecodeError::Write)?;
     }
     if let Some(text) = &mut text {
         bytes.clear();
         text.finish(&mut bytes);
-        decoder.feed(&bytes, |item| listing.take(item));
+        decoder.feed(&bytes, |item| take(&mut listing, item));
     }
-    decoder.finish(|item| listing.take(item));
+    decoder.finish(|item| take(&mut listing, item));
     listing.end_run();
-    listing.failure()?;
+    listing.failure().map_err(DecodeError::Write)?;
     let (not_hex, half_byte) = text.map_or((0, false), |text| (text.strangers(), text.is_half()));
     Ok(Decoded { not_hex, half_byte, ..listing.decoded })
-}
-
-/// Bytes in a row that belong to no frame.
-struct Run {
-    at: u64,
-    shown: Vec<u8>,
-    count: u64,
-    why: Skip,
-}
-
-struct Listing<'o, W> {
-    out: &'o mut W,
-    position: u64,
-    decoded: Decoded,
-    run: Option<Run>,
-    failed: Option<io::Error>,
-}
-
-impl<W: Write> Listing<'_, W> {
-    fn take(&mut self, item: Item<'_>) {
-        match item {
-            Item::Frame(frame) => {
-                self.end_run();
-                self.frame(frame);
-                self.position += frame.bytes().len() as u64;
-                self.decoded.bytes += frame.bytes().len() as u64;
-            }
-            Item::Skipped { at, bytes, why } => {
-                self.position = at + bytes.len() as u64;
-                self.decoded.bytes += bytes.len() as u64;
-                self.decoded.skipped += bytes.len() as u64;
-                match &mut self.run {
-                    Some(run) if run.why == why => {
-                        run.count += bytes.len() as u64;
-                        let room = SHOWN.saturating_sub(run.shown.len());
-                        run.shown.extend(bytes.iter().take(room));
-                    }
-                    _ => {
-                        self.end_run();
-                        let shown = bytes.iter().take(SHOWN).copied().collect();
-                        self.run = Some(Run { at, shown, count: bytes.len() as u64, why });
-                    }
-                }
-            }
-        }
-    }
-
-    fn frame(&mut self, frame: Frame<'_>) {
-        self.decoded.frames += 1;
-        let position = self.position;
-        let written = match Command::decode(frame) {
-            Ok(command) => writeln!(self.out, "{position}\t{frame}\t{command}"),
-            Err(why) => {
-                self.decoded.unknown += 1;
-                writeln!(self.out, "{position}\t{frame}\t{}\tunknown: {why}", Command::decode_or_raw(frame))
-            }
-        };
-        self.keep(written);
-    }
-
-    fn end_run(&mut self) {
-        let Some(Run { at, shown, count, why }) = self.run.take() else { return };
-        let bytes: Vec<String> = shown.iter().map(|byte| format!("{byte:02X}")).collect();
-        let more = if count > SHOWN as u64 { " …" } else { "" };
-        let bytes = bytes.join(" ");
-        let written = writeln!(self.out, "{at}\t{bytes}{more}\t\tskipped {count}: {why}");
-        self.keep(written);
-    }
-
-    /// The first failure is kept: what follows it cannot be written either.
-    fn keep(&mut self, written: io::Result<()>) {
-        if let Err(error) = written {
-            self.failed.get_or_insert(error);
-        }
-    }
-
-    fn failure(&mut self) -> Result<(), DecodeError> {
-        self.failed.take().map_or(Ok(()), |error| Err(DecodeError::Write(error)))
-    }
 }

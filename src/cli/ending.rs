@@ -166,7 +166,8 @@ fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
     }
 }
 
-fn board_summary(screen: &Screen, received: &Received) {
+/// What a virtual board has received, in words.
+pub(super) fn board_summary(screen: &Screen, received: &Received) {
     let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
     screen.note(&format!("the virtual board received {frames} ({} bytes); {}", received.bytes, described(received)));
     let pose = received.pose;

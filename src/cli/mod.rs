@@ -1,5 +1,6 @@
 //! Arguments in, exit codes out; one file a command.
 
+mod board;
 mod check;
 mod decode;
 mod diff;
@@ -59,6 +60,7 @@ enum Command {
     Fmt(fmt::Fmt),
     Explain(explain::Explain),
     Decode(decode::Decode),
+    Board(board::Board),
     Ports(ports::Ports),
     Latency(latency::Latency),
     Completions(shell::Completions),
@@ -133,6 +135,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Fmt(fmt) => fmt.run(&screen),
         Command::Explain(explain) => explain.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
+        Command::Board(board) => board.run(&screen),
         Command::Latency(latency) => latency.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
         Command::Completions(completions) => completions.run(&screen),

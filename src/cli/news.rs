@@ -290,11 +290,15 @@ impl News {
         if self.state.buzzer() == Some(true) {
             parts.push("buzzer on".to_owned());
         }
-        for index in 1..=4 {
-            if let Some(pulse) = ServoIndex::new(index).ok().and_then(|index| self.state.servo(index)) {
-                parts.push(format!("servo {index} {pulse}"));
-            }
-        }
+        parts.extend(servos(&self.state));
         parts
     }
+}
+
+/// Where the servos are that were told.
+pub(super) fn servos(state: &State) -> impl Iterator<Item = String> {
+    (1..=4).filter_map(|index| {
+        let pulse = state.servo(ServoIndex::new(index).ok()?)?;
+        Some(format!("servo {index} {pulse}"))
+    })
 }

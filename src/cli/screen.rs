@@ -101,7 +101,7 @@ impl Screen {
     /// What went wrong beside the motion.
     pub(super) fn warning(&self, line: &str) {
         let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };
-        print(&format!("{word}: {}\n", escaped(line)));
+        print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)));
     }
 
     /// The same on a line of its own, where another program's prompt may stand before it.

@@ -1,5 +1,6 @@
 //! The way to a board: what bytes are written to and read from.
 
+mod door;
 mod pty;
 mod recorder;
 mod serial;
@@ -8,6 +9,7 @@ mod stalling;
 use std::io;
 use std::os::fd::BorrowedFd;
 
+pub use door::{Door, DoorError};
 pub use pty::Pty;
 pub use recorder::Recorder;
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};

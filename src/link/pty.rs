@@ -58,6 +58,18 @@ impl Pty {
         }
     }
 
+    /// Whether a program has its end open.
+    pub fn is_in_use(&self) -> io::Result<bool> {
+        let mut polled = [PollFd::new(&self.far, PollFlags::empty())];
+        rustix::event::poll(&mut polled, Some(&Timespec { tv_sec: 0, tv_nsec: 0 }))?;
+        Ok(!polled.iter().any(|polled| polled.revents().contains(PollFlags::HUP)))
+    }
+
+    /// How many bytes of the program wait to be read.
+    pub fn waiting(&self) -> io::Result<u64> {
+        Ok(rustix::io::ioctl_fionread(&self.far)?)
+    }
+
     /// Writes to the program, as much as it has room for. What it has none for is lost.
     pub fn write(&self, bytes: &[u8]) -> io::Result<()> {
         match rustix::io::write(&self.far, bytes) {

@@ -4,6 +4,7 @@
 //! under a clock that jumps. What the maker of the board does not publish is nominal here, and can be set ([`Settings`]).
 
 mod faults;
+mod hosted;
 mod motion;
 mod served;
 
@@ -12,6 +13,7 @@ use faults::Dice;
 use motion::Body;
 
 pub use faults::{Faults, NotAFault};
+pub use hosted::{Happened, host};
 pub use motion::{Geometry, Pose, Twist};
 pub use served::{Served, serve};
 

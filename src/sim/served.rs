@@ -14,7 +14,12 @@ const BITS_A_BYTE: u64 = 10;
 /// The most bytes taken at once; the line is then busy for as long as they need.
 const CHUNK: usize = 16;
 /// The longest time without a look at whether the script has begun, in nanoseconds.
-const LOOK: u64 = 20_000_000;
+pub(super) const LOOK: u64 = 20_000_000;
+
+/// How long the line is busy with a byte, in nanoseconds.
+pub(super) fn nanos_a_byte(baud: u32) -> u64 {
+    BITS_A_BYTE * 1_000_000_000 / u64::from(baud.max(1))
+}
 
 /// A board that runs on a thread of its own.
 #[derive(Debug)]
@@ -57,7 +62,7 @@ pub fn serve(board: VirtualBoard, port: Pty, baud: u32) -> io::Result<Served> {
 }
 
 fn run(mut board: VirtualBoard, port: &Pty, baud: u32, begin: &AtomicU64, stalls: &AtomicBool) -> io::Result<Received> {
-    let nanos_a_byte = BITS_A_BYTE * 1_000_000_000 / u64::from(baud.max(1));
+    let nanos_a_byte = nanos_a_byte(baud);
     // Until the script begins, it is time 0.
     let time = |now: u64| match begin.load(Ordering::Relaxed) {
         0 => 0,

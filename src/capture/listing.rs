@@ -1,0 +1,138 @@
+//! Frames and what lies between them, a line each.
+
+use std::fmt::Display;
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+use super::Decoded;
+use crate::board::{Command, Frame, Item, Skip};
+
+/// The most bytes of a run that are shown where they belong to no frame.
+const SHOWN: usize = 16;
+
+/// Writes a line for each frame and for each run of bytes that belongs to none, TAB-separated: where or when it began, the bytes in
+/// hex, the command, and what is wrong with it, if anything is.
+#[derive(Debug)]
+pub struct Listing<W> {
+    out: W,
+    /// What was written so far.
+    pub decoded: Decoded,
+    run: Option<Run>,
+    failed: Option<io::Error>,
+}
+
+/// Bytes in a row that belong to no frame.
+#[derive(Debug)]
+struct Run {
+    at: String,
+    shown: Vec<u8>,
+    count: u64,
+    why: Skip,
+}
+
+impl<W: Write> Listing<W> {
+    /// One without any line yet.
+    pub fn new(out: W) -> Self {
+        Listing { out, decoded: Decoded::default(), run: None, failed: None }
+    }
+
+    /// Takes what a decoder has found; `at` is what stands first in its line.
+    pub fn take(&mut self, at: impl Display, item: Item<'_>) {
+        match item {
+            Item::Frame(frame) => {
+                self.end_run();
+                self.frame(at, frame);
+                self.decoded.bytes += frame.bytes().len() as u64;
+            }
+            Item::Skipped { bytes, why, .. } => {
+                self.decoded.bytes += bytes.len() as u64;
+                self.decoded.skipped += bytes.len() as u64;
+                match &mut self.run {
+                    Some(run) if run.why == why => {
+                        run.count += bytes.len() as u64;
+                        let room = SHOWN.saturating_sub(run.shown.len());
+                        run.shown.extend(bytes.iter().take(room));
+                    }
+                    _ => {
+                        self.end_run();
+                        let shown = bytes.iter().take(SHOWN).copied().collect();
+                        self.run = Some(Run { at: at.to_string(), shown, count: bytes.len() as u64, why });
+                    }
+                }
+            }
+        }
+    }
+
+    fn frame(&mut self, at: impl Display, frame: Frame<'_>) {
+        self.decoded.frames += 1;
+        let written = match Command::decode(frame) {
+            Ok(command) => writeln!(self.out, "{at}\t{frame}\t{command}"),
+            Err(why) => {
+                self.decoded.unknown += 1;
+                writeln!(self.out, "{at}\t{frame}\t{}\tunknown: {why}", Command::decode_or_raw(frame))
+            }
+        };
+        self.keep(written);
+    }
+
+    /// Writes the run that has not ended yet.
+    pub fn end_run(&mut self) {
+        let Some(Run { at, shown, count, why }) = self.run.take() else { return };
+        let bytes: Vec<String> = shown.iter().map(|byte| format!("{byte:02X}")).collect();
+        let more = if count > SHOWN as u64 { " …" } else { "" };
+        let bytes = bytes.join(" ");
+        let written = writeln!(self.out, "{at}\t{bytes}{more}\t\tskipped {count}: {why}");
+        self.keep(written);
+    }
+
+    /// Writes out what is held back.
+    pub fn flush(&mut self) {
+        let flushed = self.out.flush();
+        self.keep(flushed);
+    }
+
+    /// The first failure is kept: what follows it cannot be written either.
+    fn keep(&mut self, written: io::Result<()>) {
+        if let Err(error) = written {
+            self.failed.get_or_insert(error);
+        }
+    }
+
+    /// Whether it could be written so far.
+    pub fn failure(&mut self) -> io::Result<()> {
+        self.failed.take().map_or(Ok(()), Err)
+    }
+}
+
+/// Writes one JSON object: when, in microseconds, and the frame with its command, or the bytes that are none, with what is wrong.
+pub fn write_json(at_us: u64, item: Item<'_>, out: &mut impl Write) -> io::Result<()> {
+    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat();
+    let object = match item {
+        Item::Frame(frame) => {
+            let wrong = Command::decode(frame).err().map(|why| why.to_string());
+            Found {
+                t_us: at_us,
+                frame: Some(hex(frame.bytes())),
+                command: Some(Command::decode_or_raw(frame).to_string()),
+                skipped: None,
+                wrong,
+            }
+        }
+        Item::Skipped { bytes, why, .. } => {
+            Found { t_us: at_us, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
+        }
+    };
+    serde_json::to_writer(&mut *out, &object)?;
+    out.write_all(b"\n")
+}
+
+/// One line of JSON. Fields may be added, and never change their meaning.
+#[derive(Serialize)]
+struct Found {
+    t_us: u64,
+    frame: Option<String>,
+    command: Option<String>,
+    skipped: Option<String>,
+    wrong: Option<String>,
+}

@@ -1,0 +1,107 @@
+//! A virtual board at a door, for any program that opens its port, one after another.
+
+use std::io;
+
+use super::VirtualBoard;
+use super::served::{LOOK, nanos_a_byte};
+use crate::board::{Decoder, Item};
+use crate::clock;
+use crate::link::Door;
+
+/// The most bytes taken at once.
+const CHUNK: usize = 16;
+/// How long nobody looks whether a program has come, in nanoseconds.
+const IDLE: u64 = 2_000_000;
+/// How much may wait before the line counts as overrun, in microseconds.
+const BEHIND_US: u64 = 50_000;
+
+/// What happens at a board.
+#[derive(Clone, Copy, Debug)]
+pub enum Happened<'a> {
+    /// A program has opened the port.
+    Opened,
+    /// It has closed it, or has ended.
+    Closed,
+    /// A frame has come, or bytes that are none.
+    Came(Item<'a>),
+    /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
+    Behind(u64, u64),
+    /// Some time has passed, at most a fiftieth of a second.
+    Passed,
+}
+
+/// Serves a board until `watch` says `false`, or until a fault pulls the cable. `watch` is told what happens and when, in microseconds from
+/// the start on.
+///
+/// A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
+pub fn host(
+    mut board: VirtualBoard,
+    door: &Door,
+    baud: u32,
+    mut watch: impl FnMut(u64, Happened<'_>, &VirtualBoard) -> io::Result<bool>,
+) -> io::Result<VirtualBoard> {
+    let begin = clock::now();
+    let time = |now: u64| now.saturating_sub(begin) / 1_000;
+    let (unplug, stall) = (board.faults().unplug_us, board.faults().stall_us);
+    let nanos_a_byte = nanos_a_byte(baud);
+    let port = door.pty();
+    let mut decoder = Decoder::new();
+    let mut buffer = [0; CHUNK];
+    let (mut is_open, mut is_behind, mut busy_until) = (false, false, 0);
+    loop {
+        let now_us = time(clock::now());
+        board.poll(now_us);
+        if !watch(now_us, Happened::Passed, &board)? || unplug.is_some_and(|us| us <= now_us) {
+            return Ok(board);
+        }
+        // One that has written and gone already counts, too.
+        if !is_open && (port.is_in_use()? || port.waiting()? > 0) {
+            is_open = true;
+            watch(now_us, Happened::Opened, &board)?;
+        }
+        let replies: Vec<u8> = board.replies().collect();
+        if !is_open {
+            // What is said while nobody listens is lost, as on a real line.
+            clock::sleep_until(clock::now() + IDLE);
+            continue;
+        }
+        if !replies.is_empty() {
+            port.write(&replies)?;
+        }
+        let listens = stall.is_none_or(|us| us > now_us);
+        let wakes = [board.next_due(), unplug, stall.filter(|_| listens)].into_iter().flatten().min();
+        let wakes = wakes.map_or(LOOK, |us| us.saturating_sub(now_us).saturating_mul(1_000)).min(LOOK);
+        if !port.wait(listens, wakes)? {
+            continue;
+        }
+        let taken = match if listens { port.read(&mut buffer) } else { Ok(0) } {
+            Ok(0) => {
+                is_open = false;
+                door.sweep()?;
+                watch(time(clock::now()), Happened::Closed, &board)?;
+                continue;
+            }
+            Ok(taken) => taken,
+            Err(error) if matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock) => continue,
+            Err(error) => return Err(error),
+        };
+        let now = clock::now();
+        let bytes = buffer.get(..taken).unwrap_or_default();
+        board.receive(time(now), bytes);
+        let mut told = Ok(true);
+        decoder.feed(bytes, |item| {
+            if told.is_ok() {
+                told = watch(time(now), Happened::Came(item), &board);
+            }
+        });
+        told?;
+        let waiting = port.waiting()?;
+        let waiting_us = waiting.saturating_mul(nanos_a_byte) / 1_000;
+        if waiting_us > BEHIND_US && !is_behind {
+            watch(time(now), Happened::Behind(waiting, waiting_us), &board)?;
+        }
+        is_behind = waiting > 0 && (is_behind || waiting_us > BEHIND_US);
+        busy_until = now.max(busy_until) + nanos_a_byte * taken as u64;
+        clock::sleep_until(busy_until);
+    }
+}

@@ -1,0 +1,271 @@
+//! `board` as other programs see it: a port at a path.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::fs::symlink;
+use std::path::PathBuf;
+use std::process::{Child, ChildStderr, Command, Stdio};
+use std::thread::{self, JoinHandle};
+
+use motionseq::board::{Command as Said, Query, Speed, TurnRate};
+use rustix::process::{Pid, Signal, kill_process};
+use serialport::SerialPort;
+use support::{motionseq, run, stderr};
+
+/// A board that runs.
+struct Host {
+    child: Child,
+    errors: BufReader<ChildStderr>,
+    /// Reads what it prints, or it would wait for a reader.
+    printed: JoinHandle<String>,
+    path: PathBuf,
+}
+
+impl Host {
+    /// Starts one, and waits until its link is there.
+    fn start(name: &str, more: &[&str]) -> Self {
+        Host::start_at(link(name), more)
+    }
+
+    fn start_at(path: PathBuf, more: &[&str]) -> Self {
+        let mut command = motionseq(&["board", "--link", path.to_str().unwrap()]);
+        let mut child = command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let errors = BufReader::new(child.stderr.take().unwrap());
+        let mut output = child.stdout.take().unwrap();
+        let printed = thread::spawn(move || {
+            let mut text = String::new();
+            output.read_to_string(&mut text).unwrap();
+            text
+        });
+        let mut host = Host { child, errors, printed, path };
+        assert!(host.line().contains("stands at"));
+        host
+    }
+
+    /// The next line of what it says.
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.errors.read_line(&mut line).unwrap();
+        line
+    }
+
+    /// Waits until it says this.
+    fn says(&mut self, words: &str) {
+        loop {
+            let line = self.line();
+            assert!(!line.is_empty(), "it never said {words}");
+            if line.contains(words) {
+                return;
+            }
+        }
+    }
+
+    fn open(&self) -> Box<dyn SerialPort> {
+        serialport::new(self.path.to_str().unwrap(), 115_200).timeout(std::time::Duration::from_secs(5)).open().unwrap()
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.child), signal).unwrap();
+    }
+
+    /// Ends it as Ctrl-C does; gives what it printed, and what it said.
+    fn end(mut self) -> (String, String) {
+        self.signal(Signal::INT);
+        let mut said = String::new();
+        self.errors.read_to_string(&mut said).unwrap();
+        assert_eq!(self.child.wait().unwrap().code(), Some(0), "{said}");
+        assert!(fs::symlink_metadata(&self.path).is_err(), "the link is gone");
+        (self.printed.join().unwrap(), said)
+    }
+}
+
+/// A path of its own.
+fn link(name: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("motionseq-host-{}-{name}", std::process::id()));
+    let _ = fs::remove_file(&path);
+    path
+}
+
+/// The second column of a listing: the frames in hex.
+fn frames(listing: &str) -> Vec<&str> {
+    listing.lines().filter(|line| !line.contains("skipped")).map(|line| line.split('\t').nth(1).unwrap()).collect()
+}
+
+fn stop() -> Vec<u8> {
+    Said::STOP.to_frame()
+}
+
+fn rocker(x: i32) -> Vec<u8> {
+    Said::Rocker { x: Speed::new(x).unwrap(), y: Speed::ZERO, z: TurnRate::ZERO }.to_frame()
+}
+
+/// Whether Python has this module; in CI it has.
+fn has(module: &str) -> bool {
+    let found = Command::new("python3").args(["-c", &format!("import {module}")]).stderr(Stdio::null()).status();
+    let found = found.is_ok_and(|status| status.success());
+    assert!(found || std::env::var_os("CI").is_none(), "CI lacks Python's {module}");
+    if !found {
+        eprintln!("skipped: Python has no {module}");
+    }
+    found
+}
+
+#[test]
+fn an_owners_program_is_shown_frame_by_frame_and_may_come_again() {
+    if !has("serial") {
+        return;
+    }
+    let mut host = Host::start("owner", &[]);
+    let mut sent = Vec::new();
+    for _ in 0..2 {
+        let client = Command::new("python3").arg("tests/clients/owner.py").arg(&host.path).output().unwrap();
+        assert!(client.status.success(), "{}", String::from_utf8_lossy(&client.stderr));
+        sent.extend(String::from_utf8(client.stdout).unwrap().lines().map(str::to_owned));
+        host.says("the port is closed");
+    }
+    let (listing, said) = host.end();
+    assert_eq!(frames(&listing), sent);
+    assert_eq!(listing.matches("\twheels 8 -8 8 -8\n").count(), 2_000);
+    assert!(said.contains("the drive stands") && !said.contains("could not use"), "{said}");
+}
+
+#[test]
+fn what_no_correct_program_sends_is_told() {
+    let mut host = Host::start("wrong", &[]);
+    let mut port = host.open();
+    let noise: &[u8] = &[0x00, 0x11, 0xFF, 0xFE, 2, 3, 1, 5, 0xDC, 0x00];
+    let out_of_range: &[u8] = &[0xFF, 0xFE, 2, 3, 1, 0xFF, 0xFF, 0x04];
+    let unknown: &[u8] = &[0xFF, 0xFE, 0x40, 2, 1, 2, 0x45];
+    // Cut in the middle of a frame, and the rest of it later.
+    for part in [noise, out_of_range, unknown, &rocker(5)[..6], &rocker(5)[6..], &stop()[..4]] {
+        port.write_all(part).unwrap();
+    }
+    drop(port);
+    host.says("the port is closed");
+    let mut port = host.open();
+    port.write_all(&stop()).unwrap();
+    drop(port);
+    host.says("the port is closed");
+    let (listing, said) = host.end();
+    let lines: Vec<&str> = listing.lines().map(|line| line.split_once('\t').unwrap().1).collect();
+    assert_eq!(
+        lines,
+        [
+            "00 11\t\tskipped 2: no frame starts here",
+            "FF FE 02 03 01 05 DC 00\t\tskipped 8: checksum 0x00 instead of 0xE7",
+            "FF FE 02 03 01 FF FF 04\traw 0x02 0x01 0xFF 0xFF\tunknown: 65535 is outside 500 to 2500",
+            "FF FE 40 02 01 02 45\traw 0x40 0x01 0x02\tunknown: no command has this function and length",
+            "FF FE 03 08 01 00 05 00 00 00 00 01 12\trocker x=5 y=0 z=0",
+            "FF FE 03 08\t\tskipped 4: checksum 0x00 instead of 0x14",
+            "FF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop",
+        ]
+    );
+    assert!(said.contains("it could not use 2 frames and 14 bytes"), "{said}");
+}
+
+#[test]
+fn more_than_the_line_carries_is_told_and_a_drive_that_is_left_on_too() {
+    let mut host = Host::start("fast", &["--baud", "9600"]);
+    let mut port = host.open();
+    for _ in 0..20 {
+        port.write_all(&rocker(5)).unwrap();
+    }
+    host.says("more than the line carries");
+    drop(port);
+    host.says("leaves the drive on");
+    let (listing, _) = host.end();
+    assert_eq!(frames(&listing).len(), 20);
+}
+
+#[test]
+fn a_program_that_never_reads_and_a_second_one_stop_nothing() {
+    let mut host = Host::start("deaf", &["--baud", "1000000"]);
+    // The one that asks for the port alone comes second.
+    let mut second = fs::File::options().write(true).open(&host.path).unwrap();
+    let mut first = host.open();
+    let request = Said::Request(Query::named("voltage").unwrap()).to_frame();
+    for _ in 0..600 {
+        first.write_all(&request).unwrap();
+        second.write_all(&stop()).unwrap();
+    }
+    drop((first, second));
+    host.says("the port is closed");
+    // What nobody has read is not there for the next one.
+    let mut port = host.open();
+    port.write_all(&Said::Request(Query::named("yaw").unwrap()).to_frame()).unwrap();
+    let mut reply = [0; 14];
+    port.read_exact(&mut reply).unwrap();
+    assert_eq!(&reply, b"{A0:0:0:1200}#");
+    host.end();
+}
+
+/// The resident memory of a process, in bytes.
+fn memory(pid: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() * 1024
+}
+
+#[test]
+fn frames_without_end_take_no_memory() {
+    let mut host = Host::start("long", &["--baud", "4000000"]);
+    let mut port = host.open();
+    let some = rocker(5).repeat(1_000);
+    port.write_all(&some).unwrap();
+    let before = memory(host.child.id());
+    for _ in 0..40 {
+        port.write_all(&some).unwrap();
+    }
+    let after = memory(host.child.id());
+    assert!(after < before + (1 << 20), "{before} bytes have become {after}");
+    drop(port);
+    host.says("the port is closed");
+    assert_eq!(frames(&host.end().0).len(), 41_000);
+}
+
+#[test]
+fn json_lines_say_the_same() {
+    let mut host = Host::start("json", &["--format", "jsonl"]);
+    let mut port = host.open();
+    port.write_all(&[&[7], stop().as_slice()].concat()).unwrap();
+    drop(port);
+    host.says("the port is closed");
+    let (text, _) = host.end();
+    let objects: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(objects[0]["skipped"], "07");
+    assert_eq!(objects[0]["wrong"], "no frame starts here");
+    assert_eq!(objects[1]["command"], "stop");
+    assert_eq!(objects[1]["frame"], "FFFE030801000000000000010D");
+    assert!(objects[1]["t_us"].is_u64() && objects[1]["wrong"].is_null());
+}
+
+#[test]
+fn a_link_is_never_put_over_what_is_not_one_of_ours() {
+    let path = link("file");
+    fs::write(&path, "mine").unwrap();
+    let output = run(&["board", "--link", path.to_str().unwrap()]);
+    assert_eq!((output.status.code(), fs::read_to_string(&path).unwrap().as_str()), (Some(2), "mine"));
+    assert!(stderr(&output).contains("is no link to a board"), "{}", stderr(&output));
+    fs::remove_file(&path).unwrap();
+    symlink("/etc/hostname", &path).unwrap();
+    assert_eq!(run(&["board", "--link", path.to_str().unwrap()]).status.code(), Some(2));
+    fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn the_link_of_one_that_was_killed_is_replaced_and_that_of_a_living_one_is_not() {
+    let mut first = Host::start("killed", &[]);
+    let output = run(&["board", "--link", first.path.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    first.signal(Signal::KILL);
+    first.child.wait().unwrap();
+    let left = fs::read_link(&first.path).unwrap();
+    let path = first.path.clone();
+    let second = Host::start_at(path, &[]);
+    assert!(fs::read_link(&second.path).is_ok(), "{left:?}");
+    let (_, said) = second.end();
+    assert!(said.contains("received 0 frames"), "{said}");
+}
