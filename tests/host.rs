@@ -20,7 +20,7 @@ struct Host {
     child: Child,
     errors: BufReader<ChildStderr>,
     /// Reads what it prints, or it would wait for a reader.
-    printed: JoinHandle<String>,
+    printed: Option<JoinHandle<String>>,
     path: PathBuf,
 }
 
@@ -35,11 +35,11 @@ impl Host {
         let mut child = command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let errors = BufReader::new(child.stderr.take().unwrap());
         let mut output = child.stdout.take().unwrap();
-        let printed = thread::spawn(move || {
+        let printed = Some(thread::spawn(move || {
             let mut text = String::new();
             output.read_to_string(&mut text).unwrap();
             text
-        });
+        }));
         let mut host = Host { child, errors, printed, path };
         assert!(host.line().contains("stands at"));
         host
@@ -78,7 +78,15 @@ impl Host {
         self.errors.read_to_string(&mut said).unwrap();
         assert_eq!(self.child.wait().unwrap().code(), Some(0), "{said}");
         assert!(fs::symlink_metadata(&self.path).is_err(), "the link is gone");
-        (self.printed.join().unwrap(), said)
+        (self.printed.take().unwrap().join().unwrap(), said)
+    }
+}
+
+/// A test that fails leaves no board behind.
+impl Drop for Host {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
