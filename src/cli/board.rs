@@ -8,7 +8,7 @@ use motionseq::board::{Command, DEFAULT_BAUD, Hundredths, Item, State};
 use motionseq::capture::Listing;
 use motionseq::link::{Door, DoorError};
 use motionseq::playback::Signals;
-use motionseq::sim::{Faults, Happened, Settings, VirtualBoard, host};
+use motionseq::sim::{Faults, Happened, Settings, VirtualBoard, host, volts};
 use motionseq::timeline::Seconds;
 
 use super::ending::board_summary;
@@ -32,7 +32,7 @@ pub(super) struct Board {
     #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: u32,
     /// Voltage of the battery at rest, from 0V to 100V
-    #[arg(long, value_name = "VOLTS", value_parser = volts, default_value = "12V")]
+    #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
     battery: Hundredths,
     /// What goes wrong: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
     #[arg(long, value_name = "FAULTS")]
@@ -50,12 +50,8 @@ enum Format {
 /// How often the line about the robot is drawn, in microseconds.
 const UPDATE_US: u64 = 100_000;
 
-fn volts(text: &str) -> Result<Hundredths, String> {
-    let digits = text.strip_suffix('V').unwrap_or(text);
-    let is_plain = digits.len() <= 6 && digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
-    let volts = is_plain.then(|| digits.parse::<f64>().ok()).flatten().filter(|volts| (0.0..=100.0).contains(volts));
-    #[expect(clippy::cast_possible_truncation, reason = "at most 10,000")]
-    volts.map(|volts| Hundredths((volts * 100.0).round() as i32)).ok_or_else(|| "write volts, such as 11.4V".to_owned())
+fn battery(text: &str) -> Result<Hundredths, String> {
+    volts(text.strip_suffix('V').unwrap_or(text)).ok_or_else(|| "write volts from 0V to 100V, such as 11.4V".to_owned())
 }
 
 impl Board {

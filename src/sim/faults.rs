@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::board::Hundredths;
 use crate::random::SplitMix;
 
 /// Faults of a rehearsal, as `--fault` and `# rehearse:` name them: `drop=5%,unplug@4s`.
@@ -69,15 +70,12 @@ impl Faults {
             self.seed = seed.parse().ok()?;
         } else {
             let (volts, time) = word.strip_prefix("battery=")?.split_once('V')?;
-            let volts: f64 = volts.parse().ok()?;
+            let Hundredths(hundredths) = self::volts(volts)?;
             let from = match time.strip_prefix('@') {
                 Some(time) => micros(time)?,
                 None if time.is_empty() => 0,
                 None => return None,
             };
-            let hundredths = libm::round(volts * 100.0);
-            #[expect(clippy::cast_possible_truncation, reason = "in range")]
-            let hundredths = (0.0..=10_000.0).contains(&hundredths).then_some(hundredths as i32)?;
             self.battery = Some((hundredths, from));
         }
         Some(())
@@ -94,6 +92,13 @@ impl fmt::Display for Faults {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.words)
     }
+}
+
+/// A number of volts from 0 to 100, rounded to hundredths.
+pub fn volts(text: &str) -> Option<Hundredths> {
+    let hundredths = libm::round(text.parse::<f64>().ok()? * 100.0);
+    #[expect(clippy::cast_possible_truncation, reason = "in range")]
+    (0.0..=10_000.0).contains(&hundredths).then_some(Hundredths(hundredths as i32))
 }
 
 /// A time with its unit, as a script says it, in microseconds.

@@ -12,7 +12,7 @@ use crate::board::{Command, Decoder, Hundredths, Item, NotACommand, Query, Repor
 use faults::Dice;
 use motion::Body;
 
-pub use faults::{Faults, NotAFault};
+pub use faults::{Faults, NotAFault, volts};
 pub use hosted::{Happened, host};
 pub use motion::{Geometry, Pose, Twist};
 pub use served::{Served, serve};

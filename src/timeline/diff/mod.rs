@@ -243,7 +243,7 @@ fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
 fn load(moments: &[Moment]) -> (u64, u64) {
     let (mut all, mut second, mut now, mut busiest) = (0, 0, 0, 0);
     for moment in moments {
-        let bytes = moment.command.to_frame().len() as u64;
+        let bytes = moment.command.frame_length() as u64;
         if moment.at_us / 1_000_000 != second {
             (second, now) = (moment.at_us / 1_000_000, 0);
         }
