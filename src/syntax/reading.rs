@@ -68,7 +68,7 @@ impl<'s> Reading<'s> {
         let most = rest.floor_char_boundary(FEW);
         let end = rest.bytes().skip(most).position(|byte| byte == b'\n').map_or(rest.len(), |at| most + at + 1);
         let few = rest.get(..end).unwrap_or_default();
-        let lines = Grammar::parse(Rule::flat_lines, few).into_iter().flatten().flat_map(Pair::into_inner);
+        let lines = Grammar::parse(Rule::text_lines, few).into_iter().flatten().flat_map(Pair::into_inner);
         let ends: Vec<usize> = lines.map(|line| self.at + line.as_span().end()).collect();
         self.ends = ends.into_iter();
     }
