@@ -6,12 +6,12 @@ mod support;
 use std::io::{self, Read, Write};
 use std::process::Stdio;
 
-use motionseq::capture::{DecodeError, Decoded, decode};
+use motionseq::capture::{DecodeError, Decoded, NoTiming, Timing, decode};
 use support::{motionseq, rendered, run, stderr, stdout};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = decode(bytes, &mut out).unwrap();
+    let decoded = decode(bytes, None, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 
@@ -59,9 +59,7 @@ fn hex_digits_are_read_however_they_are_set() {
         "fffe04010106\nfffe04010005\n",
         "\r\n FFF E04 0101\t06 FFFE04010005\r\n",
         "0xFF, 0xFE,0x4,0x1,0x01,0x6 \n \\xff\\xfe\\x04\\x01\\x00\\x05",
-        // What `render` and this command print, and a snapshot.
-        "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
-        "# motionseq frames 1\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\tclosing\n",
+        // What this command prints.
         frames,
         "FF FE 4 1 1 6\nFF FE 4 1 0 5\n",
         "00000000: fffe 0401 0106 fffe 0401 0005            ............\n",
@@ -69,6 +67,29 @@ fn hex_digits_are_read_however_they_are_set() {
     ] {
         assert_eq!(listing(text.as_bytes()).0, frames, "{text:?}");
     }
+    let frames = "0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\n";
+    for text in [
+        // What `render` and `board` print, and a snapshot.
+        "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
+        "# motionseq frames 1\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\tclosing\n",
+        "{\"t_us\":500000,\"frame\":\"FFFE04010106\"}\n{\"t_us\":900000,\"frame\":\"FFFE04010005\",\"line\":3}\n",
+        // What candump and its like log.
+        "(0.500000) ttyUSB0 FF FE 04 01 01 06\n(0.9) ttyUSB0 FF FE 04 01 00 05\n",
+        " (0.500000)  can0  123   [6]  FF FE 04 01 01 06\n (0.900000)  can0  123   [6]  FF FE 04 01 00 05\n",
+        "(0.500000) can0 123#FFFE0401\n(0.600000) can0 123#0106\n(0.9) can0 00000123##1FFFE04010005\n",
+    ] {
+        let (found, decoded) = listing(text.as_bytes());
+        assert_eq!((found.as_str(), decoded.is_timed), (frames, true), "{text:?}");
+    }
+    // Times since 1970 count from the first one.
+    let log = "(1436509052.249713) can0 123#FFFE04010106\n(1436509052.749713) can0 123#FFFE04010005\n";
+    assert_eq!(listing(log.as_bytes()).0, frames.replace("0.5", "0.0").replace("0.9", "0.5"));
+    // A run of noise that a listing shortens is still a line of one.
+    let noise = "0.500000\t00 11 …\t\tskipped 20: no frame starts here\n0.600000\tFF FE 04 01 01 06\tbuzzer on\n";
+    assert_eq!(
+        listing(noise.as_bytes()).1,
+        Decoded { bytes: 8, frames: 1, skipped: 2, is_timed: true, ..Decoded::default() }
+    );
     assert!(listing(b"FF FE 04 01 01 06F").1.half_byte);
     // Rows that are the same stand there once.
     let row = "ff fe 04 01 01 06 ff fe  04 01 01 06 00 00 00 00";
@@ -91,6 +112,30 @@ impl Read for Pieces<'_> {
 }
 
 #[test]
+fn a_file_of_times_says_when_bytes_came() {
+    let times = |text: &str, length| Timing::read(text, length);
+    let bytes = [0xFF, 0xFE, 4, 1, 1, 6, 0xFF, 0xFE, 4, 1, 0, 5];
+    let shown = |timing: Timing, bytes: &[u8]| {
+        let mut out = Vec::new();
+        decode(bytes, Some(timing), &mut out).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        text.lines().map(|line| line.split('\t').next().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    assert_eq!(shown(times("0.5 6\n0.25 6\n", None).unwrap(), &bytes), ["0.500000", "0.750000"]);
+    // A frame that comes in two reads began with the first; what is behind the last line counts to it.
+    assert_eq!(shown(times("0.5 2\n0.25 6\n", None).unwrap(), &bytes), ["0.500000", "0.750000"]);
+    assert_eq!(shown(times("", None).unwrap(), &bytes), ["0.000000", "0.000000"]);
+    // The line that `script` writes before them does not count.
+    let with_head = [b"Script started on 2026-11-24 12:00:00+00:00 [COMMAND=\"cat\"]\n", &bytes[..]].concat();
+    assert_eq!(shown(times("0.5 6\n0.25 6\n", None).unwrap(), &with_head), ["0.500000", "0.750000"]);
+    // Both ways in one file: those that add up to the capture.
+    let both = "H 0.0 START_TIME 2026\nO 0.5 6\nI 0.1 3\nO 0.4 6\nS 0.5 SIGWINCH\n";
+    assert_eq!(shown(times(both, Some(12)).unwrap(), &bytes), ["0.500000", "1.000000"]);
+    assert_eq!(times("0.5 6\nsoon 6\n", None), Err(NoTiming(2)));
+    assert_eq!(times("0.5\n", None), Err(NoTiming(1)));
+}
+
+#[test]
 fn however_a_stream_is_cut_into_reads_it_says_the_same() {
     let mut bytes = rendered("scripts/hello.motion");
     let noise = (0..3_000u32).map(|n| u8::try_from(n.wrapping_mul(2_654_435_761) >> 24).unwrap());
@@ -99,7 +144,7 @@ fn however_a_stream_is_cut_into_reads_it_says_the_same() {
     let whole = listing(&bytes);
     for size in [1, 2, 3, 7, 13, 4_096] {
         let mut out = Vec::new();
-        let decoded = decode(Pieces(&bytes, size), &mut out).unwrap();
+        let decoded = decode(Pieces(&bytes, size), None, &mut out).unwrap();
         assert!((String::from_utf8(out).unwrap(), decoded) == whole, "in pieces of {size}");
     }
 }
@@ -127,7 +172,7 @@ fn a_listing_that_cannot_be_written_ends_at_once() {
         }
     }
     let frames = [0xFF, 0xFE, 0x04, 0x01, 0x01, 0x06];
-    assert!(matches!(decode(Endless(frames, 0), &mut Full), Err(DecodeError::Write(_))));
+    assert!(matches!(decode(Endless(frames, 0), None, &mut Full), Err(DecodeError::Write(_))));
 }
 
 #[test]

@@ -18,7 +18,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("link", &["board"]),
     ("playback", &["source", "timeline", "link", "board", "clock"]),
     ("sim", &["board", "link", "clock", "random"]),
-    ("capture", &["board"]),
+    ("capture", &["board", "program", "timeline"]),
     // `compile` stands in the library's root.
     ("verify", &["source", "diagnostic", "program", "timeline", "board", "playback", "sim", "compile"]),
     ("report", &["source", "diagnostic", "verify"]),

@@ -1,5 +1,15 @@
 //! Bytes written down as hex digits: bare, as a program prints them, in a listing, or as `xxd` and `hexdump -C` dump them.
 
+use std::borrow::Cow;
+use std::io;
+
+use serde::Deserialize;
+
+use super::timing::nanos;
+
+/// A later time is one since 1970, in nanoseconds.
+const SINCE_1970: u64 = 100_000_000 * 1_000_000_000;
+
 /// A longer line is read in pieces.
 const LINE: usize = 64 * 1024;
 
@@ -20,50 +30,91 @@ pub(super) struct Text {
     repeats: bool,
     repeated: usize,
     strangers: u64,
+    /// The time of the last line that had one, and what times count from, in nanoseconds.
+    at: Option<u64>,
+    base: Option<u64>,
+    /// Room for the bytes of a block.
+    bytes: Vec<u8>,
 }
 
 impl Text {
     /// Whether a stream that begins with this block is such text: no frame consists of these characters alone.
     pub(super) fn of(block: &[u8]) -> Option<Self> {
-        let is_text = |byte: &u8| (b' '..=b'~').contains(byte) || byte.is_ascii_whitespace();
+        // Beyond ASCII there may be what a listing shortens with; no text holds the bytes that begin a frame.
+        let is_text =
+            |byte: &u8| (b' '..=b'~').contains(byte) || byte.is_ascii_whitespace() || (0x80..0xF5).contains(byte);
         let first = block.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).find(|line| is_told(line));
         let begins_with_hex = first.is_none_or(|line| {
             let (mut probe, mut bytes) = (Text::default(), Vec::new());
-            probe.take_line(line, &mut bytes);
+            match Logged::of(line) {
+                Some(logged) => probe.digits(&logged.digits, &mut bytes),
+                None => probe.take_line(line, &mut bytes),
+            }
             probe.strangers <= bytes.len() as u64
         });
         (begins_with_hex && block.iter().all(is_text)).then(Self::default)
     }
 
-    /// Takes a block, and gives the bytes of every line that is whole.
-    pub(super) fn feed(&mut self, block: &[u8], bytes: &mut Vec<u8>) {
+    /// Takes a block, and gives the bytes of every line that is whole; with the time, in nanoseconds, where it says one.
+    pub(super) fn feed(
+        &mut self,
+        block: &[u8],
+        mut sink: impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let mut bytes = std::mem::take(&mut self.bytes);
         for piece in block.split_inclusive(|&byte| byte == b'\n') {
             self.line.extend_from_slice(piece);
             if piece.ends_with(b"\n") || self.line.len() >= LINE {
-                self.end_line(bytes);
+                self.end_line(&mut bytes, &mut sink)?;
             }
         }
+        // Lines without times are handed on together.
+        if !bytes.is_empty() {
+            sink(self.at, &bytes)?;
+            bytes.clear();
+        }
+        self.bytes = bytes;
+        Ok(())
     }
 
     /// Takes what stands in the last line, which nothing ends.
-    pub(super) fn finish(&mut self, bytes: &mut Vec<u8>) {
-        self.end_line(bytes);
+    pub(super) fn finish(&mut self, mut sink: impl FnMut(Option<u64>, &[u8]) -> io::Result<()>) -> io::Result<()> {
+        let mut bytes = Vec::new();
+        self.end_line(&mut bytes, &mut sink)?;
+        if bytes.is_empty() { Ok(()) } else { sink(self.at, &bytes) }
     }
 
-    fn end_line(&mut self, bytes: &mut Vec<u8>) {
+    /// Adds the bytes of a line; what came before a line with a time is handed on with the time before.
+    fn end_line(
+        &mut self,
+        bytes: &mut Vec<u8>,
+        sink: &mut impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
+    ) -> io::Result<()> {
         let line = std::mem::take(&mut self.line);
-        self.take_line(&line, bytes);
+        let logged = Logged::of(&line);
+        if let Some(at) = logged.as_ref().and_then(|logged| logged.at) {
+            if !bytes.is_empty() {
+                sink(self.at, bytes)?;
+                bytes.clear();
+            }
+            // Times since 1970 count from the first one.
+            let base = *self.base.get_or_insert(if at > SINCE_1970 { at } else { 0 });
+            self.at = Some(at.saturating_sub(base));
+        }
+        match logged {
+            Some(logged) => self.digits(&logged.digits, bytes),
+            None => self.take_line(&line, bytes),
+        }
         self.line = line;
         self.line.clear();
+        Ok(())
     }
 
     fn take_line(&mut self, line: &[u8], bytes: &mut Vec<u8>) {
         if !is_told(line.trim_ascii()) {
             return;
         }
-        if let Some(frame) = listed(line) {
-            self.digits(frame, bytes);
-        } else if line.trim_ascii() == b"*" && !self.row.is_empty() {
+        if line.trim_ascii() == b"*" && !self.row.is_empty() {
             self.repeats = true;
         } else if let Some((position, dumped)) = self.dumped(line) {
             self.repeat(position, bytes);
@@ -171,12 +222,62 @@ fn is_told(line: &[u8]) -> bool {
     !line.is_empty() && !line.starts_with(b"#")
 }
 
-/// The frame in a line of `render --format hex`, of a listing, or of `decode` itself: behind the time or the position.
-fn listed(line: &[u8]) -> Option<&[u8]> {
-    let mut columns = line.split(|&byte| byte == b'\t');
-    let (first, frame, more) = (columns.next()?, columns.next()?, columns.next());
-    let is_number = first.iter().all(|byte| byte.is_ascii_digit() || *byte == b'.');
-    (is_number && !first.is_empty() && (more.is_some() || first.contains(&b'.'))).then_some(frame)
+/// A line that names bytes, and perhaps when they came, in nanoseconds.
+struct Logged<'l> {
+    at: Option<u64>,
+    digits: Cow<'l, [u8]>,
+}
+
+impl<'l> Logged<'l> {
+    fn of(line: &'l [u8]) -> Option<Self> {
+        let line = line.trim_ascii();
+        match line.first()? {
+            b'(' => Self::of_candump(line),
+            b'{' => Self::of_json(line),
+            byte if byte.is_ascii_digit() => Self::of_listing(line),
+            _ => None,
+        }
+    }
+
+    /// A line of `render --format hex`, of a listing, or of `decode` itself: behind the time or the position.
+    fn of_listing(line: &'l [u8]) -> Option<Self> {
+        let mut columns = line.split(|&byte| byte == b'\t');
+        let (first, frame, more) = (columns.next()?, columns.next()?, columns.next());
+        let at = first.contains(&b'.').then(|| nanos(std::str::from_utf8(first).ok()?)).flatten();
+        let is_position = more.is_some() && first.iter().all(u8::is_ascii_digit);
+        let frame = frame.strip_suffix(" …".as_bytes()).unwrap_or(frame);
+        (at.is_some() || is_position).then_some(Logged { at, digits: Cow::Borrowed(frame) })
+    }
+
+    /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123 [3] 11 22 33`.
+    fn of_candump(line: &'l [u8]) -> Option<Self> {
+        let (at, rest) = std::str::from_utf8(line).ok()?.strip_prefix('(')?.split_once(')')?;
+        let at = nanos(at.trim())?;
+        let digits = if let Some((_, data)) = rest.split_once('#') {
+            // Behind the second # of a longer frame stands a digit of flags.
+            data.strip_prefix('#').map_or(data, |data| data.get(1..).unwrap_or_default())
+        } else if let Some((_, data)) = rest.split_once(']') {
+            data
+        } else {
+            let is_hex = |word: &str| word.len().is_multiple_of(2) && word.bytes().all(|byte| byte.is_ascii_hexdigit());
+            let name = rest.split_ascii_whitespace().take_while(|word| !is_hex(word)).last();
+            name.and_then(|name| rest.split_once(name)).map_or(rest, |(_, data)| data)
+        };
+        Some(Logged { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()) })
+    }
+
+    /// A line of `--format jsonl`.
+    fn of_json(line: &'l [u8]) -> Option<Self> {
+        #[derive(Deserialize)]
+        struct Line {
+            t_us: u64,
+            frame: Option<String>,
+            skipped: Option<String>,
+        }
+        let Line { t_us, frame, skipped } = serde_json::from_slice(line).ok()?;
+        let digits = frame.or(skipped)?.into_bytes();
+        Some(Logged { at: Some(t_us.saturating_mul(1_000)), digits: Cow::Owned(digits) })
+    }
 }
 
 fn digit(byte: u8) -> Option<u8> {

@@ -1,20 +1,18 @@
 //! `motionseq board`: a virtual Raspblock that other programs open as their serial port.
 
-use std::io::{self, BufWriter, IsTerminal as _, Write as _};
+use std::io;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
-use motionseq::board::{Command, DEFAULT_BAUD, Hundredths, Item, State};
-use motionseq::capture::Listing;
+use clap::Args;
+use motionseq::board::{DEFAULT_BAUD, Hundredths};
 use motionseq::link::{Door, DoorError};
 use motionseq::playback::Signals;
-use motionseq::sim::{Faults, Happened, Settings, VirtualBoard, host, volts};
-use motionseq::timeline::Seconds;
+use motionseq::sim::{Faults, Settings, VirtualBoard, host, volts};
 
 use super::ending::board_summary;
 use super::exit::Exit;
-use super::news::servos;
-use super::screen::{Screen, seconds};
+use super::screen::Screen;
+use super::watcher::{Format, Watcher};
 
 /// Be a virtual board that any program opens as its serial port
 #[derive(Debug, Args)]
@@ -39,18 +37,8 @@ pub(super) struct Board {
     fault: Option<Faults>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Format {
-    /// Seconds, frame and command, separated by TABs
-    Listing,
-    /// One JSON object a line
-    Jsonl,
-}
-
-/// How often the line about the robot is drawn, in microseconds.
-const UPDATE_US: u64 = 100_000;
-
-fn battery(text: &str) -> Result<Hundredths, String> {
+/// Reads the voltage of a battery.
+pub(super) fn battery(text: &str) -> Result<Hundredths, String> {
     volts(text.strip_suffix('V').unwrap_or(text)).ok_or_else(|| "write volts from 0V to 100V, such as 11.4V".to_owned())
 }
 
@@ -69,11 +57,10 @@ impl Board {
         screen.note(&format!("a virtual board stands at {link}, {} baud; Ctrl-C ends it", self.baud));
         let faults = self.fault.clone().unwrap_or_default();
         let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
-        let mut watcher =
-            Watcher { screen, shown: Shown::new(self.format), drawn_us: 0, is_fresh: false, is_open: false, wrong: 0 };
+        let mut watcher = Watcher::new(screen, Some(self.format), self.baud);
         let mut was_ended = false;
         let hosted = host(board, &door, self.baud, |now_us, happened, board| {
-            watcher.watch(now_us, happened, board)?;
+            watcher.watch(now_us, happened, Some(board))?;
             was_ended |= signals.pending().is_some();
             Ok(!was_ended)
         });
@@ -110,143 +97,5 @@ pub(super) fn refused(error: &DoorError, screen: &Screen) -> Exit {
             Exit::Usage
         }
         DoorError::Refused { .. } => Exit::Usage,
-    }
-}
-
-/// What is shown of a board.
-struct Watcher<'s> {
-    screen: &'s Screen,
-    shown: Shown,
-    /// When the line about the robot was drawn last, in microseconds.
-    drawn_us: u64,
-    /// Whether there are frames that were not shown yet.
-    is_fresh: bool,
-    is_open: bool,
-    /// Frames and runs of bytes that no correct program sends.
-    wrong: u64,
-}
-
-/// Standard output, in one of two forms.
-enum Shown {
-    Listing(Listing<BufWriter<io::Stdout>>),
-    Jsonl(BufWriter<io::Stdout>),
-}
-
-impl Shown {
-    fn new(format: Format) -> Self {
-        let out = BufWriter::new(io::stdout());
-        match format {
-            Format::Listing => Shown::Listing(Listing::new(out)),
-            Format::Jsonl => Shown::Jsonl(out),
-        }
-    }
-
-    fn take(&mut self, now_us: u64, item: Item<'_>) -> io::Result<()> {
-        match self {
-            Shown::Listing(listing) => {
-                listing.take(Seconds(now_us), item);
-                Ok(())
-            }
-            Shown::Jsonl(out) => motionseq::capture::write_json(now_us, item, out),
-        }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        match self {
-            Shown::Listing(listing) => {
-                listing.flush();
-                listing.failure()
-            }
-            Shown::Jsonl(out) => out.flush(),
-        }
-    }
-}
-
-impl Watcher<'_> {
-    fn watch(&mut self, now_us: u64, happened: Happened<'_>, board: &VirtualBoard) -> io::Result<()> {
-        match happened {
-            Happened::Opened => {
-                self.is_open = true;
-                self.screen.note(&format!("{} s: a program has opened the port", seconds(now_us)));
-            }
-            Happened::Closed => {
-                self.is_open = false;
-                if let Shown::Listing(listing) = &mut self.shown {
-                    listing.end_run();
-                }
-                let moves = board.received().state.drive().is_some_and(Command::keeps_driving);
-                let warning = if moves { ", and leaves the drive on" } else { "" };
-                self.screen.note(&format!("{} s: the port is closed{warning}", seconds(now_us)));
-            }
-            Happened::Came(item) => {
-                self.wrong += u64::from(match item {
-                    Item::Frame(frame) => Command::decode(frame).is_err(),
-                    Item::Skipped { .. } => true,
-                });
-                self.shown.take(now_us, item)?;
-                self.is_fresh = true;
-            }
-            Happened::Behind(bytes, us) => self.screen.warning(&format!(
-                "at {} s the program has sent more than the line carries: {bytes} bytes wait, for {} ms",
-                seconds(now_us),
-                us / 1_000
-            )),
-            Happened::Passed => {
-                if std::mem::take(&mut self.is_fresh) {
-                    if io::stdout().is_terminal() {
-                        self.screen.live("");
-                        self.drawn_us = 0;
-                    }
-                    self.shown.flush()?;
-                }
-                if now_us.saturating_sub(self.drawn_us) >= UPDATE_US {
-                    self.drawn_us = now_us;
-                    self.screen.live(&self.line(now_us, board));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// `12.300 s  stands  servo 1 1500  0.0 cm right, 0.0 cm forward, 0°  12.00 V`, as much as there is room for.
-    fn line(&self, now_us: u64, board: &VirtualBoard) -> String {
-        let received = board.received();
-        let mut line = format!("{} s", seconds(now_us));
-        let room = self.screen.width().saturating_sub(1);
-        for part in self.parts(&received.state, board) {
-            if line.chars().count() + 2 + part.chars().count() > room {
-                break;
-            }
-            line.push_str("  ");
-            line.push_str(&part);
-        }
-        line
-    }
-
-    fn parts(&self, state: &State, board: &VirtualBoard) -> Vec<String> {
-        let pose = board.received().pose;
-        let mut parts = vec![match state.drive() {
-            _ if !self.is_open => "nobody is there".to_owned(),
-            Some(drive) if drive.keeps_driving() => drive.to_string(),
-            _ => "stands".to_owned(),
-        }];
-        if self.wrong > 0 {
-            parts.push(format!("{} wrong", self.wrong));
-        }
-        parts.push(format!("x {:.1} y {:.1} cm, {:.0}°", pose.x_cm, pose.y_cm, pose.yaw_deg));
-        parts.push(format!("{} V", board.report().voltage));
-        if state.buzzer() == Some(true) {
-            parts.push("buzzer on".to_owned());
-        }
-        parts.extend(servos(state));
-        parts
-    }
-
-    fn end(&mut self) {
-        if let Shown::Listing(listing) = &mut self.shown {
-            listing.end_run();
-        }
-        let _ = self.shown.flush();
-        self.screen.live("");
     }
 }

@@ -1,32 +1,52 @@
-//! `motionseq decode`: a stream of bytes as a listing.
+//! `motionseq decode`: a stream of bytes as a listing, or as a script.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use motionseq::capture::{DecodeError, Decoded, decode};
+use motionseq::capture::{DecodeError, Decoded, Timing, decode, transcribe};
+
+use motionseq::source::Source;
 
 use super::exit::Exit;
 use super::output;
 use super::screen::{Screen, plural};
 
-/// Show the frames in a stream of bytes, or of hex digits
+/// Show the frames in a stream of bytes, or of hex digits, or make a script of them
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n\nA line holds the position of the first byte, the bytes, and the command. Bytes that belong to no frame are shown and skipped.\nHex digits may stand bare, with 0x before them, in a listing of `render`, or as xxd and hexdump -C write them.\n\nExit code 0 whatever the bytes are, 1 where they cannot be read, 2 where the listing cannot be written."
+    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion\n\nA line holds the position of the first byte, the bytes, and the command. Bytes that belong to no frame are shown and skipped.\nHex digits may stand bare, with 0x before them, in a listing of `render`, or as xxd and hexdump -C write\nthem. Times are taken from a listing, from JSON lines, from a log such as `(0.500) ttyUSB0 FF FE …` or `(0.500) can0 123#FFFE…`, or with\n--timing from a file of `script --log-timing`; a line then holds the time, in seconds.\n\nWith -o NAME.motion the result is a script, as `record` writes it. What has no times counts as sent as fast as the line carries it.\n\nExit code 0 whatever the bytes are, 1 where they cannot be read, 2 where the listing cannot be written."
 )]
 pub(super) struct Decode {
     /// The stream, or `-` for standard input
     file: PathBuf,
-    /// Write to this file instead of standard output
+    /// Write to this file instead of standard output: a listing, or a script where its name ends in .motion
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// When the bytes came: lines of a delay in seconds and a number of bytes, as `script --log-timing` writes them
+    #[arg(long, value_name = "FILE")]
+    timing: Option<PathBuf>,
+    /// Keep every frame in a script
+    #[arg(long)]
+    exact: bool,
 }
 
 impl Decode {
     /// Writes the listing, and says what was in the stream.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        let is_script = self.output.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "motion"));
+        if self.exact && !is_script {
+            screen.error("--exact is about a script: write one with `-o NAME.motion`");
+            return Exit::Usage;
+        }
+        let timing = match &self.timing {
+            None => None,
+            Some(path) => match self.timing(path, screen) {
+                Ok(timing) => Some(timing),
+                Err(exit) => return exit,
+            },
+        };
         let input: Box<dyn Read> = if self.file.as_os_str() == "-" {
             Box::new(io::stdin().lock())
         } else {
@@ -43,16 +63,33 @@ impl Decode {
             },
         };
         let mut out = BufWriter::with_capacity(64 * 1024, out);
-        let decoded = decode(input, &mut out);
+        let decoded =
+            if is_script { transcribe(input, timing, self.exact, &mut out) } else { decode(input, timing, &mut out) };
         let flushed = out.flush();
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);
+                if is_script && !decoded.is_timed {
+                    screen.note("there are no times in it: the script sends it as fast as the line carries it");
+                }
                 output::exit(flushed, self.output.as_deref(), screen)
             }
             Err(DecodeError::Write(error)) => output::exit(Err(error), self.output.as_deref(), screen),
             Err(DecodeError::Read(error)) => self.unreadable(&error, screen),
         }
+    }
+
+    /// Reads when the bytes came.
+    fn timing(&self, path: &Path, screen: &Screen) -> Result<Timing, Exit> {
+        let text = Source::read(path).map_err(|error| {
+            screen.error(&error.to_string());
+            Exit::Script
+        })?;
+        let length = self.file.metadata().ok().filter(std::fs::Metadata::is_file).map(|file| file.len());
+        Timing::read(text.text(), length).map_err(|error| {
+            screen.error(&format!("{}: {error}", path.display()));
+            Exit::Script
+        })
     }
 
     fn unreadable(&self, error: &io::Error, screen: &Screen) -> Exit {

@@ -16,11 +16,14 @@ mod output;
 mod play;
 mod ports;
 mod progress;
+mod record;
 mod render;
 mod screen;
 mod shell;
 mod show;
+mod tape;
 mod test;
+mod watcher;
 
 use std::io;
 use std::path::PathBuf;
@@ -61,6 +64,7 @@ enum Command {
     Explain(explain::Explain),
     Decode(decode::Decode),
     Board(board::Board),
+    Record(record::Record),
     Ports(ports::Ports),
     Latency(latency::Latency),
     Completions(shell::Completions),
@@ -136,6 +140,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Explain(explain) => explain.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
         Command::Board(board) => board.run(&screen),
+        Command::Record(record) => record.run(&screen),
         Command::Latency(latency) => latency.run(&screen),
         Command::Ports(_) => ports::Ports::run(&screen),
         Command::Completions(completions) => completions.run(&screen),

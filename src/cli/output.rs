@@ -30,6 +30,16 @@ pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// Makes a file for what cannot be made again. One that is there, with anything in it, stays as it is.
+pub(super) fn create(path: &Path) -> io::Result<File> {
+    let file = open(path, Path::new(""))?;
+    let of_file = file.metadata()?;
+    if of_file.is_file() && of_file.len() > 0 {
+        return Err(io::Error::other("it is there already, and stays as it is; choose another name"));
+    }
+    Ok(file)
+}
+
 /// Whether two open files are one.
 pub(super) fn is_same(left: &File, right: &File) -> bool {
     let identity = |file: &File| file.metadata().map(|meta| (meta.is_file(), meta.dev(), meta.ino()));

@@ -292,7 +292,7 @@ fn system(screen: &Screen, error: &io::Error) -> Exit {
 }
 
 /// Says why a port cannot be opened, and what to do.
-fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
+pub(super) fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
     let help = match error {
         OpenError::Missing => {
             "look for it with `ls /dev/tty* /dev/serial*`; on a Raspberry Pi it is usually /dev/serial0"

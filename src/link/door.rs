@@ -15,6 +15,23 @@ use super::Pty;
 /// Where Linux keeps pseudo-terminals. A link to anything else is not one of ours.
 const TERMINALS: &str = "/dev/pts/";
 
+/// What happens at a door.
+#[derive(Clone, Copy, Debug)]
+pub enum Happened<'a> {
+    /// A program has opened the port.
+    Opened,
+    /// It has closed it, or has ended.
+    Closed,
+    /// Bytes of the program came, the first of them at this time, in nanoseconds from the start.
+    Came(u64, &'a [u8]),
+    /// The board has sent bytes to the program.
+    Answered(&'a [u8]),
+    /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
+    Behind(u64, u64),
+    /// Some time has passed, at most a fiftieth of a second.
+    Passed,
+}
+
 /// A pseudo-terminal, and a link to it, which goes when it goes. The link of one that was killed is replaced by the next.
 #[derive(Debug)]
 pub struct Door {

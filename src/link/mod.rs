@@ -9,7 +9,7 @@ mod stalling;
 use std::io;
 use std::os::fd::BorrowedFd;
 
-pub use door::{Door, DoorError};
+pub use door::{Door, DoorError, Happened};
 pub use pty::Pty;
 pub use recorder::Recorder;
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};

@@ -300,7 +300,7 @@ fn listen(pipe: &mut UnixStream, until: Option<u64>, last: &mut Record) -> Heard
 }
 
 /// Stops the robot: what is queued is thrown away, then the stop frames.
-fn halt(port: &mut Serial, out: &mut Outbox) -> Stop {
+pub(super) fn halt(port: &mut impl Link, out: &mut Outbox) -> Stop {
     let _ = port.discard();
     out.clear();
     let mut halt = Halt::new(&[], clock::now());

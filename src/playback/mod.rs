@@ -12,6 +12,7 @@ mod latency;
 mod messages;
 mod os;
 mod player;
+mod tap;
 mod watch;
 
 pub use crate::clock::now;
@@ -23,3 +24,4 @@ pub use latency::lateness;
 pub use messages::{Cause, Input, Notice, Order, Outcome};
 pub use os::{Keys, Realtime, Signals, is_in_foreground};
 pub use player::Player;
+pub use tap::{TapError, stop_now, tap};

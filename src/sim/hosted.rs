@@ -4,9 +4,8 @@ use std::io;
 
 use super::VirtualBoard;
 use super::served::{LOOK, nanos_a_byte};
-use crate::board::{Decoder, Item};
 use crate::clock;
-use crate::link::Door;
+use crate::link::{Door, Happened};
 
 /// The most bytes taken at once.
 const CHUNK: usize = 16;
@@ -14,21 +13,6 @@ const CHUNK: usize = 16;
 const IDLE: u64 = 2_000_000;
 /// How much may wait before the line counts as overrun, in microseconds.
 const BEHIND_US: u64 = 50_000;
-
-/// What happens at a board.
-#[derive(Clone, Copy, Debug)]
-pub enum Happened<'a> {
-    /// A program has opened the port.
-    Opened,
-    /// It has closed it, or has ended.
-    Closed,
-    /// A frame has come, or bytes that are none.
-    Came(Item<'a>),
-    /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
-    Behind(u64, u64),
-    /// Some time has passed, at most a fiftieth of a second.
-    Passed,
-}
 
 /// Serves a board until `watch` says `false`, or until a fault pulls the cable. `watch` is told what happens and when, in microseconds from
 /// the start on.
@@ -45,9 +29,8 @@ pub fn host(
     let (unplug, stall) = (board.faults().unplug_us, board.faults().stall_us);
     let nanos_a_byte = nanos_a_byte(baud);
     let port = door.pty();
-    let mut decoder = Decoder::new();
     let mut buffer = [0; CHUNK];
-    let (mut is_open, mut is_behind, mut busy_until) = (false, false, 0);
+    let (mut is_open, mut is_behind, mut has_waited, mut busy_until) = (false, false, false, 0);
     loop {
         let now_us = time(clock::now());
         board.poll(now_us);
@@ -67,6 +50,7 @@ pub fn host(
         }
         if !replies.is_empty() {
             port.write(&replies)?;
+            watch(now_us, Happened::Answered(&replies), &board)?;
         }
         let listens = stall.is_none_or(|us| us > now_us);
         let wakes = [board.next_due(), unplug, stall.filter(|_| listens)].into_iter().flatten().min();
@@ -76,7 +60,7 @@ pub fn host(
         }
         let taken = match if listens { port.read(&mut buffer) } else { Ok(0) } {
             Ok(0) => {
-                is_open = false;
+                (is_open, has_waited) = (false, false);
                 door.sweep()?;
                 watch(time(clock::now()), Happened::Closed, &board)?;
                 continue;
@@ -88,20 +72,17 @@ pub fn host(
         let now = clock::now();
         let bytes = buffer.get(..taken).unwrap_or_default();
         board.receive(time(now), bytes);
-        let mut told = Ok(true);
-        decoder.feed(bytes, |item| {
-            if told.is_ok() {
-                told = watch(time(now), Happened::Came(item), &board);
-            }
-        });
-        told?;
+        // What has waited for the line stands right behind what came before it, however late this thread woke up.
+        let begin_byte = if has_waited { busy_until } else { now.max(busy_until) };
+        watch(time(now), Happened::Came(begin_byte.saturating_sub(begin), bytes), &board)?;
         let waiting = port.waiting()?;
         let waiting_us = waiting.saturating_mul(nanos_a_byte) / 1_000;
         if waiting_us > BEHIND_US && !is_behind {
             watch(time(now), Happened::Behind(waiting, waiting_us), &board)?;
         }
-        is_behind = waiting > 0 && (is_behind || waiting_us > BEHIND_US);
-        busy_until = now.max(busy_until) + nanos_a_byte * taken as u64;
+        has_waited = waiting > 0;
+        is_behind = has_waited && (is_behind || waiting_us > BEHIND_US);
+        busy_until = begin_byte + nanos_a_byte * taken as u64;
         clock::sleep_until(busy_until);
     }
 }

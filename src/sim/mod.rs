@@ -13,7 +13,7 @@ use faults::Dice;
 use motion::Body;
 
 pub use faults::{Faults, NotAFault, volts};
-pub use hosted::{Happened, host};
+pub use hosted::host;
 pub use motion::{Geometry, Pose, Twist};
 pub use served::{Served, serve};
 

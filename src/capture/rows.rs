@@ -1,0 +1,224 @@
+//! What a program sends, line by line, and the runs of values in which moves are looked for.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use super::fold::{Axes, Point};
+use super::known::{Known, Thing};
+use crate::board::{Command, Frame, Mode, NotACommand, Skip};
+
+/// Without a drive frame for so long, in microseconds, a board counts as stopped: what the virtual board does. The real one's time is not
+/// published.
+const FED_US: u64 = 500_000;
+/// A move has a value at least so often, in microseconds, and one that changes at least so often.
+const GAP_US: u64 = 100_000;
+pub(super) const STILL_US: u64 = 300_000;
+/// How many values that repeat the one before are looked at where a move may begin.
+const LEAD: usize = 64;
+/// The most bytes of a run that are shown where they belong to no frame.
+pub(super) const SHOWN: usize = 16;
+
+/// What has come, at a time.
+#[derive(Clone, Debug)]
+pub(super) enum Came {
+    Command(Command),
+    /// A whole frame that says nothing the protocol knows, as it is, and why.
+    Unknown(Command, NotACommand),
+    /// Bytes that are no frame: the first of them, and how many.
+    Skipped(Vec<u8>, usize, Skip),
+    Note(String),
+}
+
+/// A line of the script, or none where what came says nothing new.
+pub(super) struct Row {
+    pub(super) at_us: u64,
+    pub(super) text: Option<String>,
+    says: Says,
+}
+
+/// What a row means for the runs of values.
+enum Says {
+    /// A value of a thing, what it had before and since when, and whether that is the same.
+    Value(Thing, Axes, Option<(u64, Axes)>, bool),
+    /// Nothing that was known before holds on.
+    Break,
+    Other,
+}
+
+/// A run of values of one thing, in which moves are looked for.
+pub(super) struct Run {
+    pub(super) thing: Thing,
+    pub(super) before: Option<(u64, Axes)>,
+    pub(super) points: Vec<Point>,
+    /// The row of each point.
+    pub(super) rows: Vec<usize>,
+    /// When a value came last, and when one that changed.
+    came_us: u64,
+    changed_us: u64,
+    /// When something else takes its thing over, in microseconds.
+    pub(super) until_us: u64,
+}
+
+/// What came, as lines; `known` is what the script has said then. The time is that up to which everything has come.
+pub(super) fn rows(known: &mut Known, waiting: &[(u64, Came)], exact: bool, now_us: u64, is_last: bool) -> Vec<Row> {
+    let mut rows = Vec::with_capacity(waiting.len());
+    for (at_us, came) in waiting {
+        starve(known, &mut rows, exact, *at_us);
+        let (text, says) = row(known, came, exact, *at_us);
+        rows.push(Row { at_us: *at_us, text, says });
+    }
+    starve(known, &mut rows, exact, now_us);
+    // What was fed until now stops with the script, which would otherwise end where it was last told something else.
+    if let Some(fed_us) = known.fed_us.filter(|_| is_last && !exact) {
+        let text = Some(format!("{}  # the recording ends here", Command::STOP));
+        rows.push(Row { at_us: now_us.max(fed_us + 1_000), text, says: Says::Break });
+        known.fed_us = None;
+    }
+    rows
+}
+
+/// Stops a drive that nobody has fed until now, as the board does by itself.
+fn starve(known: &mut Known, rows: &mut Vec<Row>, exact: bool, now_us: u64) {
+    if let Some(stopped_us) = known.fed_us.map(|us| us.saturating_add(FED_US)).filter(|us| !exact && *us < now_us) {
+        let text = format!("{}  # nothing came for {}: a board stops by itself", Command::STOP, Time(FED_US));
+        rows.push(Row { at_us: stopped_us, text: Some(text), says: Says::Break });
+        known.set(stopped_us, Thing::Rocker, [0; 4]);
+    }
+}
+
+fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<String>, Says) {
+    let command = match came {
+        Came::Note(words) => return (Some(format!("# {words}")), Says::Break),
+        Came::Skipped(first, count, why) => {
+            let more = if *count > first.len() { " …" } else { "" };
+            return (Some(format!("# skipped {count}, {}{more}: {why}", hex(first))), Says::Other);
+        }
+        Came::Unknown(raw, NotACommand::OutOfRange(why)) if !exact => {
+            return (Some(format!("# left out, {}: {why}", hex(&raw.to_frame()))), Says::Other);
+        }
+        Came::Unknown(raw, why) => {
+            known.raw(raw);
+            return (Some(format!("{raw}  # {why}")), Says::Break);
+        }
+        Came::Command(command) => command,
+    };
+    if let Some((thing, axes)) = Thing::of(command) {
+        let before = known.value(thing);
+        let repeats = !exact && before.is_some_and(|(_, said)| said == axes);
+        known.set(at_us, thing, axes);
+        return ((!repeats).then(|| command.to_string()), Says::Value(thing, axes, before, repeats));
+    }
+    match command {
+        Command::Buzzer(on) if !exact && known.buzzer == Some(*on) => return (None, Says::Other),
+        Command::Buzzer(on) => known.buzzer = Some(*on),
+        Command::Pid(mode, _) => known.mode = Some(*mode),
+        Command::Move { .. } => {
+            known.forget_drive();
+            if known.mode != Some(Mode::Position) {
+                // A script must say the mode first.
+                known.has_raw = true;
+                let frame = command.to_frame();
+                let raw = Frame::new(&frame).map_or_else(|_| command.clone(), Command::raw);
+                return (Some(format!("{raw}  # {command}, with no `pid position` before it")), Says::Break);
+            }
+            return (Some(command.to_string()), Says::Break);
+        }
+        Command::Raw { .. } => {
+            known.raw(command);
+            return (Some(command.to_string()), Says::Break);
+        }
+        _ => {}
+    }
+    (Some(command.to_string()), Says::Other)
+}
+
+/// From a moment on, the thing of a run is moved by something else.
+fn end(runs: &mut [Run], run: usize, at_us: u64) {
+    if let Some(run) = runs.get_mut(run) {
+        run.until_us = at_us;
+    }
+}
+
+/// The runs of values in rows.
+pub(super) fn runs(rows: &[Row]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    // The last values of each thing that repeat what it had, with their rows.
+    let mut still: BTreeMap<Thing, Vec<(usize, Point)>> = BTreeMap::new();
+    let mut open: BTreeMap<Thing, usize> = BTreeMap::new();
+    for (at, Row { at_us, says, .. }) in rows.iter().enumerate() {
+        let (thing, axes, before, repeats) = match says {
+            Says::Other => continue,
+            Says::Break => {
+                for run in std::mem::take(&mut open).into_values() {
+                    end(&mut runs, run, *at_us);
+                }
+                still.clear();
+                continue;
+            }
+            Says::Value(thing, axes, before, repeats) => (*thing, *axes, *before, *repeats),
+        };
+        open.retain(|other, run| {
+            let stays = *other == thing || !other.meets(thing);
+            if !stays {
+                end(&mut runs, *run, *at_us);
+            }
+            stays
+        });
+        still.retain(|other, _| *other == thing || !other.meets(thing));
+        let point = Point { at_us: *at_us, axes, repeats };
+        let run = open.get(&thing).and_then(|run| runs.get_mut(*run));
+        let goes_on = |run: &&mut Run| *at_us <= run.came_us + GAP_US && *at_us <= run.changed_us + STILL_US;
+        if let Some(run) = run.filter(goes_on) {
+            run.points.push(point);
+            run.rows.push(at);
+            run.came_us = *at_us;
+            run.changed_us = if repeats { run.changed_us } else { *at_us };
+            continue;
+        }
+        let still = still.entry(thing).or_default();
+        if let Some(run) = open.remove(&thing) {
+            end(&mut runs, run, *at_us);
+            // It may have stood still at its end.
+            if let Some(run) = runs.get(run) {
+                let repeats = run.points.iter().rev().take_while(|point| point.repeats).count();
+                let from = run.points.len() - repeats;
+                still.extend(run.rows.iter().copied().zip(run.points.iter().copied()).skip(from));
+            }
+        }
+        if repeats {
+            still.push((at, point));
+            continue;
+        }
+        let lead = std::mem::take(still);
+        let far = lead.len().saturating_sub(LEAD);
+        let (rows, points) = lead.into_iter().skip(far).chain([(at, point)]).unzip();
+        open.insert(thing, runs.len());
+        runs.push(Run { thing, before, points, rows, came_us: *at_us, changed_us: *at_us, until_us: u64::MAX });
+    }
+    runs
+}
+
+pub(super) fn of_frame(frame: Frame<'_>) -> Came {
+    match Command::decode(frame) {
+        Ok(command) => Came::Command(command),
+        Err(why) => Came::Unknown(Command::raw(frame), why),
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
+/// Microseconds, as a script writes them.
+pub(super) struct Time(pub(super) u64);
+
+impl fmt::Display for Time {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (seconds, micros) = (self.0 / 1_000_000, self.0 % 1_000_000);
+        if micros == 0 {
+            return write!(f, "{seconds}s");
+        }
+        let digits = format!("{micros:06}");
+        write!(f, "{seconds}.{}s", digits.trim_end_matches('0'))
+    }
+}

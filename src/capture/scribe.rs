@@ -1,0 +1,221 @@
+//! Writes down what a program sends, as a script.
+
+use std::fmt::Write as _;
+
+use super::fold::{Course, Easings};
+use super::known::{Known, Thing};
+use super::rows::{Came, Row, Run, SHOWN, STILL_US, Time, of_frame, rows, runs};
+use crate::board::{Command, DEFAULT_BAUD, Item};
+use crate::program::Ease;
+
+/// What may wait to be written, at most.
+const WAITING: usize = 4096;
+
+/// Makes a script of frames and their times. What is written is settled: the text only grows.
+///
+/// Plainly, every frame is a line. Folded, what a hold covers is left out, and a run of values that follows an easing is one line.
+pub struct Scribe {
+    exact: bool,
+    easings: Easings,
+    text: String,
+    /// Which time of the stream is time 0 of the script, in microseconds: that of the first frame.
+    begin_us: Option<u64>,
+    waiting: Vec<(u64, Came)>,
+    known: Known,
+    frames: u64,
+    /// The time of the last line, in microseconds of the stream.
+    settled_us: u64,
+}
+
+impl Scribe {
+    /// A script without any line yet; `exact` keeps every frame. The line has so many bits a second.
+    pub fn new(exact: bool, baud: u32) -> Self {
+        let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
+        text += if exact {
+            ": every frame, as it came.\nrefresh off\n"
+        } else {
+            ". Repeats that a hold covers are left out; values that follow an easing are one line.\n"
+        };
+        if baud != DEFAULT_BAUD {
+            let _ = writeln!(text, "baud {baud}");
+        }
+        Scribe {
+            exact,
+            easings: Easings::new(),
+            text,
+            begin_us: None,
+            waiting: Vec::new(),
+            known: Known::default(),
+            frames: 0,
+            settled_us: 0,
+        }
+    }
+
+    /// Takes what a decoder has found, and when it began, in microseconds. Time does not go back.
+    pub fn take(&mut self, at_us: u64, item: Item<'_>) {
+        let came = match item {
+            Item::Frame(frame) => {
+                self.frames += 1;
+                of_frame(frame)
+            }
+            Item::Skipped { bytes, why, .. } => {
+                if let Some((_, Came::Skipped(first, count, last))) = self.waiting.last_mut()
+                    && *last == why
+                {
+                    *count += bytes.len();
+                    first.extend(bytes.iter().take(SHOWN.saturating_sub(first.len())));
+                    return;
+                }
+                Came::Skipped(bytes.iter().take(SHOWN).copied().collect(), bytes.len(), why)
+            }
+        };
+        self.push(at_us, came);
+    }
+
+    /// Writes a comment.
+    pub fn note(&mut self, at_us: u64, words: &str) {
+        self.push(at_us, Came::Note(words.to_owned()));
+    }
+
+    fn push(&mut self, at_us: u64, came: Came) {
+        let is_frame = matches!(came, Came::Command(_) | Came::Unknown(..));
+        if is_frame {
+            self.begin_us.get_or_insert(at_us);
+        }
+        self.waiting.push((at_us, came));
+        if self.waiting.len() >= WAITING {
+            self.write_waiting(WAITING, at_us, false);
+        }
+    }
+
+    /// Writes what cannot change any more, now that it is so late.
+    pub fn settle(&mut self, now_us: u64) {
+        // What moves, or may be about to, is waited for; and so is what may be the end.
+        let moves = |(at_us, came): &(u64, Came)| {
+            let is_thing = matches!(came, Came::Command(command) if Thing::of(command).is_some());
+            is_thing && at_us.saturating_add(STILL_US) >= now_us
+        };
+        if self.exact {
+            self.write_waiting(self.waiting.len() - self.closing(), now_us, false);
+        } else if !self.waiting.iter().rev().any(moves) {
+            self.write_waiting(self.waiting.len(), now_us, false);
+        }
+    }
+
+    /// What was settled since the last call.
+    pub fn settled(&mut self) -> String {
+        std::mem::take(&mut self.text)
+    }
+
+    /// What is not settled yet, as plain lines: how the script would end here.
+    pub fn tail(&self) -> String {
+        let mut text = String::new();
+        let now_us = self.waiting.last().map_or(self.settled_us, |(at_us, _)| *at_us);
+        let rows = rows(&mut self.known.clone(), &self.waiting, self.exact, now_us, true);
+        self.print(rows.into_iter().filter_map(|row| Some((row.at_us, row.text?))), &mut text);
+        text
+    }
+
+    /// Ends the script, at a time in microseconds.
+    pub fn finish(&mut self, now_us: u64) {
+        if self.exact {
+            self.write_waiting(self.waiting.len() - self.closing(), now_us, false);
+        }
+        // A script with `raw` has both at its end by itself.
+        if let (true, true, Some((at_us, _))) = (self.exact, self.known.has_raw, self.waiting.first()) {
+            let end = [(*at_us, "mark end".to_owned())];
+            self.waiting.clear();
+            let mut text = std::mem::take(&mut self.text);
+            self.print(end.into_iter(), &mut text);
+            self.text = text;
+        }
+        self.write_waiting(self.waiting.len(), now_us, true);
+    }
+
+    /// How many frames have come.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// How many of the last frames are a stop and a buzzer off, which may be what `play` closes a script with.
+    fn closing(&self) -> usize {
+        let is = |came: &Came, what: &Command| matches!(came, Came::Command(command) if command == what);
+        match self.waiting.as_slice() {
+            [.., (_, stop), (_, off)] if is(stop, &Command::STOP) && is(off, &Command::Buzzer(false)) => 2,
+            [.., (_, stop)] if is(stop, &Command::STOP) => 1,
+            _ => 0,
+        }
+    }
+
+    /// Writes the first of what waits; `is_last` where nothing follows.
+    fn write_waiting(&mut self, count: usize, now_us: u64, is_last: bool) {
+        let waiting: Vec<_> = self.waiting.drain(..count).collect();
+        let mut rows = rows(&mut self.known, &waiting, self.exact, now_us, is_last);
+        let (mut moves, mut settled_us) = (Vec::new(), 0);
+        if !self.exact {
+            // When the moves of each thing have ended.
+            let mut ended: Vec<(Thing, u64)> = Vec::new();
+            for mut run in runs(&rows) {
+                run.until_us = run.until_us.min(now_us);
+                let busy = ended.iter().filter(|(thing, _)| thing.meets(run.thing)).map(|(_, us)| *us);
+                let free_us = busy.chain([self.settled_us]).max().unwrap_or_default();
+                ended.extend(self.fold(&run, free_us, &mut rows, &mut moves).map(|us| (run.thing, us)));
+            }
+            settled_us = ended.iter().map(|(_, us)| *us).max().unwrap_or_default();
+        }
+        self.settled_us =
+            rows.iter().map(|row| row.at_us).chain([self.settled_us, settled_us]).max().unwrap_or_default();
+        let lines = rows.into_iter().enumerate().filter_map(|(at, row)| Some((row.at_us, at, row.text?)));
+        let mut lines: Vec<_> = lines.chain(moves).collect();
+        lines.sort_by_key(|(at_us, at, _)| (*at_us, *at));
+        let mut text = std::mem::take(&mut self.text);
+        self.print(lines.into_iter().map(|(at_us, _, text)| (at_us, text)), &mut text);
+        self.text = text;
+    }
+
+    /// Takes the rows of every move in a run away, and gives the lines that say the moves, each with its time and the row whose place it
+    /// takes. Says when the last of them ends; none begins before `free_us`.
+    fn fold(&self, run: &Run, free_us: u64, rows: &mut [Row], lines: &mut Vec<(u64, usize, String)>) -> Option<u64> {
+        let before = run.before.map(|(since_us, axes)| (since_us.max(free_us), axes));
+        let folds = self.easings.folds(&Course::new(&run.points, run.until_us, run.thing.room()), before);
+        let ends_us = folds.last().map(|fold| fold.to_us);
+        let mut ended = None;
+        for fold in folds {
+            let covered = fold.first.unwrap_or(0)..=fold.last;
+            let said = match fold.first {
+                None => Some(fold.from),
+                Some(first) if ended == Some(first) => Some(fold.from),
+                Some(0) => run.before.map(|(_, axes)| axes),
+                Some(first) => run.points.get(first - 1).map(|point| point.axes),
+            };
+            let (Some(end), Some(place)) = (run.points.get(fold.last), run.rows.get(*covered.start())) else {
+                continue;
+            };
+            for row in run.rows.get(covered).unwrap_or_default() {
+                if let Some(row) = rows.get_mut(*row) {
+                    row.text = None;
+                }
+            }
+            let mut text = run.thing.moved(said, fold.from, end.axes);
+            let _ = write!(text, " over {}", Time(fold.to_us - fold.from_us));
+            if fold.ease != Ease::LINEAR {
+                let _ = write!(text, " ease {}", fold.ease.name());
+            }
+            lines.push((fold.from_us, *place, text));
+            ended = Some(fold.last);
+        }
+        ends_us
+    }
+
+    /// Writes lines, each with its time; a comment stands alone.
+    fn print(&self, lines: impl Iterator<Item = (u64, String)>, text: &mut String) {
+        let begin_us = self.begin_us.unwrap_or_default();
+        for (at_us, line) in lines {
+            let at = Time(at_us.saturating_sub(begin_us));
+            let _ = match line.strip_prefix("# ") {
+                Some(comment) => writeln!(text, "# {at}: {comment}"),
+                None => writeln!(text, "at {at} {line}"),
+            };
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! The thread that writes a recording: whatever serves the board never waits for the disk.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::os::unix::fs::FileExt as _;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::time::{Duration, Instant};
+
+use motionseq::capture::{Scribe, TimedDecoder};
+use motionseq::link::Happened;
+use motionseq::program::Time;
+use motionseq::source::MAX_SOURCE;
+
+use super::screen::{Screen, seconds};
+use super::start_thread;
+
+/// What may wait to be written down, in pieces.
+const ROOM: usize = 64 * 1024;
+/// How often the file is brought up to date.
+const UPDATE: Duration = Duration::from_millis(400);
+/// How long the end waits for a file that takes nothing.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// How often the time is told where nothing else happens, in microseconds.
+const TELL_US: u64 = 100_000;
+
+/// A recording under way.
+pub(super) struct Tape {
+    pieces: SyncSender<(u64, Piece)>,
+    kept: Receiver<Kept>,
+    told_us: u64,
+    lost: u64,
+}
+
+/// What is written down.
+enum Piece {
+    Came(u64, Box<[u8]>),
+    Note(&'static str),
+    Nothing,
+}
+
+/// What became of a recording.
+pub(super) struct Kept {
+    /// Frames that came, and lines of the script that say them.
+    pub(super) frames: u64,
+    pub(super) lines: u64,
+    /// Why it is not whole.
+    pub(super) failed: Option<String>,
+}
+
+impl Tape {
+    /// Starts a recording into a file, or into standard output.
+    pub(super) fn start(file: Option<File>, exact: bool, baud: u32, screen: Screen) -> io::Result<Self> {
+        let (pieces, to_write) = mpsc::sync_channel(ROOM);
+        let (keep, kept) = mpsc::channel();
+        let writer = Writer {
+            scribe: Scribe::new(exact, baud),
+            decoder: TimedDecoder::new(baud),
+            out: Out::new(file)?,
+            lines: 0,
+            screen,
+            now_us: 0,
+            begin_us: None,
+            failed: None,
+        };
+        start_thread("tape", move || {
+            let _ = keep.send(writer.run(&to_write));
+        })?;
+        Ok(Tape { pieces, kept, told_us: 0, lost: 0 })
+    }
+
+    /// Takes in what happened at a time.
+    pub(super) fn take(&mut self, now_us: u64, happened: Happened<'_>) {
+        let piece = match happened {
+            Happened::Came(at, bytes) => Piece::Came(at, bytes.into()),
+            Happened::Opened => Piece::Note("a program has opened the port"),
+            Happened::Closed => Piece::Note("the program has closed the port"),
+            Happened::Passed if now_us >= self.told_us + TELL_US => Piece::Nothing,
+            Happened::Passed | Happened::Answered(_) | Happened::Behind(..) => return,
+        };
+        self.told_us = now_us;
+        self.lost += u64::from(self.pieces.try_send((now_us, piece)).is_err());
+    }
+
+    /// Ends it, and says what became of it.
+    pub(super) fn end(self) -> Kept {
+        let Tape { pieces, kept, lost, .. } = self;
+        drop(pieces);
+        let mut kept = kept.recv_timeout(PATIENCE).unwrap_or_else(|why| {
+            let why = match why {
+                RecvTimeoutError::Timeout => "the file takes no more bytes",
+                RecvTimeoutError::Disconnected => "the thread that writes it failed",
+            };
+            Kept { frames: 0, lines: 0, failed: Some(why.to_owned()) }
+        });
+        if lost > 0 {
+            kept.failed.get_or_insert(format!("{lost} pieces came faster than they could be written"));
+        }
+        kept
+    }
+}
+
+struct Writer {
+    scribe: Scribe,
+    decoder: TimedDecoder,
+    out: Out,
+    lines: u64,
+    screen: Screen,
+    now_us: u64,
+    /// When the first frame came.
+    begin_us: Option<u64>,
+    failed: Option<String>,
+}
+
+impl Writer {
+    fn run(mut self, pieces: &Receiver<(u64, Piece)>) -> Kept {
+        let mut written = Instant::now();
+        loop {
+            let ended = match pieces.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
+                Ok((now_us, piece)) => {
+                    self.take(now_us, piece);
+                    false
+                }
+                Err(RecvTimeoutError::Timeout) => false,
+                Err(RecvTimeoutError::Disconnected) => true,
+            };
+            if ended {
+                break;
+            }
+            if written.elapsed() >= UPDATE {
+                self.scribe.settle(self.now_us);
+                let tail = self.scribe.tail();
+                self.write(&tail);
+                written = Instant::now();
+            }
+        }
+        if self.failed.is_none() {
+            let scribe = &mut self.scribe;
+            self.decoder.finish(|at_us, item| scribe.take(at_us, item));
+        }
+        self.scribe.finish(self.now_us);
+        let failed = self.write("");
+        Kept { frames: self.scribe.frames(), lines: self.lines, failed: self.failed.or(failed) }
+    }
+
+    fn take(&mut self, now_us: u64, piece: Piece) {
+        self.now_us = self.now_us.max(now_us);
+        if self.failed.is_some() {
+            return;
+        }
+        let begin_us = *self.begin_us.get_or_insert(now_us);
+        if now_us - begin_us >= Time::LONGEST.micros() || self.out.length() + MARGIN >= MAX_SOURCE {
+            // What stands so far is a script; more would be none.
+            let failed = "it is as long as a script may be: 64 MiB and 24 hours".to_owned();
+            self.screen.warning(&format!("at {} s the recording ends: {failed}", seconds(now_us)));
+            self.failed = Some(failed);
+            return;
+        }
+        let scribe = &mut self.scribe;
+        match piece {
+            Piece::Came(at, bytes) => self.decoder.feed(at, &bytes, |at_us, item| scribe.take(at_us, item)),
+            Piece::Note(words) => scribe.note(now_us, words),
+            Piece::Nothing => {}
+        }
+    }
+
+    /// Brings the file up to date; where that fails it is tried again the next time.
+    fn write(&mut self, tail: &str) -> Option<String> {
+        let settled = self.scribe.settled();
+        self.lines += settled.lines().filter(|line| !line.starts_with('#')).count() as u64;
+        let was_failing = self.out.is_failing;
+        let error = self.out.write(&settled, tail).err();
+        self.out.is_failing = error.is_some();
+        match &error {
+            Some(error) if !was_failing => {
+                self.screen.warning(&format!("the recording cannot be written: {error}; it is tried again"));
+            }
+            None if was_failing => self.screen.note("the recording is written again"),
+            _ => {}
+        }
+        error.map(|error| error.to_string())
+    }
+}
+
+/// How much of the largest script may not be settled.
+const MARGIN: u64 = 1 << 20;
+
+/// A file of which the end changes, until it is settled.
+struct Out {
+    file: File,
+    /// Only a file can have an end that changes.
+    is_file: bool,
+    /// What is settled but not written, where it was written to so far, and how much behind that is not settled.
+    settled: String,
+    at: u64,
+    tail: u64,
+    is_failing: bool,
+}
+
+impl Out {
+    fn new(file: Option<File>) -> io::Result<Self> {
+        let file = match file {
+            Some(file) => file,
+            None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
+        };
+        let is_file = file.metadata()?.is_file();
+        Ok(Out { file, is_file, settled: String::new(), at: 0, tail: 0, is_failing: false })
+    }
+
+    fn length(&self) -> u64 {
+        self.at + self.settled.len() as u64
+    }
+
+    /// Writes what is settled, and behind it what is not. At every moment, the file is a script: a shorter end is followed by empty lines
+    /// until the file is cut.
+    fn write(&mut self, settled: &str, tail: &str) -> io::Result<()> {
+        self.settled.push_str(settled);
+        if !self.is_file {
+            self.file.write_all(self.settled.as_bytes())?;
+            self.settled.clear();
+            return Ok(());
+        }
+        if self.settled.is_empty() && tail.len() as u64 == self.tail {
+            return Ok(());
+        }
+        let end = self.length() + tail.len() as u64;
+        let padding = (self.at + self.tail).saturating_sub(end);
+        let padding = "\n".repeat(usize::try_from(padding).unwrap_or_default());
+        let text = [&self.settled, tail, &padding].concat();
+        let written = self.file.write_all_at(text.as_bytes(), self.at);
+        if written.is_err() {
+            // Half a line would be another command.
+            self.tail = 0;
+            self.file.set_len(self.at)?;
+        }
+        written?;
+        if !padding.is_empty() {
+            self.file.set_len(end)?;
+        }
+        (self.at, self.tail) = (self.length(), tail.len() as u64);
+        self.settled.clear();
+        self.file.sync_data()
+    }
+}
