@@ -4,122 +4,14 @@
 mod support;
 
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::os::unix::fs::symlink;
-use std::path::PathBuf;
-use std::process::{Child, ChildStderr, Command, Stdio};
-use std::thread::{self, JoinHandle};
+use std::process::Command;
 
-use motionseq::board::{Command as Said, Query, Speed, TurnRate};
-use rustix::process::{Pid, Signal, kill_process};
-use serialport::SerialPort;
-use support::{motionseq, run, stderr};
-
-/// A board that runs.
-struct Host {
-    child: Child,
-    errors: BufReader<ChildStderr>,
-    /// Reads what it prints, or it would wait for a reader.
-    printed: Option<JoinHandle<String>>,
-    path: PathBuf,
-}
-
-impl Host {
-    /// Starts one, and waits until its link is there.
-    fn start(name: &str, more: &[&str]) -> Self {
-        Host::start_at(link(name), more)
-    }
-
-    fn start_at(path: PathBuf, more: &[&str]) -> Self {
-        let mut command = motionseq(&["board", "--link", path.to_str().unwrap()]);
-        let mut child = command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let errors = BufReader::new(child.stderr.take().unwrap());
-        let mut output = child.stdout.take().unwrap();
-        let printed = Some(thread::spawn(move || {
-            let mut text = String::new();
-            output.read_to_string(&mut text).unwrap();
-            text
-        }));
-        let mut host = Host { child, errors, printed, path };
-        assert!(host.line().contains("stands at"));
-        host
-    }
-
-    /// The next line of what it says.
-    fn line(&mut self) -> String {
-        let mut line = String::new();
-        self.errors.read_line(&mut line).unwrap();
-        line
-    }
-
-    /// Waits until it says this.
-    fn says(&mut self, words: &str) {
-        loop {
-            let line = self.line();
-            assert!(!line.is_empty(), "it never said {words}");
-            if line.contains(words) {
-                return;
-            }
-        }
-    }
-
-    fn open(&self) -> Box<dyn SerialPort> {
-        serialport::new(self.path.to_str().unwrap(), 115_200).timeout(std::time::Duration::from_secs(5)).open().unwrap()
-    }
-
-    fn signal(&self, signal: Signal) {
-        kill_process(Pid::from_child(&self.child), signal).unwrap();
-    }
-
-    /// Ends it as Ctrl-C does; gives what it printed, and what it said.
-    fn end(mut self) -> (String, String) {
-        self.signal(Signal::INT);
-        let mut said = String::new();
-        self.errors.read_to_string(&mut said).unwrap();
-        assert_eq!(self.child.wait().unwrap().code(), Some(0), "{said}");
-        assert!(fs::symlink_metadata(&self.path).is_err(), "the link is gone");
-        (self.printed.take().unwrap().join().unwrap(), said)
-    }
-}
-
-/// A test that fails leaves no board behind.
-impl Drop for Host {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// A path of its own.
-fn link(name: &str) -> PathBuf {
-    let path = std::env::temp_dir().join(format!("motionseq-host-{}-{name}", std::process::id()));
-    let _ = fs::remove_file(&path);
-    path
-}
-
-/// The second column of a listing: the frames in hex.
-fn frames(listing: &str) -> Vec<&str> {
-    listing.lines().filter(|line| !line.contains("skipped")).map(|line| line.split('\t').nth(1).unwrap()).collect()
-}
-
-fn stop() -> Vec<u8> {
-    Said::STOP.to_frame()
-}
-
-fn rocker(x: i32) -> Vec<u8> {
-    Said::Rocker { x: Speed::new(x).unwrap(), y: Speed::ZERO, z: TurnRate::ZERO }.to_frame()
-}
-
-/// Whether Python has this module; in CI it has.
-fn has(module: &str) -> bool {
-    let found = Command::new("python3").args(["-c", &format!("import {module}")]).stderr(Stdio::null()).status();
-    let found = found.is_ok_and(|status| status.success());
-    assert!(found || std::env::var_os("CI").is_none(), "CI lacks Python's {module}");
-    if !found {
-        eprintln!("skipped: Python has no {module}");
-    }
-    found
-}
+use motionseq::board::{Command as Said, Query};
+use rustix::process::Signal;
+use support::host::{Host, frames, has, link, rocker, stop};
+use support::{run, stderr};
 
 #[test]
 fn an_owners_program_is_shown_frame_by_frame_and_may_come_again() {
@@ -272,7 +164,7 @@ fn the_link_of_one_that_was_killed_is_replaced_and_that_of_a_living_one_is_not()
     first.child.wait().unwrap();
     let left = fs::read_link(&first.path).unwrap();
     let path = first.path.clone();
-    let second = Host::start_at(path, &[]);
+    let second = Host::start_at("board", path, &[]);
     assert!(fs::read_link(&second.path).is_ok(), "{left:?}");
     let (_, said) = second.end();
     assert!(said.contains("received 0 frames"), "{said}");

@@ -5,15 +5,21 @@
 mod support;
 
 use std::fs;
-use std::path::Path;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::Command as Client;
 
-use motionseq::board::{Command, DEFAULT_BAUD, PulseWidth, ServoIndex, Speed, TiltPulseWidth, TurnRate};
+use motionseq::board::{
+    Command, DEFAULT_BAUD, Displacement, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
+};
 use motionseq::capture::{DRIVE_TOLERANCE, SERVO_TOLERANCE, Scribe, TimedDecoder};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Source, Sources};
 use motionseq::timeline::{Event, Kind, Timeline};
 use proptest::prelude::*;
-use support::messages;
+use rustix::process::Signal;
+use support::host::{Host, frames, has, link, rocker, stop};
+use support::{messages, run, stderr};
 
 /// A script, compiled; errors are shown.
 fn compiled(text: &str) -> Timeline {
@@ -284,4 +290,202 @@ proptest! {
             }
         }
     }
+}
+
+/// A recording under way, and the file that it goes to.
+fn recording(name: &str, more: &[&str]) -> (Host, PathBuf) {
+    let path = link(&format!("{name}.motion"));
+    let host = Host::start_at("record", link(name), &[&["-o", path.to_str().unwrap()], more].concat());
+    (host, path)
+}
+
+/// What stands in a recording that has ended.
+fn text_of(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    fs::remove_file(path).unwrap();
+    text
+}
+
+/// The commands of a script, without their times.
+fn commands(text: &str) -> Vec<&str> {
+    let lines = text.lines().filter(|line| line.starts_with("at "));
+    lines.map(|line| line.splitn(3, ' ').nth(2).unwrap()).collect()
+}
+
+#[test]
+fn an_owners_program_is_recorded_and_its_script_sends_the_same() {
+    if !has("serial") {
+        return;
+    }
+    let (mut host, path) = recording("exactly", &["--exact", "--format", "listing"]);
+    let client = Client::new("python3").arg("tests/clients/owner.py").arg(&host.path).output().unwrap();
+    assert!(client.status.success(), "{}", String::from_utf8_lossy(&client.stderr));
+    host.says("the port is closed");
+    let (listing, said) = host.end();
+    let wrote: Vec<String> = String::from_utf8(client.stdout).unwrap().lines().map(str::to_owned).collect();
+    assert_eq!(frames(&listing), wrote);
+    assert!(said.contains(&format!("recorded {} frames as {0} lines", wrote.len())), "{said}");
+    let text = text_of(&path);
+    let again = compiled(&text);
+    let sent: Vec<String> = again.events().iter().map(|event| hex(&event.command.to_frame())).collect();
+    assert_eq!(sent, wrote);
+    // Each at its time.
+    let times = listing.lines().map(|line| line.split('\t').next().unwrap().parse::<f64>().unwrap());
+    let times: Vec<f64> = times.collect();
+    for (event, time) in again.events().iter().zip(&times) {
+        let received_us = (time - times[0]) * 1e6;
+        assert!((event.at_us as f64 - received_us).abs() < 2.0, "{} {received_us}", event.at_us);
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn a_folded_recording_of_an_owners_program_is_short() {
+    if !has("serial") {
+        return;
+    }
+    let (mut host, path) = recording("folded", &[]);
+    let client = Client::new("python3").arg("tests/clients/owner.py").arg(&host.path).output().unwrap();
+    assert!(client.status.success());
+    host.says("the port is closed");
+    host.end();
+    let text = text_of(&path);
+    let found = commands(&text);
+    // A thousand wheel frames are one hold, and twenty servo frames that stand back to back a move or some of them.
+    assert_eq!(found.iter().filter(|command| command.starts_with("wheels")).collect::<Vec<_>>(), [&"wheels 8 -8 8 -8"]);
+    assert!(found.contains(&"request report-start") && found.contains(&"request report-stop"), "{text}");
+    assert!(found.contains(&"buzzer on") && found.contains(&"buzzer off") && found.contains(&"stop"), "{text}");
+    assert!(found.len() < 40, "{text}");
+    compiled(&text);
+}
+
+#[test]
+fn a_kill_leaves_a_script_of_what_came_before() {
+    let (mut host, path) = recording("killed", &[]);
+    let mut port = host.open();
+    for x in 1..20 {
+        port.write_all(&rocker(x)).unwrap();
+    }
+    // It is written while it goes on.
+    while !fs::read_to_string(&path).unwrap_or_default().contains("x=19") {}
+    host.signal(Signal::KILL);
+    host.child.wait().unwrap();
+    let text = text_of(&path);
+    assert!(text.contains("x=1 ") && compiled(&text).events().len() >= 19, "{text}");
+    let _ = fs::remove_file(&host.path);
+}
+
+#[test]
+fn bytes_pass_between_a_program_and_its_board_unchanged() {
+    let mut board = Host::start("far", &["--battery", "11.5V"]);
+    let (mut tap, path) = recording("near", &["--port", board.path.to_str().unwrap()]);
+    let mut port = tap.open();
+    let noise: Vec<u8> = (0..=255).collect();
+    let request = Command::Request(Query::named("voltage").unwrap()).to_frame();
+    for part in [&rocker(5)[..7], &rocker(5)[7..], &noise, &stop(), &request] {
+        port.write_all(part).unwrap();
+    }
+    let mut reply = [0; 14];
+    port.read_exact(&mut reply).unwrap();
+    assert_eq!(&reply, b"{A0:0:0:1150}#");
+    port.write_all(&rocker(7)).unwrap();
+    drop(port);
+    tap.says("leaves the drive on");
+    // Nobody else can stop the robot then.
+    let (_, said) = tap.end();
+    assert!(said.contains("stop: sent"), "{said}");
+    board.says("the port is closed");
+    let (listing, _) = board.end();
+    let found: Vec<&str> =
+        listing.lines().filter_map(|line| line.split('\t').nth(2)).filter(|c| !c.is_empty()).collect();
+    let expected =
+        ["rocker x=5 y=0 z=0", "stop", "request voltage", "rocker x=7 y=0 z=0", "stop", "stop", "stop", "buzzer off"];
+    assert_eq!(found, expected, "{listing}");
+    let skipped = listing.lines().find(|line| line.contains("skipped")).unwrap();
+    assert!(skipped.contains("00 01 02 03") && skipped.contains("skipped 256"), "{listing}");
+    let text = text_of(&path);
+    assert!(text.contains("skipped") && text.contains("request voltage"), "{text}");
+}
+
+#[test]
+fn the_board_of_a_tap_that_goes_is_told() {
+    let board = Host::start("gone", &[]);
+    let (mut tap, path) = recording("told", &["--port", board.path.to_str().unwrap()]);
+    let mut port = tap.open();
+    port.write_all(&[stop(), Command::Request(Query::named("yaw").unwrap()).to_frame()].concat()).unwrap();
+    port.read_exact(&mut [0; 14]).unwrap();
+    board.end();
+    tap.says("the port was lost");
+    assert_eq!(tap.child.wait().unwrap().code(), Some(3));
+    assert!(text_of(&path).contains("stop"));
+    drop(port);
+}
+
+#[test]
+fn a_recording_is_never_put_over_anything() {
+    let path = link("there.motion");
+    fs::write(&path, "stop\n").unwrap();
+    let board = link("over");
+    let output = run(&["record", "--link", board.to_str().unwrap(), "-o", path.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("it is there already"), "{}", stderr(&output));
+    assert_eq!(text_of(&path), "stop\n");
+    // And where nothing is recorded, no file is left.
+    let output = run(&["record", "--link", board.to_str().unwrap(), "-o", path.to_str().unwrap(), "--port", "/dev/no"]);
+    assert_eq!((output.status.code(), path.exists()), (Some(3), false), "{}", stderr(&output));
+}
+
+/// Commands at times in microseconds, folded.
+fn folded(sent: &[(u64, Command)]) -> String {
+    recorded(false, &sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect::<Vec<_>>())
+}
+
+#[test]
+fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
+    let drive = Lane::Rocker.command([5, 0, 0]);
+    // Fed for a second, then silence, then a servo.
+    let mut sent: Vec<(u64, Command)> = (0..10).map(|time| (time * 100_000, drive.clone())).collect();
+    sent.push((3_000_000, Lane::Servo(1).command([1500, 0, 0])));
+    sent.push((3_500_000, drive));
+    let text = folded(&sent);
+    let lines: Vec<&str> = text.lines().skip(1).collect();
+    assert_eq!(
+        lines,
+        [
+            "at 0s rocker x=5 y=0 z=0",
+            "at 1.4s stop  # nothing came for 0.5s: a board stops by itself",
+            "at 3s servo 1 1500",
+            "at 3.5s rocker x=5 y=0 z=0",
+            "at 3.502s stop  # the recording ends here",
+        ]
+    );
+}
+
+#[test]
+fn what_would_harm_or_mislead_is_left_out_and_said() {
+    let mut scribe = Scribe::new(false, DEFAULT_BAUD);
+    let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
+    let tilt = [0xFF, 0xFE, 2, 4, 0x05, 0xDC, 0x09, 0xC4, 0xB4];
+    let unknown = [0xFF, 0xFE, 0x40, 1, 5, 0x46];
+    let moves = Command::Move { x: Displacement::new(5).unwrap(), y: Displacement::ZERO, z: Displacement::ZERO };
+    for part in [&tilt[..], &[1, 2, 3], &unknown, &moves.to_frame(), &stop()] {
+        decoder.feed(0, part, |at_us, item| scribe.take(at_us, item));
+    }
+    scribe.finish(1_000_000);
+    let text = scribe.settled();
+    let lines: Vec<&str> = text.lines().skip(1).collect();
+    assert_eq!(
+        lines,
+        [
+            "# 0s: left out, FF FE 02 04 05 DC 09 C4 B4: 2500 is outside 500 to 1950",
+            "# 0.000781s: skipped 3, 01 02 03: no frame starts here",
+            "at 0.001041s raw 0x40 0x05  # no command has this function and length",
+            "at 0.001562s raw 0x03 0x04 0x00 0x05 0x00 0x00 0x00 0x00 0x01  # move x=5 y=0 z=0, with no `pid position` before it",
+            "at 0.00269s stop",
+        ]
+    );
+    compiled(&text);
 }

@@ -16,7 +16,7 @@ use super::output;
 use super::play;
 use super::screen::{Screen, plural};
 use super::tape::{Kept, Tape};
-use super::watcher::Watcher;
+use super::watcher::{Format, Watcher};
 
 /// Write what another program sends to its board down as a script
 #[derive(Debug, Args)]
@@ -33,6 +33,9 @@ pub(super) struct Record {
     /// Write the script to this file, which must not be there yet, instead of standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Show each frame on standard output, too, as it comes
+    #[arg(long, value_enum, requires = "output")]
+    format: Option<Format>,
     /// Keep every frame: the script sends what the program has sent, each frame at its time
     #[arg(long)]
     exact: bool,
@@ -80,7 +83,7 @@ impl Record {
             Some(port) => format!("the board at {}", port.display()),
         };
         screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
-        let mut watcher = Watcher::new(screen, None, self.baud).with_tape(tape);
+        let mut watcher = Watcher::new(screen, self.format, self.baud).with_tape(tape);
         let exit = match port {
             None => self.virtually(&door, &signals, &mut watcher, screen),
             Some(port) => between(&door, port, &signals, &mut watcher, screen),
@@ -92,9 +95,12 @@ impl Record {
     fn virtually(&self, door: &Door, signals: &Signals, watcher: &mut Watcher<'_>, screen: &Screen) -> Exit {
         let faults = self.fault.clone().unwrap_or_default();
         let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
+        // A signal is told once, whatever happens at that moment.
+        let mut was_ended = false;
         let hosted = host(board, door, self.baud, |now_us, happened, board| {
             watcher.watch(now_us, happened, Some(board))?;
-            Ok(signals.pending().is_none())
+            was_ended |= signals.pending().is_some();
+            Ok(!was_ended)
         });
         match hosted {
             Ok(board) => {
@@ -140,9 +146,11 @@ impl Record {
 
 /// Records between a program and a board.
 fn between(door: &Door, mut port: Serial, signals: &Signals, watcher: &mut Watcher<'_>, screen: &Screen) -> Exit {
+    let mut was_ended = false;
     let tapped = tap(door, &mut port, |now_us, happened| {
         watcher.watch(now_us, happened, None)?;
-        Ok(signals.pending().is_none())
+        was_ended |= signals.pending().is_some();
+        Ok(!was_ended)
     });
     // Nobody can stop it through this port any more.
     let stop = (!watcher.state().at_rest()).then(|| stop_now(&mut port));

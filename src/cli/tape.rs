@@ -166,7 +166,7 @@ impl Writer {
     /// Brings the file up to date; where that fails it is tried again the next time.
     fn write(&mut self, tail: &str) -> Option<String> {
         let settled = self.scribe.settled();
-        self.lines += settled.lines().filter(|line| !line.starts_with('#')).count() as u64;
+        self.lines += settled.lines().filter(|line| line.starts_with("at ")).count() as u64;
         let was_failing = self.out.is_failing;
         let error = self.out.write(&settled, tail).err();
         self.out.is_failing = error.is_some();

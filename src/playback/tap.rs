@@ -43,13 +43,13 @@ pub fn tap(
     let (mut from_program, mut from_board) = (vec![0; CHUNK], vec![0; CHUNK]);
     // What of the program's bytes the port has not taken yet.
     let mut left = 0..0;
-    let mut is_open = false;
+    let (mut is_open, mut is_ending) = (false, false);
     loop {
         if !watch(time() / 1_000, Happened::Passed)? {
             return Ok(());
         }
         if !is_open && (program.is_in_use()? || program.waiting()? > 0) {
-            is_open = true;
+            (is_open, is_ending) = (true, false);
             watch(time() / 1_000, Happened::Opened)?;
         }
         if !is_open && left.is_empty() {
@@ -63,6 +63,8 @@ pub fn tap(
         let [asks, gives] = os::wait(watched, Some(LOOK))?;
         if left.is_empty() && !asks.is_empty() {
             match program.read(&mut from_program) {
+                // The system may tell of the end before the last bytes are through.
+                Ok(0) if !std::mem::replace(&mut is_ending, true) => clock::sleep_until(clock::now() + IDLE),
                 Ok(0) => {
                     is_open = false;
                     door.sweep()?;
@@ -70,6 +72,7 @@ pub fn tap(
                 }
                 Ok(taken) => {
                     let at = time();
+                    is_ending = false;
                     left = give(port, &from_program, 0..taken).map_err(TapError::Lost)?;
                     watch(time() / 1_000, Happened::Came(at, from_program.get(..taken).unwrap_or_default()))?;
                 }

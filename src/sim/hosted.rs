@@ -30,7 +30,7 @@ pub fn host(
     let nanos_a_byte = nanos_a_byte(baud);
     let port = door.pty();
     let mut buffer = [0; CHUNK];
-    let (mut is_open, mut is_behind, mut has_waited, mut busy_until) = (false, false, false, 0);
+    let (mut is_open, mut is_ending, mut is_behind, mut has_waited, mut busy_until) = (false, false, false, false, 0);
     loop {
         let now_us = time(clock::now());
         board.poll(now_us);
@@ -39,7 +39,7 @@ pub fn host(
         }
         // One that has written and gone already counts, too.
         if !is_open && (port.is_in_use()? || port.waiting()? > 0) {
-            is_open = true;
+            (is_open, is_ending) = (true, false);
             watch(now_us, Happened::Opened, &board)?;
         }
         let replies: Vec<u8> = board.replies().collect();
@@ -59,13 +59,21 @@ pub fn host(
             continue;
         }
         let taken = match if listens { port.read(&mut buffer) } else { Ok(0) } {
+            // The system may tell of the end before the last bytes are through.
+            Ok(0) if listens && !std::mem::replace(&mut is_ending, true) => {
+                clock::sleep_until(clock::now() + IDLE);
+                continue;
+            }
             Ok(0) => {
                 (is_open, has_waited) = (false, false);
                 door.sweep()?;
                 watch(time(clock::now()), Happened::Closed, &board)?;
                 continue;
             }
-            Ok(taken) => taken,
+            Ok(taken) => {
+                is_ending = false;
+                taken
+            }
             Err(error) if matches!(error.kind(), io::ErrorKind::Interrupted | io::ErrorKind::WouldBlock) => continue,
             Err(error) => return Err(error),
         };

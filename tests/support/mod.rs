@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "no test binary uses all of it")]
 
 pub(crate) mod far;
+pub(crate) mod host;
 
 use std::fs;
 use std::path::Path;
