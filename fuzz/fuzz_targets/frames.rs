@@ -1,9 +1,12 @@
-//! Every byte of a stream is in exactly one frame or skipped, however it is cut; and `decode` never gives up.
+//! Every byte of a stream is in exactly one frame or skipped, however it is cut; `decode` never gives up, and what it writes as a script
+//! compiles.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use motionseq::board::{Command, Decoder, Item};
-use motionseq::capture::decode;
+use motionseq::capture::{decode, transcribe};
+use motionseq::program::Options;
+use motionseq::source::{Source, Sources};
 
 /// What the decoder makes of a stream that comes in two pieces.
 fn items(bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
@@ -39,6 +42,14 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
         assert_eq!(&command.to_frame(), frame);
     }
     let mut listing = Vec::new();
-    decode(bytes.as_slice(), &mut listing).expect("nothing in a stream is fatal");
+    decode(bytes.as_slice(), None, &mut listing).expect("nothing in a stream is fatal");
     assert!(String::from_utf8(listing).is_ok());
+    for exact in [false, true] {
+        let mut script = Vec::new();
+        transcribe(bytes.as_slice(), None, exact, &mut script).expect("nothing in a stream is fatal");
+        let script = String::from_utf8(script).expect("a script is text");
+        let sources = Sources::from(Source::new("x.motion", script.as_str()));
+        let compiled = motionseq::compile(&sources, &Options::default());
+        assert!(!compiled.diagnostics.has_errors(), "{:?}\n{script}", compiled.diagnostics.sorted());
+    }
 });
