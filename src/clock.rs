@@ -1,5 +1,5 @@
-//! The clock that nobody can set, in nanoseconds. Only what runs in real time imports it: playback, and the virtual board's
-//! thread.
+//! The clock that nobody can set, in nanoseconds. Only what runs in real time imports it: playback, the way to a board,
+//! and the virtual board's thread.
 //!
 //! It goes on while the computer sleeps: a robot that drove on meanwhile must not be sent the rest of its script as if
 //! nothing had happened.

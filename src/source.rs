@@ -54,6 +54,7 @@ pub struct Source {
 }
 
 /// A script and the files that it uses, in the order in which they were reached.
+#[derive(Clone)]
 pub struct Sources {
     files: FrozenVec<Box<Source>>,
 }

@@ -15,7 +15,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("random", &[]),
     ("program", &["source", "diagnostic", "syntax", "board", "random"]),
     ("timeline", &["source", "diagnostic", "program", "board"]),
-    ("link", &["board"]),
+    ("link", &["board", "clock"]),
     ("playback", &["source", "timeline", "link", "board", "clock"]),
     ("sim", &["board", "link", "clock", "random"]),
     ("capture", &["board", "program", "timeline"]),
@@ -28,6 +28,7 @@ const ROOMS: &[(&str, &[&str])] = &[
 const AT_HOME: &[(&str, &str)] = &[
     ("pest", "src/syntax"),
     ("serialport::", "src/link/serial.rs"),
+    ("mcap::", "src/cli/log/book.rs"),
     ("miette::", "src/diagnostic/show.rs"),
     ("humantime::", "src/program/value.rs src/sim/faults.rs"),
     ("rtrb::", "src/link/recorder.rs"),

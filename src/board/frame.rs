@@ -78,6 +78,16 @@ impl fmt::Debug for Frame<'_> {
 /// Upper-case hex with blanks between, as the listing shows it.
 impl fmt::Display for Frame<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Hex(self.0).fmt(f)
+    }
+}
+
+/// Bytes as upper-case hex with blanks between.
+#[derive(Clone, Copy, Debug)]
+pub struct Hex<'a>(pub &'a [u8]);
+
+impl fmt::Display for Hex<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (at, byte) in self.0.iter().enumerate() {
             let blank = if at == 0 { "" } else { " " };
             write!(f, "{blank}{byte:02X}")?;

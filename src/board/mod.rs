@@ -17,7 +17,7 @@ mod state;
 
 pub use command::{Command, Gains, Mode, NotACommand, Query};
 pub use decoder::{Decoder, Item, Skip};
-pub use frame::{Frame, FrameError, HEADER, MAX_FRAME, MAX_PAYLOAD, Payload};
+pub use frame::{Frame, FrameError, HEADER, Hex, MAX_FRAME, MAX_PAYLOAD, Payload};
 pub use number::{Displacement, OutOfRange, PulseWidth, Ranged, ServoIndex, Speed, TiltPulseWidth, TurnRate};
 pub use report::{Hundredths, Report, ReportDecoder, ReportItem};
 pub use state::State;

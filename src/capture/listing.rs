@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::Decoded;
-use crate::board::{Command, Frame, Item, Skip};
+use crate::board::{Command, Frame, Hex, Item, Skip};
 
 /// The most bytes of a run that are shown where they belong to no frame.
 const SHOWN: usize = 16;
@@ -79,9 +79,8 @@ impl<W: Write> Listing<W> {
     /// Writes the run that has not ended yet.
     pub fn end_run(&mut self) {
         let Some(Run { at, shown, count, why }) = self.run.take() else { return };
-        let bytes: Vec<String> = shown.iter().map(|byte| format!("{byte:02X}")).collect();
         let more = if count > SHOWN as u64 { " …" } else { "" };
-        let bytes = bytes.join(" ");
+        let bytes = Hex(&shown);
         let written = writeln!(self.out, "{at}\t{bytes}{more}\t\tskipped {count}: {why}");
         self.keep(written);
     }

@@ -5,7 +5,7 @@ use std::fmt;
 
 use super::fold::{Axes, Point};
 use super::known::{Known, Thing};
-use crate::board::{Command, Frame, Mode, NotACommand, Skip};
+use crate::board::{Command, Frame, Hex, Mode, NotACommand, Skip};
 
 /// Without a drive frame for so long, in microseconds, a board counts as stopped: what the virtual board does. The real one's time is not
 /// published.
@@ -91,10 +91,10 @@ fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<Strin
         Came::Note(words) => return (Some(format!("# {words}")), Says::Break),
         Came::Skipped(first, count, why) => {
             let more = if *count > first.len() { " …" } else { "" };
-            return (Some(format!("# skipped {count}, {}{more}: {why}", hex(first))), Says::Other);
+            return (Some(format!("# skipped {count}, {}{more}: {why}", Hex(first))), Says::Other);
         }
         Came::Unknown(raw, NotACommand::OutOfRange(why)) if !exact => {
-            return (Some(format!("# left out, {}: {why}", hex(&raw.to_frame()))), Says::Other);
+            return (Some(format!("# left out, {}: {why}", Hex(&raw.to_frame()))), Says::Other);
         }
         Came::Unknown(raw, why) => {
             known.raw(raw);
@@ -203,10 +203,6 @@ pub(super) fn of_frame(frame: Frame<'_>) -> Came {
         Ok(command) => Came::Command(command),
         Err(why) => Came::Unknown(Command::raw(frame), why),
     }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
 /// Microseconds, as a script writes them.

@@ -11,6 +11,7 @@ use motionseq::sim::{Faults, Settings, VirtualBoard, host, volts};
 
 use super::ending::board_summary;
 use super::exit::Exit;
+use super::log::Log;
 use super::screen::Screen;
 use super::watcher::{Format, Watcher};
 
@@ -35,6 +36,9 @@ pub(super) struct Board {
     /// What goes wrong: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
+    /// Write all that happens to this MCAP file, too: frames, state, pose, telemetry; Foxglove shows it
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
 }
 
 /// Reads the voltage of a battery.
@@ -53,11 +57,15 @@ impl Board {
             Ok(door) => door,
             Err(error) => return refused(&error, screen),
         };
+        let log = match Log::open(self.log.as_deref(), None, screen) {
+            Ok(log) => log,
+            Err(exit) => return exit,
+        };
         let link = self.link.display();
         screen.note(&format!("a virtual board stands at {link}, {} baud; Ctrl-C ends it", self.baud));
         let faults = self.fault.clone().unwrap_or_default();
         let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
-        let mut watcher = Watcher::new(screen, Some(self.format), self.baud);
+        let mut watcher = Watcher::new(screen, Some(self.format), self.baud).with_log(log);
         let mut was_ended = false;
         let hosted = host(board, &door, self.baud, |now_us, happened, board| {
             watcher.watch(now_us, happened, Some(board))?;

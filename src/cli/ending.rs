@@ -10,14 +10,15 @@ use std::time::Duration;
 use motionseq::board::Report;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::link::Serial;
-use motionseq::playback::{Cause, Outcome, Stop};
+use motionseq::playback::{Cause, Outcome, Stop, now};
 use motionseq::sim::{Received, Served};
 use motionseq::source::{Sources, Span};
 use motionseq::timeline::Timeline;
 
 use super::exit::Exit;
-use super::log::{Asking, Facts, Log};
+use super::log::Level;
 use super::news::Told;
+use super::notes::{Asking, Facts, Notes};
 use super::output;
 use super::screen::{Screen, plural, seconds};
 use super::start_thread;
@@ -83,18 +84,19 @@ impl End {
     fn say(self) {
         let End { screen, sources, timeline, outcome, lost, news, is_recorded, report: asked, run, board, port } = self;
         // A recording or a screen that takes nothing must not hide how the run ended.
-        let (written, report, log) = news.recv_timeout(NEWS).unwrap_or_else(|why| {
+        let Told { recorded, report, notes, log } = news.recv_timeout(NEWS).unwrap_or_else(|why| {
             let why = match why {
                 RecvTimeoutError::Timeout => "it takes no more bytes",
                 RecvTimeoutError::Disconnected => "the thread that writes it failed",
             };
-            (if is_recorded { Err(io::Error::other(why)) } else { Ok(()) }, None, Log::new())
+            let recorded = if is_recorded { Err(io::Error::other(why)) } else { Ok(()) };
+            Told { recorded, report: None, notes: Notes::new(), log: None }
         });
-        let written = match lost.bytes {
-            0 => written,
-            bytes => written.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),
+        let recorded = match lost.bytes {
+            0 => recorded,
+            bytes => recorded.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),
         };
-        if let Err(error) = written {
+        if let Err(error) = recorded {
             screen.warning(&format!("the recording is not complete: {error}; the motion was not changed by that"));
         }
         if lost.notices > 0 {
@@ -127,11 +129,18 @@ impl End {
                 place: ending.as_ref().and_then(|_| place_of(&timeline, &outcome)),
                 run: &run,
             };
-            let text = log.report(facts);
+            let text = notes.report(facts);
             let written = output::begin(&file).and_then(|()| (&file).write_all(text.as_bytes()));
             if let Err(error) = written {
                 screen.warning(&format!("the report {} is not complete: {error}", path.display()));
             }
+        }
+        if let Some(mut log) = log {
+            match &ending {
+                None => log.line(now(), Level::Info, "everything was sent"),
+                Some((_, line)) => log.line(now(), Level::Error, line),
+            }
+            log.end();
         }
         if let Some((_, line)) = ending {
             if (outcome.cause, outcome.stop) == (Cause::Quit, Stop::Sent) {

@@ -12,6 +12,7 @@ mod guard;
 mod latency;
 mod log;
 mod news;
+mod notes;
 mod output;
 mod play;
 mod ports;

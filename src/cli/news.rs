@@ -9,11 +9,14 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use motionseq::board::{Report, ServoIndex, State};
-use motionseq::playback::{Notice, Verdict};
+use motionseq::link::Taken;
+use motionseq::playback::{Notice, Verdict, now};
+use motionseq::source::{Lines, Sources, Span};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
 
-use super::log::Log;
+use super::log::{Entry, Level, Log, Spot};
+use super::notes::Notes;
 use super::progress::bar;
 use super::screen::{Screen, seconds};
 use super::start_thread;
@@ -52,8 +55,27 @@ const KEYS: &str = "space: pause, and go on · Enter: go on, or a step with --st
 /// What stands behind the progress of a run that stands.
 const PAUSED: &str = "paused";
 
-/// What is left to tell at the end: whether the recording is whole, the board's last report, and what was noted.
-pub(super) type Told = (io::Result<()>, Option<Report>, Log);
+/// What is left to tell at the end.
+pub(super) struct Told {
+    /// Whether the recording is whole.
+    pub(super) recorded: io::Result<()>,
+    /// The board's last report.
+    pub(super) report: Option<Report>,
+    pub(super) notes: Notes,
+    /// The log, which waits for the last word.
+    pub(super) log: Option<Log>,
+}
+
+/// What a run is written to while it goes on.
+pub(super) struct Files {
+    /// The bytes that the port took.
+    pub(super) recording: Option<File>,
+    /// All that happens, and the text that it comes from.
+    pub(super) log: Option<(Log, Sources)>,
+}
+
+/// The ends of rings at which a run is heard: what it tells, each with its time on the clock of [`now`], and what its port took.
+pub(super) type Heard = (Consumer<(u64, Notice)>, Consumer<Taken>);
 
 /// What the thread works with.
 pub(super) struct News {
@@ -65,8 +87,11 @@ pub(super) struct News {
     told: bool,
     screen: Screen,
     recording: Option<File>,
+    log: Option<Log>,
+    /// How many marks were passed in this pass.
+    marked: usize,
     report: Option<Report>,
-    log: Log,
+    notes: Notes,
     /// What the board was told so far, the worst lateness in nanoseconds, and how many frames were dropped.
     state: State,
     worst_late: u64,
@@ -76,8 +101,8 @@ pub(super) struct News {
 
 /// The time of the script, for the progress line.
 enum Clock {
-    /// Time 0 was then, or would have been without the pauses.
-    Runs(Instant),
+    /// Time 0 was then on the clock of [`now`], or would have been without the pauses.
+    Runs(u64),
     /// It stands, at so many microseconds.
     Stands(u64),
 }
@@ -88,11 +113,12 @@ impl News {
         [timeline, again]: [Arc<Timeline>; 2],
         desk: Desk,
         screen: Screen,
-        recording: Option<File>,
-        notices: Consumer<Notice>,
-        bytes: Consumer<u8>,
+        files: Files,
+        heard: Heard,
     ) -> io::Result<Receiver<Told>> {
         let (told, end) = mpsc::channel();
+        let Files { recording, log } = files;
+        let (log, sources) = log.unzip();
         let news = News {
             timeline,
             again,
@@ -100,36 +126,44 @@ impl News {
             told: false,
             screen,
             recording,
+            log,
+            marked: 0,
             report: None,
-            log: Log::new(),
+            notes: Notes::new(),
             state: State::default(),
             worst_late: 0,
             dropped: 0,
-            clock: Clock::Runs(Instant::now()),
+            clock: Clock::Runs(now()),
         };
         start_thread("news", move || {
-            let _ = told.send(news.run(notices, bytes));
+            let lines = sources.as_ref().map(Lines::of);
+            let _ = told.send(news.run(heard, lines.as_ref()));
         })?;
         Ok(end)
     }
 
-    fn run(mut self, mut notices: Consumer<Notice>, mut bytes: Consumer<u8>) -> Told {
+    fn run(mut self, (mut notices, mut taken): Heard, lines: Option<&Lines<'_>>) -> Told {
         let mut recording = self.recording.take();
-        let mut written = Ok(());
+        let mut recorded = Ok(());
         let mut told_at = Instant::now();
         loop {
             // Looked at before the rings are emptied, so that nothing is left in them at the end.
-            let last = notices.is_abandoned() && bytes.is_abandoned();
-            while let Ok(notice) = notices.pop() {
-                self.tell(notice);
-            }
-            if let Ok(chunk) = bytes.read_chunk(bytes.slots()) {
-                if let Some(file) = &mut recording {
-                    let (first, second) = chunk.as_slices();
-                    written = written.and_then(|()| file.write_all(first)).and_then(|()| file.write_all(second));
+            let last = notices.is_abandoned() && taken.is_abandoned();
+            while let Ok((at, notice)) = notices.pop() {
+                if let (Some(log), Some(lines)) = (&mut self.log, lines) {
+                    log_notice(log, &self.timeline, lines, at, notice);
                 }
-                chunk.commit_all();
+                self.tell(at, notice);
             }
+            while let Ok(piece) = taken.pop() {
+                if let Some(log) = &mut self.log {
+                    log.put(piece.at, Entry::Bytes(piece.bytes().into()));
+                }
+                if let Some(file) = &mut recording {
+                    recorded = recorded.and_then(|()| file.write_all(piece.bytes()));
+                }
+            }
+            self.pass_marks();
             if last {
                 break;
             }
@@ -147,10 +181,22 @@ impl News {
         if self.desk.progress == Progress::Auto {
             self.screen.live("");
         }
-        (written, self.report, self.log)
+        Told { recorded, report: self.report, notes: self.notes, log: self.log }
     }
 
-    fn tell(&mut self, notice: Notice) {
+    /// Logs the marks that were passed since the last time.
+    fn pass_marks(&mut self) {
+        let (Some(log), Clock::Runs(begin)) = (&mut self.log, &self.clock) else { return };
+        let time_us = now().saturating_sub(*begin) / 1_000;
+        let marks = self.timeline.marks.get(self.marked..).unwrap_or_default();
+        for mark in marks.iter().take_while(|mark| mark.at_us <= time_us) {
+            let at = begin.saturating_add(mark.at_us.saturating_mul(1_000));
+            log.put(at, Entry::Mark { name: mark.name.clone(), at_us: mark.at_us });
+            self.marked += 1;
+        }
+    }
+
+    fn tell(&mut self, at: u64, notice: Notice) {
         match notice {
             Notice::Say { cue } => {
                 if let Some(cue) = self.timeline.cues.get(cue) {
@@ -159,12 +205,12 @@ impl News {
             }
             Notice::Report(newest) => self.report = Some(newest),
             Notice::Judged(verdict) => {
-                self.log.judged(&self.timeline, verdict);
+                self.notes.judged(&self.timeline, verdict);
                 self.judged(verdict);
             }
             Notice::Sent { event, late } => {
                 if let Some(event) = self.timeline.events().get(event) {
-                    self.log.sent(late);
+                    self.notes.sent(late);
                     self.state.apply(&event.command);
                     self.worst_late = self.worst_late.max(late);
                 }
@@ -180,7 +226,7 @@ impl News {
                 self.frame("not sent, as the drive stands: ", event);
             }
             Notice::Dropped { event } => {
-                self.log.dropped(&self.timeline, event);
+                self.notes.dropped(&self.timeline, event);
                 self.dropped += 1;
                 self.frame("dropped: ", event);
             }
@@ -199,23 +245,29 @@ impl News {
                 };
                 self.screen.ask(&format!("{} s: paused{how}", seconds(at_us)));
             }
-            Notice::Pass { pass: 1 } => self.clock = Clock::Runs(Instant::now()),
+            Notice::Pass { pass: 1 } => {
+                if let Some(log) = &mut self.log {
+                    log.begin(at);
+                }
+                self.clock = Clock::Runs(at);
+            }
             Notice::Pass { pass } => {
-                self.log.passes = pass;
+                self.notes.passes = pass;
+                self.pass_marks();
                 self.timeline = Arc::clone(&self.again);
-                self.clock = Clock::Runs(Instant::now());
+                self.marked = 0;
+                self.clock = Clock::Runs(at);
                 self.screen.note(&format!("pass {pass}"));
             }
             Notice::Resumed { at_us } => {
-                let now = Instant::now();
-                self.clock = Clock::Runs(now.checked_sub(Duration::from_micros(at_us)).unwrap_or(now));
+                self.clock = Clock::Runs(at.saturating_sub(at_us.saturating_mul(1_000)));
                 self.screen.note(&format!("{} s: goes on", seconds(at_us)));
             }
         }
     }
 
     fn stand(&mut self, at_us: u64) {
-        self.log.pauses += u64::from(matches!(self.clock, Clock::Runs(_)));
+        self.notes.pauses += u64::from(matches!(self.clock, Clock::Runs(_)));
         self.clock = Clock::Stands(at_us);
     }
 
@@ -256,9 +308,7 @@ impl News {
     /// The time of the script, in microseconds.
     fn time(&self) -> u64 {
         match self.clock {
-            Clock::Runs(begin) => {
-                u64::try_from(begin.elapsed().as_micros()).unwrap_or(u64::MAX).min(self.timeline.end_us)
-            }
+            Clock::Runs(begin) => (now().saturating_sub(begin) / 1_000).min(self.timeline.end_us),
             Clock::Stands(at_us) => at_us,
         }
     }
@@ -272,8 +322,8 @@ impl News {
         if self.dropped > 0 {
             parts.push(format!("{} dropped", self.dropped));
         }
-        if self.log.passes > 1 {
-            parts.push(format!("pass {}", self.log.passes));
+        if self.notes.passes > 1 {
+            parts.push(format!("pass {}", self.notes.passes));
         }
         let mut next = None;
         if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at_us > now) {
@@ -301,4 +351,46 @@ pub(super) fn servos(state: &State) -> impl Iterator<Item = String> {
         let pulse = state.servo(ServoIndex::new(index).ok()?)?;
         Some(format!("servo {index} {pulse}"))
     })
+}
+
+/// Logs what a run tells.
+fn log_notice(log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, at: u64, notice: Notice) {
+    let spot = |span: Span| -> Option<Spot> {
+        let place = lines.place(span);
+        Some((place.file.to_owned(), place.line))
+    };
+    let mut line = |level, text: String, span: Option<Span>| {
+        log.put(at, Entry::Line { level, text, place: span.and_then(spot) });
+    };
+    match notice {
+        Notice::Say { cue } => {
+            if let Some(cue) = timeline.cues.get(cue) {
+                line(Level::Info, cue.text.clone(), Some(cue.span));
+            }
+        }
+        Notice::Report(report) => log.put(at, Entry::Report(report)),
+        Notice::Judged(verdict) => {
+            if let Some(due) = timeline.expects.get(verdict.expect) {
+                let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
+                line(level, format!("expect {}: {}", due.expect, verdict.found), Some(due.span));
+            }
+        }
+        Notice::Sent { event, late } => {
+            if let Some(event) = timeline.events().get(event) {
+                let command = event.command.clone();
+                log.put(at, Entry::Late { event_us: event.at_us, late, command, place: spot(event.span) });
+            }
+        }
+        Notice::Dropped { event } => {
+            if let Some(event) = timeline.events().get(event) {
+                line(Level::Warning, format!("dropped: {}", event.command), Some(event.span));
+            }
+        }
+        Notice::Sleeping { at_us } | Notice::Paused { at_us } => {
+            line(Level::Info, format!("paused at {} s", seconds(at_us)), None);
+        }
+        Notice::Resumed { at_us } => line(Level::Info, format!("goes on at {} s", seconds(at_us)), None),
+        Notice::Pass { pass: pass @ 2.. } => line(Level::Info, format!("pass {pass}"), None),
+        Notice::Pass { .. } | Notice::Passed { .. } | Notice::Help => {}
+    }
 }

@@ -18,8 +18,9 @@ use rtrb::RingBuffer;
 use super::Script;
 use super::ending::{End, Lost, Teller};
 use super::exit::Exit;
-use super::log::Asking;
-use super::news::{Desk, News, Progress};
+use super::log::Log;
+use super::news::{Desk, Files, News, Progress};
+use super::notes::Asking;
 use super::output;
 use super::screen::Screen;
 use super::show::{Show, Staged};
@@ -64,6 +65,9 @@ pub(super) struct Play {
     /// Write how the run went to this file, as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+    /// Write all that happens to this MCAP file: frames, state, lateness, telemetry, marks and `say`; Foxglove shows it
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
 }
 
 fn max_late(text: &str) -> Result<Duration, String> {
@@ -75,11 +79,14 @@ fn max_late(text: &str) -> Result<Duration, String> {
     }
 }
 
+/// A file for a result, and what it was called.
+type Named<'p> = (&'p Path, File);
+
 /// A frame later than this ends the run: on a real port, and on the virtual board.
 const MAX_LATE: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
-/// Room for notices and recorded bytes between two updates. The line carries 11,520 bytes a second.
+/// Room for notices and pieces of recorded bytes between two updates. The line carries 11,520 bytes a second.
 const NOTICES: usize = 16 * 1024;
-const BYTES: usize = 256 * 1024;
+const PIECES: usize = 16 * 1024;
 
 impl Play {
     /// Compiles the script, opens the port, plays, and says how it went.
@@ -96,24 +103,7 @@ impl Play {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
             Exit::Usage
         };
-        let recording = match &self.record {
-            None => None,
-            Some(path) => {
-                let file = output::open(path, &self.script.file).map_err(|error| refused(path, &error))?;
-                Some((path, file))
-            }
-        };
-        let report: Option<(PathBuf, File)> = match &self.report {
-            None => None,
-            Some(path) => {
-                Some((path.clone(), output::open(path, &self.script.file).map_err(|error| refused(path, &error))?))
-            }
-        };
-        if let (Some((path, report)), Some((_, recording))) = (&report, &recording)
-            && output::is_same(report, recording)
-        {
-            return Err(refused(path, &io::Error::other("it is the file of --record")));
-        }
+        let [recording, report, log] = self.results(&refused)?;
         if (self.paused || self.step) && !(screen.is_live() && Keys::open(false).is_some()) {
             screen.error("--paused and --step need somebody who sees and presses keys: a terminal in the foreground, standard error not redirected, no -q, no TERM=dumb");
             return Err(Exit::Usage);
@@ -136,16 +126,22 @@ impl Play {
         if let Some((path, file)) = &recording {
             output::begin(file).map_err(|error| refused(path, &error))?;
         }
+        let log = match log {
+            None => None,
+            Some((path, file)) => {
+                Some((Log::start(file, path, *screen).map_err(|error| refused(path, &error))?, sources.clone()))
+            }
+        };
 
         let timeline = Arc::new(timeline);
-        let (bytes_in, bytes_out) = RingBuffer::new(BYTES);
+        let (bytes_in, bytes_out) = RingBuffer::new(PIECES);
         let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
-        let recording = recording.map(|(_, file)| file);
+        let files = Files { recording: recording.map(|(_, file)| file), log };
         let keys = Keys::open(screen.is_live());
         let desk = Desk { keys: keys.is_some() && screen.is_live(), steps: self.step, progress: self.progress };
         let again = again.map(Arc::new);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
-        let news = News::start(timelines, desk, *screen, recording, notices_out, bytes_out);
+        let news = News::start(timelines, desk, *screen, files, (notices_out, bytes_out));
         let news = news.map_err(|error| system(screen, &error))?;
         let teller = Teller::start().map_err(|error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
@@ -181,13 +177,13 @@ impl Play {
         }
         let (start, started) = (now(), SystemTime::now());
         // The time that is shown begins here, too.
-        lost.notices += u64::from(notices_in.push(Notice::Pass { pass: 1 }).is_err());
+        lost.notices += u64::from(notices_in.push((start, Notice::Pass { pass: 1 })).is_err());
         if let Some(board) = &port.board {
             board.begin(start);
         }
         let outcome = drive(&mut player, &mut rig, start, |notice| {
             // Where the screen cannot follow, it misses something; the motion does not wait.
-            lost.notices += u64::from(notices_in.push(notice).is_err());
+            lost.notices += u64::from(notices_in.push((now(), notice)).is_err());
         });
         let elapsed_us = now().saturating_sub(start) / 1_000;
         let Rig { mut link, guard, keys, .. } = rig;
@@ -211,7 +207,7 @@ impl Play {
         let held = Some(link.into_inner().into_inner()).filter(|_| is_real);
         let is_recorded = self.record.is_some();
         let board = port.board;
-        let report = report.map(|(path, file)| (path, file, diagnostics));
+        let report = report.map(|(path, file)| (path.to_owned(), file, diagnostics));
         let run = Asking { asked: self.show.asked(), port: name, started, elapsed_us, bytes };
         let end = End {
             run,
@@ -227,6 +223,22 @@ impl Play {
             port: held,
         };
         Ok(teller.tell(end))
+    }
+
+    /// Opens the files for results, each of them another one; what stands in them stays for now.
+    fn results<'p>(&'p self, refused: &impl Fn(&Path, &io::Error) -> Exit) -> Result<[Option<Named<'p>>; 3], Exit> {
+        let mut opened: Vec<(&str, Named<'p>)> = Vec::new();
+        let asked = [("--record", &self.record), ("--report", &self.report), ("--log", &self.log)];
+        for (option, path) in asked {
+            let Some(path) = path else { continue };
+            let file = output::open(path, &self.script.file).map_err(|error| refused(path, &error))?;
+            if let Some((other, _)) = opened.iter().find(|(_, (_, other))| output::is_same(other, &file)) {
+                return Err(refused(path, &io::Error::other(format!("it is the file of {other}"))));
+            }
+            opened.push((option, (path, file)));
+        }
+        let mut opened = opened.into_iter().peekable();
+        Ok(asked.map(|(option, _)| opened.next_if(|(other, _)| *other == option).map(|(_, named)| named)))
     }
 
     fn guard(

@@ -12,6 +12,7 @@ use motionseq::sim::{Faults, Settings, VirtualBoard, host};
 use super::board::{self, battery};
 use super::ending::board_summary;
 use super::exit::Exit;
+use super::log::Log;
 use super::output;
 use super::play;
 use super::screen::{Screen, plural};
@@ -48,6 +49,9 @@ pub(super) struct Record {
     /// What goes wrong with the virtual board, as for `board`
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
+    /// Write all that happens to this MCAP file, too: frames, state, telemetry; Foxglove shows it
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
 }
 
 impl Record {
@@ -71,6 +75,10 @@ impl Record {
             Ok(door) => door,
             Err(error) => return self.nothing(board::refused(&error, screen)),
         };
+        let log = match Log::open(self.log.as_deref(), file.as_ref(), screen) {
+            Ok(log) => log,
+            Err(exit) => return self.nothing(exit),
+        };
         let tape = match Tape::start(file, self.exact, self.baud, *screen) {
             Ok(tape) => tape,
             Err(error) => {
@@ -83,7 +91,7 @@ impl Record {
             Some(port) => format!("the board at {}", port.display()),
         };
         screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
-        let mut watcher = Watcher::new(screen, self.format, self.baud).with_tape(tape);
+        let mut watcher = Watcher::new(screen, self.format, self.baud).with_tape(tape).with_log(log);
         let exit = match port {
             None => self.virtually(&door, &signals, &mut watcher, screen),
             Some(port) => between(&door, port, &signals, &mut watcher, screen),

@@ -9,6 +9,7 @@ use motionseq::link::Happened;
 use motionseq::sim::VirtualBoard;
 use motionseq::timeline::Seconds;
 
+use super::log::{Entry, Level, Log};
 use super::news::servos;
 use super::screen::{Screen, seconds};
 use super::tape::Tape;
@@ -32,6 +33,10 @@ pub(super) struct Watcher<'s> {
     shown: Option<Shown>,
     /// Where they are written down, if they are.
     tape: Option<Tape>,
+    /// Where all that happens is logged, if it is.
+    log: Option<Log>,
+    /// When the pose was logged last, in microseconds.
+    logged_us: u64,
     decoder: TimedDecoder,
     reports: ReportDecoder,
     /// What the board was told, and what it said last.
@@ -95,6 +100,8 @@ impl<'s> Watcher<'s> {
             screen,
             shown: shown.map(Shown::new),
             tape: None,
+            log: None,
+            logged_us: 0,
             decoder: TimedDecoder::new(baud),
             reports: ReportDecoder::new(),
             state: State::default(),
@@ -109,6 +116,11 @@ impl<'s> Watcher<'s> {
     /// Writes down what comes, too.
     pub(super) fn with_tape(self, tape: Tape) -> Self {
         Watcher { tape: Some(tape), ..self }
+    }
+
+    /// Logs what happens, too.
+    pub(super) fn with_log(self, log: Option<Log>) -> Self {
+        Watcher { log, ..self }
     }
 
     /// What the board was told.
@@ -126,6 +138,9 @@ impl<'s> Watcher<'s> {
         if let Some(tape) = &mut self.tape {
             tape.take(now_us, happened);
         }
+        if let Some(log) = &mut self.log {
+            log_happened(log, now_us, happened);
+        }
         match happened {
             Happened::Opened => {
                 self.is_open = true;
@@ -142,10 +157,13 @@ impl<'s> Watcher<'s> {
             }
             Happened::Came(at, bytes) => self.came(at, bytes)?,
             Happened::Answered(bytes) => {
-                let report = &mut self.report;
+                let Watcher { report, log, .. } = self;
                 self.reports.feed(bytes, |item| {
                     if let ReportItem::Report(newest) = item {
                         *report = Some(newest);
+                        if let Some(log) = log {
+                            log.put(log.at(now_us.saturating_mul(1_000)), Entry::Report(newest));
+                        }
                     }
                 });
             }
@@ -155,6 +173,12 @@ impl<'s> Watcher<'s> {
                 us / 1_000
             )),
             Happened::Passed => {
+                if let (Some(log), Some(board)) = (&mut self.log, board)
+                    && now_us.saturating_sub(self.logged_us) >= UPDATE_US
+                {
+                    self.logged_us = now_us;
+                    log.put(log.at(now_us.saturating_mul(1_000)), Entry::Pose(board.received().pose));
+                }
                 if std::mem::take(&mut self.is_fresh)
                     && let Some(shown) = &mut self.shown
                 {
@@ -230,13 +254,31 @@ impl<'s> Watcher<'s> {
         parts
     }
 
-    /// Shows what is left, and ends; gives the tape, which is to be ended too.
+    /// Shows what is left, and ends, as the log does; gives the tape, which is to be ended too.
     pub(super) fn end(mut self) -> Option<Tape> {
         if let Some(shown) = &mut self.shown {
             shown.end_run();
             let _ = shown.flush();
         }
         self.screen.live("");
+        if let Some(log) = self.log {
+            log.end();
+        }
         self.tape
+    }
+}
+
+/// Logs what happens at a board.
+fn log_happened(log: &mut Log, now_us: u64, happened: Happened<'_>) {
+    let at = log.at(now_us.saturating_mul(1_000));
+    match happened {
+        Happened::Opened => log.line(at, Level::Info, "a program has opened the port"),
+        Happened::Closed => log.line(at, Level::Info, "the program has closed the port"),
+        Happened::Came(nanos, bytes) => log.put(log.at(nanos), Entry::Bytes(bytes.into())),
+        Happened::Behind(bytes, us) => {
+            let text = format!("the program has sent more than the line carries: {bytes} bytes wait, for {us} us");
+            log.line(at, Level::Warning, text);
+        }
+        Happened::Answered(_) | Happened::Passed => {}
     }
 }

@@ -11,7 +11,7 @@ use std::os::fd::BorrowedFd;
 
 pub use door::{Door, DoorError, Happened};
 pub use pty::Pty;
-pub use recorder::Recorder;
+pub use recorder::{Recorder, Taken};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
 pub use stalling::Stalling;
 

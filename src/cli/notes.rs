@@ -14,7 +14,7 @@ use motionseq::timeline::Timeline;
 const NAMED: usize = 1_000;
 
 /// What was noted. Frames and expectations are those of the timeline that was played then.
-pub(super) struct Log {
+pub(super) struct Notes {
     /// How late frames were, in nanoseconds; `None` only where there is no room for it.
     lateness: Option<Histogram<u64>>,
     dropped: Vec<(Arc<Timeline>, usize)>,
@@ -47,11 +47,11 @@ pub(super) struct Asking {
     pub(super) bytes: u64,
 }
 
-impl Log {
+impl Notes {
     pub(super) fn new() -> Self {
         // From a nanosecond to a minute, to three digits; what is later counts as a minute.
         let lateness = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok();
-        Log { lateness, dropped: Vec::new(), verdicts: Vec::new(), passes: 1, pauses: 0 }
+        Notes { lateness, dropped: Vec::new(), verdicts: Vec::new(), passes: 1, pauses: 0 }
     }
 
     pub(super) fn sent(&mut self, late: u64) {

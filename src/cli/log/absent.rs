@@ -1,0 +1,13 @@
+//! Stands where the program is built without the cargo feature `mcap`: there are no logs, and [`Log`](super::Log) says so.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::mpsc::Receiver;
+
+use super::{Entry, Screen};
+
+pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
+
+pub(super) fn keep(_: File, _: PathBuf, _: Screen, _: &Receiver<(u64, Entry)>) -> Option<String> {
+    None
+}

@@ -1,0 +1,338 @@
+//! What stands in a log: topics, each with its schema, as an MCAP file that Foxglove and other tools show.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::rc::Rc;
+
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+use mcap::{WriteOptions, Writer};
+use motionseq::board::{Command, Hex, Hundredths, Item, Report, ServoIndex, State};
+use motionseq::capture::TimedDecoder;
+use motionseq::sim::Pose;
+use serde::Serialize;
+
+use super::{Entry, Level};
+
+/// A log under way. It is made in memory, piece by piece; whoever has it takes the pieces to a file.
+pub(super) struct Book {
+    writer: Writer<NoSeek<Pieces>>,
+    pieces: Pieces,
+    /// The channel of each topic that has messages, with how many there are.
+    channels: BTreeMap<&'static str, (u16, u32)>,
+    /// When time 0 was, in nanoseconds since 1970.
+    begin: u64,
+    decoder: TimedDecoder,
+    state: State,
+    shown: Option<Told>,
+}
+
+/// What is written and was not taken yet.
+#[derive(Clone, Default)]
+struct Pieces(Rc<RefCell<Vec<u8>>>);
+
+impl Write for Pieces {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.borrow_mut().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A topic, and what its messages are.
+struct Topic {
+    name: &'static str,
+    schema: &'static str,
+    /// A JSON schema.
+    shape: &'static str,
+}
+
+const FRAMES: Topic =
+    Topic { name: "/frames", schema: "motionseq.Frame", shape: include_str!("../../../docs/schemas/log/frame.json") };
+const BOARD: Topic =
+    Topic { name: "/board", schema: "motionseq.Board", shape: include_str!("../../../docs/schemas/log/board.json") };
+const POSE: Topic =
+    Topic { name: "/pose", schema: "motionseq.Pose", shape: include_str!("../../../docs/schemas/log/pose.json") };
+const TELEMETRY: Topic = Topic {
+    name: "/telemetry",
+    schema: "motionseq.Telemetry",
+    shape: include_str!("../../../docs/schemas/log/telemetry.json"),
+};
+const LATENESS: Topic = Topic {
+    name: "/lateness",
+    schema: "motionseq.Lateness",
+    shape: include_str!("../../../docs/schemas/log/lateness.json"),
+};
+const MARKS: Topic =
+    Topic { name: "/marks", schema: "motionseq.Mark", shape: include_str!("../../../docs/schemas/log/mark.json") };
+/// The shape of this one is Foxglove's, so that its log panel shows it.
+const LOG: Topic =
+    Topic { name: "/log", schema: "foxglove.Log", shape: include_str!("../../../docs/schemas/log/log.json") };
+
+#[derive(Serialize)]
+struct FrameMessage<'a> {
+    t_us: u64,
+    hex: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    command: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wrong: Option<&'a str>,
+}
+
+/// What a board was told, without the time.
+#[derive(Clone, PartialEq, Serialize)]
+struct Told(BTreeMap<&'static str, Value>);
+
+#[derive(Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum Value {
+    Number(i64),
+    Text(String),
+    Switch(bool),
+}
+
+#[derive(Serialize)]
+struct BoardMessage<'a> {
+    t_us: u64,
+    #[serde(flatten)]
+    told: &'a Told,
+}
+
+#[derive(Serialize)]
+struct PoseMessage {
+    t_us: u64,
+    x_cm: f64,
+    y_cm: f64,
+    yaw_deg: f64,
+}
+
+#[derive(Serialize)]
+struct TelemetryMessage {
+    t_us: u64,
+    pitch_deg: f64,
+    roll_deg: f64,
+    yaw_deg: f64,
+    voltage_v: f64,
+}
+
+#[derive(Serialize)]
+struct LatenessMessage<'a> {
+    t_us: u64,
+    script_us: u64,
+    late_us: f64,
+    command: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    file: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    line: Option<usize>,
+}
+
+#[derive(Serialize)]
+struct MarkMessage<'a> {
+    t_us: u64,
+    script_us: u64,
+    name: &'a str,
+}
+
+#[derive(Serialize)]
+struct LogMessage<'a> {
+    timestamp: Timestamp,
+    level: u8,
+    message: &'a str,
+    name: &'static str,
+    file: &'a str,
+    line: usize,
+}
+
+#[derive(Serialize)]
+struct Timestamp {
+    sec: u64,
+    nsec: u64,
+}
+
+impl Book {
+    pub(super) fn new() -> io::Result<Self> {
+        let pieces = Pieces::default();
+        let options = WriteOptions::new()
+            .library(concat!("motionseq ", env!("CARGO_PKG_VERSION")))
+            .compression(None)
+            // Whoever has the book says when a piece ends.
+            .chunk_size(None)
+            .disable_seeking(true);
+        let writer = options.create(NoSeek::new(pieces.clone())).map_err(io::Error::other)?;
+        Ok(Book {
+            writer,
+            pieces,
+            channels: BTreeMap::new(),
+            begin: 0,
+            // The times at which the bytes came are told; a line's are not added.
+            decoder: TimedDecoder::new(u32::MAX),
+            state: State::default(),
+            shown: None,
+        })
+    }
+
+    /// Takes in what happened at a time, in nanoseconds since time 0.
+    pub(super) fn take(&mut self, at: u64, entry: Entry) -> io::Result<()> {
+        let t_us = at / 1_000;
+        match entry {
+            Entry::Begin { since_1970 } => {
+                self.begin = since_1970;
+                Ok(())
+            }
+            Entry::Bytes(bytes) => self.bytes(at, &bytes),
+            Entry::Late { event_us, late, command, place } => {
+                let (file, line) = place.map_or((None, None), |(file, line)| (Some(file), Some(line)));
+                let (late_us, file, command) = (micros(late), file.as_deref(), command.to_string());
+                self.write(&LATENESS, at, &LatenessMessage { t_us, script_us: event_us, late_us, command, file, line })
+            }
+            Entry::Report(Report { pitch, roll, yaw, voltage }) => {
+                let [pitch_deg, roll_deg, yaw_deg, voltage_v] = [pitch, roll, yaw, voltage].map(whole);
+                self.write(&TELEMETRY, at, &TelemetryMessage { t_us, pitch_deg, roll_deg, yaw_deg, voltage_v })
+            }
+            Entry::Pose(Pose { x_cm, y_cm, yaw_deg }) => {
+                self.write(&POSE, at, &PoseMessage { t_us, x_cm, y_cm, yaw_deg })
+            }
+            Entry::Mark { name, at_us } => self.write(&MARKS, at, &MarkMessage { t_us, script_us: at_us, name: &name }),
+            Entry::Line { level, text, place } => {
+                let since_1970 = self.begin.saturating_add(at);
+                let timestamp = Timestamp { sec: since_1970 / 1_000_000_000, nsec: since_1970 % 1_000_000_000 };
+                let level = match level {
+                    Level::Info => 2,
+                    Level::Warning => 3,
+                    Level::Error => 4,
+                };
+                let (file, line) = place.unwrap_or_default();
+                let message = LogMessage { timestamp, level, message: &text, name: "motionseq", file: &file, line };
+                self.write(&LOG, at, &message)
+            }
+        }
+    }
+
+    /// Frames of the line to the board, and what the board then is.
+    fn bytes(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
+        let mut found = Vec::new();
+        self.decoder.feed(at, bytes, |at_us, item| found.push(read(at_us, item)));
+        found.into_iter().try_for_each(|found| self.found(found))
+    }
+
+    fn found(&mut self, found: Found) -> io::Result<()> {
+        let Found { t_us, hex, command, wrong } = found;
+        let at = t_us.saturating_mul(1_000);
+        let says = command.as_ref().map(Command::to_string);
+        let text = wrong.as_ref().map(|why| format!("{hex}: {why}"));
+        self.write(&FRAMES, at, &FrameMessage { t_us, hex, command: says, wrong: wrong.as_deref() })?;
+        if let Some(text) = text {
+            self.take(at, Entry::Line { level: Level::Warning, text, place: None })?;
+        }
+        let Some(command) = command.filter(|_| wrong.is_none()) else { return Ok(()) };
+        self.state.apply(&command);
+        let told = told(&self.state);
+        if self.shown.as_ref() != Some(&told) {
+            self.write(&BOARD, at, &BoardMessage { t_us, told: &told })?;
+            self.shown = Some(told);
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, topic: &Topic, at: u64, message: &impl Serialize) -> io::Result<()> {
+        let Book { writer, channels, begin, .. } = self;
+        let (channel_id, sequence) = match channels.get_mut(topic.name) {
+            Some((channel, count)) => {
+                *count = count.saturating_add(1);
+                (*channel, *count)
+            }
+            None => {
+                let schema = writer.add_schema(topic.schema, "jsonschema", topic.shape.as_bytes());
+                let channel =
+                    schema.and_then(|schema| writer.add_channel(schema, topic.name, "json", &BTreeMap::new()));
+                let channel = channel.map_err(io::Error::other)?;
+                channels.insert(topic.name, (channel, 0));
+                (channel, 0)
+            }
+        };
+        let log_time = begin.saturating_add(at);
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
+        writer.write_to_known_channel(&header, &serde_json::to_vec(message)?).map_err(io::Error::other)
+    }
+
+    /// What was written since the last time, as a piece that can be read when nothing follows.
+    pub(super) fn piece(&mut self) -> io::Result<Vec<u8>> {
+        self.writer.flush().map_err(io::Error::other)?;
+        Ok(self.pieces.0.take())
+    }
+
+    /// The last piece, with which the log is whole.
+    pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
+        let mut found = Vec::new();
+        self.decoder.finish(|at_us, item| found.push(read(at_us, item)));
+        found.into_iter().try_for_each(|found| self.found(found))?;
+        self.writer.finish().map_err(io::Error::other)?;
+        Ok(self.pieces.0.take())
+    }
+}
+
+/// A frame, or bytes that are none.
+struct Found {
+    t_us: u64,
+    hex: String,
+    command: Option<Command>,
+    wrong: Option<String>,
+}
+
+fn read(t_us: u64, item: Item<'_>) -> Found {
+    match item {
+        Item::Frame(frame) => {
+            let wrong = Command::decode(frame).err().map(|why| why.to_string());
+            Found { t_us, hex: frame.to_string(), command: Some(Command::decode_or_raw(frame)), wrong }
+        }
+        Item::Skipped { bytes, why, .. } => {
+            Found { t_us, hex: Hex(bytes).to_string(), command: None, wrong: Some(why.to_string()) }
+        }
+    }
+}
+
+/// What a board was told, by name.
+fn told(state: &State) -> Told {
+    let mut told = BTreeMap::new();
+    for (index, name) in (1..).zip(["servo_1", "servo_2", "servo_3", "servo_4"]) {
+        if let Some(pulse) = ServoIndex::new(index).ok().and_then(|index| state.servo(index)) {
+            told.insert(name, Value::Number(pulse.get().into()));
+        }
+    }
+    if let Some(drive) = state.drive() {
+        let mut say = |names: &[&'static str], values: &[i64]| {
+            told.extend(names.iter().zip(values).map(|(name, value)| (*name, Value::Number(*value))));
+        };
+        match drive {
+            &Command::STOP => say(&["x", "y", "z", "wheel_a", "wheel_b", "wheel_c", "wheel_d"], &[0; 7]),
+            Command::Rocker { x, y, z } => say(&["x", "y", "z"], &[x.get().into(), y.get().into(), z.get().into()]),
+            Command::YawHold { x, y } => say(&["x", "y"], &[x.get().into(), y.get().into()]),
+            Command::Wheels(wheels) => {
+                say(&["wheel_a", "wheel_b", "wheel_c", "wheel_d"], &wheels.map(|wheel| wheel.get().into()));
+            }
+            _ => {}
+        }
+        told.insert("drive", Value::Text(drive.to_string()));
+    }
+    if let Some(buzzer) = state.buzzer() {
+        told.insert("buzzer", Value::Switch(buzzer));
+    }
+    Told(told)
+}
+
+/// Hundredths as a number.
+fn whole(hundredths: Hundredths) -> f64 {
+    f64::from(hundredths.0) / 100.0
+}
+
+/// Nanoseconds in microseconds.
+fn micros(nanos: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a day of nanoseconds fits")]
+    let nanos = nanos as f64;
+    nanos / 1_000.0
+}

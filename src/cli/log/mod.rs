@@ -1,0 +1,139 @@
+//! `--log`: the thread that writes a log of what happens. Whatever plays or serves never waits for it.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::time::{Duration, SystemTime};
+
+use motionseq::board::{Command, Report};
+use motionseq::playback::now;
+use motionseq::sim::Pose;
+
+use super::exit::Exit;
+use super::output;
+use super::screen::Screen;
+use super::start_thread;
+
+#[cfg(feature = "mcap")]
+mod book;
+#[cfg_attr(not(feature = "mcap"), path = "absent.rs")]
+mod keeper;
+
+/// How many entries may wait to be written.
+const ROOM: usize = 64 * 1024;
+/// How long the end waits for a file that takes nothing.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// A log under way.
+pub(super) struct Log {
+    path: PathBuf,
+    screen: Screen,
+    entries: SyncSender<(u64, Entry)>,
+    /// Why it is not whole, at its end.
+    kept: Receiver<Option<String>>,
+    /// When time 0 is, on the clock of [`now`].
+    begin: u64,
+    lost: u64,
+}
+
+/// Something that happened.
+#[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only a log reads them"))]
+pub(super) enum Entry {
+    /// Time 0 was so many nanoseconds after 1970 began.
+    Begin { since_1970: u64 },
+    /// Bytes went to the board.
+    Bytes(Box<[u8]>),
+    /// A frame of the script was given to the port so many nanoseconds after its time.
+    Late { event_us: u64, late: u64, command: Command, place: Option<Spot> },
+    /// The board has reported.
+    Report(Report),
+    /// The robot of a virtual board is there.
+    Pose(Pose),
+    /// A mark of the script was passed.
+    Mark { name: String, at_us: u64 },
+    /// Something is to be told.
+    Line { level: Level, text: String, place: Option<Spot> },
+}
+
+/// A file and a line.
+pub(super) type Spot = (String, usize);
+
+/// How much it matters.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Level {
+    Info,
+    Warning,
+    Error,
+}
+
+impl Log {
+    /// Starts a log into a file that was asked for, beside another result, or says why it cannot.
+    pub(super) fn open(path: Option<&Path>, beside: Option<&File>, screen: &Screen) -> Result<Option<Self>, Exit> {
+        let Some(path) = path else { return Ok(None) };
+        let file = output::open(path, Path::new("")).and_then(|file| match beside {
+            Some(other) if output::is_same(&file, other) => Err(io::Error::other("it is the file of -o")),
+            _ => Ok(file),
+        });
+        let started = file.and_then(|file| Log::start(file, path, *screen));
+        started.map(Some).map_err(|error| output::exit(Err(error), Some(path), screen))
+    }
+
+    /// Starts a log into a file, and throws away what stood there; it begins now.
+    pub(super) fn start(file: File, path: &Path, screen: Screen) -> io::Result<Self> {
+        if let Some(why_not) = keeper::WHY_NOT {
+            return Err(io::Error::other(why_not));
+        }
+        output::begin(&file)?;
+        let (entries, to_write) = mpsc::sync_channel(ROOM);
+        let (keep, kept) = mpsc::channel();
+        let name = path.to_owned();
+        start_thread("log", move || {
+            let _ = keep.send(keeper::keep(file, name, screen, &to_write));
+        })?;
+        let mut log = Log { path: path.to_owned(), screen, entries, kept, begin: 0, lost: 0 };
+        log.begin(now());
+        Ok(log)
+    }
+
+    /// Says when time 0 is, on the clock of [`now`].
+    pub(super) fn begin(&mut self, begin: u64) {
+        self.begin = begin;
+        let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let since_1970 = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX);
+        self.put(begin, Entry::Begin { since_1970: since_1970.saturating_sub(now().saturating_sub(begin)) });
+    }
+
+    /// When so many nanoseconds from time 0 are, on the clock of [`now`].
+    pub(super) fn at(&self, nanos: u64) -> u64 {
+        self.begin.saturating_add(nanos)
+    }
+
+    /// Takes in what happened at a time on the clock of [`now`].
+    pub(super) fn put(&mut self, at: u64, entry: Entry) {
+        self.lost += u64::from(self.entries.try_send((at.saturating_sub(self.begin), entry)).is_err());
+    }
+
+    /// Takes in a line that tells of something.
+    pub(super) fn line(&mut self, at: u64, level: Level, text: impl Into<String>) {
+        self.put(at, Entry::Line { level, text: text.into(), place: None });
+    }
+
+    /// Ends it, and says what became of it where it is not whole.
+    pub(super) fn end(self) {
+        let Log { path, screen, entries, kept, lost, .. } = self;
+        drop(entries);
+        let failed = kept.recv_timeout(PATIENCE).unwrap_or_else(|why| {
+            let why = match why {
+                RecvTimeoutError::Timeout => "it takes no more bytes",
+                RecvTimeoutError::Disconnected => "the thread that writes it failed",
+            };
+            Some(why.to_owned())
+        });
+        let lost = (lost > 0).then(|| format!("{lost} entries came faster than they could be written"));
+        if let Some(why) = failed.or(lost) {
+            screen
+                .warning(&format!("the log {} is not whole: {why}; nothing else was changed by that", path.display()));
+        }
+    }
+}

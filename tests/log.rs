@@ -1,0 +1,254 @@
+//! `--log`: what happens, as a file that other tools read.
+#![cfg(feature = "mcap")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod support;
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use mcap::read::{LinearReader, Options};
+use mcap::records::Record;
+use rustix::process::Signal;
+use serde_json::Value;
+use support::host::{Host, has, link, rocker, stop};
+use support::{run, stderr, stdout};
+
+/// A message: its topic, when it was, in nanoseconds since 1970, and what it says.
+type Message = (String, u64, Value);
+
+/// Reads a log to where it was cut, if it was.
+fn messages(path: &Path) -> Vec<Message> {
+    let bytes = fs::read(path).unwrap();
+    let mut topics = std::collections::BTreeMap::new();
+    let mut found = Vec::new();
+    let mut take = |record: Record<'_>| match record {
+        Record::Channel(channel) => {
+            assert_eq!(channel.message_encoding, "json");
+            topics.insert(channel.id, channel.topic);
+        }
+        Record::Message { header, data } => {
+            found.push((topics[&header.channel_id].clone(), header.log_time, serde_json::from_slice(&data).unwrap()));
+        }
+        _ => {}
+    };
+    for record in LinearReader::new_with_options(&bytes, Options::IgnoreEndMagic.into()).unwrap() {
+        match record {
+            Ok(Record::Chunk { header, data }) => {
+                mcap::read::ChunkReader::new(header, &data).unwrap().map(Result::unwrap).for_each(&mut take);
+            }
+            Ok(record) => take(record),
+            // A piece that was not written whole.
+            Err(_) => break,
+        }
+    }
+    found
+}
+
+fn of<'m>(messages: &'m [Message], topic: &str) -> Vec<&'m Value> {
+    messages.iter().filter(|(of, ..)| of == topic).map(|(.., message)| message).collect()
+}
+
+fn texts<'m>(messages: &'m [Message], topic: &str, field: &str) -> Vec<&'m str> {
+    of(messages, topic).into_iter().filter_map(|message| message[field].as_str()).collect()
+}
+
+/// A file of its own.
+fn file(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("motionseq-log-{}-{name}", std::process::id()))
+}
+
+/// A script, played with a log.
+fn played(name: &str, script: &str, more: &[&str]) -> (Vec<Message>, String, Option<i32>) {
+    let (script_path, log) = (file(&format!("{name}.motion")), file(&format!("{name}.mcap")));
+    fs::write(&script_path, script).unwrap();
+    let args = ["play", script_path.to_str().unwrap(), "--log", log.to_str().unwrap(), "--progress", "none"];
+    let output = run(&[&args[..], more].concat());
+    let messages = messages(&log);
+    fs::remove_file(script_path).unwrap();
+    fs::remove_file(log).unwrap();
+    (messages, stderr(&output), output.status.code())
+}
+
+const SCRIPT: &str = "request report-start\nat 0.2s {\n  mark bow\n  servo 1 1000 -> 2000 over 0.3s\n}\nat 0.6s rocker x=20 z=-5\n+0.1s stop\nsay \"done\"\nat 0.8s mark end\n";
+
+#[test]
+fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
+    let (messages, said, code) = played("run", SCRIPT, &[]);
+    assert_eq!(code, Some(0), "{said}");
+
+    // What the listing says is sent was sent, in that order and at those times.
+    let script = file("listing.motion");
+    fs::write(&script, SCRIPT).unwrap();
+    let listing = stdout(&run(&["render", script.to_str().unwrap()]));
+    fs::remove_file(script).unwrap();
+    let rows: Vec<Vec<&str>> = listing.lines().map(|line| line.split('\t').collect()).collect();
+    assert!(rows.len() > 15);
+    let frames = of(&messages, "/frames");
+    let late = of(&messages, "/lateness");
+    assert_eq!((frames.len(), late.len()), (rows.len(), rows.len()));
+    for ((row, frame), late) in rows.iter().zip(&frames).zip(&late) {
+        assert_eq!(frame["hex"], row[1]);
+        let at_us = (row[0].parse::<f64>().unwrap() * 1e6).round();
+        assert_eq!(late["script_us"].as_f64().unwrap(), at_us, "{late}");
+        assert!(late["late_us"].as_f64().unwrap() >= 0.0 && frame["t_us"].as_f64().unwrap() >= at_us, "{frame} {late}");
+        assert!(late["file"].as_str().unwrap().ends_with("run.motion"));
+    }
+    assert_eq!((&frames[0]["command"], &late[0]["line"]), (&Value::from("request report-start"), &Value::from(1)));
+    let (first, last) = (&late[1], &late[late.len() - 1]);
+    assert_eq!((&first["line"], &last["line"]), (&Value::from(4), &Value::from(7)));
+
+    // The state follows, with what a plot needs.
+    let board = of(&messages, "/board");
+    let pulses: Vec<i64> = board.iter().filter_map(|told| told["servo_1"].as_i64()).collect();
+    assert_eq!((pulses[0], pulses[pulses.len() - 1]), (1000, 2000));
+    assert!(pulses.is_sorted());
+    let driving = board.iter().find(|told| told["x"] == 20).unwrap();
+    assert_eq!((&driving["z"], &driving["drive"]), (&Value::from(-5), &Value::from("rocker x=20 y=0 z=-5")));
+    assert_eq!((&board[board.len() - 1]["x"], &board[board.len() - 1]["wheel_a"]), (&Value::from(0), &Value::from(0)));
+
+    assert_eq!(texts(&messages, "/marks", "name"), ["bow", "end"]);
+    assert_eq!(of(&messages, "/marks")[0]["script_us"], 200_000);
+    assert_eq!(texts(&messages, "/log", "message"), ["done", "everything was sent"]);
+    assert_eq!(of(&messages, "/log")[0]["line"], 8);
+    let reports = of(&messages, "/telemetry");
+    assert!(reports.len() > 3 && reports.iter().all(|report| report["voltage_v"].as_f64().unwrap() > 10.0));
+
+    // One clock for all: the mark is when the move begins, by the time of the log, too.
+    let time = |topic: &str, at: usize| messages.iter().filter(|(of, ..)| of == topic).nth(at).unwrap().1;
+    assert!(time("/marks", 0) <= time("/frames", 1));
+    assert_eq!(time("/marks", 1) - time("/marks", 0), 600_000_000);
+}
+
+#[test]
+fn a_run_that_ends_early_has_its_stop_and_its_reason_in_the_log() {
+    let script = "rocker x=20\nat 0.1s request report-start\nat 0.5s expect voltage > 90V\nat 1s stop\n";
+    let (messages, said, code) = played("early", script, &[]);
+    assert_eq!(code, Some(7), "{said}");
+    let commands = texts(&messages, "/frames", "command");
+    assert_eq!(commands[commands.len() - 4..], ["stop", "stop", "stop", "buzzer off"]);
+    let log = of(&messages, "/log");
+    let [.., judged, reason] = &log[..] else { panic!("{log:?}") };
+    assert!(judged["message"].as_str().unwrap().starts_with("expect voltage > 90V:"), "{judged}");
+    assert_eq!((&judged["level"], &judged["line"]), (&Value::from(4), &Value::from(3)));
+    assert!(said.contains(reason["message"].as_str().unwrap()) && reason["level"] == 4, "{reason} {said}");
+}
+
+#[test]
+fn each_pass_of_a_loop_is_in_the_log() {
+    let (messages, said, code) = played("loop", "mark go\nservo 1 1500\nat 0.2s servo 1 1600\n", &["--loop", "2"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(of(&messages, "/frames").len(), 4);
+    assert_eq!(texts(&messages, "/marks", "name").len(), 2);
+}
+
+/// What a program sends to a board, right and wrong, ends up in the log of `board` and of `record`.
+fn logged(what: &str) -> Vec<Message> {
+    let log = file(&format!("{what}.mcap"));
+    let script = file(&format!("{what}-result.motion"));
+    let more = ["--log", log.to_str().unwrap(), "-o", script.to_str().unwrap()];
+    let more = if what == "record" { &more[..] } else { &more[..2] };
+    let mut host = Host::start_at(what, link(&format!("log-{what}")), more);
+    let mut port = host.open();
+    port.write_all(&[0xFF, 0xFE, 5, 1, 0, 6]).unwrap();
+    port.write_all(&rocker(20)).unwrap();
+    port.write_all(&[0xFF, 0xFE, 4, 1, 1, 9]).unwrap();
+    // The answer comes when the board has read all that.
+    port.read_exact(&mut [0; 4]).unwrap();
+    port.write_all(&stop()).unwrap();
+    drop(port);
+    host.says("is closed");
+    host.end();
+    let messages = messages(&log);
+    fs::remove_file(log).unwrap();
+    let _ = fs::remove_file(script);
+    messages
+}
+
+#[test]
+fn a_board_and_a_recording_log_what_comes() {
+    for what in ["board", "record"] {
+        let messages = logged(what);
+        assert_eq!(
+            texts(&messages, "/frames", "command"),
+            ["request report-start", "rocker x=20 y=0 z=0", "stop"],
+            "{what}"
+        );
+        let wrong: Vec<&str> = texts(&messages, "/frames", "wrong");
+        assert_eq!(wrong, ["checksum 0x09 instead of 0x06"], "{what}");
+        assert_eq!(texts(&messages, "/board", "drive"), ["rocker x=20 y=0 z=0", "stop"]);
+        assert!(!of(&messages, "/telemetry").is_empty() && !of(&messages, "/pose").is_empty(), "{what}");
+        let lines = texts(&messages, "/log", "message");
+        assert_eq!(
+            (lines[0], lines[lines.len() - 1]),
+            ("a program has opened the port", "the program has closed the port")
+        );
+        assert!(lines.contains(&"FF FE 04 01 01 09: checksum 0x09 instead of 0x06"), "{lines:?}");
+    }
+}
+
+#[test]
+fn a_log_can_be_read_when_its_program_was_killed() {
+    let log = file("killed.mcap");
+    let host = Host::start("log-killed", &["--log", log.to_str().unwrap()]);
+    let mut port = host.open();
+    port.write_all(&rocker(20)).unwrap();
+    // It is on disk soon, whatever happens then.
+    while messages(&log).iter().all(|(topic, ..)| topic != "/frames") {
+        std::thread::yield_now();
+    }
+    host.signal(Signal::KILL);
+    drop((port, host));
+    let messages = messages(&log);
+    fs::remove_file(log).unwrap();
+    assert_eq!(texts(&messages, "/frames", "command"), ["rocker x=20 y=0 z=0"]);
+}
+
+#[test]
+fn a_full_disk_is_said_and_changes_nothing_else() {
+    let output = run(&["play", "scripts/hello.motion", "--log", "/dev/full", "--progress", "none"]);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("sent 22 frames"), "{said}");
+    assert!(said.contains("the log /dev/full is not whole: No space left on device"), "{said}");
+}
+
+#[test]
+fn a_log_is_never_another_file_of_the_run() {
+    let before = fs::read("scripts/hello.motion").unwrap();
+    for (args, why) in [
+        (&["--log", "scripts/hello.motion"][..], "it is the script itself"),
+        (&["--log", "/tmp/motionseq-log-same", "--report", "/tmp/motionseq-log-same"], "it is the file of --report"),
+        (&["--log", "/tmp/no such folder/x.mcap"], "No such file"),
+    ] {
+        let output = run(&[&["play", "scripts/hello.motion"], args].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        let said = stderr(&output);
+        assert!(said.contains(why) && said.contains("nothing was sent"), "{said}");
+    }
+    let _ = fs::remove_file("/tmp/motionseq-log-same");
+    assert_eq!(fs::read("scripts/hello.motion").unwrap(), before);
+}
+
+#[test]
+fn pythons_reader_reads_it_and_every_message_is_as_its_schema_says() {
+    if !(has("mcap") && has("jsonschema")) {
+        return;
+    }
+    let log = file("python.mcap");
+    let script = file("python.motion");
+    fs::write(&script, SCRIPT).unwrap();
+    let output = run(&["play", script.to_str().unwrap(), "--log", log.to_str().unwrap(), "--progress", "none"]);
+    assert_eq!(output.status.code(), Some(0));
+    let read = Command::new("python3").args(["tests/clients/log.py", log.to_str().unwrap()]).output().unwrap();
+    let expected = messages(&log);
+    fs::remove_file(log).unwrap();
+    fs::remove_file(script).unwrap();
+    assert!(read.status.success(), "{}", stderr(&read));
+    let counted = stdout(&read);
+    for topic in ["/board", "/frames", "/lateness", "/log", "/marks", "/telemetry"] {
+        assert!(counted.contains(&format!("{topic} {}\n", of(&expected, topic).len())), "{topic} of {counted}");
+    }
+}
