@@ -1,10 +1,12 @@
 """How true a recording is, and what a tap costs. Needs pyserial and a release build.
 
-    python3 benches/record.py
+    python3 benches/record.py              1 and 2
+    python3 benches/record.py --soak 600   3, for so many seconds
 
 1. A routine of ten seconds is sent to a virtual board and recorded with --exact; the script is played to another virtual board. The frames
    must be the same, in the same order; printed is by how much their times differ.
 2. A request goes to a virtual board and its report comes back, a thousand times, straight and through `record --port`, turn by turn.
+3. A line that is always busy, to `board` and `record`, both with a log: how much memory they take as time passes.
 """
 import json
 import math
@@ -18,7 +20,7 @@ import time
 
 import serial
 
-PROGRAM = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "target", "release", "motionseq")
+PROGRAM = os.environ.get("MOTIONSEQ") or os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "target", "release", "motionseq")
 
 
 def frame(function, *payload):
@@ -118,6 +120,41 @@ def latency(folder):
     print(f"so the tap adds {through - straight:.0f} us to both ways together, {(through - straight) / 2:.0f} us to one")
 
 
+def memory(child):
+    """Resident, in MiB."""
+    status = open(f"/proc/{child.pid}/status").read()
+    return int(status.split("VmRSS:")[1].split()[0]) / 1024
+
+
+def soak(folder, seconds):
+    children, ports = {}, []
+    for command in ("board", "record"):
+        link, out = os.path.join(folder, command), os.path.join(folder, command + ".motion")
+        more = ["-o", out] if command == "record" else []
+        log = os.path.join(folder, command + ".mcap")
+        children[command] = start(command, "--link", link, "--log", log, *more, stdout=subprocess.DEVNULL)
+        ports.append(serial.Serial(link, 115200, timeout=0))
+    frames = [servo(1 + step % 4, 500 + step * 7 % 1500) for step in range(3000)]
+    began, sent, told = time.monotonic(), 0, 0
+    while (now := time.monotonic() - began) < seconds:
+        if now >= told:
+            told += max(1, seconds / 10)
+            print(f"{now:5.0f} s: " + ", ".join(f"{name} {memory(child):.1f} MiB" for name, child in children.items()), flush=True)
+        # 11,520 bytes a second are 1,440 of these frames.
+        while sent < now * 1440:
+            for port in ports:
+                port.write(frames[sent % len(frames)])
+            sent += 1
+        time.sleep(0.005)
+    for name, child in children.items():
+        child.send_signal(signal.SIGINT)
+        print(name + ":", child.communicate()[1].strip().splitlines()[-1])
+    print(f"{sent} frames were sent to each; the log of one is {os.path.getsize(log) / 2**20:.0f} MiB")
+
+
 with tempfile.TemporaryDirectory() as scratch:
-    truth(scratch)
-    latency(scratch)
+    if sys.argv[1:2] == ["--soak"]:
+        soak(scratch, float(sys.argv[2]))
+    else:
+        truth(scratch)
+        latency(scratch)
