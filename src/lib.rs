@@ -29,6 +29,7 @@ mod clock;
 pub mod diagnostic;
 pub mod link;
 pub mod playback;
+pub mod plot;
 pub mod program;
 mod random;
 pub mod report;

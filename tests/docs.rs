@@ -288,6 +288,23 @@ fn the_first_script_is_the_one_in_the_folder() {
 }
 
 #[test]
+fn the_pictures_are_what_the_commands_beside_them_draw() {
+    let text = fs::read_to_string("README.md").unwrap();
+    let commands: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("motionseq plot ")).collect();
+    let pictures: Vec<(&str, &str)> = commands.iter().filter_map(|command| command.split_once(" -o ")).collect();
+    assert_eq!(pictures.len(), 3);
+    for (script, picture) in pictures {
+        let drawn = support::run(&["plot", script, "--format", "svg"]);
+        if std::env::var_os("UPDATE_DOCS").is_some() {
+            fs::write(picture, &drawn.stdout).unwrap();
+        }
+        let is_current = fs::read(picture).is_ok_and(|picture| picture == drawn.stdout);
+        assert!(is_current, "{picture} is not what `plot` draws; `UPDATE_DOCS=1 cargo test --test docs` draws it anew");
+        assert!(text.contains(&format!("]({picture})")), "README.md does not show {picture}");
+    }
+}
+
+#[test]
 fn every_crate_and_its_licence_is_listed() {
     let output = Command::new(env!("CARGO"))
         .args([

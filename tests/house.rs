@@ -19,6 +19,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("playback", &["source", "timeline", "link", "board", "clock"]),
     ("sim", &["board", "link", "clock", "random"]),
     ("capture", &["board", "program", "timeline"]),
+    ("plot", &["source", "diagnostic", "program", "timeline", "board", "sim"]),
     // `compile` stands in the library's root.
     ("verify", &["source", "diagnostic", "program", "timeline", "board", "playback", "sim", "compile"]),
     ("report", &["source", "diagnostic", "verify"]),
@@ -29,6 +30,8 @@ const AT_HOME: &[(&str, &str)] = &[
     ("pest", "src/syntax"),
     ("serialport::", "src/link/serial.rs"),
     ("mcap::", "src/cli/log/book.rs"),
+    ("resvg::", "src/plot/png.rs"),
+    ("svg::node", "src/plot/sheet.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
     ("humantime::", "src/program/value.rs src/sim/faults.rs"),
     ("rtrb::", "src/link/recorder.rs"),

@@ -15,6 +15,7 @@ mod news;
 mod notes;
 mod output;
 mod play;
+mod plot;
 mod ports;
 mod progress;
 mod record;
@@ -59,6 +60,7 @@ enum Command {
     Check(check::Check),
     Render(render::Render),
     Play(play::Play),
+    Plot(plot::Plot),
     Test(test::Test),
     Diff(diff::Diff),
     Fmt(fmt::Fmt),
@@ -134,6 +136,7 @@ pub(crate) fn main() -> ExitCode {
     let exit = match cli.command {
         Command::Check(check) => check.run(&screen),
         Command::Render(render) => render.run(&screen),
+        Command::Plot(plot) => plot.run(&screen),
         Command::Play(play) => play.run(&screen),
         Command::Test(test) => test.run(&screen),
         Command::Diff(diff) => diff.run(&screen),

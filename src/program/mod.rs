@@ -167,6 +167,8 @@ pub struct Settings {
     pub baud: u32,
     /// How long a beat and a bar are.
     pub tempo: Tempo,
+    /// Whether the script says so.
+    pub has_tempo: bool,
     /// Which random numbers there are.
     pub seed: u64,
     /// Ranges that the script narrows.
@@ -185,6 +187,7 @@ impl Default for Settings {
             refresh: Some(Time::from_millis(50)),
             baud: board::DEFAULT_BAUD,
             tempo: Tempo::default(),
+            has_tempo: false,
             seed: 0,
             limits: Vec::new(),
             servo_speeds: [SERVO_SPEED; 4],
@@ -213,6 +216,7 @@ impl Program {
             *at = speed.time(*at);
         }
         self.end = speed.time(self.end);
+        self.settings.tempo = self.settings.tempo.at_speed(speed);
         self
     }
 }

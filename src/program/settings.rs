@@ -141,7 +141,10 @@ fn baud(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
 fn tempo(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     match args.context.value(value)? {
-        Quantity::Tempo(bpm) if (1.0..=1_000.0).contains(&bpm) => settings.tempo = settings.tempo.at(bpm)?,
+        Quantity::Tempo(bpm) if (1.0..=1_000.0).contains(&bpm) => {
+            settings.tempo = settings.tempo.at(bpm)?;
+            settings.has_tempo = true;
+        }
         Quantity::Tempo(_) => {
             let help = "write a tempo such as `tempo 120bpm`";
             args.context.report(Diagnostic::new(Code::OutOfRange, value.span, "a tempo is from 1 to 1000 bpm", help));
@@ -181,6 +184,7 @@ fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         return None;
     };
     settings.tempo = settings.tempo.of(beats);
+    settings.has_tempo = true;
     Some(())
 }
 

@@ -1,5 +1,6 @@
 //! How long a beat and a bar are.
 
+use super::Speed;
 use super::time::Time;
 
 /// A tempo and a meter: 120 bpm and four beats a bar, unless a script says otherwise.
@@ -17,12 +18,12 @@ impl Default for Tempo {
 
 impl Tempo {
     /// The length of a beat.
-    pub(super) fn beat(self) -> Time {
+    pub fn beat(self) -> Time {
         self.beat
     }
 
     /// How many beats a bar has.
-    pub(super) fn beats(self) -> u32 {
+    pub fn beats(self) -> u32 {
         self.beats
     }
 
@@ -35,6 +36,11 @@ impl Tempo {
     pub(super) fn at(self, bpm: f64) -> Option<Tempo> {
         let beat = Time::from_millis(60_000).over_number(bpm)?;
         Some(Tempo { beat, ..self })
+    }
+
+    /// The same at another speed.
+    pub(super) fn at_speed(self, speed: Speed) -> Tempo {
+        Tempo { beat: speed.time(self.beat), ..self }
     }
 
     /// The same tempo with so many beats a bar.

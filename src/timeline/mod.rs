@@ -15,7 +15,7 @@ pub mod wire;
 
 use crate::board::{Command, Query, ServoIndex};
 use crate::diagnostic::Diagnostics;
-use crate::program::{Action, Expect, Program, Shape, Step, TraceId, Traces};
+use crate::program::{Action, Expect, Limit, Program, Shape, Step, Tempo, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 
 pub use diff::{Again, Change, Shift, What, diff};
@@ -43,6 +43,19 @@ pub struct Timeline {
     pub baud: u32,
     /// The calls and passes that led to each event.
     pub traces: Traces,
+    /// Ranges that the script narrows.
+    pub limits: Vec<Limit>,
+    /// How the script counts in bars, if it does.
+    pub bars: Option<Bars>,
+}
+
+/// Bars of one length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bars {
+    /// The tempo and the meter at the top of the script.
+    pub tempo: Tempo,
+    /// When bar 1 begins, in microseconds from the start; before it for a part of a script.
+    pub first_us: i64,
 }
 
 /// What one robot is sent.

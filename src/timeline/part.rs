@@ -3,7 +3,7 @@
 //! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
-use super::{Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track};
 use crate::board::{Command, PulseWidth, ServoIndex, State};
 use crate::program::{Ease, TraceId};
 use crate::source::Span;
@@ -67,12 +67,15 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
         events.push(auto(end_us, stop, last.span, last.trace));
     }
     let abort = timeline.abort().to_vec();
+    let shift_us = i64::try_from(lead_us).unwrap_or(0) - i64::try_from(part.from_us).unwrap_or(0);
+    let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
     Timeline {
         tracks: vec![Track { robot: None, events, tweens: Vec::new(), abort }],
         cues,
         expects,
         marks,
         end_us,
+        bars,
         ..timeline.clone()
     }
 }

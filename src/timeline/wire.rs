@@ -45,6 +45,13 @@ impl Wire {
         us.saturating_mul(self.baud)
     }
 
+    /// Ticks in microseconds.
+    pub fn in_micros(&self, ticks: u64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "for pictures")]
+        let [ticks, baud] = [ticks as f64, self.baud as f64];
+        ticks / baud
+    }
+
     /// Sends a frame of so many bytes that is due at a time, in microseconds. Times must not go back.
     pub fn send(&mut self, due_us: u64, bytes: usize) -> Departure {
         let begins = self.free.max(self.micros(due_us));
@@ -96,7 +103,7 @@ pub fn load(timeline: &Timeline) -> Load {
 }
 
 /// By how many microseconds a frame begins to leave after it is due, rounded up.
-fn late(wire: &Wire, event: &Event, departure: Departure) -> u64 {
+pub(crate) fn late(wire: &Wire, event: &Event, departure: Departure) -> u64 {
     match departure.begins.saturating_sub(wire.micros(event.at_us)) {
         0 => 0,
         ticks => ticks.div_ceil(wire.baud),

@@ -54,7 +54,7 @@ impl<'s> Unroll<'s, '_> {
             return None;
         }
         if !scope::is_name(text) {
-            let help = format!("write `{}`", text.to_lowercase());
+            let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
             self.report(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
             return None;
         }

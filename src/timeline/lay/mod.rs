@@ -5,7 +5,9 @@ mod moves;
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use super::{BUZZER, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things};
+use super::{
+    BUZZER, Bars, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things,
+};
 use crate::board::{Command, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Abort, Action, Limit, Program, Settings, Step, Time, TraceId, Traces};
@@ -33,6 +35,8 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
         end_us: end.micros(),
         baud: settings.baud,
         traces,
+        bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
+        limits: settings.limits,
     }
 }
 

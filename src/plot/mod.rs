@@ -1,0 +1,305 @@
+//! Pictures of a timeline: what happens when, in lanes over time, and where the robot goes.
+//!
+//! [`plot`] gathers what there is to see, as data that others can draw as well; [`Plot::to_svg`] draws it.
+
+mod lanes;
+#[cfg(feature = "png")]
+mod png;
+mod road;
+mod sheet;
+mod svg;
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::diagnostic::{Diagnostics, escaped};
+use crate::sim::Pose;
+use crate::source::{Lines, Sources, Span};
+use crate::timeline::wire::{self, Wire};
+use crate::timeline::{Timeline, Track};
+
+#[cfg(feature = "png")]
+pub use png::{PngError, png};
+pub use svg::Theme;
+
+/// How many pieces of equal length the load of the line is measured in.
+const PIECES: u32 = 720;
+/// A frame that leaves later than this is shown, in microseconds: as the warning `wire-late` has it.
+const LATE_US: u64 = 5_000;
+
+/// What there is to see of a timeline. All times are microseconds from its start.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plot {
+    /// What the script is called.
+    pub script: String,
+    /// When it ends.
+    pub end_us: u64,
+    /// How it counts in bars, if it does.
+    pub bars: Option<Bars>,
+    /// Its marks.
+    pub marks: Vec<Moment>,
+    /// Its `say`s.
+    pub says: Vec<Moment>,
+    /// Its `expect`s.
+    pub expects: Vec<Stretch>,
+    /// What `check` warns of, each where its command is sent first.
+    pub warnings: Vec<Warning>,
+    /// One a robot.
+    pub tracks: Vec<Robot>,
+}
+
+/// Bars of one length.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bars {
+    /// When bar 1 begins; before the start for a part of a script.
+    pub first_us: i64,
+    /// How long a beat is.
+    pub beat_us: f64,
+    /// Beats in a bar.
+    pub beats: u32,
+}
+
+/// Something that happens at a moment.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Moment {
+    /// When.
+    pub t_us: u64,
+    /// What.
+    pub text: String,
+}
+
+/// Something that lasts.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Stretch {
+    /// From when.
+    pub t_us: u64,
+    /// Until when.
+    pub until_us: u64,
+    /// What.
+    pub text: String,
+}
+
+/// A warning.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Warning {
+    /// When the command is sent that it is about; `None` for one that sends nothing in this part.
+    pub t_us: Option<u64>,
+    /// Its code.
+    pub code: &'static str,
+    /// What is wrong.
+    pub message: String,
+    /// The file, and the line in it.
+    pub file: String,
+    /// The line, counted from 1.
+    pub line: usize,
+}
+
+/// What one robot does.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Robot {
+    /// Its name; `None` where the script names no robots.
+    pub robot: Option<String>,
+    /// How many frames it is sent.
+    pub frames: usize,
+    /// What it does, thing by thing; what is never used is not there.
+    pub lanes: Vec<Lane>,
+    /// How busy its line is.
+    pub wire: Load,
+    /// Where the virtual board goes, in its nominal units. Empty where it goes nowhere.
+    pub path: Vec<Place>,
+}
+
+/// One thing over time.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Lane {
+    /// What it is.
+    pub name: &'static str,
+    /// Where on the robot, or what for; empty where the name says it.
+    pub about: &'static str,
+    /// What it shows.
+    #[serde(flatten)]
+    pub shows: Shows,
+}
+
+/// What a lane shows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+pub enum Shows {
+    /// A value that stays until the next one.
+    Curve {
+        /// Its unit.
+        unit: &'static str,
+        /// What the values below and above zero, or the least and the largest, are called.
+        ends: [&'static str; 2],
+        /// The smallest and the largest value that the board takes.
+        range: [f64; 2],
+        /// The same as the script narrows it, if it does.
+        limits: Option<[f64; 2]>,
+        /// Times and values; `null` from where it is not known.
+        points: Vec<(u64, Option<f64>)>,
+    },
+    /// Something that is on or off.
+    Spans {
+        /// When it is on.
+        spans: Vec<Stretch>,
+    },
+    /// Things that happen.
+    Ticks {
+        /// When.
+        ticks: Vec<Moment>,
+    },
+}
+
+/// How busy the line is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Load {
+    /// Its speed in bits a second.
+    pub baud: u32,
+    /// How long a piece of time is.
+    pub piece_us: f64,
+    /// How much of what it carries leaves in each piece, in percent.
+    pub percent: Vec<f64>,
+    /// Frames that leave more than 5 ms after they are due.
+    pub late: Vec<Late>,
+}
+
+/// A frame that leaves late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Late {
+    /// When it is due.
+    pub t_us: u64,
+    /// By how much.
+    pub late_us: u64,
+}
+
+/// Where the robot is, from where it started.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Place {
+    /// When.
+    pub t_us: u64,
+    /// To the right, in cm.
+    pub x_cm: f64,
+    /// Forward, in cm.
+    pub y_cm: f64,
+    /// Turned clockwise, in degrees.
+    pub yaw_deg: f64,
+}
+
+impl Place {
+    fn new(t_us: u64, pose: Pose) -> Self {
+        let Pose { x_cm, y_cm, yaw_deg } = pose;
+        Place { t_us, x_cm, y_cm, yaw_deg }
+    }
+}
+
+/// Gathers what there is to see of a timeline.
+pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Plot {
+    let moment = |t_us: u64, text: &str| Moment { t_us, text: escaped(text) };
+    let bars = timeline.bars.map(|bars| Bars {
+        first_us: bars.first_us,
+        beat_us: bars.tempo.beat().in_micros(),
+        beats: bars.tempo.beats(),
+    });
+    Plot {
+        script: escaped(sources.main().name()),
+        end_us: timeline.end_us,
+        bars,
+        marks: timeline.marks.iter().map(|mark| moment(mark.at_us, &mark.name)).collect(),
+        says: timeline.cues.iter().map(|cue| moment(cue.at_us, &cue.text)).collect(),
+        expects: timeline
+            .expects
+            .iter()
+            .map(|due| Stretch { t_us: due.at_us, until_us: due.until_us, text: escaped(&due.expect.to_string()) })
+            .collect(),
+        warnings: warnings(timeline, sources, diagnostics),
+        tracks: timeline.tracks.iter().map(|track| robot(track, timeline)).collect(),
+    }
+}
+
+impl Robot {
+    /// Whether it ever leaves the place where it starts, turning aside.
+    fn goes_away(&self) -> bool {
+        self.path.iter().any(|place| libm::hypot(place.x_cm, place.y_cm) > 1.0)
+    }
+}
+
+impl Plot {
+    /// The same as JSON, on one line. Fields may be added, and never change their meaning.
+    pub fn to_json(&self) -> String {
+        // Numbers and texts cannot fail.
+        serde_json::to_string(self).unwrap_or_default() + "\n"
+    }
+}
+
+fn robot(track: &Track, timeline: &Timeline) -> Robot {
+    Robot {
+        robot: track.robot.as_deref().map(escaped),
+        frames: track.events.len(),
+        lanes: lanes::lanes(&track.events, timeline),
+        wire: load(track, timeline),
+        path: road::road(&track.events, timeline.end_us),
+    }
+}
+
+/// Warnings, each where the first frame is that comes from its place in the script.
+fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Vec<Warning> {
+    let sorted = diagnostics.sorted();
+    let mut places: BTreeMap<u32, Option<u64>> = sorted.iter().map(|found| (found.span.start, None)).collect();
+    let mut meet = |at_us: u64, span: Span| {
+        for (_, first) in places.range_mut(span.start..span.end.max(span.start + 1)) {
+            first.get_or_insert(at_us);
+        }
+    };
+    for event in timeline.tracks.iter().flat_map(|track| &track.events) {
+        meet(event.at_us, event.span);
+    }
+    timeline.cues.iter().for_each(|cue| meet(cue.at_us, cue.span));
+    timeline.expects.iter().for_each(|due| meet(due.at_us, due.span));
+    let lines = Lines::of(sources);
+    let warning = |found: &&crate::diagnostic::Diagnostic| {
+        let place = lines.place(found.span);
+        Warning {
+            t_us: places.get(&found.span.start).copied().flatten(),
+            code: found.code.name(),
+            message: escaped(&found.message),
+            file: escaped(place.file),
+            line: place.line,
+        }
+    };
+    sorted.iter().filter(|found| !found.is_error()).map(warning).collect()
+}
+
+/// How busy the line is.
+fn load(track: &Track, timeline: &Timeline) -> Load {
+    let mut line = Wire::new(timeline.baud);
+    #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
+    let piece_us = shown_us(timeline.end_us) as f64 / f64::from(PIECES);
+    let mut busy_us = vec![0.0; PIECES as usize];
+    let mut late = Vec::new();
+    for event in &track.events {
+        let departure = line.send(event.at_us, event.command.frame_length());
+        let late_us = wire::late(&line, event, departure);
+        if late_us > LATE_US {
+            late.push(Late { t_us: event.at_us, late_us });
+        }
+        let [mut from, until] = [departure.begins, departure.left].map(|ticks| line.in_micros(ticks) / piece_us);
+        while from < until {
+            // Ends where the piece ends, or the frame; what leaves behind the end counts for the last piece.
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held in range")]
+            let piece = from.clamp(0.0, f64::from(PIECES - 1)) as u32;
+            let end = if piece + 1 == PIECES { until } else { until.min(f64::from(piece) + 1.0) };
+            if let Some(busy) = busy_us.get_mut(piece as usize) {
+                *busy += (end - from) * 100.0;
+            }
+            from = if end > from { end } else { until };
+        }
+    }
+    let percent = busy_us.iter().map(|busy: &f64| libm::round(busy.min(100.0) * 100.0) / 100.0).collect();
+    Load { baud: timeline.baud, piece_us, percent, late }
+}
+
+/// How much time a picture shows: something, also of a script that takes none.
+fn shown_us(end_us: u64) -> u64 {
+    if end_us == 0 { 1_000_000 } else { end_us }
+}

@@ -1,0 +1,42 @@
+//! A picture as PNG: the same on every machine, with a font that comes along.
+
+use std::sync::Arc;
+
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg::{Options, Tree, fontdb};
+
+use super::{Plot, Theme};
+
+/// The font `DejaVu Sans`; its licence stands beside it.
+static FONT: &[u8] = include_bytes!("font/DejaVuSans.ttf");
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum PngError {
+    /// What was drawn cannot be read.
+    #[error("the picture cannot be drawn: {0}")]
+    Drawing(#[from] resvg::usvg::Error),
+    /// It would be too large.
+    #[error("a picture of {0} by {1} pixels is too large")]
+    Size(u32, u32),
+    /// It cannot be encoded.
+    #[error("the picture cannot be encoded: {0}")]
+    Encoding(String),
+}
+
+/// A picture as PNG, so many pixels wide.
+pub fn png(plot: &Plot, theme: Theme, width: u32) -> Result<Vec<u8>, PngError> {
+    let mut fonts = fontdb::Database::new();
+    fonts.load_font_data(FONT.to_vec());
+    let options = Options { fontdb: Arc::new(fonts), font_family: "DejaVu Sans".to_owned(), ..Options::default() };
+    let theme = if theme == Theme::Auto { Theme::Light } else { theme };
+    let tree = Tree::from_str(&plot.to_svg(theme), &options)?;
+    let size = tree.size().to_int_size();
+    let scaled = size.scale_to_width(width).ok_or(PngError::Size(width, size.height()))?;
+    let mut picture =
+        Pixmap::new(scaled.width(), scaled.height()).ok_or(PngError::Size(scaled.width(), scaled.height()))?;
+    #[expect(clippy::cast_precision_loss, reason = "a few thousand pixels")]
+    let factor = width as f32 / tree.size().width();
+    resvg::render(&tree, Transform::from_scale(factor, factor), &mut picture.as_mut());
+    picture.encode_png().map_err(|error| PngError::Encoding(error.to_string()))
+}

@@ -1,0 +1,76 @@
+//! Where a robot goes, as the virtual board has it.
+
+use super::Place;
+use crate::board::Command;
+use crate::sim::{Pose, Settings, VirtualBoard};
+use crate::timeline::Event;
+
+/// How many places at the most, but for turns of the way, and how far the robot moves or turns between two of them.
+const PLACES: u64 = 4_000;
+const NEAR_CM: f64 = 0.5;
+const NEAR_DEG: f64 = 2.0;
+/// The least time between two looks, in microseconds.
+const LOOK_US: u64 = 20_000;
+
+/// Where the robot is, from the start to the end; nothing where it stays where it is.
+pub(super) fn road(events: &[Event], end_us: u64) -> Vec<Place> {
+    let mut road = Road {
+        board: VirtualBoard::new(Settings::default()),
+        look_us: (end_us / PLACES).max(LOOK_US),
+        now_us: 0,
+        places: vec![Place::new(0, Pose::default())],
+        told: None,
+    };
+    for event in events.iter().filter(|event| event.command.is_drive() || matches!(event.command, Command::Pid(..))) {
+        road.pass(event.at_us);
+        road.turns(&event.command);
+        road.board.receive(event.at_us, &event.command.to_frame());
+    }
+    road.pass(end_us);
+    let Road { board, mut places, .. } = road;
+    let last = Place::new(end_us, board.received().pose);
+    if places.len() == 1 && is_near(&Place::new(0, Pose::default()), &last, 0.01) {
+        return Vec::new();
+    }
+    places.push(last);
+    places
+}
+
+struct Road {
+    board: VirtualBoard,
+    look_us: u64,
+    now_us: u64,
+    places: Vec<Place>,
+    told: Option<Command>,
+}
+
+impl Road {
+    /// Where the robot is told something else, its way may have a corner.
+    fn turns(&mut self, command: &Command) {
+        if self.told.as_ref() == Some(command) {
+            return;
+        }
+        self.told = Some(command.clone());
+        let place = Place::new(self.now_us, self.board.received().pose);
+        if self.places.last().is_none_or(|last| !is_near(last, &place, 0.01)) {
+            self.places.push(place);
+        }
+    }
+
+    /// Lets time pass, and looks now and then where the robot is.
+    fn pass(&mut self, to_us: u64) {
+        while self.now_us < to_us {
+            self.now_us = self.now_us.saturating_add(self.look_us).min(to_us);
+            self.board.poll(self.now_us);
+            let place = Place::new(self.now_us, self.board.received().pose);
+            if self.places.last().is_none_or(|last| !is_near(last, &place, 1.0)) {
+                self.places.push(place);
+            }
+        }
+    }
+}
+
+fn is_near(left: &Place, right: &Place, part: f64) -> bool {
+    libm::hypot(left.x_cm - right.x_cm, left.y_cm - right.y_cm) < NEAR_CM * part
+        && (left.yaw_deg - right.yaw_deg).abs() < NEAR_DEG * part
+}

@@ -1,0 +1,433 @@
+//! Draws a plot: lanes over time, and the way from above beside them.
+
+use std::fmt::Write as _;
+
+use svg::Node;
+use svg::node::element::{Element, Style};
+
+use super::sheet::{Anchor, Sheet, fit, number, point, stairs, steps, width};
+use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown_us};
+
+mod above;
+mod time;
+
+use time::short;
+
+/// The colours of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Theme {
+    /// Dark on light.
+    Light,
+    /// Light on dark.
+    Dark,
+    /// As whoever looks at it has set up the screen.
+    Auto,
+}
+
+/// How wide a picture is; where its lanes begin; where they end, without a way beside them and with one.
+const WIDTH: f64 = 1_200.0;
+const LEFT: f64 = 128.0;
+const RIGHT: f64 = 1_184.0;
+const RIGHT_BESIDE: f64 = 868.0;
+/// Heights of lanes, and what is between them.
+const SERVO: f64 = 84.0;
+const DRIVE: f64 = 64.0;
+const WHEEL: f64 = 44.0;
+const ROW: f64 = 26.0;
+const WIRE: f64 = 48.0;
+const GAP: f64 = 7.0;
+/// Sizes of letters: names and texts, and what is beside them.
+const TEXT: f64 = 13.0;
+const SOFT: f64 = 12.0;
+/// The most signs that tell something when they are pointed at, and the most warnings in words.
+const TOLD: usize = 400;
+const WORDS: usize = 8;
+
+impl Plot {
+    /// A picture as SVG, 1200 pixels wide. Equal plots give equal pictures, to the byte.
+    pub fn to_svg(&self, theme: Theme) -> String {
+        let is_beside = self.tracks.iter().any(Robot::goes_away);
+        let right = if is_beside { RIGHT_BESIDE } else { RIGHT };
+        #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
+        let end = shown_us(self.end_us) as f64;
+        let mut picture =
+            Picture { plot: self, sheet: Sheet::default(), grounds: Sheet::default(), right, end, y: 0.0, bottom: 0.0 };
+        picture.draw();
+        let Picture { sheet, y, .. } = picture;
+        let height = libm::ceil(y + 12.0);
+        let mut root = Element::new("svg");
+        root.assign("xmlns", "http://www.w3.org/2000/svg");
+        root.assign("width", number(WIDTH));
+        root.assign("height", number(height));
+        root.assign("viewBox", format!("0 0 {} {}", number(WIDTH), number(height)));
+        root.assign("role", "img");
+        root.append(svg::node::element::Title::new(self.script.as_str()));
+        root.append(Style::new(style(theme)));
+        let mut paper = Sheet::default();
+        paper.area("paper", [0.0, 0.0, WIDTH, height], None);
+        for node in paper.nodes.into_iter().chain(sheet.nodes) {
+            root.append(node);
+        }
+        format!("{root}\n")
+    }
+
+    /// A page of its own with the picture in it; nothing is loaded.
+    pub fn to_html(&self, theme: Theme) -> String {
+        let mut title = Element::new("title");
+        title.append(svg::node::Text::new(self.script.as_str()));
+        let [paper, dark] = ["#ffffff", "#11151b"];
+        let page = match theme {
+            Theme::Light => format!("body {{ background: {paper}; }}"),
+            Theme::Dark => format!("body {{ background: {dark}; }}"),
+            Theme::Auto => format!(
+                "body {{ background: {paper}; }}\n@media (prefers-color-scheme: dark) {{ body {{ background: {dark}; }} }}"
+            ),
+        };
+        format!(
+            "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"color-scheme\" content=\"light dark\">\n{title}\n<style>\n{page}\nsvg {{ max-width: 100%; height: auto; display: block; margin: auto; }}\n</style>\n{}</html>\n",
+            self.to_svg(theme)
+        )
+    }
+}
+
+fn style(theme: Theme) -> String {
+    const LIGHT: &str = include_str!("light.css");
+    const DARK: &str = include_str!("dark.css");
+    match theme {
+        Theme::Light => format!("\n{LIGHT}"),
+        Theme::Dark => format!("\n{LIGHT}{DARK}"),
+        Theme::Auto => format!("\n{LIGHT}@media (prefers-color-scheme: dark) {{\n{DARK}}}\n"),
+    }
+}
+
+struct Picture<'p> {
+    plot: &'p Plot,
+    sheet: Sheet,
+    /// What lanes stand on.
+    grounds: Sheet,
+    /// Where lanes end.
+    right: f64,
+    /// How much time they show, in microseconds.
+    end: f64,
+    /// How far down it is, and how far down the last lane ends.
+    y: f64,
+    bottom: f64,
+}
+
+impl Picture<'_> {
+    #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
+    fn x(&self, t_us: u64) -> f64 {
+        self.at(t_us as f64)
+    }
+
+    fn at(&self, t_us: f64) -> f64 {
+        LEFT + t_us / self.end * (self.right - LEFT)
+    }
+
+    fn draw(&mut self) {
+        let plot = self.plot;
+        self.head();
+        self.marks();
+        self.axis();
+        let top = self.y;
+        let head = self.sheet.nodes.len();
+        for track in &plot.tracks {
+            self.track(track);
+        }
+        let texts = [("say", &plot.says)];
+        for (name, moments) in texts.into_iter().filter(|(_, moments)| !moments.is_empty()) {
+            self.row(name, |picture, y| picture.moments(moments, "say", DOT, y));
+        }
+        if !plot.expects.is_empty() {
+            let expects: Vec<Moment> = plot.expects.iter().map(|due| moment(due.t_us, &due.text)).collect();
+            self.row("expect", |picture, y| {
+                for due in &plot.expects {
+                    picture.stretch("hold", due, y + ROW - 6.0, 3.0);
+                }
+                picture.moments(&expects, "expect", DIAMOND, y);
+            });
+        }
+        self.warnings();
+        // What runs through all lanes lies between their ground and what they show; how far down it goes is known last.
+        let front = self.sheet.nodes.split_off(head);
+        self.sheet.nodes.append(&mut self.grounds.nodes);
+        self.through(top, self.bottom);
+        self.sheet.nodes.extend(front);
+    }
+
+    fn track(&mut self, track: &Robot) {
+        if let Some(robot) = &track.robot {
+            self.y += 16.0;
+            self.sheet.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
+            self.y += 10.0;
+        }
+        let top = self.y;
+        for lane in &track.lanes {
+            self.lane(lane);
+        }
+        self.wire(track);
+        if track.goes_away() {
+            let x = self.right + 28.0;
+            let marks: Vec<(&str, u64)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.t_us)).collect();
+            let bottom = above::draw(&mut self.sheet, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
+            self.y = self.y.max(bottom);
+        }
+    }
+
+    fn name(&mut self, name: &str, y: f64) {
+        self.sheet.text((16.0, y), "name", Anchor::Start, name);
+    }
+
+    fn lane(&mut self, lane: &Lane) {
+        match &lane.shows {
+            Shows::Curve { unit, ends, range, limits, points } => {
+                let is_servo = lane.name.starts_with("servo");
+                let height = match lane.name {
+                    name if name.starts_with("servo") => SERVO,
+                    name if name.starts_with("wheel") => WHEEL,
+                    _ => DRIVE,
+                };
+                let scale = if is_servo { *range } else { about_zero(points, *limits) };
+                let y = self.y;
+                self.frame(lane.name, height);
+                let about = [lane.about, unit].into_iter().filter(|word| !word.is_empty());
+                let about = about.collect::<Vec<_>>().join(", ");
+                self.sheet.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
+                self.curve(points, scale, *limits, (y, height), is_servo);
+                self.ends(ends, scale, (y, height), is_servo);
+                self.y += height + GAP;
+            }
+            Shows::Spans { spans } => {
+                let class = if lane.name == "buzzer" { "span" } else { "hold" };
+                self.row(lane.name, |picture, y| {
+                    let mut last = f64::NEG_INFINITY;
+                    for (at, span) in spans.iter().enumerate() {
+                        let until = picture.x(span.until_us);
+                        // What ends in a column that is drawn already cannot be seen.
+                        if until - last >= 0.5 || at + 1 == spans.len() {
+                            last = until;
+                            picture.stretch(class, span, y + 6.0, ROW - 12.0);
+                        }
+                    }
+                });
+            }
+            Shows::Ticks { ticks } => self.row(lane.name, |picture, y| picture.moments(ticks, "tick", BAR, y)),
+        }
+    }
+
+    /// The frame of a lane, with its name.
+    fn frame(&mut self, name: &str, height: f64) {
+        self.name(name, self.y + height / 2.0 + if height > ROW { 1.0 } else { 4.0 });
+        self.grounds.area("lane", [LEFT, self.y, self.right - LEFT, height], None);
+        self.bottom = self.y + height;
+    }
+
+    /// A low lane.
+    fn row(&mut self, name: &str, draw: impl FnOnce(&mut Self, f64)) {
+        let y = self.y;
+        self.frame(name, ROW);
+        draw(self, y);
+        self.y += ROW + GAP;
+    }
+
+    /// What the ends of a scale are.
+    fn ends(&mut self, ends: &[&str; 2], [low, high]: [f64; 2], (y, height): (f64, f64), is_servo: bool) {
+        let mut say = |value: f64, y: f64, word: &str| {
+            let text =
+                if is_servo || word.is_empty() { number(value) } else { format!("{word} {}", number(value.abs())) };
+            self.sheet.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
+        };
+        say(high, y + 10.0, ends[1]);
+        say(low, y + height, ends[0]);
+    }
+
+    fn curve(
+        &mut self,
+        points: &[(u64, Option<f64>)],
+        [low, high]: [f64; 2],
+        limits: Option<[f64; 2]>,
+        (top, height): (f64, f64),
+        is_servo: bool,
+    ) {
+        let down = |value: f64| top + 3.0 + (high - value) / (high - low) * (height - 6.0);
+        if !is_servo {
+            self.sheet.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
+        }
+        for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
+            self.sheet.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
+        }
+        let drawn = points.iter().map(|(t_us, value)| (self.x(*t_us), value.map(down)));
+        for run in steps(drawn, self.right) {
+            if let (false, Some((first, _)), Some((last, _))) = (is_servo, run.first(), run.last()) {
+                let zero = number(down(0.0));
+                // From the line of zero up to the curve, and back.
+                let curve = stairs(&run).replacen('M', "L", 1);
+                let under = format!("M{} {zero}{curve}L{} {zero}z", number(*first), number(*last));
+                self.sheet.path("under", &under, None);
+            }
+            self.sheet.path(if is_servo { "curve" } else { "drive" }, &stairs(&run), None);
+        }
+        self.values(points, down, (top, height));
+    }
+
+    /// Where a value stays for a while, it stands there as a number.
+    fn values(&mut self, points: &[(u64, Option<f64>)], down: impl Fn(f64) -> f64, (top, height): (f64, f64)) {
+        let ends = points.iter().skip(1).map(|(t_us, _)| self.x(*t_us)).chain([self.right]);
+        let mut free = f64::NEG_INFINITY;
+        let mut shown = Vec::new();
+        for ((t_us, value), end) in points.iter().zip(ends) {
+            let (x, Some(value)) = (self.x(*t_us), *value) else { continue };
+            let text = number(value);
+            let wide = width(&text, SOFT);
+            if value == 0.0 || end - x < wide + 8.0 || x < free || height < 30.0 {
+                continue;
+            }
+            free = x + wide + 8.0;
+            let y = down(value);
+            // Above the line, where there is room for it.
+            let y = if y - top > 17.0 { y - 5.0 } else { y + 14.0 };
+            shown.push((x + 4.0, y, text));
+        }
+        for (x, y, text) in shown {
+            self.sheet.text((x, y), "value", Anchor::Start, &text);
+        }
+    }
+
+    fn stretch(&mut self, class: &str, span: &Stretch, y: f64, height: f64) {
+        let (from, until) = (self.x(span.t_us), self.x(span.until_us));
+        let tells = format!("{}, {} s to {} s", span.text, short(span.t_us), short(span.until_us));
+        self.sheet.area(class, [from, y, (until - from).max(1.5), height], Some(&tells));
+    }
+
+    /// Signs with texts behind them, each as far as there is room.
+    fn moments(&mut self, moments: &[Moment], class: &str, sign: Sign, y: f64) {
+        let middle = y + ROW / 2.0;
+        // What cannot be told apart shares a sign.
+        let mut groups: Vec<(f64, Vec<&Moment>)> = Vec::new();
+        for moment in moments {
+            let x = self.x(moment.t_us);
+            match groups.last_mut() {
+                Some((first, group)) if x - *first < 2.0 => group.push(moment),
+                _ => groups.push((x, vec![moment])),
+            }
+        }
+        let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
+        for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
+            let words = || {
+                let told = group.iter().take(10).map(|moment| format!("{} at {} s", moment.text, short(moment.t_us)));
+                told.collect::<Vec<_>>().join("\n")
+            };
+            self.sheet.path(class, &sign(*x, middle), (at < TOLD).then(words).as_deref());
+            let more = group.len() - 1;
+            let text = group.first().map_or("", |moment| moment.text.as_str());
+            let text = if more > 0 { format!("{text} and {more} more") } else { text.to_owned() };
+            let text = fit(&text, TEXT, next - x - 14.0);
+            if !text.is_empty() {
+                self.sheet.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
+            }
+        }
+    }
+
+    /// How busy the line is, and what leaves late.
+    fn wire(&mut self, track: &Robot) {
+        let (load, y) = (&track.wire, self.y);
+        self.frame("wire", WIRE);
+        self.sheet.text((16.0, y + WIRE / 2.0 + 17.0), "soft", Anchor::Start, &format!("{} baud", load.baud));
+        self.sheet.text((LEFT - 6.0, y + 10.0), "soft", Anchor::End, "100 %");
+        let bottom = y + WIRE;
+        let mut path = String::new();
+        let mut t_us = 0.0;
+        for percent in &load.percent {
+            let (from, until) = (self.at(t_us), self.at(t_us + load.piece_us));
+            if *percent > 0.0 {
+                // Something can be seen of anything.
+                let high = (percent / 100.0 * (WIRE - 2.0)).max(0.7);
+                let _ = write!(
+                    path,
+                    "M{}V{}H{}V{}z",
+                    point((from, bottom)),
+                    number(bottom - high),
+                    number(until),
+                    number(bottom)
+                );
+            }
+            t_us += load.piece_us;
+        }
+        self.sheet.path("load", &path, None);
+        let mut last = f64::NEG_INFINITY;
+        for (at, late) in load.late.iter().enumerate() {
+            let x = self.x(late.t_us);
+            if x - last < 3.0 {
+                continue;
+            }
+            last = x;
+            let tells = format!("due at {} s, leaves {} ms later", short(late.t_us), late.late_us / 1_000);
+            self.sheet.path("warn", &DOWN(x, y + 8.0), (at < TOLD).then_some(tells.as_str()));
+        }
+        if let Some(worst) = load.late.iter().map(|late| late.late_us).max() {
+            let count = load.late.len();
+            let plural = if count == 1 { "frame leaves" } else { "frames leave" };
+            let text = format!("{count} {plural} late, up to {} ms", worst.div_ceil(1_000));
+            self.sheet.text((LEFT + 8.0, y + 26.0), "late", Anchor::Start, &text);
+        }
+        self.y += WIRE + GAP;
+    }
+
+    fn warnings(&mut self) {
+        let warnings = &self.plot.warnings;
+        if warnings.is_empty() {
+            return;
+        }
+        let placed: Vec<Moment> =
+            warnings.iter().filter_map(|warning| Some(moment(warning.t_us?, warning.code))).collect();
+        self.row("warnings", |picture, y| picture.moments(&placed, "warn", UP, y));
+        for warning in warnings.iter().take(WORDS) {
+            self.y += 12.0;
+            let text = format!("▲ {}:{} {}: {}", warning.file, warning.line, warning.code, warning.message);
+            self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &fit(&text, SOFT, WIDTH - 32.0));
+            self.y += 6.0;
+        }
+        if warnings.len() > WORDS {
+            self.y += 12.0;
+            let more = format!("and {} more; `motionseq check` shows them all", warnings.len() - WORDS);
+            self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &more);
+        }
+        self.y += GAP;
+    }
+}
+
+fn moment(t_us: u64, text: &str) -> Moment {
+    Moment { t_us, text: text.to_owned() }
+}
+
+/// The shape of a sign around a point.
+type Sign = fn(f64, f64) -> String;
+
+const DOT: Sign = |x, y| format!("M{}a4 4 0 1 0 8 0a4 4 0 1 0 -8 0z", point((x - 4.0, y)));
+const DIAMOND: Sign = |x, y| format!("M{}l5 5l-5 5l-5 -5z", point((x, y - 5.0)));
+const BAR: Sign = |x, y| format!("M{}h2v16h-2z", point((x - 1.0, y - 8.0)));
+const UP: Sign = |x, y| format!("M{}l5 9h-10z", point((x, y - 5.0)));
+const DOWN: Sign = |x, y| format!("M{}l4 -7h-8z", point((x, y)));
+
+/// A scale with zero in its middle that holds all values, and the limits of the script.
+fn about_zero(points: &[(u64, Option<f64>)], limits: Option<[f64; 2]>) -> [f64; 2] {
+    let values = points.iter().filter_map(|(_, value)| *value).chain(limits.into_iter().flatten());
+    let most = values.fold(0.0, |most: f64, value| most.max(value.abs()));
+    let most = if most == 0.0 { 1.0 } else { libm::ceil(most) };
+    [-most, most]
+}
+
+/// The end of a way in words, for whoever draws it.
+fn end_words(last: &Place) -> [String; 2] {
+    let way = |value: f64, [ahead, back]: [&str; 2]| {
+        format!("{} cm {}", number(value.abs()), if value < 0.0 { back } else { ahead })
+    };
+    [
+        format!("ends {}, {},", way(last.y_cm, ["forward", "back"]), way(last.x_cm, ["to the right", "to the left"])),
+        format!("turned {}", turned(last)),
+    ]
+}
+
+fn turned(end: &Place) -> String {
+    format!("{}° to the {}", number(end.yaw_deg.abs()), if end.yaw_deg < 0.0 { "left" } else { "right" })
+}

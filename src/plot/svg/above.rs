@@ -1,0 +1,167 @@
+//! The way of a robot, from above.
+
+use std::fmt::Write as _;
+
+use super::super::Place;
+use super::super::sheet::{Anchor, Sheet, fit, number, point, round_step, width};
+use super::end_words;
+
+/// How far apart the robot is drawn on its way, in pixels.
+const APART: f64 = 46.0;
+/// How many places of a way are drawn at the most.
+const MOST: usize = 20_000;
+/// The least room that is shown, in cm.
+const LEAST_CM: f64 = 20.0;
+
+/// Draws a way into a square; gives how far down it goes.
+pub(super) fn draw(sheet: &mut Sheet, [x, y, side]: [f64; 3], way: &[Place], marks: &[(&str, u64)]) -> f64 {
+    sheet.text((x, y + 11.0), "name", Anchor::Start, "from above");
+    let top = y + 18.0;
+    sheet.area("lane", [x, top, side, side], None);
+    let map = Map::of(way, [x, top, side]);
+    map.grid(sheet, [x, top, side]);
+    let places: Vec<(f64, f64)> = way.iter().map(|place| map.place(place)).collect();
+    let mut path = String::new();
+    for place in thinned(&places) {
+        path.push(if path.is_empty() { 'M' } else { 'L' });
+        path.push_str(&point(place));
+    }
+    sheet.path("road", &path, None);
+    if let (Some((sx, sy)), Some(end)) = (places.first(), way.last()) {
+        sheet.path("start", &format!("M{}a6 6 0 1 0 12 0a6 6 0 1 0 -12 0z", point((sx - 6.0, *sy))), Some("start"));
+        // The robot now and then, where it does not cover another one, and at the end.
+        let mut drawn = vec![(*sx, *sy), map.place(end)];
+        for (place, at) in way.iter().zip(&places) {
+            if drawn.iter().all(|other| apart(*at, *other) >= APART) {
+                drawn.push(*at);
+                sheet.path("body", &robot(*at, place.yaw_deg, 6.0), None);
+            }
+        }
+        sheet.path("body", &robot(map.place(end), end.yaw_deg, 11.0), Some("end"));
+        names(sheet, [x, top, side], (&map, way), marks);
+        let mut down = top + side + 17.0;
+        for line in end_words(end) {
+            sheet.text((x, down), "soft", Anchor::Start, &line);
+            down += 16.0;
+        }
+        sheet.text(
+            (x, down),
+            "soft",
+            Anchor::Start,
+            &format!("○ start, ▲ end; grid {} cm, nominal", number(map.grid_cm)),
+        );
+        return down + 8.0;
+    }
+    top + side
+}
+
+fn apart(left: (f64, f64), right: (f64, f64)) -> f64 {
+    libm::hypot(left.0 - right.0, left.1 - right.1)
+}
+
+/// The places that a line goes through; of a way that is longer than anybody can follow, fewer.
+fn thinned(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let mut least = 0.3;
+    loop {
+        let mut kept: Vec<(f64, f64)> = Vec::new();
+        for place in places {
+            if kept.last().is_none_or(|last| apart(*last, *place) >= least) {
+                kept.push(*place);
+            }
+        }
+        kept.extend(places.last());
+        if kept.len() <= MOST || least > 100.0 {
+            return kept;
+        }
+        least *= 2.0;
+    }
+}
+
+/// From centimetres to pixels.
+struct Map {
+    /// The middle, in centimetres and in pixels.
+    middle_cm: (f64, f64),
+    middle: (f64, f64),
+    /// Pixels a centimetre.
+    scale: f64,
+    grid_cm: f64,
+}
+
+impl Map {
+    fn of(way: &[Place], [x, y, side]: [f64; 3]) -> Self {
+        let range = |of: fn(&Place) -> f64| {
+            let low = way.iter().map(of).fold(0.0, f64::min);
+            let high = way.iter().map(of).fold(0.0, f64::max);
+            (low, high)
+        };
+        let (left, right) = range(|place| place.x_cm);
+        let (back, front) = range(|place| place.y_cm);
+        let large = (right - left).max(front - back).max(LEAST_CM);
+        Map {
+            middle_cm: (f64::midpoint(left, right), f64::midpoint(back, front)),
+            middle: (x + side / 2.0, y + side / 2.0),
+            scale: (side - 56.0) / large,
+            grid_cm: round_step(large / 5.0),
+        }
+    }
+
+    fn place(&self, place: &Place) -> (f64, f64) {
+        let (x, y) = self.middle_cm;
+        (self.middle.0 + (place.x_cm - x) * self.scale, self.middle.1 - (place.y_cm - y) * self.scale)
+    }
+
+    /// Lines at round places; the start is on one.
+    fn grid(&self, sheet: &mut Sheet, [x, y, side]: [f64; 3]) {
+        let step = self.grid_cm * self.scale;
+        let zero = self.place(&Place { t_us: 0, x_cm: 0.0, y_cm: 0.0, yaw_deg: 0.0 });
+        let mut path = String::new();
+        let first = |zero: f64, from: f64| zero - libm::floor((zero - from) / step) * step;
+        let (mut across, mut down) = (first(zero.0, x), first(zero.1, y));
+        while across <= x + side {
+            let _ = write!(path, "M{}v{}", point((across, y)), number(side));
+            across += step;
+        }
+        while down <= y + side {
+            let _ = write!(path, "M{}h{}", point((x, down)), number(side));
+            down += step;
+        }
+        sheet.path("grid", &path, None);
+    }
+}
+
+/// The robot, looking to where it drives forward.
+fn robot((x, y): (f64, f64), yaw_deg: f64, size: f64) -> String {
+    let (sin, cos) = (libm::sin(yaw_deg.to_radians()), libm::cos(yaw_deg.to_radians()));
+    let corner = |right: f64, ahead: f64| point((x + right * cos + ahead * sin, y + right * sin - ahead * cos));
+    format!(
+        "M{}L{}L{}L{}z",
+        corner(0.0, size),
+        corner(0.65 * size, -0.8 * size),
+        corner(0.0, -0.4 * size),
+        corner(-0.65 * size, -0.8 * size)
+    )
+}
+
+/// The marks where the robot is when they are passed, as far as there is room.
+fn names(sheet: &mut Sheet, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, u64)]) {
+    let mut taken: Vec<(f64, f64, f64)> = Vec::new();
+    for (name, t_us) in marks.iter().take(100) {
+        let behind = way.partition_point(|place| place.t_us <= *t_us).saturating_sub(1);
+        let Some(place) = way.get(behind) else { continue };
+        let (px, py) = map.place(place);
+        let name = fit(name, 12.0, side / 2.0);
+        let wide = width(&name, 12.0);
+        let (from, anchor, at) = if px + 10.0 + wide > x + side {
+            (px - 10.0 - wide, Anchor::End, px - 10.0)
+        } else {
+            (px + 10.0, Anchor::Start, px + 10.0)
+        };
+        let is_free =
+            taken.iter().all(|(left, right, y)| from > *right || from + wide < *left || (py - y).abs() > 14.0);
+        if is_free && !name.is_empty() {
+            taken.push((from, from + wide, py));
+            sheet.path("expect", &format!("M{}h5v5h-5z", point((px - 2.5, py - 2.5))), None);
+            sheet.text((at, py + 4.0), "value", anchor, &name);
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! `plot`: pictures of what a script does.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use motionseq::plot::{Plot, Shows, Theme, plot};
+use motionseq::program::Options;
+use motionseq::source::{Source, Sources};
+use serde_json::Value;
+use support::{run, stderr, stdout};
+
+/// What there is to see of a text that is called `name`.
+fn plotted(name: &str, text: &str) -> Plot {
+    let sources = Sources::from(Source::new(name, text));
+    let compiled = motionseq::compile(&sources, &Options { events: 10_000_000, ..Options::default() });
+    let timeline =
+        compiled.timeline.unwrap_or_else(|| panic!("{}", support::messages(&sources, &compiled.diagnostics)));
+    plot(&timeline, &sources, &compiled.diagnostics)
+}
+
+fn svg(name: &str, text: &str) -> String {
+    plotted(name, text).to_svg(Theme::Light)
+}
+
+/// All texts of a picture, which must be well-formed.
+fn texts(svg: &str) -> Vec<String> {
+    let document = roxmltree::Document::parse(svg).unwrap_or_else(|error| panic!("{error}\n{svg}"));
+    assert_eq!(document.root_element().tag_name().name(), "svg");
+    let texts = document.descendants().filter(|node| node.has_tag_name("text"));
+    texts.map(|node| node.text().unwrap_or_default().to_owned()).collect()
+}
+
+/// The path of the only element of a class.
+fn path<'s>(svg: &'s str, class: &str) -> Vec<&'s str> {
+    let begin = format!("<path class=\"{class}\" d=\"");
+    svg.split(&begin).skip(1).map(|rest| rest.split('"').next().unwrap()).collect()
+}
+
+#[test]
+fn plots() {
+    insta::with_settings!({ snapshot_path => "plots", prepend_module_to_snapshot => false, omit_expression => true }, {
+        insta::glob!("plots/*.motion", |path| {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            let svg = svg(name, &fs::read_to_string(path).unwrap());
+            texts(&svg);
+            insta::assert_snapshot!("plots", svg);
+        });
+    });
+}
+
+#[test]
+fn each_value_is_at_its_time_and_its_height() {
+    // A lane of a servo goes from 500 to 2500, and this one's from 128 to 1184 pixels in 4 s.
+    let svg = svg("x.motion", "servo 1 500\nat 1s servo 1 2500\nat 3s servo 1 1500\nat 4s servo 1 1500\n");
+    let [curve] = path(&svg, "curve")[..] else { panic!("{svg}") };
+    let lanes = path(&svg, "lane");
+    // `M128 yh…v84…`: the top of the first lane.
+    let top: f64 = lanes[0].strip_prefix("M128 ").unwrap().split('h').next().unwrap().parse().unwrap();
+    let [low, high, middle] = [top + 81.0, top + 3.0, top + 42.0];
+    assert_eq!(curve, format!("M128 {low}H392V{high}H920V{middle}H1184"));
+    assert_eq!(texts(&svg).iter().filter(|text| ["500", "1500", "2500"].contains(&text.as_str())).count(), 5);
+}
+
+#[test]
+fn text_of_a_script_is_text_in_every_format() {
+    let script = "say \"<img src=x onerror=alert(1)> & ]]> \\\"quoted\\\"\"\nwait 3s\nservo 1 1500\n";
+    let plot = plotted("<img onerror=x>&\u{1b}[31m.motion", script);
+    let svg = plot.to_svg(Theme::Auto);
+    for page in [&svg, &plot.to_html(Theme::Auto)] {
+        assert!(!page.contains("<img") && !page.contains('\u{1b}') && !page.contains("&\u{1b}"), "{page}");
+    }
+    let texts = texts(&svg);
+    assert!(texts.contains(&"<img src=x onerror=alert(1)> & ]]> \"quoted\"".to_owned()), "{texts:?}");
+    assert!(texts[0].starts_with("<img onerror=x>&") && texts[0].ends_with(".motion"), "{texts:?}");
+}
+
+#[test]
+fn a_million_events_are_thinned_and_none_of_their_extremes_is_lost() {
+    // 20,000 swings, and one moment of 2499.
+    let text = "rate 50hz\nrepeat 10000 { servo 1 1000 -> 2000 over 1s; rocker x=20 z=30 for 1s\nservo 1 1000 over 1s\nmark a\nsay \"b\"\n}\nservo 1 2499\n+20ms servo 1 1000\nwait 2000s\n";
+    let plot = plotted("x.motion", text);
+    assert!(plot.tracks[0].frames > 1_000_000);
+    let svg = plot.to_svg(Theme::Auto);
+    assert!(svg.len() < 2_000_000, "{}", svg.len());
+    texts(&svg);
+    let [curve] = path(&svg, "curve")[..] else { panic!() };
+    let heights: Vec<f64> = curve
+        .split(['V', 'H', 'M'])
+        .filter_map(|part| part.split(' ').nth(1).or(Some(part)))
+        .filter_map(|n| n.parse().ok())
+        .collect();
+    let top: f64 = path(&svg, "lane")[0].strip_prefix("M128 ").unwrap().split('h').next().unwrap().parse().unwrap();
+    // 2499 of 2500, to the tenth of a pixel.
+    assert!(heights.contains(&(top + 3.0)), "{curve}");
+    assert!(curve.len() < 60_000);
+}
+
+#[test]
+fn the_data_are_what_is_sent() {
+    let plot = plotted(
+        "x.motion",
+        "mark go\nservos 1500 1400\nat 0.5s rocker x=5 y=-3 for 1s\nat 2s servo 1 1600\nbuzzer on for 0.25s\n",
+    );
+    let data: Value = serde_json::from_str(&plot.to_json()).unwrap();
+    let lanes = data["tracks"][0]["lanes"].as_array().unwrap();
+    let lane = |name: &str| lanes.iter().find(|lane| lane["name"] == name).unwrap();
+    let points = |name: &str| lane(name)["points"].to_string();
+    assert_eq!(points("servo 1"), "[[0,1500.0],[2000000,1600.0]]");
+    assert_eq!(points("servo 2"), "[[0,1400.0]]");
+    assert_eq!(points("sideways"), "[[500000,5.0],[1500000,0.0]]");
+    assert_eq!(points("forward"), "[[500000,-3.0],[1500000,0.0]]");
+    assert_eq!(lane("buzzer")["spans"][0]["t_us"], 2_000_000);
+    assert_eq!(lane("buzzer")["spans"][0]["until_us"], 2_250_000);
+    assert_eq!(lanes.len(), 5, "{lanes:?}");
+    assert_eq!((&data["end_us"], &data["marks"][0]["text"]), (&Value::from(2_250_000), &Value::from("go")));
+    // A second at 5 and -3 cm/s.
+    let end = data["tracks"][0]["path"].as_array().unwrap().last().unwrap();
+    assert_eq!((end["x_cm"].as_f64().unwrap().round(), end["y_cm"].as_f64().unwrap().round()), (5.0, -3.0));
+}
+
+#[test]
+fn a_late_frame_and_a_warning_are_where_they_happen() {
+    let text = "baud 9600\nwait 1s\nraw 0x40 1 2 3\nservo 1 1500\nservo 3 1500\nwait 1s\n";
+    let plot = plotted("x.motion", text);
+    let late = &plot.tracks[0].wire.late;
+    // 8 bytes at 9600 baud take 8.3 ms, and the next ones wait for them; so do the closing frames for the 13 of the stop.
+    let late: Vec<(u64, u64)> = late.iter().map(|late| (late.t_us, late.late_us)).collect();
+    assert_eq!(late, [(1_000_000, 8_334), (1_000_000, 16_667), (2_000_000, 13_542)]);
+    let raw = plot.warnings.iter().find(|warning| warning.code == "raw-frame").unwrap();
+    assert_eq!((raw.t_us, raw.line), (Some(1_000_000), 3));
+}
+
+#[test]
+fn limits_of_the_script_are_in_its_lane() {
+    let plot = plotted("x.motion", "limit servo 1 900..2100\nservo 1 1500\nservo 2 1500\n");
+    let limits = |at: usize| match &plot.tracks[0].lanes[at].shows {
+        Shows::Curve { limits, range, .. } => (*limits, *range),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(limits(0), (Some([900.0, 2100.0]), [500.0, 2500.0]));
+    // A tilt servo breaks beyond 1950.
+    assert_eq!(limits(1), (None, [500.0, 1950.0]));
+    assert_eq!(path(&plot.to_svg(Theme::Light), "limit").len(), 2);
+}
+
+#[test]
+fn bars_go_with_the_speed_and_with_a_part_of_the_script() {
+    let script = file("bars.motion");
+    fs::write(&script, "tempo 120bpm\nservo 1 1500\nat bar 3 { servo 1 1600 }\nat bar 5 { servo 1 1500 }\n").unwrap();
+    let bars = |args: &[&str]| {
+        let output = run(&[&["plot", script.to_str().unwrap(), "--format", "json"], args].concat());
+        let data: Value = serde_json::from_str(&stdout(&output)).unwrap_or_else(|_| panic!("{}", stderr(&output)));
+        (data["bars"]["first_us"].as_i64().unwrap(), data["bars"]["beat_us"].as_f64().unwrap())
+    };
+    assert_eq!(bars(&[]), (0, 500_000.0));
+    assert_eq!(bars(&["--speed", "0.5"]), (0, 1_000_000.0));
+    // A second of lead-in, and three that are left out.
+    assert_eq!(bars(&["--from", "3s"]), (-2_000_000, 500_000.0));
+    fs::remove_file(script).unwrap();
+}
+
+/// A file of its own.
+fn file(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("motionseq-plot-{}-{name}", std::process::id()))
+}
+
+/// A picture of a script, with its width, its height and its pixels.
+#[cfg(feature = "png")]
+fn pixels(name: &str, text: &str, more: &[&str]) -> (usize, usize, Vec<[u8; 3]>) {
+    let (script, picture) = (file(&format!("{name}.motion")), file(&format!("{name}.png")));
+    fs::write(&script, text).unwrap();
+    let output = run(&[&["plot", script.to_str().unwrap(), "-o", picture.to_str().unwrap()], more].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(&picture).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgba, png::BitDepth::Eight));
+    fs::remove_file(script).unwrap();
+    fs::remove_file(picture).unwrap();
+    let pixels = bytes.chunks_exact(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    (info.width as usize, info.height as usize, pixels)
+}
+
+#[cfg(feature = "png")]
+#[test]
+fn a_png_has_its_size_its_curve_where_it_must_be_and_words() {
+    let text = "servo 1 500\nat 2s servo 1 2500\nwait 2s\n";
+    let (width, height, light) = pixels("light", text, &[]);
+    assert_eq!(width, 1_200);
+    assert!(height > 150 && height < 400, "{height}");
+    let at = |pixels: &[[u8; 3]], x: usize, y: usize| pixels[y * width + x];
+    let blue = [0x0b, 0x5c, 0xad];
+    let column = |pixels: &[[u8; 3]], x: usize, colour: [u8; 3]| -> Vec<usize> {
+        (0..height).filter(|y| at(pixels, x, *y) == colour).collect()
+    };
+    // The first half is low, and the second half 78 pixels higher.
+    let (first, second) = (column(&light, 300, blue), column(&light, 1_000, blue));
+    assert!(!first.is_empty() && !second.is_empty());
+    assert_eq!(first[0] - second[0], 78);
+    // Where the value jumps, the curve is one column from top to bottom.
+    assert!(column(&light, 656, blue).len() > 70 || column(&light, 655, blue).len() > 70);
+    // The title is written in a font that came along: dark pixels in its place.
+    let title = (12..32).flat_map(|y| (16..200).map(move |x| (x, y))).filter(|(x, y)| at(&light, *x, *y)[0] < 60);
+    assert!(title.count() > 150);
+    assert_eq!(at(&light, 1, 1), [255, 255, 255]);
+
+    let (_, _, dark) = pixels("dark", text, &["--theme", "dark"]);
+    assert_eq!(at(&dark, 1, 1), [0x11, 0x15, 0x1b]);
+    assert!(!column(&dark, 300, [0x6d, 0xb3, 0xff]).is_empty());
+
+    let (wide, high, _) = pixels("wide", text, &["--width", "2400"]);
+    assert_eq!((wide, high), (2_400, height * 2));
+}
+
+#[test]
+fn mistakes_are_said() {
+    for (args, why) in [
+        (&["-o", "picture.gif"][..], "says no format: end it in .svg, .png, .html or .json"),
+        (&["-o", "scripts/hello.motion", "--format", "svg"], "it is the script itself"),
+        (&["--loop", "forever"], "what goes on forever cannot be drawn"),
+        (&["-o", "/tmp/no such folder/x.svg"], "No such file"),
+    ] {
+        let output = run(&[&["plot", "scripts/hello.motion"], args].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(stderr(&output).contains(why), "{}", stderr(&output));
+    }
+    let empty = file("empty.motion");
+    fs::write(&empty, "# nothing\n").unwrap();
+    let output = run(&["plot", empty.to_str().unwrap()]);
+    assert_eq!((output.status.code(), stdout(&output)), (Some(1), String::new()));
+    fs::remove_file(empty).unwrap();
+}
+
+#[test]
+fn standard_output_takes_a_picture_and_a_page_is_one_file() {
+    let output = run(&["plot", "scripts/hello.motion"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(stdout(&output), {
+        let text = fs::read_to_string("scripts/hello.motion").unwrap();
+        plotted("scripts/hello.motion", &text).to_svg(Theme::Auto)
+    });
+    let page = stdout(&run(&["plot", "scripts/hello.motion", "--format", "html"]));
+    assert!(page.starts_with("<!doctype html>") && page.contains("<title>scripts/hello.motion</title>"));
+    // Nothing is loaded from anywhere.
+    assert!(!page.contains("src=") && !page.contains("href=") && !page.contains("url("), "{page}");
+    assert!(Path::new("docs/pictures").is_dir());
+}
