@@ -135,12 +135,13 @@ impl End {
                 screen.warning(&format!("the report {} is not complete: {error}", path.display()));
             }
         }
-        if let Some(mut log) = log {
+        if let Some((mut log, timeline)) = log {
+            log.pass_marks(&timeline, outcome.at_us);
             match &ending {
-                None => log.line(now(), Level::Info, "everything was sent"),
-                Some((_, line)) => log.line(now(), Level::Error, line),
+                None => log.log.line(now(), Level::Info, "everything was sent"),
+                Some((_, line)) => log.log.line(now(), Level::Error, line),
             }
-            log.end();
+            log.log.end();
         }
         if let Some((_, line)) = ending {
             if (outcome.cause, outcome.stop) == (Cause::Quit, Stop::Sent) {

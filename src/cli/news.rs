@@ -11,11 +11,11 @@ use clap::ValueEnum;
 use motionseq::board::{Report, ServoIndex, State};
 use motionseq::link::Taken;
 use motionseq::playback::{Notice, Verdict, now};
-use motionseq::source::{Lines, Sources, Span};
+use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
 
-use super::log::{Entry, Level, Log, Spot};
+use super::log::{Entry, Log, RunLog};
 use super::notes::Notes;
 use super::progress::bar;
 use super::screen::{Screen, seconds};
@@ -62,8 +62,8 @@ pub(super) struct Told {
     /// The board's last report.
     pub(super) report: Option<Report>,
     pub(super) notes: Notes,
-    /// The log, which waits for the last word.
-    pub(super) log: Option<Log>,
+    /// The log, which waits for the last word, and the timeline that was played last.
+    pub(super) log: Option<(RunLog, Arc<Timeline>)>,
 }
 
 /// What a run is written to while it goes on.
@@ -87,9 +87,7 @@ pub(super) struct News {
     told: bool,
     screen: Screen,
     recording: Option<File>,
-    log: Option<Log>,
-    /// How many marks were passed in this pass.
-    marked: usize,
+    log: Option<RunLog>,
     report: Option<Report>,
     notes: Notes,
     /// What the board was told so far, the worst lateness in nanoseconds, and how many frames were dropped.
@@ -126,8 +124,7 @@ impl News {
             told: false,
             screen,
             recording,
-            log,
-            marked: 0,
+            log: log.map(RunLog::new),
             report: None,
             notes: Notes::new(),
             state: State::default(),
@@ -151,19 +148,18 @@ impl News {
             let last = notices.is_abandoned() && taken.is_abandoned();
             while let Ok((at, notice)) = notices.pop() {
                 if let (Some(log), Some(lines)) = (&mut self.log, lines) {
-                    log_notice(log, &self.timeline, lines, at, notice);
+                    log.tell(&self.timeline, lines, at, notice);
                 }
                 self.tell(at, notice);
             }
             while let Ok(piece) = taken.pop() {
                 if let Some(log) = &mut self.log {
-                    log.put(piece.at, Entry::Bytes(piece.bytes().into()));
+                    log.log.put(piece.at, Entry::Bytes(piece.bytes().into()));
                 }
                 if let Some(file) = &mut recording {
                     recorded = recorded.and_then(|()| file.write_all(piece.bytes()));
                 }
             }
-            self.pass_marks();
             if last {
                 break;
             }
@@ -181,19 +177,8 @@ impl News {
         if self.desk.progress == Progress::Auto {
             self.screen.live("");
         }
-        Told { recorded, report: self.report, notes: self.notes, log: self.log }
-    }
-
-    /// Logs the marks that were passed since the last time.
-    fn pass_marks(&mut self) {
-        let (Some(log), Clock::Runs(begin)) = (&mut self.log, &self.clock) else { return };
-        let time_us = now().saturating_sub(*begin) / 1_000;
-        let marks = self.timeline.marks.get(self.marked..).unwrap_or_default();
-        for mark in marks.iter().take_while(|mark| mark.at_us <= time_us) {
-            let at = begin.saturating_add(mark.at_us.saturating_mul(1_000));
-            log.put(at, Entry::Mark { name: mark.name.clone(), at_us: mark.at_us });
-            self.marked += 1;
-        }
+        let log = self.log.map(|log| (log, self.timeline));
+        Told { recorded, report: self.report, notes: self.notes, log }
     }
 
     fn tell(&mut self, at: u64, notice: Notice) {
@@ -245,17 +230,10 @@ impl News {
                 };
                 self.screen.ask(&format!("{} s: paused{how}", seconds(at_us)));
             }
-            Notice::Pass { pass: 1 } => {
-                if let Some(log) = &mut self.log {
-                    log.begin(at);
-                }
-                self.clock = Clock::Runs(at);
-            }
+            Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
             Notice::Pass { pass } => {
                 self.notes.passes = pass;
-                self.pass_marks();
                 self.timeline = Arc::clone(&self.again);
-                self.marked = 0;
                 self.clock = Clock::Runs(at);
                 self.screen.note(&format!("pass {pass}"));
             }
@@ -351,46 +329,4 @@ pub(super) fn servos(state: &State) -> impl Iterator<Item = String> {
         let pulse = state.servo(ServoIndex::new(index).ok()?)?;
         Some(format!("servo {index} {pulse}"))
     })
-}
-
-/// Logs what a run tells.
-fn log_notice(log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, at: u64, notice: Notice) {
-    let spot = |span: Span| -> Option<Spot> {
-        let place = lines.place(span);
-        Some((place.file.to_owned(), place.line))
-    };
-    let mut line = |level, text: String, span: Option<Span>| {
-        log.put(at, Entry::Line { level, text, place: span.and_then(spot) });
-    };
-    match notice {
-        Notice::Say { cue } => {
-            if let Some(cue) = timeline.cues.get(cue) {
-                line(Level::Info, cue.text.clone(), Some(cue.span));
-            }
-        }
-        Notice::Report(report) => log.put(at, Entry::Report(report)),
-        Notice::Judged(verdict) => {
-            if let Some(due) = timeline.expects.get(verdict.expect) {
-                let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
-                line(level, format!("expect {}: {}", due.expect, verdict.found), Some(due.span));
-            }
-        }
-        Notice::Sent { event, late } => {
-            if let Some(event) = timeline.events().get(event) {
-                let command = event.command.clone();
-                log.put(at, Entry::Late { event_us: event.at_us, late, command, place: spot(event.span) });
-            }
-        }
-        Notice::Dropped { event } => {
-            if let Some(event) = timeline.events().get(event) {
-                line(Level::Warning, format!("dropped: {}", event.command), Some(event.span));
-            }
-        }
-        Notice::Sleeping { at_us } | Notice::Paused { at_us } => {
-            line(Level::Info, format!("paused at {} s", seconds(at_us)), None);
-        }
-        Notice::Resumed { at_us } => line(Level::Info, format!("goes on at {} s", seconds(at_us)), None),
-        Notice::Pass { pass: pass @ 2.. } => line(Level::Info, format!("pass {pass}"), None),
-        Notice::Pass { .. } | Notice::Passed { .. } | Notice::Help => {}
-    }
 }

@@ -188,7 +188,8 @@ pub struct Place {
 
 impl Place {
     fn new(t_us: u64, pose: Pose) -> Self {
-        let Pose { x_cm, y_cm, yaw_deg } = pose;
+        // A micrometre more or less says nothing.
+        let [x_cm, y_cm, yaw_deg] = [pose.x_cm, pose.y_cm, pose.yaw_deg].map(|value| libm::round(value * 1e4) / 1e4);
         Place { t_us, x_cm, y_cm, yaw_deg }
     }
 }
@@ -247,7 +248,7 @@ fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
     let sorted = diagnostics.sorted();
     let mut places: BTreeMap<u32, Option<u64>> = sorted.iter().map(|found| (found.span.start, None)).collect();
     let mut meet = |at_us: u64, span: Span| {
-        for (_, first) in places.range_mut(span.start..span.end.max(span.start + 1)) {
+        for (_, first) in places.range_mut(span.start..span.end.max(span.start.saturating_add(1))) {
             first.get_or_insert(at_us);
         }
     };
@@ -299,7 +300,7 @@ fn load(track: &Track, timeline: &Timeline) -> Load {
     Load { baud: timeline.baud, piece_us, percent, late }
 }
 
-/// How much time a picture shows: something, also of a script that takes none.
+/// How much time a picture shows: something, also of a script that takes none or next to none.
 fn shown_us(end_us: u64) -> u64 {
-    if end_us == 0 { 1_000_000 } else { end_us }
+    if end_us == 0 { 1_000_000 } else { end_us.max(1_000) }
 }

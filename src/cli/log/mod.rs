@@ -19,9 +19,12 @@ use super::start_thread;
 mod book;
 #[cfg_attr(not(feature = "mcap"), path = "absent.rs")]
 mod keeper;
+mod run;
+
+pub(super) use run::RunLog;
 
 /// How many entries may wait to be written.
-const ROOM: usize = 64 * 1024;
+const ROOM: usize = 16 * 1024;
 /// How long the end waits for a file that takes nothing.
 const PATIENCE: Duration = Duration::from_millis(500);
 
