@@ -50,11 +50,19 @@ impl Plot {
         let right = if is_beside { RIGHT_BESIDE } else { RIGHT };
         #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
         let end = shown_us(self.end_us) as f64;
-        let mut picture =
-            Picture { plot: self, sheet: Sheet::default(), grounds: Sheet::default(), right, end, y: 0.0, bottom: 0.0 };
+        let mut picture = Picture {
+            plot: self,
+            sheet: Sheet::default(),
+            grounds: Sheet::default(),
+            right,
+            end,
+            y: 0.0,
+            bottom: 0.0,
+            beside: 0.0,
+        };
         picture.draw();
-        let Picture { sheet, y, .. } = picture;
-        let height = libm::ceil(y + 12.0);
+        let Picture { sheet, y, beside, .. } = picture;
+        let height = libm::ceil(y.max(beside) + 12.0);
         let mut root = Element::new("svg");
         root.assign("xmlns", "http://www.w3.org/2000/svg");
         root.assign("width", number(WIDTH));
@@ -112,6 +120,8 @@ struct Picture<'p> {
     /// How far down it is, and how far down the last lane ends.
     y: f64,
     bottom: f64,
+    /// How far down what stands beside the lanes is.
+    beside: f64,
 }
 
 impl Picture<'_> {
@@ -156,6 +166,7 @@ impl Picture<'_> {
     }
 
     fn track(&mut self, track: &Robot) {
+        self.y = self.y.max(self.beside);
         if let Some(robot) = &track.robot {
             self.y += 16.0;
             self.sheet.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
@@ -169,8 +180,7 @@ impl Picture<'_> {
         if track.goes_away() {
             let x = self.right + 28.0;
             let marks: Vec<(&str, u64)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.t_us)).collect();
-            let bottom = above::draw(&mut self.sheet, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
-            self.y = self.y.max(bottom);
+            self.beside = above::draw(&mut self.sheet, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
         }
     }
 
@@ -266,6 +276,12 @@ impl Picture<'_> {
                 self.sheet.path("under", &under, None);
             }
             self.sheet.path(if is_servo { "curve" } else { "drive" }, &stairs(&run), None);
+            // What is told at the very end would not be seen.
+            if let (Some((x, y)), Some((last, _))) = (run.first(), run.last())
+                && last - x < 2.0
+            {
+                self.sheet.path(if is_servo { "say" } else { "expect" }, &DOT(*x, *y), None);
+            }
         }
         self.values(points, down, (top, height));
     }
@@ -311,6 +327,7 @@ impl Picture<'_> {
                 _ => groups.push((x, vec![moment])),
             }
         }
+        let mut free = LEFT;
         let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
         for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
             let words = || {
@@ -321,7 +338,15 @@ impl Picture<'_> {
             let more = group.len() - 1;
             let text = group.first().map_or("", |moment| moment.text.as_str());
             let text = if more > 0 { format!("{text} and {more} more") } else { text.to_owned() };
+            let wide = width(&text, TEXT);
+            // To the left where only that has room for all of it.
+            if wide > next - x - 14.0 && wide < x - free - 16.0 {
+                self.sheet.text((x - 8.0, middle + 4.5), "text", Anchor::End, &text);
+                free = *x;
+                continue;
+            }
             let text = fit(&text, TEXT, next - x - 14.0);
+            free = x + 8.0 + width(&text, TEXT);
             if !text.is_empty() {
                 self.sheet.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
             }
@@ -381,6 +406,7 @@ impl Picture<'_> {
         let placed: Vec<Moment> =
             warnings.iter().filter_map(|warning| Some(moment(warning.t_us?, warning.code))).collect();
         self.row("warnings", |picture, y| picture.moments(&placed, "warn", UP, y));
+        self.y = self.y.max(self.beside);
         for warning in warnings.iter().take(WORDS) {
             self.y += 12.0;
             let text = format!("▲ {}:{} {}: {}", warning.file, warning.line, warning.code, warning.message);

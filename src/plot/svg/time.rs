@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::sheet::{Anchor, fit, number, point, round_step, width};
-use super::{LEFT, Picture, TEXT, WIDTH, turned};
+use super::{LEFT, Picture, SOFT, TEXT, WIDTH, turned};
 use crate::timeline::Seconds;
 
 /// From which step on, in seconds, times are written as a clock shows them.
@@ -24,7 +24,7 @@ impl Picture<'_> {
             let _ = write!(facts, ", {} beats a minute, {} beats a bar", number(60e6 / bars.beat_us), bars.beats);
         }
         for end in plot.tracks.iter().filter(|track| !track.goes_away()).filter_map(|track| track.path.last()) {
-            facts.push_str(", turns on the spot, by ");
+            facts.push_str(", turns on the spot, in the end by ");
             facts.push_str(&turned(end));
         }
         self.y += 20.0;
@@ -69,7 +69,10 @@ impl Picture<'_> {
         let mut k = 0.0;
         while k * step * 1e6 <= self.end {
             let seconds = k * step;
-            self.sheet.text((self.at(seconds * 1e6), self.y + 14.0), "soft", Anchor::Middle, &clock(seconds, step));
+            let (x, text) = (self.at(seconds * 1e6), clock(seconds, step));
+            // The last one must not be cut.
+            let x = x.min(WIDTH - 4.0 - width(&text, SOFT) / 2.0);
+            self.sheet.text((x, self.y + 14.0), "soft", Anchor::Middle, &text);
             k += 1.0;
         }
         self.y += 20.0;
