@@ -206,8 +206,15 @@ fn a_log_can_be_read_when_its_program_was_killed() {
     host.signal(Signal::KILL);
     drop((port, host));
     let messages = messages(&log);
-    fs::remove_file(log).unwrap();
     assert_eq!(texts(&messages, "/frames", "command"), ["rocker x=20 y=0 z=0"]);
+    // Any reader takes it for whole.
+    let bytes = fs::read(&log).unwrap();
+    assert_eq!(mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).count(), messages.len());
+    if has("mcap") && has("jsonschema") {
+        let read = Command::new("python3").args(["tests/clients/log.py", log.to_str().unwrap()]).output().unwrap();
+        assert!(read.status.success() && stdout(&read).contains("/frames 1\n"), "{}", stderr(&read));
+    }
+    fs::remove_file(log).unwrap();
 }
 
 #[test]

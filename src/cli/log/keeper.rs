@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Write as _};
+use std::os::unix::fs::FileExt as _;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -11,6 +12,12 @@ use super::{Entry, Screen};
 
 /// How often what was written goes to the file: so much is lost where the program is killed.
 const UPDATE: Duration = Duration::from_millis(500);
+/// What makes a log whole that has no index: the records `DataEnd` and `Footer`, which say that none follows, and the magic bytes
+/// (<https://mcap.dev/spec>). It stands behind each piece, and the next one is written over it, so that any tool reads the log of a
+/// program that was killed.
+const END: &[u8] = b"\x0f\x04\0\0\0\0\0\0\0\0\0\0\0\
+    \x02\x14\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\
+    \x89MCAP0\r\n";
 /// How much is kept for a file that takes nothing; where more comes, the log is over.
 const MOST_PENDING: usize = 16 << 20;
 
@@ -18,7 +25,8 @@ pub(super) const WHY_NOT: Option<&str> = None;
 
 /// Writes until nothing comes any more; says why the log is not whole, if it is not.
 pub(super) fn keep(file: File, path: PathBuf, screen: Screen, entries: &Receiver<(u64, Entry)>) -> Option<String> {
-    let mut keeper = Keeper { file, path, screen, pending: Vec::new(), failing: None, is_over: false };
+    let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
+    let mut keeper = Keeper { file, is_file, at: 0, path, screen, pending: Vec::new(), failing: None, is_over: false };
     match keeper.write_all(entries) {
         Ok(()) => keeper.failing,
         Err(error) => Some(error.to_string()),
@@ -28,6 +36,10 @@ pub(super) fn keep(file: File, path: PathBuf, screen: Screen, entries: &Receiver
 /// Has the file.
 struct Keeper {
     file: File,
+    /// Only in a file something can be written over.
+    is_file: bool,
+    /// How much of the log the file has.
+    at: u64,
     path: PathBuf,
     screen: Screen,
     /// What the file has not taken yet.
@@ -50,38 +62,32 @@ impl Keeper {
             }
             if written.elapsed() >= UPDATE {
                 let piece = book.piece()?;
-                self.write(&piece);
+                if !piece.is_empty() || self.failing.is_some() {
+                    self.write(&piece, END);
+                }
                 written = Instant::now();
             }
         }
         let last = book.last()?;
-        self.write(&last);
+        self.write(&last, &[]);
         Ok(())
     }
 
-    /// Gives the file what it has not taken yet; where it does not take it, it is tried again the next time.
-    fn write(&mut self, piece: &[u8]) {
+    /// Gives the file what it has not taken yet, and an end; where it does not take it, it is tried again the next time.
+    fn write(&mut self, piece: &[u8], end: &[u8]) {
         if self.is_over {
             return;
         }
         self.pending.extend_from_slice(piece);
-        let mut taken = 0;
-        let result = loop {
-            match self.file.write(self.pending.get(taken..).unwrap_or_default()) {
-                Ok(0) if taken == self.pending.len() => break Ok(()),
-                Ok(0) => break Err(io::ErrorKind::WriteZero.into()),
-                Ok(count) => taken += count,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                Err(error) => break Err(error),
-            }
-        };
-        self.pending.drain(..taken.min(self.pending.len()));
-        // A robot's power may be cut at any time; what cannot be made safe, such as a pipe, is written all the same.
-        if taken > 0 {
+        let result = if self.is_file { self.write_over(end) } else { self.write_on() };
+        if result.is_ok() {
+            self.at += self.pending.len() as u64;
+            self.pending.clear();
+            // A robot's power may be cut at any time.
             let _ = self.file.sync_data();
         }
         let was_failing = self.failing.is_some();
-        self.failing = result.err().map(|error: io::Error| error.to_string());
+        self.failing = result.err().map(|error| error.to_string());
         let path = self.path.display();
         match &self.failing {
             Some(error) if self.pending.len() > MOST_PENDING => {
@@ -95,5 +101,31 @@ impl Keeper {
             None if was_failing => self.screen.note(&format!("the log {path} is written again")),
             _ => {}
         }
+    }
+    /// Writes over the last end.
+    fn write_over(&mut self, end: &[u8]) -> io::Result<()> {
+        let text = [self.pending.as_slice(), end].concat();
+        let written = self.file.write_all_at(&text, self.at);
+        if written.is_err() {
+            // Half a piece is no log, and what stood there was whole.
+            self.file.set_len(self.at)?;
+            let _ = self.file.write_all_at(END, self.at);
+        } else {
+            self.file.set_len(self.at + text.len() as u64)?;
+        }
+        written
+    }
+
+    /// Writes to what only goes on, such as a pipe; what it takes of a piece is not given to it again.
+    fn write_on(&mut self) -> io::Result<()> {
+        while !self.pending.is_empty() {
+            match self.file.write(&self.pending) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(count) => drop(self.pending.drain(..count)),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 }
