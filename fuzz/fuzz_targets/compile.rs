@@ -1,8 +1,9 @@
-//! Any text compiles or says why not; what it sends is in order, and reads back.
+//! Any text compiles or says why not; what it sends is in order, reads back, and can be drawn.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
 use motionseq::board::{Command, Frame};
+use motionseq::plot::{Theme, plot};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 
@@ -27,4 +28,6 @@ fuzz_target!(|text: &str| {
         assert_eq!(Command::decode_or_raw(Frame::new(&bytes).expect("a frame")).to_frame(), bytes);
         assert!(event.at_us <= timeline.end_us);
     }
+    let picture = plot(&timeline, &sources, &compiled.diagnostics);
+    assert!(picture.to_svg(Theme::Auto).len() < 2_000_000 && !picture.to_json().is_empty());
 });
