@@ -536,9 +536,14 @@ fn in_shell(before: &str, player: &Command, behind: &str) -> Output {
 
 /// Plays with its output where the shell puts it, and the recording in a file; gives what it said, if that can be read.
 fn output_to(place: &str, record: &str) -> String {
+    result_to(place, "--record", record)
+}
+
+/// The same with another result.
+fn result_to(place: &str, option: &str, record: &str) -> String {
     let (port, folder) = (Port::new(), Folder::new());
     let path = folder.script(LOUD);
-    let player = motionseq(&["play", "-v", &path, "--port", &port.path, "--record", record]);
+    let player = motionseq(&["play", "-v", &path, "--port", &port.path, option, record]);
     let output = in_shell("", &player, place);
     let text = stderr(&output);
     assert_eq!((code(&output), closing_lines(&text)), (0, vec![]), "{place} {record}: {text}");
@@ -560,6 +565,8 @@ fn output_that_cannot_be_written_changes_no_motion() {
     let full = disk.0.path("x");
     assert_eq!(warnings(&output_to("", &full)), 1);
     assert_eq!(fs::metadata(&full).unwrap().len(), 16_384);
+    let text = result_to("", "--log", &disk.0.path("log"));
+    assert!(text.contains("is not whole: No space left on device"), "{text}");
     output_to(&format!("2>{full}"), "/dev/null");
     output_to(&format!(">{full} 2>&1"), &disk.0.path("y"));
 }
@@ -586,27 +593,30 @@ fn readers_that_go_away_change_no_motion() {
 }
 
 #[test]
-fn a_recording_that_hangs_hides_no_closing_line() {
-    let (port, folder) = (Port::new(), Folder::new());
-    let (path, pipe) = (folder.script("rocker x=10\nwait 1h\nstop\n"), folder.pipe());
-    // A pipe that is full, and whose reader does not read.
-    let mut full = open(&pipe, true);
-    while full.write(&[0; 4096]).is_ok() {}
-    let mut player = motionseq(&["play", &path, "--port", &port.path, "--record", &pipe]);
-    let child = player.stderr(Stdio::piped()).spawn().unwrap();
-    port.reads.recv_timeout(LIMIT).unwrap();
-    kill_process(Pid::from_child(&child), Signal::INT).unwrap();
-    let output = end_of(child).unwrap();
-    let text = stderr(&output);
-    assert_eq!((code(&output), closing_lines(&text)), (130, vec!["sent"]), "{text}");
+fn a_recording_or_a_log_that_hangs_hides_no_closing_line() {
+    for option in ["--record", "--log"] {
+        let (port, folder) = (Port::new(), Folder::new());
+        let (path, pipe) = (folder.script("rocker x=10\nwait 1h\nstop\n"), folder.pipe());
+        // A pipe that is full, and whose reader does not read.
+        let mut full = open(&pipe, true);
+        while full.write(&[0; 4096]).is_ok() {}
+        let mut player = motionseq(&["play", &path, "--port", &port.path, option, &pipe]);
+        let child = player.stderr(Stdio::piped()).spawn().unwrap();
+        port.reads.recv_timeout(LIMIT).unwrap();
+        kill_process(Pid::from_child(&child), Signal::INT).unwrap();
+        let output = end_of(child).unwrap();
+        let text = stderr(&output);
+        assert_eq!((code(&output), closing_lines(&text)), (130, vec!["sent"]), "{option}: {text}");
+    }
 }
 
 #[test]
 fn too_few_descriptors_are_refused_or_enough() {
-    for limit in 3..=16 {
+    for limit in 3..=18 {
         let (port, folder) = (Port::new(), Folder::new());
         let path = folder.script(SCRIPT);
-        let player = motionseq(&["play", &path, "--port", &port.path, "--record", &folder.path("recording")]);
+        let (recording, log) = (folder.path("recording"), folder.path("log"));
+        let player = motionseq(&["play", &path, "--port", &port.path, "--record", &recording, "--log", &log]);
         let output = in_shell(&format!("ulimit -n {limit};"), &player, "");
         let (code, text, received) = (code(&output), stderr(&output), port.received().unwrap());
         match code {
