@@ -250,3 +250,34 @@ fn standard_output_takes_a_picture_and_a_page_is_one_file() {
     assert!(!page.contains("src=") && !page.contains("href=") && !page.contains("url("), "{page}");
     assert!(Path::new("docs/pictures").is_dir());
 }
+
+#[test]
+fn huge_labels_are_cut_to_their_room_and_kept_whole_behind_it() {
+    let (name, words) = ("n".repeat(3_000), "wörter ".repeat(8_000));
+    let text = format!("mark {name}\nsay \"{words}\"\nservo 1 1500\nwait 1s\nexpect voltage > 10V \"{words}\"\n");
+    let svg = svg(&format!("{}.motion", "f".repeat(500)), &text);
+    let texts = texts(&svg);
+    assert!(texts.iter().all(|text| text.chars().count() < 160), "{texts:?}");
+    assert!(texts.iter().any(|text| text.starts_with("nnnn") && text.ends_with('…')), "{texts:?}");
+    assert!(svg.contains(&words) && svg.contains(&name));
+}
+
+#[test]
+fn each_robot_has_a_band_of_its_own() {
+    let mut plot = plotted("x.motion", "rocker y=10 for 1s\nservo 1 1500\n");
+    let mut second = plot.tracks[0].clone();
+    plot.tracks[0].robot = Some("left".to_owned());
+    second.robot = Some("right <b>".to_owned());
+    plot.tracks.push(second);
+    let svg = plot.to_svg(Theme::Light);
+    let texts = texts(&svg);
+    let count = |word: &str| texts.iter().filter(|text| *text == word).count();
+    assert_eq!(
+        [count("left"), count("right <b>"), count("servo 1"), count("from above"), count("wire")],
+        [1, 1, 2, 2, 2]
+    );
+    // One below the other.
+    let heights: Vec<f64> =
+        path(&svg, "road").iter().map(|path| path[1..].split(['L', ' ']).nth(1).unwrap().parse().unwrap()).collect();
+    assert!(heights[1] - heights[0] > 300.0, "{heights:?}");
+}

@@ -168,7 +168,7 @@ impl Picture<'_> {
     fn track(&mut self, track: &Robot) {
         self.y = self.y.max(self.beside);
         if let Some(robot) = &track.robot {
-            self.y += 16.0;
+            self.y += 22.0;
             self.sheet.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
             self.y += 10.0;
         }
