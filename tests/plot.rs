@@ -278,6 +278,6 @@ fn each_robot_has_a_band_of_its_own() {
     );
     // One below the other.
     let heights: Vec<f64> =
-        path(&svg, "road").iter().map(|path| path[1..].split(['L', ' ']).nth(1).unwrap().parse().unwrap()).collect();
+        path(&svg, "road").iter().map(|path| path.split(['L', ' ']).nth(1).unwrap().parse().unwrap()).collect();
     assert!(heights[1] - heights[0] > 300.0, "{heights:?}");
 }
