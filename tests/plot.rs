@@ -252,14 +252,14 @@ fn standard_output_takes_a_picture_and_a_page_is_one_file() {
 }
 
 #[test]
-fn huge_labels_are_cut_to_their_room_and_kept_whole_behind_it() {
+fn huge_labels_are_cut_to_their_room() {
     let (name, words) = ("n".repeat(3_000), "wörter ".repeat(8_000));
     let text = format!("mark {name}\nsay \"{words}\"\nservo 1 1500\nwait 1s\nexpect voltage > 10V \"{words}\"\n");
     let svg = svg(&format!("{}.motion", "f".repeat(500)), &text);
     let texts = texts(&svg);
     assert!(texts.iter().all(|text| text.chars().count() < 160), "{texts:?}");
     assert!(texts.iter().any(|text| text.starts_with("nnnn") && text.ends_with('…')), "{texts:?}");
-    assert!(svg.contains(&words) && svg.contains(&name));
+    assert!(svg.len() < 20_000, "{}", svg.len());
 }
 
 #[test]

@@ -60,6 +60,19 @@ pub struct Bars {
     pub beats: u32,
 }
 
+impl Bars {
+    /// How long a bar is.
+    fn bar_us(&self) -> f64 {
+        self.beat_us * f64::from(self.beats)
+    }
+
+    /// When bar 1 begins.
+    #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
+    fn begin(&self) -> f64 {
+        self.first_us as f64
+    }
+}
+
 /// Something that happens at a moment.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Moment {

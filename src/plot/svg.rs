@@ -144,16 +144,13 @@ impl Picture<'_> {
         for track in &plot.tracks {
             self.track(track);
         }
-        let texts = [("say", &plot.says)];
-        for (name, moments) in texts.into_iter().filter(|(_, moments)| !moments.is_empty()) {
-            self.row(name, |picture, y| picture.moments(moments, "say", DOT, y));
+        if !plot.says.is_empty() {
+            self.row("say", |picture, y| picture.moments(&plot.says, "say", DOT, y));
         }
         if !plot.expects.is_empty() {
             let expects: Vec<Moment> = plot.expects.iter().map(|due| moment(due.t_us, &due.text)).collect();
             self.row("expect", |picture, y| {
-                for due in &plot.expects {
-                    picture.stretch("hold", due, y + ROW - 6.0, 3.0);
-                }
+                picture.stretches("hold", &plot.expects, y + ROW - 6.0, 3.0);
                 picture.moments(&expects, "expect", DIAMOND, y);
             });
         }
@@ -209,17 +206,7 @@ impl Picture<'_> {
             }
             Shows::Spans { spans } => {
                 let class = if lane.name == "buzzer" { "span" } else { "hold" };
-                self.row(lane.name, |picture, y| {
-                    let mut last = f64::NEG_INFINITY;
-                    for (at, span) in spans.iter().enumerate() {
-                        let until = picture.x(span.until_us);
-                        // What ends in a column that is drawn already cannot be seen.
-                        if until - last >= 0.5 || at + 1 == spans.len() {
-                            last = until;
-                            picture.stretch(class, span, y + 6.0, ROW - 12.0);
-                        }
-                    }
-                });
+                self.row(lane.name, |picture, y| picture.stretches(class, spans, y + 6.0, ROW - 12.0));
             }
             Shows::Ticks { ticks } => self.row(lane.name, |picture, y| picture.moments(ticks, "tick", BAR, y)),
         }
@@ -309,10 +296,17 @@ impl Picture<'_> {
         }
     }
 
-    fn stretch(&mut self, class: &str, span: &Stretch, y: f64, height: f64) {
-        let (from, until) = (self.x(span.t_us), self.x(span.until_us));
-        let tells = format!("{}, {} s to {} s", span.text, short(span.t_us), short(span.until_us));
-        self.sheet.area(class, [from, y, (until - from).max(1.5), height], Some(&tells));
+    /// What lasts, each as a box; those that end in a column that is drawn already cannot be seen.
+    fn stretches(&mut self, class: &str, stretches: &[Stretch], y: f64, height: f64) {
+        let mut last = f64::NEG_INFINITY;
+        for (at, Stretch { t_us, until_us, text }) in stretches.iter().enumerate() {
+            let (from, until) = (self.x(*t_us), self.x(*until_us));
+            if until - last >= 0.5 || at + 1 == stretches.len() {
+                last = until;
+                let tells = format!("{}, {} s to {} s", told(text), short(*t_us), short(*until_us));
+                self.sheet.area(class, [from, y, (until - from).max(1.5), height], Some(&tells));
+            }
+        }
     }
 
     /// Signs with texts behind them, each as far as there is room.
@@ -331,7 +325,8 @@ impl Picture<'_> {
         let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
         for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
             let words = || {
-                let told = group.iter().take(10).map(|moment| format!("{} at {} s", moment.text, short(moment.t_us)));
+                let told =
+                    group.iter().take(10).map(|moment| format!("{} at {} s", told(&moment.text), short(moment.t_us)));
                 told.collect::<Vec<_>>().join("\n")
             };
             self.sheet.path(class, &sign(*x, middle), (at < TOLD).then(words).as_deref());
@@ -424,6 +419,13 @@ impl Picture<'_> {
 
 fn moment(t_us: u64, text: &str) -> Moment {
     Moment { t_us, text: text.to_owned() }
+}
+
+/// A text for whoever points at it; nobody reads more at once.
+fn told(text: &str) -> String {
+    const MOST: usize = 200;
+    let cut: String = text.chars().take(MOST).collect();
+    if cut.len() < text.len() { cut + "…" } else { cut }
 }
 
 /// The shape of a sign around a point.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::sheet::{Anchor, fit, number, point, round_step, width};
-use super::{LEFT, Picture, SOFT, TEXT, WIDTH, turned};
+use super::{LEFT, Picture, SOFT, TEXT, WIDTH, told, turned};
 use crate::timeline::Seconds;
 
 /// From which step on, in seconds, times are written as a clock shows them.
@@ -64,72 +64,42 @@ impl Picture<'_> {
 
     /// Seconds, and bars where the script counts in them.
     pub(super) fn axis(&mut self) {
-        let step = time_step(self.end / 1e6 * 64.0 / (self.right - LEFT));
+        let step = self.step();
         self.name(if step < CLOCK { "seconds" } else { "time" }, self.y + 14.0);
-        let mut k = 0.0;
-        while k * step * 1e6 <= self.end {
-            let seconds = k * step;
-            let (x, text) = (self.at(seconds * 1e6), clock(seconds, step));
+        for (count, t_us) in self.every(0.0, step * 1e6) {
+            let text = clock(count * step, step);
             // The last one must not be cut.
-            let x = x.min(WIDTH - 4.0 - width(&text, SOFT) / 2.0);
+            let x = self.at(t_us).min(WIDTH - 4.0 - width(&text, SOFT) / 2.0);
             self.sheet.text((x, self.y + 14.0), "soft", Anchor::Middle, &text);
-            k += 1.0;
         }
         self.y += 20.0;
         let Some(bars) = self.plot.bars else { return };
-        let bar_us = bars.beat_us * f64::from(bars.beats);
-        // As many bars at once as leave room for a number.
-        let mut each = 1.0;
-        while self.at(bar_us * each) - LEFT < 34.0 {
-            each *= 2.0;
-        }
         self.name("bars", self.y + 13.0);
-        #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-        let first = bars.first_us as f64;
-        let mut bar = libm::ceil(-first / bar_us / each).max(0.0) * each;
-        while first + bar * bar_us <= self.end {
-            let x = self.at(first + bar * bar_us);
-            self.sheet.text((x, self.y + 13.0), "soft", Anchor::Middle, &number(bar + 1.0));
-            bar += each;
+        // As many bars at once as leave room for a number.
+        let bars_us = self.wide(bars.bar_us(), 34.0);
+        for (count, t_us) in self.every(bars.begin(), bars_us) {
+            let bar = count * bars_us / bars.bar_us() + 1.0;
+            self.sheet.text((self.at(t_us), self.y + 13.0), "soft", Anchor::Middle, &number(bar));
         }
         self.y += 18.0;
     }
 
-    /// The lines that run through all lanes: seconds, bars and beats, marks.
+    /// The lines that run through all lanes: seconds, or bars and beats; marks.
     pub(super) fn through(&mut self, top: f64, bottom: f64) {
-        let mut path = String::new();
-        let down = |x: f64, path: &mut String| {
-            let _ = write!(path, "M{}V{}", point((x, top)), number(bottom));
+        let lines = |picture: &Self, begin: f64, each: f64| {
+            let mut path = String::new();
+            for (_, t_us) in picture.every(begin, each) {
+                path.push_str(&down(picture.at(t_us), top, bottom));
+            }
+            path
         };
         match self.plot.bars {
-            None => {
-                let step = time_step(self.end / 1e6 * 64.0 / (self.right - LEFT));
-                let mut k = 0.0;
-                while k * step * 1e6 <= self.end {
-                    down(self.at(k * step * 1e6), &mut path);
-                    k += 1.0;
-                }
-                self.sheet.path("grid", &path, None);
-            }
+            None => self.sheet.path("grid", &lines(self, 0.0, self.step() * 1e6), None),
             Some(bars) => {
-                let bar_us = bars.beat_us * f64::from(bars.beats);
-                #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-                let first = bars.first_us as f64;
-                for (class, length, least) in [("grid", bars.beat_us, 8.0), ("bar", bar_us, 6.0)] {
-                    let mut each = length;
-                    while class == "bar" && self.at(each) - LEFT < least {
-                        each *= 2.0;
-                    }
-                    let mut path = String::new();
-                    if self.at(each) - LEFT >= least {
-                        let mut t_us = first + libm::ceil(-first / each).max(0.0) * each;
-                        while t_us <= self.end {
-                            down(self.at(t_us), &mut path);
-                            t_us += each;
-                        }
-                    }
-                    self.sheet.path(class, &path, None);
+                if self.wide(bars.beat_us, 8.0) <= bars.beat_us {
+                    self.sheet.path("grid", &lines(self, bars.begin(), bars.beat_us), None);
                 }
+                self.sheet.path("bar", &lines(self, bars.begin(), self.wide(bars.bar_us(), 6.0)), None);
             }
         }
         let mut last = f64::NEG_INFINITY;
@@ -138,13 +108,37 @@ impl Picture<'_> {
             // Lines that lie closer would be one area.
             if x - last >= NEAR {
                 last = x;
-                let mut path = String::new();
-                down(x, &mut path);
-                let tells = format!("{} at {} s", mark.text, short(mark.t_us));
-                self.sheet.path("mark", &path, Some(&tells));
+                let tells = format!("{} at {} s", told(&mark.text), short(mark.t_us));
+                self.sheet.path("mark", &down(x, top, bottom), Some(&tells));
             }
         }
     }
+
+    /// The time between two ticks, in seconds.
+    fn step(&self) -> f64 {
+        time_step(self.end / 1e6 * 64.0 / (self.right - LEFT))
+    }
+
+    /// A length of time, doubled until it is so many pixels wide.
+    fn wide(&self, mut length_us: f64, least: f64) -> f64 {
+        while self.at(length_us) - LEFT < least {
+            length_us *= 2.0;
+        }
+        length_us
+    }
+
+    /// Every so many microseconds from a beginning on, as far as it is shown: how many have passed, and the time.
+    fn every(&self, begin: f64, each: f64) -> impl Iterator<Item = (f64, f64)> + use<> {
+        let end = self.end;
+        let first = libm::ceil((0.0 - begin) / each).max(0.0);
+        let counts = std::iter::successors(Some(first), |count| Some(count + 1.0));
+        counts.map(move |count| (count, begin + count * each)).take_while(move |(_, t_us)| *t_us <= end)
+    }
+}
+
+/// A line straight down.
+fn down(x: f64, top: f64, bottom: f64) -> String {
+    format!("M{}V{}", point((x, top)), number(bottom))
 }
 
 /// A step between times in seconds that is at least so long, and that a clock has.
