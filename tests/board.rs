@@ -1,5 +1,4 @@
 //! The wire: what the vendor's driver sends, both ways, and what a damaged stream still gives.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use motionseq::board::{
     Command, Decoder, Frame, FrameError, Hundredths, Item, NotACommand, Report, ReportDecoder, ReportItem,

@@ -1,13 +1,10 @@
 //! `decode`: streams of bytes and hex digits as a listing, whatever is wrong with them; and the smaller commands.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::io::{self, Read, Write};
 use std::process::Stdio;
 
+use crate::support::{motionseq, rendered, run, stderr, stdout};
 use motionseq::capture::{DecodeError, Decoded, NoTiming, Timing, decode};
-use support::{motionseq, rendered, run, stderr, stdout};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();

@@ -1,14 +1,11 @@
 //! The program, run as a user runs it: `check`, `render`, and every file that is no script.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-use support::{motionseq, run, stderr, stdout};
+use crate::support::{motionseq, run, stderr, stdout};
 
 /// A folder of its own for one test, removed at the end.
 struct Scratch(PathBuf);

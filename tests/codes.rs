@@ -1,15 +1,12 @@
 //! Every code: its example of wrong has it and nothing else, its example of right has nothing; and what `explain` prints.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::format_push_string)]
-
-mod support;
 
 use std::fs;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::support::{run, script, stderr, stdout};
 use motionseq::diagnostic::{Code, Diagnostic, Severity};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
-use support::{run, script, stderr, stdout};
 
 /// The codes of a script that stands in a folder beside a file of phrases.
 fn codes(text: &[u8]) -> Vec<Code> {

@@ -1,12 +1,9 @@
 //! A show at a terminal: keys, what is shown, and that the terminal is left as it was, whatever happens.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::fs;
 use std::process::Command;
 
-use support::{run, script, stderr};
+use crate::support::{run, script, stderr};
 
 /// Plays in a terminal so many columns wide; gives what is printed of it.
 fn at_terminal(columns: &str, steps: &[&str], args: &[&str]) -> String {

@@ -1,22 +1,12 @@
 //! What `diff` says of an edit, and what it makes of snapshots.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::indexing_slicing,
-    clippy::string_slice,
-    clippy::format_push_string
-)]
-
-mod support;
 
 use std::fs;
 
+use crate::support::{run, script, stderr, stdout};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::timeline::{Change, Moment, Snapshot, Timeline, What, diff, is_snapshot, read_snapshot, write_snapshot};
 use proptest::prelude::*;
-use support::{run, script, stderr, stdout};
 
 /// The words for an edit, each with its place as `diff` chooses it.
 fn words(old: &str, new: &str) -> String {
@@ -44,6 +34,7 @@ fn words(old: &str, new: &str) -> String {
 
 #[test]
 fn every_edit_is_said_in_the_words_of_the_script() {
+    let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "diffs", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("diffs/*.txt", |path| {
             let text = fs::read_to_string(path).unwrap();

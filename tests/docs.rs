@@ -1,14 +1,4 @@
 //! What the documents say is so: every example in them runs, and every list is complete.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::indexing_slicing,
-    clippy::string_slice,
-    clippy::format_collect
-)]
-
-mod support;
 
 use std::fs;
 use std::process::Command;
@@ -53,7 +43,7 @@ fn every_script_in_the_documents_compiles_as_it_says() {
             seen += 1;
             let source = Source::new(*document, text);
             let result = motionseq::compile(&source.clone().into(), &Options::default());
-            let messages = support::messages(&source.clone().into(), &result.diagnostics);
+            let messages = crate::support::messages(&source.clone().into(), &result.diagnostics);
             assert_eq!(result.timeline.is_some(), compiles, "{document}:{line}\n{messages}");
         }
     }
@@ -95,7 +85,7 @@ fn every_console_block_shows_what_happens() {
                 .current_dir(env!("CARGO_MANIFEST_DIR"))
                 .output()
                 .unwrap();
-            let printed = support::stdout(&output);
+            let printed = crate::support::stdout(&output);
             let shown: Vec<&str> = shown.trim_end().lines().collect();
             let printed: Vec<&str> = printed.trim_end().lines().collect();
             let same =
@@ -259,7 +249,7 @@ fn the_files_for_ci_are_the_ones_in_the_folder_and_their_commands_run() {
             if command.starts_with("motionseq ") {
                 ran += 1;
                 let output = shell(command);
-                assert!(output.status.success(), "{command}: {}", support::stderr(&output));
+                assert!(output.status.success(), "{command}: {}", crate::support::stderr(&output));
             }
         }
     }
@@ -294,7 +284,7 @@ fn the_pictures_are_what_the_commands_beside_them_draw() {
     let pictures: Vec<(&str, &str)> = commands.iter().filter_map(|command| command.split_once(" -o ")).collect();
     assert_eq!(pictures.len(), 3);
     for (script, picture) in pictures {
-        let drawn = support::run(&["plot", script, "--format", "svg"]);
+        let drawn = crate::support::run(&["plot", script, "--format", "svg"]);
         if std::env::var_os("UPDATE_DOCS").is_some() {
             fs::write(picture, &drawn.stdout).unwrap();
         }
@@ -322,7 +312,7 @@ fn every_crate_and_its_licence_is_listed() {
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
-    let mut used: Vec<String> = support::stdout(&output)
+    let mut used: Vec<String> = crate::support::stdout(&output)
         .lines()
         .filter(|line| !line.starts_with("motionseq "))
         .map(|line| {
@@ -332,7 +322,7 @@ fn every_crate_and_its_licence_is_listed() {
         .collect();
     used.sort();
     used.dedup();
-    assert!(used.len() > 20, "{}", support::stderr(&output));
+    assert!(used.len() > 20, "{}", crate::support::stderr(&output));
     let text = fs::read_to_string("THIRD-PARTY.md").unwrap();
     if std::env::var_os("UPDATE_DOCS").is_some() {
         let head = text.split_inclusive("|---|---|\n").next().unwrap();

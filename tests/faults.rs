@@ -1,8 +1,5 @@
 //! What a run does when things fail around it, with the built program over a pty: the robot stops, or the message says that
 //! it did not.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
@@ -11,11 +8,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
+use crate::support::{motionseq, rendered, run, script, stderr};
 use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::Guard;
 use rustix::process::{Pid, Signal, kill_process};
-use support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
-use support::{motionseq, rendered, run, script, stderr};
 
 /// Something of everything, a frame every 10 ms and less, and longer than any test lets it live.
 const DRIVING: &str = "refresh 10ms\nrocker x=10; buzzer on; servo 1 1000 -> 2000 over 1h\nstop; buzzer off\n";
@@ -343,7 +340,7 @@ fn a_guard_cannot_be_started_by_hand() {
     assert!(stderr(&output).contains("only a player can start it"), "{}", stderr(&output));
     let output = motionseq(&by_hand).output().unwrap();
     assert!(stderr(&output).contains("it is not a serial port"), "{}", stderr(&output));
-    assert!(!support::stdout(&run(&["--help"])).contains("guard-a-player"));
+    assert!(!crate::support::stdout(&run(&["--help"])).contains("guard-a-player"));
 }
 
 #[test]

@@ -1,7 +1,4 @@
 //! `fmt`: what it changes, and what it never does.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::string_slice)]
-
-mod support;
 
 use std::fs;
 use std::io::Write;
@@ -9,12 +6,12 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
+use crate::support::{motionseq, run, script, stderr, stdout};
 use motionseq::diagnostic::Diagnostics;
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 use motionseq::syntax;
 use proptest::prelude::*;
-use support::{motionseq, run, script, stderr, stdout};
 
 fn formatted(source: &Source) -> Option<String> {
     syntax::format(source, &mut Diagnostics::default())
@@ -61,6 +58,7 @@ fn is_kept(path: &str, text: &str) {
 
 #[test]
 fn formatted_scripts_look_like_this() {
+    let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "fmt", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("fmt/*.motion", |path| {
             let source = Source::read(path).unwrap();

@@ -1,16 +1,14 @@
 //! Each script in `tests/frames` compiles to the frames and messages beside it. Files named `err_*` do not compile.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod support;
 
 use std::cell::RefCell;
 
 #[test]
 fn frames() {
     let misnamed = RefCell::new(Vec::new());
+    let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "frames", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("frames/*.motion", |path| {
-            let text = support::listing_and_messages(path);
+            let text = crate::support::listing_and_messages(path);
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             if text.contains("  × ") != name.starts_with("err_") {
                 misnamed.borrow_mut().push(name);

@@ -2,9 +2,6 @@
 //!
 //! strace lets the Nth call of a thread fail, the player's and the guard's; a loaded library storms them with signals, another
 //! one sets the clock; the shell takes away output and descriptors. Asserted is what a board and a user notice.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -19,12 +16,12 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::support::far::commands;
+use crate::support::{motionseq, rendered, stderr};
 use motionseq::board::{Command as Frame, State};
 use motionseq::link::Pty;
 use rustix::fs::OFlags;
 use rustix::process::{Pid, Signal, kill_process};
-use support::far::commands;
-use support::{motionseq, rendered, stderr};
 
 /// How long any run may take. The program promises much less, but not under strace on a shared machine.
 const LIMIT: Duration = Duration::from_secs(20);

@@ -1,20 +1,17 @@
 //! `--log`: what happens, as a file that other tools read.
 #![cfg(feature = "mcap")]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::support::host::{Host, has, link, rocker, stop};
+use crate::support::{run, stderr, stdout};
 use mcap::read::{LinearReader, Options};
 use mcap::records::Record;
 use rustix::process::Signal;
 use serde_json::Value;
-use support::host::{Host, has, link, rocker, stop};
-use support::{run, stderr, stdout};
 
 /// A message: its topic, when it was, in nanoseconds since 1970, and what it says.
 type Message = (String, u64, Value);

@@ -1,28 +1,22 @@
 //! `play` over a pty, with the built program: the bytes that arrive, when, and how a run ends.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::fs::{self, File, Permissions};
-use std::io::{self, Read, Write};
-use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::PermissionsExt;
-use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Cause, Player, Rig, Signals, Stop, drive, now};
+use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
+use crate::support::{motionseq, rendered, run, script, stderr};
+use motionseq::link::{Pty, Serial};
+use motionseq::playback::Cause;
 use motionseq::program::Options;
 use motionseq::sim::Settings;
-use motionseq::source::{Lines, Source, Sources};
+use motionseq::source::Source;
 use motionseq::verify::rehearse;
 use rustix::process::{Pid, Signal, kill_process};
-use support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
-use support::{motionseq, rendered, run, script, stderr};
 
 fn code(output: &Output) -> i32 {
     output.status.code().expect("it ended by itself")
@@ -202,47 +196,6 @@ fn a_report_of_the_board_is_shown() {
 }
 
 #[test]
-fn a_program_that_fails_still_stops_the_robot() {
-    /// A port whose third write panics.
-    struct Fragile(UnixStream, usize);
-    impl Link for Fragile {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.1 += 1;
-            assert!(self.1 != 3, "on purpose");
-            self.0.write(bytes)
-        }
-        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
-            Err(io::ErrorKind::WouldBlock.into())
-        }
-        fn discard(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-        fn descriptor(&self) -> BorrowedFd<'_> {
-            self.0.as_fd()
-        }
-    }
-    let source = Source::new("test", "rocker x=10\nwait 1h\nstop");
-    let sources = Sources::from(source);
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
-    let (near, mut far) = UnixStream::pair().unwrap();
-    let mut player = Player::new(&timeline, 1_000_000_000);
-    let mut rig = Rig {
-        link: Fragile(near, 0),
-        signals: Signals::catch().unwrap(),
-        guard: None,
-        keys: None,
-        lines: Lines::of(&sources),
-        realtime: false,
-    };
-    let outcome = drive(&mut player, &mut rig, now(), |_| {});
-    drop(rig);
-    assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));
-    let mut received = Vec::new();
-    far.read_to_end(&mut received).unwrap();
-    assert_stopped(&received);
-}
-
-#[test]
 fn a_signal_stops_the_built_in_board_too() {
     let long = script("signal-virtual", "say \"on\"\nrocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n");
     let mut child = start(&["play", &long]);
@@ -411,8 +364,8 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     let path = script("both-clocks", text);
     let record = format!("{path}.bin");
     let output = run(&["play", &path, "--record", &record]);
-    assert_eq!(output.status.code(), Some(7), "{}", support::stderr(&output));
-    let said = support::stderr(&output);
+    assert_eq!(output.status.code(), Some(7), "{}", crate::support::stderr(&output));
+    let said = crate::support::stderr(&output);
     let timeline = motionseq::compile(&Source::new("x", text).into(), &Options::default()).timeline.unwrap();
     let rehearsal = rehearse(&timeline, Settings::default());
     assert!(matches!(rehearsal.outcome.cause, Cause::Expect(_)));
@@ -442,8 +395,8 @@ fn faults_of_the_virtual_board_end_a_run_as_real_ones_do() {
         ("battery=6.5V", 0, "sent 41 frames"),
     ] {
         let output = run(&["play", &path, "--fault", fault]);
-        assert_eq!(output.status.code(), Some(code), "{fault}: {}", support::stderr(&output));
-        assert!(support::stderr(&output).contains(words), "{fault}: {}", support::stderr(&output));
+        assert_eq!(output.status.code(), Some(code), "{fault}: {}", crate::support::stderr(&output));
+        assert!(crate::support::stderr(&output).contains(words), "{fault}: {}", crate::support::stderr(&output));
     }
     // More than a port holds, and a board that takes nothing any more.
     let flood = format!(
@@ -451,7 +404,7 @@ fn faults_of_the_virtual_board_end_a_run_as_real_ones_do() {
         "raw 0x40 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0\nwait 200us\n".repeat(4_000)
     );
     let output = run(&["play", &script("stalling", &flood), "--fault", "stall@100ms", "--max-late", "300ms"]);
-    assert_eq!(output.status.code(), Some(6), "{}", support::stderr(&output));
+    assert_eq!(output.status.code(), Some(6), "{}", crate::support::stderr(&output));
     let output = run(&["play", &path, "--fault", "silent", "--port", "/dev/null"]);
-    assert_eq!(output.status.code(), Some(2), "{}", support::stderr(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", crate::support::stderr(&output));
 }

@@ -1,14 +1,11 @@
 //! The player under a clock that jumps: what is sent when, and that every early end is a stop.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-mod support;
-
+use crate::support::far::commands;
 use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
 use motionseq::program::Options;
 use motionseq::source::Source;
 use motionseq::timeline::{Timeline, write_bin};
-use support::far::commands;
 
 const MS: u64 = 1_000_000;
 const MAX_LATE: u64 = 50 * MS;

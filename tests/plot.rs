@@ -1,24 +1,20 @@
 //! `plot`: pictures of what a script does.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-
-mod support;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::support::{run, stderr, stdout};
 use motionseq::plot::{Plot, Shows, Theme, plot};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 use serde_json::Value;
-use support::{run, stderr, stdout};
 
 /// What there is to see of a text that is called `name`.
 fn plotted(name: &str, text: &str) -> Plot {
     let sources = Sources::from(Source::new(name, text));
     let compiled = motionseq::compile(&sources, &Options { events: 10_000_000, ..Options::default() });
     let timeline =
-        compiled.timeline.unwrap_or_else(|| panic!("{}", support::messages(&sources, &compiled.diagnostics)));
+        compiled.timeline.unwrap_or_else(|| panic!("{}", crate::support::messages(&sources, &compiled.diagnostics)));
     plot(&timeline, &sources, &compiled.diagnostics)
 }
 
@@ -42,6 +38,7 @@ fn path<'s>(svg: &'s str, class: &str) -> Vec<&'s str> {
 
 #[test]
 fn plots() {
+    let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "plots", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("plots/*.motion", |path| {
             let name = path.file_name().unwrap().to_str().unwrap();

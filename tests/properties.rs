@@ -1,5 +1,4 @@
 //! What holds for every script, whatever is in it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use motionseq::board::{Command, Frame, State};
 use motionseq::program::Options;

@@ -1,14 +1,12 @@
 //! `record`, and `decode` into a script: what a program sent, as a script that sends it again.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-
-mod support;
 
 use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command as Client;
 
+use crate::support::host::{Host, frames, has, link, rocker, stop};
+use crate::support::{messages, run, stderr};
 use motionseq::board::{
     Command, DEFAULT_BAUD, Displacement, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
 };
@@ -18,8 +16,6 @@ use motionseq::source::{Source, Sources};
 use motionseq::timeline::{Event, Kind, Timeline};
 use proptest::prelude::*;
 use rustix::process::Signal;
-use support::host::{Host, frames, has, link, rocker, stop};
-use support::{messages, run, stderr};
 
 /// A script, compiled; errors are shown.
 fn compiled(text: &str) -> Timeline {

@@ -1,14 +1,11 @@
 //! Parts of a script, at other speeds, again and again: what `render` and `play` have in common.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-mod support;
-
+use crate::support::{run, script, stderr, stdout};
 use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Player};
 use motionseq::program::{Options, Speed};
 use motionseq::source::Source;
 use motionseq::timeline::{Kind, Part, Timeline, part, passes, state_after};
-use support::{run, script, stderr, stdout};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
     let options = Options { speed, ..Options::default() };

@@ -1,5 +1,4 @@
 //! The virtual board: kinematics against closed forms, battery, reports, silence, faults; and `expect`, however reports come.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use motionseq::board::{Command, Hundredths, Report, ReportDecoder, ReportItem};
 use motionseq::playback::{Cause, Found, Input, Notice, Order, Player, Verdict};

@@ -1,7 +1,4 @@
 //! The tree of each script in `tests/trees`, which pins how the grammar reads what is easily read wrong.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::format_push_string)]
-
-mod support;
 
 use motionseq::diagnostic::Diagnostics;
 use motionseq::source::Source;
@@ -11,6 +8,7 @@ use motionseq::syntax::{
 
 #[test]
 fn trees() {
+    let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "trees", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("trees/*.motion", |path| {
             let text = std::fs::read_to_string(path).unwrap();
@@ -19,7 +17,7 @@ fn trees() {
             let ast = parse(&source, &mut diagnostics).unwrap();
             let mut tree = String::new();
             block(&ast.body, 0, &source, &mut tree);
-            insta::assert_snapshot!("trees", format!("{tree}\n{}", support::messages(&source.clone().into(), &diagnostics)));
+            insta::assert_snapshot!("trees", format!("{tree}\n{}", crate::support::messages(&source.clone().into(), &diagnostics)));
         });
     });
 }

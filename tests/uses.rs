@@ -1,12 +1,9 @@
 //! `use` and `--set`: what comes from outside of a script, in folders of its own.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::fs;
 use std::path::PathBuf;
 
-use support::{run, stderr, stdout};
+use crate::support::{run, stderr, stdout};
 
 /// A folder of its own for one test, removed at the end.
 struct Folder(PathBuf);

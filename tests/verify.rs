@@ -1,13 +1,10 @@
 //! `test` and `check --format`: scripts against their snapshots, in folders of their own, and what other programs are told.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod support;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use support::{motionseq, stderr, stdout};
+use crate::support::{motionseq, stderr, stdout};
 
 /// A folder of scripts, removed at the end.
 struct Repository(PathBuf);
@@ -65,13 +62,13 @@ fn blessed(name: &str) -> Repository {
 
 #[test]
 fn the_scripts_that_are_shipped_do_what_their_snapshots_say() {
-    let output = support::run(&["test", "--play", "scripts"]);
+    let output = crate::support::run(&["test", "--play", "scripts"]);
     assert_eq!(code(&output), 0, "{}", stdout(&output));
     assert_eq!(stderr(&output), "14 scripts: 14 passed, 0 failed\n");
     // Each one is worth reading, so none has a warning.
     for entry in fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()) {
         if entry.extension().is_some_and(|extension| extension == "motion") {
-            let output = support::run(&["check", "--deny", "warnings", entry.to_str().unwrap()]);
+            let output = crate::support::run(&["check", "--deny", "warnings", entry.to_str().unwrap()]);
             assert_eq!(code(&output), 0, "{}", stderr(&output));
         }
     }

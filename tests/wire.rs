@@ -1,17 +1,14 @@
 //! The line's budget against a line that is simulated byte by byte, and what is said of it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing, clippy::format_push_string)]
-
-mod support;
 
 use std::collections::VecDeque;
 
+use crate::support::{run, script, stderr};
 use motionseq::Compiled;
 use motionseq::diagnostic::Code;
 use motionseq::program::Options;
 use motionseq::source::Source;
 use motionseq::timeline::wire::{Wire, load};
 use proptest::prelude::*;
-use support::{run, script, stderr};
 
 fn compiled(text: &str) -> Compiled {
     motionseq::compile(&Source::new("x.motion", text).into(), &Options::default())

@@ -1,5 +1,5 @@
-//! What several test binaries share.
-#![allow(dead_code, reason = "no test binary uses all of it")]
+//! What the tests share.
+#![allow(dead_code, reason = "neither test binary uses all of it")]
 
 pub(crate) mod far;
 pub(crate) mod host;
@@ -7,6 +7,8 @@ pub(crate) mod host;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
@@ -85,9 +87,17 @@ pub(crate) fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
+/// Held by a test that uses `insta::glob!`: while one runs, insta counts the failures of all others as its own.
+pub(crate) fn one_glob_at_a_time() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A script of a test, in a file of its own.
 pub(crate) fn script(name: &str, text: &str) -> String {
-    let path = std::env::temp_dir().join(format!("motionseq-{name}-{}.motion", std::process::id()));
+    static COUNT: AtomicUsize = AtomicUsize::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let path = std::env::temp_dir().join(format!("motionseq-{name}-{}-{number}.motion", std::process::id()));
     fs::write(&path, text).unwrap();
     path.to_str().unwrap().to_owned()
 }

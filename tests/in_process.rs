@@ -1,9 +1,14 @@
-//! The thread that sends allocates nothing, not even in the stop: an allocator's lock could make it late.
+//! The driver inside the test's own process. Signals and the allocator belong to the whole process, so these tests share it with
+//! no others, and run one after another.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod support;
 
+use std::io::{self, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::net::UnixStream;
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use motionseq::link::{Link, Pty, Recorder, Serial};
@@ -11,7 +16,10 @@ use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Stop, driv
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use rustix::process::{Signal, getpid, kill_process};
-use support::far::commands;
+use support::far::{assert_stopped, commands};
+
+/// Held by the one test that runs.
+static PROCESS: Mutex<()> = Mutex::new(());
 
 /// Something of everything; the far end answers with reports, and ends the run by a signal when it has seen enough.
 const SCRIPT: &str = "refresh 10ms
@@ -25,6 +33,8 @@ on abort { servo 1 1000 -> 1500 over 100ms; buzzer on for 50ms }
 
 #[test]
 fn the_thread_that_sends_allocates_nothing() {
+    // Not even in the stop: an allocator's lock could make it late.
+    let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
     let sources = Sources::from(Source::new("test", SCRIPT));
     let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
     let pty = Pty::open().unwrap();
@@ -73,5 +83,48 @@ fn the_thread_that_sends_allocates_nothing() {
     assert!(commands(&far.join().unwrap()).iter().any(|command| command.to_string() == "servo 1 1500"));
     assert_eq!(counted.count_total, 0, "{counted:?}");
     // The counter counts.
-    assert_eq!(allocation_counter::measure(|| drop(Box::new(1))).count_total, 1);
+    assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1)))).count_total, 1);
+}
+
+/// A port whose third write panics.
+struct Fragile(UnixStream, usize);
+impl Link for Fragile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.1 += 1;
+        assert!(self.1 != 3, "on purpose");
+        self.0.write(bytes)
+    }
+    fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+        Err(io::ErrorKind::WouldBlock.into())
+    }
+    fn discard(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
+
+#[test]
+fn a_program_that_fails_still_stops_the_robot() {
+    let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
+    let source = Source::new("test", "rocker x=10\nwait 1h\nstop");
+    let sources = Sources::from(source);
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let (near, mut far) = UnixStream::pair().unwrap();
+    let mut player = Player::new(&timeline, 1_000_000_000);
+    let mut rig = Rig {
+        link: Fragile(near, 0),
+        signals: Signals::catch().unwrap(),
+        guard: None,
+        keys: None,
+        lines: Lines::of(&sources),
+        realtime: false,
+    };
+    let outcome = drive(&mut player, &mut rig, now(), |_| {});
+    drop(rig);
+    assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));
+    let mut received = Vec::new();
+    far.read_to_end(&mut received).unwrap();
+    assert_stopped(&received);
 }

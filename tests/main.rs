@@ -1,0 +1,43 @@
+//! The integration tests, in one binary: linking is what makes `cargo test` slow. What needs a process of its own is in
+//! `in_process.rs`.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::string_slice,
+    clippy::format_push_string,
+    clippy::format_collect,
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::too_many_lines
+)]
+
+mod support;
+
+mod board;
+mod capture;
+mod cli;
+mod codes;
+mod desk;
+mod diff;
+mod docs;
+mod faults;
+mod fmt;
+mod frames;
+mod host;
+mod house;
+mod inject;
+mod log;
+mod play;
+mod player;
+mod plot;
+mod properties;
+mod record;
+mod show;
+mod sim;
+mod trees;
+mod uses;
+mod verify;
+mod wire;
