@@ -54,6 +54,7 @@ enum Deny {
 
 impl Check {
     /// Checks every file; fails if any of them does.
+    #[expect(clippy::too_many_lines, reason = "one format after the other")]
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
             screen.error("standard input can be read only once: give `-` once");

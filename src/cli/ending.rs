@@ -81,6 +81,7 @@ impl Teller {
 }
 
 impl End {
+    #[expect(clippy::too_many_lines, reason = "one line after the other")]
     fn say(self) {
         let End { screen, sources, timeline, outcome, lost, news, is_recorded, report: asked, run, board, port } = self;
         // A recording or a screen that takes nothing must not hide how the run ended.

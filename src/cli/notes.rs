@@ -73,6 +73,7 @@ impl Notes {
     }
 
     /// The report, as text.
+    #[expect(clippy::too_many_lines, reason = "a table of fields")]
     pub(super) fn report(&self, facts: Facts<'_>) -> String {
         let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place, run } = facts;
         let lines = Lines::of(sources);

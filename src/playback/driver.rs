@@ -70,6 +70,7 @@ pub fn drive<L: Link>(
 }
 
 impl<L: Link> Rig<'_, L> {
+    #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
     fn run(
         &mut self,
         player: &mut Player<'_>,
@@ -167,6 +168,7 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits until `deadline` on the clock, or until something happens.
+    #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
     fn wait(
         &mut self,
         player: &mut Player<'_>,
@@ -197,6 +199,7 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits once for the port, a signal, the guard and, if asked to, the keys; until a time on the clock or the next beat.
+    #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
     fn look(
         &mut self,
         until: u64,

@@ -238,6 +238,7 @@ impl Picture<'_> {
         say(low, y + height, ends[0]);
     }
 
+    #[expect(clippy::too_many_arguments, reason = "a curve and where it goes")]
     fn curve(
         &mut self,
         points: &[(u64, Option<f64>)],

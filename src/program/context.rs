@@ -206,6 +206,7 @@ impl<'s> Context<'s, '_> {
         None
     }
 
+    #[expect(clippy::too_many_lines, reason = "a table of operators and kinds")]
     fn binary(&mut self, operator: Binary, left: Quantity, right: Quantity, span: Span) -> Option<Quantity> {
         use Quantity::{Moment, Number, Time, Truth};
         match operator {
@@ -328,6 +329,7 @@ impl<'s> Context<'s, '_> {
         None
     }
 
+    #[expect(clippy::too_many_lines, reason = "a table of functions")]
     fn call(&mut self, name: &str, arguments: &[Quantity], node: &Node<'s>) -> Option<Quantity> {
         let span = node.span;
         let Some(function) = functions::find(name) else {

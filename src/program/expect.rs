@@ -116,6 +116,7 @@ impl fmt::Display for Expect {
 }
 
 /// Reads what stands behind `expect`.
+#[expect(clippy::too_many_lines, reason = "one line, read from left to right")]
 pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
     let names = Measured::ALL.map(|(name, _)| name);
     // `expect voltage = 10V`.

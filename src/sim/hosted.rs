@@ -18,6 +18,7 @@ const BEHIND_US: u64 = 50_000;
 /// the start on.
 ///
 /// A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
+#[expect(clippy::too_many_lines, reason = "one loop")]
 pub fn host(
     mut board: VirtualBoard,
     door: &Door,

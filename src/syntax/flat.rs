@@ -251,6 +251,7 @@ mod tests {
     use crate::source::Source;
 
     /// What flat lines are made of, and what makes lines that only look flat.
+    #[expect(clippy::too_many_lines, reason = "a list")]
     fn fragment() -> impl Strategy<Value = String> {
         let words = [
             "at",

@@ -136,6 +136,7 @@ struct Printer<'t> {
 }
 
 impl<'t> Printer<'t> {
+    #[expect(clippy::too_many_lines, reason = "one kind of line after the other")]
     fn line(&mut self, line: &'t str) {
         let (tokens, comment) = tokens(line);
         let closes = tokens.iter().take_while(|token| matches!(class(token.text), Class::Close | Class::CloseBrace));

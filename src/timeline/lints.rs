@@ -59,6 +59,7 @@ struct Going {
 
 impl Servo {
     /// Takes a frame; `begins` where it is no further step of a move.
+    #[expect(clippy::too_many_arguments, reason = "a message and its parts")]
     fn told(
         &mut self,
         event: &Event,

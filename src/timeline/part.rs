@@ -207,6 +207,7 @@ impl Cut {
     }
 
     /// Goes from one pulse width to another, gently.
+    #[expect(clippy::too_many_arguments, reason = "a move and its parts")]
     fn glide(&mut self, index: ServoIndex, from: PulseWidth, to: PulseWidth, lasts_us: u64, place: usize) {
         let ease = Ease::named("in-out-sine").unwrap_or(Ease::LINEAR);
         let mut last = from;

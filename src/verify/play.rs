@@ -79,6 +79,7 @@ impl Job {
     }
 
     /// Holds what goes out when a fault ends the run against its snapshot.
+    #[expect(clippy::too_many_arguments, reason = "a rehearsal and what it is held against")]
     fn aborts(
         &self,
         script: &Path,

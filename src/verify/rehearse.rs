@@ -45,6 +45,7 @@ struct Line<'t> {
 }
 
 /// Plays a timeline on a board.
+#[expect(clippy::too_many_lines, reason = "one loop")]
 pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
     let unplug = settings.faults.unplug_us.map(|us| us.saturating_mul(US));
     let stall = settings.faults.stall_us.map(|us| us.saturating_mul(US));

@@ -77,6 +77,7 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// Runs a block so many times.
+    #[expect(clippy::too_many_arguments, reason = "a loop and where it stands")]
     fn passes(
         &mut self,
         command: &Command<'s>,
@@ -128,6 +129,7 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// `on abort { … }`: a small script of its own, from time 0, with nothing known.
+    #[expect(clippy::too_many_arguments, reason = "a block and where it stands")]
     pub(super) fn on_abort(
         &mut self,
         command: &Command<'s>,

@@ -16,6 +16,7 @@ use crate::syntax::Command;
 const MAX_SAID: u64 = 64 << 20;
 
 impl<'s> Unroll<'s, '_> {
+    #[expect(clippy::too_many_lines, reason = "a table of commands")]
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
         let Some(row) = commands::find(command.head.text) else {
             self.unknown(command);

@@ -39,6 +39,7 @@ impl<'s> Unroll<'s, '_> {
         used
     }
 
+    #[expect(clippy::too_many_lines, reason = "one check after the other, each with its message")]
     fn try_use(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
         const MAX_DEPTH: usize = 16;
         let ValueKind::Text(quoted) = value.kind else {

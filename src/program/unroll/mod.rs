@@ -379,6 +379,7 @@ impl<'s> Unroll<'s, '_> {
         }
     }
 
+    #[expect(clippy::too_many_lines, reason = "one kind of moment after the other")]
     fn moment(&mut self, moment: &Moment<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
         let mut at = match &moment.origin {
             Origin::Bar(count) => {
@@ -491,6 +492,7 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// Runs one part of a line; gives the time when it has ended, or `None` where something in it is wrong.
+    #[expect(clippy::too_many_arguments, reason = "a part and where it stands")]
     fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
         if let Some(robot) = part.robots.first() {
             self.context.report(not_yet(robot.span, "a command for one of several robots"));

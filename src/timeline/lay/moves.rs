@@ -28,6 +28,7 @@ impl Lay<'_> {
         }
     }
 
+    #[expect(clippy::too_many_arguments, reason = "a move and where it goes")]
     fn samples(&mut self, at: Time, end: Time, going: &Move, starts: &[f64], from: From) {
         let Move { motion, over, ease, .. } = going;
         if motion.has_start() {
