@@ -33,6 +33,7 @@ pub mod plot;
 pub mod program;
 mod random;
 pub mod report;
+pub mod serve;
 pub mod sim;
 pub mod source;
 pub mod syntax;

@@ -164,7 +164,7 @@ fn a_stream_that_ends_inside_a_frame_is_cut() {
     assert_eq!(decoded(&[&ROCKER, &ROCKER[..5]]), [ROCKER_HEX, "5 at 13: the stream ends inside a frame"]);
     // A whole frame inside what looked like a longer one is not lost.
     let stream = [&[0xFF, 0xFE, 0x40, 0xF0][..], &ROCKER].concat();
-    assert_eq!(decoded(&[&stream]), ["4 at 0: the stream ends inside a frame", ROCKER_HEX]);
+    assert_eq!(decoded(&[&stream]), ["4 at 0: a frame was cut here: another one starts inside it", ROCKER_HEX]);
 }
 
 /// The frames of a stream, and the places of every byte that was skipped.

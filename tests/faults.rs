@@ -11,7 +11,7 @@ use std::time::Duration;
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
 use crate::support::{motionseq, rendered, run, script, stderr};
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::Guard;
+use motionseq::playback::{Guard, Ward};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Something of everything, a frame every 10 ms and less, and longer than any test lets it live.
@@ -198,8 +198,9 @@ fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
 fn a_run_whose_guard_does_not_start_does_not_start() {
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), 115_200).unwrap();
+    let ward = Ward { max_late: 1_000_000_000, zeros: 12, realtime: false };
     for program in ["true", "echo", "/no/such/program"] {
-        assert!(Guard::start(Command::new(program), port.descriptor(), 1_000_000_000, false).is_err(), "{program}");
+        assert!(Guard::start(Command::new(program), port.descriptor(), ward).is_err(), "{program}");
     }
 }
 
@@ -334,7 +335,7 @@ fn a_guard_ignores_what_ends_other_programs() {
 fn a_guard_cannot_be_started_by_hand() {
     let pty = Pty::open().unwrap();
     let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
-    let by_hand = ["guard-a-player", "1", "50000000", "false"];
+    let by_hand = ["guard-a-player", "1", "50000000", "12", "false"];
     let output = motionseq(&by_hand).stdin(port).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("only a player can start it"), "{}", stderr(&output));

@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use motionseq::link::{Link, Pty, Recorder, Serial};
-use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Stop, drive, now};
+use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Stop, Ward, drive, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use rustix::process::{Signal, getpid, kill_process};
@@ -54,7 +54,8 @@ fn the_thread_that_sends_allocates_nothing() {
     });
     let mut program = Command::new(env!("CARGO_BIN_EXE_motionseq"));
     program.arg("guard-a-player");
-    let guard = Guard::start(program, port.descriptor(), 5_000_000_000, false).unwrap();
+    let guard =
+        Guard::start(program, port.descriptor(), Ward { max_late: 5_000_000_000, zeros: 12, realtime: false }).unwrap();
     let (bytes, _recorded) = rtrb::RingBuffer::new(64 * 1024);
     let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
     let mut rig = Rig {

@@ -273,7 +273,7 @@ impl Plan<'_> {
         let (code, text, is_once) = (code(&run.output), stderr(&run.output), self.then.is_empty());
         let closing = closing_lines(&text);
         match closing[..] {
-            [] if code == 0 => run.check_whole(rendered, &text),
+            [] if code == 0 || code == 2 && !run.received.is_empty() => run.check_whole(rendered, code == 0, &text),
             _ if code == 0 => Err("a closing line behind a whole run"),
             // A program that a signal kills says nothing; here that is the loader, or the runtime before `main`.
             [] if run.received.is_empty()
@@ -301,8 +301,8 @@ impl Run {
         self.injected.iter().any(|call| call.starts_with("write(2,"))
     }
 
-    /// A run with exit 0, and its recording.
-    fn check_whole(&self, rendered: &[u8], text: &str) -> Result<(), &'static str> {
+    /// A run that was played to its end, with exit 0 where its recording is complete, too.
+    fn check_whole(&self, rendered: &[u8], is_fine: bool, text: &str) -> Result<(), &'static str> {
         let is_complete = self.recording == self.received;
         match warnings(text) {
             _ if !is_whole(&self.received, rendered, (!self.is_mute()).then_some(text)) => {
@@ -310,6 +310,8 @@ impl Run {
             }
             _ if !self.received.starts_with(&self.recording) => Err("the recording holds what was not sent"),
             0 if !is_complete && !self.is_mute() => Err("nobody says that the recording is not complete"),
+            0 if !is_fine && !self.is_mute() => Err("exit 2 without a word"),
+            1 if is_fine => Err("exit 0 with a recording that is not complete"),
             0 => Ok(()),
             // It may have become complete after the fault.
             1 if !self.injected.is_empty() => Ok(()),
@@ -533,17 +535,22 @@ fn in_shell(before: &str, player: &Command, behind: &str) -> Output {
 
 /// Plays with its output where the shell puts it, and the recording in a file; gives what it said, if that can be read.
 fn output_to(place: &str, record: &str) -> String {
-    result_to(place, "--record", record)
+    result_to(place, "--record", record, 0)
 }
 
-/// The same with another result.
-fn result_to(place: &str, option: &str, record: &str) -> String {
+/// The same where the recording cannot be complete.
+fn no_output_to(place: &str, record: &str) -> String {
+    result_to(place, "--record", record, 2)
+}
+
+/// The same with another result, and exit code.
+fn result_to(place: &str, option: &str, record: &str, exit: i32) -> String {
     let (port, folder) = (Port::new(), Folder::new());
     let path = folder.script(LOUD);
     let player = motionseq(&["play", "-v", &path, "--port", &port.path, option, record]);
     let output = in_shell("", &player, place);
     let text = stderr(&output);
-    assert_eq!((code(&output), closing_lines(&text)), (0, vec![]), "{place} {record}: {text}");
+    assert_eq!((code(&output), closing_lines(&text)), (exit, vec![]), "{place} {record}: {text}");
     assert!(port.received().unwrap() == rendered(&path), "{place} {record}: the motion is another one");
     text
 }
@@ -552,20 +559,20 @@ fn result_to(place: &str, option: &str, record: &str) -> String {
 fn output_that_cannot_be_written_changes_no_motion() {
     for place in [">/dev/full", "2>/dev/full", ">&-", "2>&-", "<&- >&- 2>&-", ">/dev/full 2>&1"] {
         assert_eq!(warnings(&output_to(place, "/dev/null")), 0, "{place}");
-        let text = output_to(place, "/dev/full");
+        let text = no_output_to(place, "/dev/full");
         assert_eq!(warnings(&text), usize::from(!place.contains("2>")), "{place}: {text}");
     }
-    assert_eq!(warnings(&output_to(">/dev/full", "/dev/stdout")), 1);
+    assert_eq!(warnings(&no_output_to(">/dev/full", "/dev/stdout")), 1);
     let Some(disk) = SmallDisk::new() else {
         return eprintln!("no small file system can be mounted here, so only /dev/full was");
     };
     let full = disk.0.path("x");
-    assert_eq!(warnings(&output_to("", &full)), 1);
+    assert_eq!(warnings(&no_output_to("", &full)), 1);
     assert_eq!(fs::metadata(&full).unwrap().len(), 16_384);
-    let text = result_to("", "--log", &disk.0.path("log"));
+    let text = result_to("", "--log", &disk.0.path("log"), 2);
     assert!(text.contains("is not whole: No space left on device"), "{text}");
     output_to(&format!("2>{full}"), "/dev/null");
-    output_to(&format!(">{full} 2>&1"), &disk.0.path("y"));
+    no_output_to(&format!(">{full} 2>&1"), &disk.0.path("y"));
 }
 
 #[test]
@@ -577,7 +584,8 @@ fn readers_that_go_away_change_no_motion() {
     let mut child = player.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut all = port.reads.recv_timeout(LIMIT).unwrap();
     drop((reader, child.stdout.take(), child.stderr.take()));
-    assert_eq!(code(&end_of(child).unwrap()), 0);
+    // The recording is not complete.
+    assert_eq!(code(&end_of(child).unwrap()), 2);
     all.extend(port.received().unwrap());
     assert!(all == rendered(&path), "the motion is another one");
     // One that is gone before it begins, or a descriptor that is not open, is refused.

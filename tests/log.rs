@@ -218,7 +218,7 @@ fn a_log_can_be_read_when_its_program_was_killed() {
 fn a_full_disk_is_said_and_changes_nothing_else() {
     let output = run(&["play", "scripts/hello.motion", "--log", "/dev/full", "--progress", "none"]);
     let said = stderr(&output);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("sent 22 frames"), "{said}");
     assert!(said.contains("the log /dev/full is not whole: No space left on device"), "{said}");
 }

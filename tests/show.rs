@@ -254,10 +254,10 @@ fn the_report_says_how_the_run_went() {
         (Some("expect"), Some(7), Some(4))
     );
     assert_eq!((json["stop"].as_str(), json["passes"].as_u64()), (Some("sent"), Some(1)));
-    // The start of reports and the servo, of 7 bytes each; three stops of 13 and the buzzer of 6.
+    // The start of reports and the servo, of 6 and 8 bytes; 12 zeros, three stops of 13 and the buzzer of 6.
     assert_eq!(
         (json["frames"]["sent"].as_u64(), json["frames"]["extra"].as_u64(), json["bytes"].as_u64()),
-        (Some(2), Some(4), Some(59))
+        (Some(2), Some(4), Some(71))
     );
     assert_eq!(
         (json["expects"][0]["passed"].as_bool(), json["expects"][1]["passed"].as_bool()),

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::frame::{self, Frame, Payload};
+use super::frame::{self, Frame, MAX_PAYLOAD, Payload};
 use super::number::{Displacement, OutOfRange, PulseWidth, ServoIndex, Speed, TiltPulseWidth, TurnRate};
 
 /// What the host can say to the board. Each variant is one row of the protocol table.
@@ -193,6 +193,22 @@ pub(super) fn known_lengths(function: u8) -> Option<&'static [u8]> {
     }
 }
 
+/// How many zeros bring a receiver back in step that was cut off inside the frame of any command but `raw`, whatever length it
+/// trusts. The longest payload has 9 bytes, and a frame that was cut right behind its header becomes one of function 0 and length 0.
+pub(super) const ZEROS: usize = 12;
+/// The same for any frame at all.
+pub const MOST_ZEROS: usize = MAX_PAYLOAD + 2;
+
+/// How many zeros must follow a flush of a line that carries these commands, before a stop: a flush can cut a frame, and a receiver
+/// that waits for the rest of it would take the stop for that.
+pub fn zeros_behind_flush<'a>(commands: impl IntoIterator<Item = &'a Command>) -> usize {
+    let raw = commands.into_iter().filter_map(|command| match command {
+        Command::Raw { payload, .. } => Some(payload.bytes().len() + 2),
+        _ => None,
+    });
+    raw.fold(ZEROS, usize::max)
+}
+
 impl Command {
     /// The all-zero rocker: the drive stops.
     pub const STOP: Command = Command::Rocker { x: Speed::ZERO, y: Speed::ZERO, z: TurnRate::ZERO };
@@ -339,6 +355,15 @@ impl Command {
         match self {
             Command::Rocker { .. } | Command::Wheels(_) | Command::YawHold { .. } | Command::Move { .. } => true,
             Command::Raw { function, .. } => *function == function::DRIVE,
+            _ => false,
+        }
+    }
+
+    /// Whether it is a command to the buzzer, or a raw frame with its function.
+    pub fn is_buzzer(&self) -> bool {
+        match self {
+            Command::Buzzer(_) => true,
+            Command::Raw { function, .. } => *function == function::BUZZER,
             _ => false,
         }
     }

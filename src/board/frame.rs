@@ -10,7 +10,6 @@ pub const MAX_PAYLOAD: usize = 255;
 pub const MAX_FRAME: usize = OVERHEAD + MAX_PAYLOAD;
 /// Header, function, length and checksum.
 pub(super) const OVERHEAD: usize = 5;
-
 /// A checked view of one frame's bytes: the header stands, the length fits and the checksum is right.
 ///
 /// It says nothing about meaning; [`Command::decode`](super::Command::decode) does.

@@ -11,6 +11,8 @@ pub struct State {
     drive: Option<Command>,
     buzzer: Option<bool>,
     pid: Option<(Mode, Gains)>,
+    /// Whether the last frame for the drive, and for the buzzer, was one that is not understood.
+    is_unclear: [bool; 2],
 }
 
 impl State {
@@ -29,9 +31,19 @@ impl State {
                     *servo = Some(*pulse);
                 }
             }
-            Command::Buzzer(on) => self.buzzer = Some(*on),
-            Command::Raw { .. } if command.is_drive() => self.drive = None,
-            drive if drive.is_drive() => self.drive = Some(drive.clone()),
+            Command::Buzzer(on) => {
+                self.buzzer = Some(*on);
+                self.is_unclear[1] = false;
+            }
+            Command::Raw { .. } if command.is_drive() => {
+                self.drive = None;
+                self.is_unclear[0] = true;
+            }
+            Command::Raw { .. } if command.is_buzzer() => self.is_unclear[1] = true,
+            drive if drive.is_drive() => {
+                self.drive = Some(drive.clone());
+                self.is_unclear[0] = false;
+            }
             _ => {}
         }
     }
@@ -66,6 +78,12 @@ impl State {
         let buzzer = (self.buzzer == Some(true)).then_some(Command::Buzzer(true));
         let drive = self.drive.clone().filter(Command::keeps_driving);
         pid.into_iter().chain(servos).chain(buzzer).chain(drive)
+    }
+
+    /// Whether all that a program has sent ends in rest, however the board takes what no correct program sends: its last frame for the
+    /// drive, if there was one, is known as a stop, and that for the buzzer does not turn it on. A `move` may go on for any time.
+    pub fn surely_at_rest(&self) -> bool {
+        self.at_rest() && self.is_unclear == [false; 2] && !matches!(self.drive, Some(Command::Move { .. }))
     }
 
     /// Whether nothing moves and nothing sounds: the drive does not keep driving and the buzzer is not on.

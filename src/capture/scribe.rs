@@ -58,6 +58,8 @@ impl Scribe {
                 self.frames += 1;
                 of_frame(frame)
             }
+            // They are part of a stop, and mean nothing by themselves.
+            Item::Skipped { why, .. } if !why.is_wrong() => return,
             Item::Skipped { bytes, why, .. } => {
                 if let Some((_, Came::Skipped(first, count, last))) = self.waiting.last_mut()
                     && *last == why

@@ -7,12 +7,14 @@ use clap::Args;
 use motionseq::board::{DEFAULT_BAUD, Hundredths};
 use motionseq::link::{Door, DoorError};
 use motionseq::playback::Signals;
-use motionseq::sim::{Faults, Settings, VirtualBoard, host, volts};
+use motionseq::serve::{End, ServeError, Server};
+use motionseq::sim::{Faults, Settings, VirtualBoard, volts};
 
 use super::ending::board_summary;
 use super::exit::Exit;
 use super::log::Log;
 use super::screen::Screen;
+use super::tape::Tape;
 use super::watcher::{Format, Watcher};
 
 /// Be a virtual board that any program opens as its serial port
@@ -49,54 +51,73 @@ pub(super) fn battery(text: &str) -> Result<Hundredths, String> {
 impl Board {
     /// Serves until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let Ok(signals) = Signals::catch() else {
-            screen.error("cannot watch for Ctrl-C");
-            return Exit::Failed;
-        };
-        let door = match Door::open(&self.link) {
-            Ok(door) => door,
-            Err(error) => return refused(&error, screen),
-        };
-        let log = match Log::open(self.log.as_deref(), None, screen) {
-            Ok(log) => log,
-            Err(exit) => return exit,
-        };
-        let link = self.link.display();
-        screen.note(&format!("a virtual board stands at {link}, {} baud; Ctrl-C ends it", self.baud));
-        let faults = self.fault.clone().unwrap_or_default();
-        let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
-        let mut watcher = Watcher::new(screen, Some(self.format), self.baud).with_log(log);
-        let mut was_ended = false;
-        let hosted = host(board, &door, self.baud, |now_us, happened, board| {
-            watcher.watch(now_us, happened, Some(board))?;
-            was_ended |= signals.pending().is_some();
-            Ok(!was_ended)
-        });
-        watcher.end();
-        match hosted {
-            Ok(board) => {
-                let was_pulled = board.faults().unplug_us.is_some() && !was_ended;
-                board_summary(screen, &board.finish());
-                if was_pulled {
-                    screen.note("the cable was pulled, as the fault asked for");
-                }
-                Exit::Ok
-            }
-            // Whoever read the frames has seen enough.
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
-            Err(error) => {
-                screen.error(&format!("the virtual board failed: {error}"));
-                Exit::Port
-            }
+        match self.try_run(screen) {
+            Ok(exit) | Err(exit) => exit,
         }
     }
+
+    fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
+        let mut door = Door::open(&self.link).map_err(|error| refused(&error, screen))?;
+        let log = Log::open(self.log.as_deref(), None, screen)?;
+        let signals = begin(screen)?;
+        screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
+        let faults = self.fault.clone().unwrap_or_default();
+        let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
+        let watcher = Watcher::start(*screen, Some(self.format), self.baud, false);
+        let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
+        Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)
+    }
+}
+
+/// Catches signals, and lets nothing wait for the screen: from here on a signal ends it, whatever happens.
+pub(super) fn begin(screen: &Screen) -> Result<Signals, Exit> {
+    screen.never_wait().and_then(|()| Signals::catch()).map_err(|error| failed(screen, &error))
+}
+
+/// Says why the system cannot do it.
+pub(super) fn failed(screen: &Screen, error: &io::Error) -> Exit {
+    screen.error(&format!("cannot begin: {error}"));
+    Exit::Failed
+}
+
+/// Serves a virtual board until a signal ends it, and says what became of it. Gives the recording, too, if there is one.
+pub(super) fn serve_board(
+    door: &mut Door,
+    board: VirtualBoard,
+    baud: u32,
+    signals: &Signals,
+    mut watcher: Watcher,
+    screen: &Screen,
+) -> (Exit, Option<Tape>) {
+    let mut server = Server::of_board(door, board, baud, Some(signals));
+    let served = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
+    let received = server.received();
+    let tape = watcher.end();
+    let exit = match served {
+        Ok(end) => {
+            if let Some(received) = received {
+                board_summary(screen, &received);
+            }
+            if end == End::Unplugged {
+                screen.note("the cable was pulled, as the fault asked for");
+            }
+            Exit::Ok
+        }
+        // Whoever read the frames has seen enough.
+        Err(ServeError::Failed(error)) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
+        Err(error) => {
+            screen.error(&format!("the virtual board failed: {error}"));
+            Exit::Port
+        }
+    };
+    (exit, tape)
 }
 
 /// Says why there is no port at a path.
 pub(super) fn refused(error: &DoorError, screen: &Screen) -> Exit {
     screen.error(&error.to_string());
     match error {
-        DoorError::Taken(_) => {
+        DoorError::Taken(_) | DoorError::Living(_) => {
             screen.ask("end it first, or choose another path");
             Exit::InUse
         }

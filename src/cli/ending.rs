@@ -3,15 +3,14 @@
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use motionseq::board::Report;
 use motionseq::diagnostic::Diagnostics;
-use motionseq::link::Serial;
-use motionseq::playback::{Cause, Outcome, Stop, now};
-use motionseq::sim::{Received, Served};
+use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
+use motionseq::serve::Served;
+use motionseq::sim::Received;
 use motionseq::source::{Sources, Span};
 use motionseq::timeline::Timeline;
 
@@ -23,10 +22,11 @@ use super::output;
 use super::screen::{Screen, plural, seconds};
 use super::start_thread;
 
-/// How long the end of a run waits for a screen or a file that takes nothing.
-const PATIENCE: Duration = Duration::from_millis(1_500);
-/// How much of that the recording and what is still to be shown may take.
-const NEWS: Duration = Duration::from_millis(750);
+/// How long the end of a run waits for a screen that takes nothing, and for a file for the report that takes nothing. Neither waits for
+/// the other.
+pub(super) const PATIENCE: Duration = Duration::from_secs(2);
+/// How long it waits for the thread that has heard the run; it has nothing to do but to write down what it has heard.
+const NEWS: Duration = Duration::from_millis(1_500);
 
 /// What did not fit the rings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -36,67 +36,81 @@ pub(super) struct Lost {
 }
 
 /// All that is left to do when nothing is sent any more: to say how it went.
-pub(super) struct End {
+pub(super) struct End<'r> {
     pub(super) screen: Screen,
-    pub(super) sources: Sources,
-    pub(super) timeline: Arc<Timeline>,
+    pub(super) sources: &'r Sources,
+    pub(super) timeline: &'r Timeline,
     pub(super) outcome: Outcome,
     pub(super) lost: Lost,
     pub(super) news: Receiver<Told>,
-    pub(super) is_recorded: bool,
-    /// The file for a report, its name, and what is wrong with the script.
-    pub(super) report: Option<(PathBuf, File, Diagnostics)>,
+    /// Where the report goes, its name, and what is wrong with the script.
+    pub(super) report: Option<(PathBuf, Reporter, Diagnostics)>,
     pub(super) run: Asking,
     pub(super) board: Option<Served>,
-    /// A real port, which is closed when all was said: the system may wait for it as long as half a minute.
-    pub(super) port: Option<Serial>,
+    /// Tells this that all was said.
+    pub(super) guard: Option<Guard>,
 }
 
-/// The thread that says it, made before the first frame: at the end the system may have none to give.
-pub(super) struct Teller {
-    end: Sender<End>,
-    told: Receiver<()>,
+/// The thread that writes a report, made before the first frame: at the end the system may have none to give.
+pub(super) struct Reporter {
+    text: Sender<String>,
+    written: Receiver<io::Result<()>>,
 }
 
-impl Teller {
-    pub(super) fn start() -> io::Result<Self> {
-        let ((end, ends), (done, told)) = (mpsc::channel::<End>(), mpsc::channel());
-        start_thread("ending", move || {
-            if let Ok(end) = ends.recv() {
-                end.say();
-                let _ = done.send(());
+impl Reporter {
+    pub(super) fn start(mut file: File) -> io::Result<Self> {
+        let ((text, texts), (done, written)) = (mpsc::channel::<String>(), mpsc::channel());
+        start_thread("report", move || {
+            if let Ok(text) = texts.recv() {
+                let all =
+                    output::begin(&file).and_then(|()| file.write_all(text.as_bytes())).and_then(|()| file.flush());
+                let _ = done.send(all);
             }
         })?;
-        Ok(Teller { end, told })
+        Ok(Reporter { text, written })
     }
 
-    /// Says it, but waits no longer than [`PATIENCE`] for a screen that takes nothing.
-    pub(super) fn tell(self, end: End) -> Exit {
-        let exit = exit_code(&end.outcome);
-        if self.end.send(end).is_ok() {
-            let _ = self.told.recv_timeout(PATIENCE);
-        }
-        exit
+    /// Waits until it is written.
+    fn end(self, until: Instant) -> io::Result<()> {
+        self.written.recv_timeout(until.saturating_duration_since(Instant::now())).unwrap_or_else(|why| {
+            Err(io::Error::other(match why {
+                RecvTimeoutError::Timeout => "it takes no more bytes",
+                RecvTimeoutError::Disconnected => "the thread that writes it failed",
+            }))
+        })
     }
 }
 
-impl End {
-    #[expect(clippy::too_many_lines, reason = "one line after the other")]
-    fn say(self) {
-        let End { screen, sources, timeline, outcome, lost, news, is_recorded, report: asked, run, board, port } = self;
-        // A recording or a screen that takes nothing must not hide how the run ended.
-        let Told { recorded, report, notes, log } = news.recv_timeout(NEWS).unwrap_or_else(|why| {
-            let why = match why {
-                RecvTimeoutError::Timeout => "it takes no more bytes",
-                RecvTimeoutError::Disconnected => "the thread that writes it failed",
+impl End<'_> {
+    /// Says how it went; gives the exit code.
+    pub(super) fn tell(self) -> Exit {
+        let End { screen, sources, timeline, outcome, lost, news, report, run, board, guard } = self;
+        let exit = exit_code(&outcome);
+        let ending = early_end(sources, timeline, &outcome);
+        let Told { recorded, report: last, notes, log } = news.recv_timeout(NEWS).unwrap_or_else(|_| {
+            let failed = Err(io::Error::other("the thread that keeps it failed"));
+            Told { recorded: failed, report: None, notes: Notes::new(), log: None }
+        });
+        let report = report.map(|(path, reporter, diagnostics)| {
+            let facts = Facts {
+                sources,
+                diagnostics: &diagnostics,
+                outcome: &outcome,
+                cause: ending.as_ref().map_or_else(|| "everything was sent".to_owned(), |(cause, _)| cause.clone()),
+                exit: exit.code(),
+                not_noted: lost.notices,
+                place: ending.as_ref().and_then(|_| place_of(timeline, &outcome)),
+                run: &run,
             };
-            let recorded = if is_recorded { Err(io::Error::other(why)) } else { Ok(()) };
-            Told { recorded, report: None, notes: Notes::new(), log: None }
+            // Where nobody takes it, that is said below.
+            let _ = reporter.text.send(notes.report(facts));
+            (path, reporter, Instant::now() + PATIENCE)
         });
         let recorded = match lost.bytes {
             0 => recorded,
             bytes => recorded.and(Err(io::Error::other(format!("{bytes} bytes did not fit the buffer")))),
         };
+        let mut is_whole = recorded.is_ok();
         if let Err(error) = recorded {
             screen.warning(&format!("the recording is not complete: {error}; the motion was not changed by that"));
         }
@@ -111,39 +125,17 @@ impl End {
                 screen.note(&format!("on abort: {}", cue.text));
             }
         }
-        summary(&screen, &outcome, report);
-        match board.map(Served::join) {
-            None => {}
-            Some(Some(Ok(received))) => board_summary(&screen, &received),
-            Some(Some(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
-            Some(None) => screen.error("the virtual board failed"),
-        }
-        let ending = early_end(&sources, &timeline, &outcome);
-        if let Some((path, file, diagnostics)) = asked {
-            let facts = Facts {
-                sources: &sources,
-                diagnostics: &diagnostics,
-                outcome: &outcome,
-                cause: ending.as_ref().map_or_else(|| "everything was sent".to_owned(), |(cause, _)| cause.clone()),
-                exit: exit_code(&outcome).code(),
-                not_noted: lost.notices,
-                place: ending.as_ref().and_then(|_| place_of(&timeline, &outcome)),
-                run: &run,
-            };
-            let text = notes.report(facts);
-            let written = output::begin(&file).and_then(|()| (&file).write_all(text.as_bytes()));
-            if let Err(error) = written {
-                screen.warning(&format!("the report {} is not complete: {error}", path.display()));
-            }
-        }
+        summary(&screen, &outcome, last);
+        board_end(&screen, board);
         if let Some((mut log, timeline)) = log {
             log.pass_marks(&timeline, outcome.at_us);
             match &ending {
                 None => log.log.line(now(), Level::Info, "everything was sent"),
                 Some((_, line)) => log.log.line(now(), Level::Error, line),
             }
-            log.log.end();
+            is_whole &= log.log.end();
         }
+        let is_early = ending.is_some();
         if let Some((_, line)) = ending {
             if (outcome.cause, outcome.stop) == (Cause::Quit, Stop::Sent) {
                 screen.note(&line);
@@ -151,7 +143,31 @@ impl End {
                 screen.error(&line);
             }
         }
-        drop(port);
+        // A guard that gets no goodbye says it in the place of a screen that takes nothing.
+        let is_said = screen.is_written(PATIENCE);
+        if let Some(guard) = guard.filter(|_| is_said || !is_early) {
+            guard.goodbye();
+        }
+        if let Some((path, reporter, until)) = report
+            && let Err(error) = reporter.end(until)
+        {
+            is_whole = false;
+            screen.warning(&format!("the report {} is not complete: {error}", path.display()));
+        }
+        match exit {
+            Exit::Ok if !is_whole => Exit::Usage,
+            exit => exit,
+        }
+    }
+}
+
+/// What became of the virtual board.
+fn board_end(screen: &Screen, board: Option<Served>) {
+    match board.map(|board| board.join(PATIENCE)) {
+        None => {}
+        Some(Some(Ok(received))) => board_summary(screen, &received),
+        Some(Some(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
+        Some(None) => screen.error("the virtual board failed"),
     }
 }
 

@@ -1,23 +1,36 @@
-//! The hidden command that `play` starts itself again with: the guard of its robot.
+//! The hidden command that `play` and `record` start this program again with: the guard of their robot.
 
-use std::sync::mpsc;
+use std::io;
+use std::os::fd::BorrowedFd;
+use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::time::Duration;
 
 use clap::Args;
-use motionseq::playback::guard;
+use motionseq::playback::{self, Fate, Stop, Ward, guard};
 
-use super::ending::{closing_line, stop_words};
+use super::ending::{PATIENCE, closing_line, stop_words};
 use super::exit::Exit;
 use super::screen::Screen;
-use super::start_thread;
 
 /// What stands for this command on the command line.
 pub(super) const WORD: &str = "guard-a-player";
 
-/// How long it waits for a screen that takes nothing.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Starts a guard over an open port.
+pub(super) fn start(
+    port: BorrowedFd<'_>,
+    ward: Ward,
+    with_board: bool,
+    screen: &Screen,
+) -> io::Result<playback::Guard> {
+    // This program once more, also where its file was replaced since it was started.
+    let mut program = Command::new("/proc/self/exe");
+    program.arg0("motionseq").args([WORD, screen.color_option()]);
+    program.args(with_board.then_some("--with-board"));
+    playback::Guard::start(program, port, ward)
+}
 
-/// Stop the robot of a player that is killed or hangs; only `play` can start this
+/// Stop the robot of a player that is killed or hangs; only `play` and `record` can start this
 #[derive(Debug, Args)]
 pub(super) struct Guard {
     /// The board is the player's own, and ends with it
@@ -25,6 +38,7 @@ pub(super) struct Guard {
     with_board: bool,
     player: i32,
     max_late: u64,
+    zeros: usize,
     #[arg(action = clap::ArgAction::Set)]
     realtime: bool,
 }
@@ -32,24 +46,25 @@ pub(super) struct Guard {
 impl Guard {
     /// Guards until the player is done, and says what was done in its place if it was not.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        match guard(self.player, self.max_late, self.realtime) {
+        let ward = Ward { max_late: self.max_late, zeros: self.zeros, realtime: self.realtime };
+        match guard(self.player, ward) {
             Ok(None) => Exit::Ok,
+            // All was sent, and all that is lost is a summary.
+            Ok(Some(guarded)) if (guarded.fate, guarded.stop) == (Fate::DiedBehindTheEnd, Stop::NotNeeded) => Exit::Ok,
             Ok(Some(guarded)) => {
-                let cause = if guarded.hung {
-                    let silent = Duration::from_nanos(self.max_late.saturating_mul(2));
-                    format!("motionseq hung for {} ms and was killed", silent.as_millis())
-                } else {
-                    "motionseq was killed".into()
+                let cause = match guarded.fate {
+                    Fate::Hung => {
+                        let silent = Duration::from_nanos(self.max_late.saturating_mul(2));
+                        format!("motionseq hung for {} ms and was killed", silent.as_millis())
+                    }
+                    Fate::Died => "motionseq was killed".to_owned(),
+                    Fate::DiedBehindTheEnd => "motionseq was killed before it could say how the run ended".to_owned(),
                 };
                 let robot = if self.with_board { "the virtual board ended with it" } else { stop_words(guarded.stop) };
                 let line = closing_line(&cause, guarded.place, guarded.at_us, robot);
-                let (screen, (done, told)) = (*screen, mpsc::channel());
-                let is_begun = start_thread("ending", move || {
+                if screen.never_wait().is_ok() {
                     screen.late_error(&line);
-                    let _ = done.send(());
-                });
-                if is_begun.is_ok() {
-                    let _ = told.recv_timeout(PATIENCE);
+                    screen.is_written(PATIENCE);
                 }
                 Exit::Failed
             }

@@ -19,6 +19,7 @@ mod plot;
 mod ports;
 mod progress;
 mod record;
+mod recording;
 mod render;
 mod screen;
 mod shell;
@@ -151,6 +152,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Man(man) => man.run(&screen),
         Command::Guard(guard) => guard.run(&screen),
     };
+    screen.is_written(ending::PATIENCE);
     exit.into()
 }
 

@@ -1,7 +1,6 @@
 //! The thread that writes while it plays: the progress line, `say` lines, the recording. Motion never waits for it.
 
-use std::fs::File;
-use std::io::{self, Write};
+use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -18,6 +17,7 @@ use rtrb::Consumer;
 use super::log::{Entry, Log, RunLog};
 use super::notes::Notes;
 use super::progress::bar;
+use super::recording::Recording;
 use super::screen::{Screen, seconds};
 use super::start_thread;
 
@@ -57,7 +57,7 @@ const PAUSED: &str = "paused";
 
 /// What is left to tell at the end.
 pub(super) struct Told {
-    /// Whether the recording is whole.
+    /// What became of the recording, if there is one.
     pub(super) recorded: io::Result<()>,
     /// The board's last report.
     pub(super) report: Option<Report>,
@@ -69,7 +69,7 @@ pub(super) struct Told {
 /// What a run is written to while it goes on.
 pub(super) struct Files {
     /// The bytes that the port took.
-    pub(super) recording: Option<File>,
+    pub(super) recording: Option<Recording>,
     /// All that happens, and the text that it comes from.
     pub(super) log: Option<(Log, Sources)>,
 }
@@ -86,7 +86,7 @@ pub(super) struct News {
     /// Whether the keys of a pause were told.
     told: bool,
     screen: Screen,
-    recording: Option<File>,
+    recording: Option<Recording>,
     log: Option<RunLog>,
     report: Option<Report>,
     notes: Notes,
@@ -141,7 +141,6 @@ impl News {
 
     fn run(mut self, (mut notices, mut taken): Heard, lines: Option<&Lines<'_>>) -> Told {
         let mut recording = self.recording.take();
-        let mut recorded = Ok(());
         let mut told_at = Instant::now();
         loop {
             // Looked at before the rings are emptied, so that nothing is left in them at the end.
@@ -156,8 +155,8 @@ impl News {
                 if let Some(log) = &mut self.log {
                     log.log.put(piece.at, Entry::Bytes(piece.bytes().into()));
                 }
-                if let Some(file) = &mut recording {
-                    recorded = recorded.and_then(|()| file.write_all(piece.bytes()));
+                if let Some(recording) = &mut recording {
+                    recording.put(piece.bytes());
                 }
             }
             if last {
@@ -178,6 +177,7 @@ impl News {
             self.screen.live("");
         }
         let log = self.log.map(|log| (log, self.timeline));
+        let recorded = recording.map_or(Ok(()), Recording::end);
         Told { recorded, report: self.report, notes: self.notes, log }
     }
 

@@ -1,8 +1,8 @@
 //! Files that results are written to.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, Metadata, OpenOptions};
 use std::io;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -15,6 +15,10 @@ use super::screen::Screen;
 pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
     if path.as_os_str() == "-" {
         return Err(io::Error::other("`-` is no file here; name one"));
+    }
+    // Before it is opened: that alone would do something to a serial port.
+    if path.metadata().is_ok_and(|meta| is_terminal(&meta)) {
+        return Err(io::Error::other("it is a terminal or a serial port; name a file"));
     }
     let file = OpenOptions::new()
         .write(true)
@@ -30,14 +34,43 @@ pub(super) fn open(path: &Path, input: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// Whether something is a terminal of any kind, serial ports included.
+fn is_terminal(meta: &Metadata) -> bool {
+    let (major, minor) = (rustix::fs::major(meta.rdev()), rustix::fs::minor(meta.rdev()));
+    let class = || std::fs::read_link(format!("/sys/dev/char/{major}:{minor}/subsystem"));
+    meta.file_type().is_char_device() && (PTYS.contains(&major) || class().is_ok_and(|class| class.ends_with("tty")))
+}
+
+/// The numbers of the drivers of pseudo-terminals, which the system does not list (Linux, devices.txt).
+const PTYS: std::ops::RangeInclusive<u32> = 136..=143;
+
+/// A file that was made for what cannot be made again.
+pub(super) struct Created {
+    pub(super) file: File,
+    /// Whether it was not there before.
+    is_new: bool,
+}
+
+impl Created {
+    /// Takes the file away again where this run has made it, and nothing was written.
+    pub(super) fn undo(self, path: &Path) {
+        let is_it =
+            |meta: &Metadata| self.file.metadata().is_ok_and(|own| (own.dev(), own.ino()) == (meta.dev(), meta.ino()));
+        if self.is_new && path.symlink_metadata().is_ok_and(|meta| meta.is_file() && meta.len() == 0 && is_it(&meta)) {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
 /// Makes a file for what cannot be made again. One that is there, with anything in it, stays as it is.
-pub(super) fn create(path: &Path) -> io::Result<File> {
+pub(super) fn create(path: &Path) -> io::Result<Created> {
+    let is_new = path.symlink_metadata().is_err();
     let file = open(path, Path::new(""))?;
     let of_file = file.metadata()?;
     if of_file.is_file() && of_file.len() > 0 {
         return Err(io::Error::other("it is there already, and stays as it is; choose another name"));
     }
-    Ok(file)
+    Ok(Created { file, is_new })
 }
 
 /// Whether two open files are one.

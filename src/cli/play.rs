@@ -2,26 +2,28 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::process::CommandExt;
+use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use clap::Args;
+use motionseq::board::zeros_behind_flush;
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
-use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, drive, now};
-use motionseq::sim::{Faults, Served, Settings, VirtualBoard, serve};
+use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
+use motionseq::serve::Served;
+use motionseq::sim::{Faults, Settings, VirtualBoard};
 use motionseq::source::Lines;
 use rtrb::RingBuffer;
 
 use super::Script;
-use super::ending::{End, Lost, Teller};
+use super::ending::{End, Lost, Reporter};
 use super::exit::Exit;
 use super::log::Log;
 use super::news::{Desk, Files, News, Progress};
 use super::notes::Asking;
 use super::output;
+use super::recording::Recording;
 use super::screen::Screen;
 use super::show::{Show, Staged};
 
@@ -109,6 +111,7 @@ impl Play {
             screen.error("--paused and --step need somebody who sees and presses keys: a terminal in the foreground, standard error not redirected, no -q, no TERM=dumb");
             return Err(Exit::Usage);
         }
+        screen.never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
         let port = self.port.clone().or_else(|| std::env::var_os("MOTIONSEQ_PORT").map(PathBuf::from));
         // A variable that is empty is one that is not set.
@@ -137,14 +140,16 @@ impl Play {
         let timeline = Arc::new(timeline);
         let (bytes_in, bytes_out) = RingBuffer::new(PIECES);
         let (mut notices_in, notices_out) = RingBuffer::new(NOTICES);
-        let files = Files { recording: recording.map(|(_, file)| file), log };
+        let recording = recording.map(|(_, file)| Recording::start(file)).transpose();
+        let files = Files { recording: recording.map_err(|error| system(screen, &error))?, log };
         let keys = Keys::open(screen.is_live());
         let desk = Desk { keys: keys.is_some() && screen.is_live(), steps: self.step, progress: self.progress };
         let again = again.map(Arc::new);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
         let news = News::start(timelines, desk, *screen, files, (notices_out, bytes_out));
         let news = news.map_err(|error| system(screen, &error))?;
-        let teller = Teller::start().map_err(|error| system(screen, &error))?;
+        let report = report.map(|(path, file)| Ok((path.to_owned(), Reporter::start(file)?, diagnostics))).transpose();
+        let report = report.map_err(|error: io::Error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
         if let Some(again) = &again {
             player = player.again_and_again(again);
@@ -159,7 +164,9 @@ impl Play {
             realtime: self.realtime && become_realtime(screen),
         };
         // The last of all: from here on the player must beat.
-        rig.guard = match self.guard(&rig.link, port.board.is_some(), max_late, screen) {
+        let zeros = zeros_behind_flush(timeline.events().iter().map(|event| &event.command));
+        let ward = Ward { max_late, zeros, realtime: self.realtime };
+        rig.guard = match self.guard(rig.link.descriptor(), ward, port.board.is_some(), screen) {
             Ok(guard) => guard,
             // A Ctrl-C reaches the guard, too, while it starts.
             Err(error) => {
@@ -187,13 +194,14 @@ impl Play {
             lost.notices += u64::from(notices_in.push((now(), notice)).is_err());
         });
         let elapsed_us = now().saturating_sub(start) / 1_000;
-        let Rig { mut link, guard, keys, .. } = rig;
+        let Rig { mut link, mut guard, keys, lines, .. } = rig;
         drop(keys);
-        match guard {
+        if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) {
             // A player that failed before it could stop the robot leaves that to its guard, which kills it first.
-            Some(guard) if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) => drop(guard),
-            Some(guard) => guard.goodbye(),
-            None => {}
+            drop(guard.take());
+        }
+        if let Some(guard) = &mut guard {
+            guard.ended(outcome.at_us, outcome.place.map(|span| lines.place(span)), outcome.stop);
         }
         if outcome.stop == Stop::NotSent {
             // What the port never took must not keep it from closing.
@@ -204,26 +212,16 @@ impl Play {
         // Both rings end, which ends the news.
         drop(notices_in);
         let is_real = port.board.is_none();
-        // The virtual board ends when its port is closed.
+        // The virtual board ends when its port is closed. A real one is closed when all was said: the system may wait for it as long as
+        // half a minute.
         let held = Some(link.into_inner().into_inner()).filter(|_| is_real);
-        let is_recorded = self.record.is_some();
-        let board = port.board;
-        let report = report.map(|(path, file)| (path.to_owned(), file, diagnostics));
         let run = Asking { asked: self.show.asked(), port: name, started, elapsed_us, bytes };
-        let end = End {
-            run,
-            screen: *screen,
-            sources,
-            timeline,
-            outcome,
-            lost,
-            news,
-            is_recorded,
-            report,
-            board,
-            port: held,
-        };
-        Ok(teller.tell(end))
+        let (sources, timeline) = (&sources, &*timeline);
+        let end =
+            End { run, screen: *screen, sources, timeline, outcome, lost, news, report, board: port.board, guard };
+        let exit = end.tell();
+        drop(held);
+        Ok(exit)
     }
 
     /// Opens the files for results, each of them another one; what stands in them stays for now.
@@ -242,22 +240,12 @@ impl Play {
         Ok(asked.map(|(option, _)| opened.next_if(|(other, _)| *other == option).map(|(_, named)| named)))
     }
 
-    fn guard(
-        &self,
-        port: &Recorder<Stalling<Serial>>,
-        with_board: bool,
-        max_late: u64,
-        screen: &Screen,
-    ) -> io::Result<Option<Guard>> {
+    fn guard(&self, port: BorrowedFd<'_>, ward: Ward, with_board: bool, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
         }
-        // This program once more, also where its file was replaced since it was started.
-        let mut program = Command::new("/proc/self/exe");
-        program.arg0("motionseq").args([super::guard::WORD, screen.color_option()]);
-        program.args(with_board.then_some("--with-board"));
-        Guard::start(program, port.descriptor(), max_late, self.realtime).map(Some)
+        super::guard::start(port, ward, with_board, screen).map(Some)
     }
 }
 
@@ -294,7 +282,7 @@ impl Port {
         // By its path, so that a rehearsal takes the way of the real thing.
         let link = Serial::open(pty.path(), baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port given: playing on the built-in virtual board");
-        let board = serve(VirtualBoard::new(settings), pty, baud).map_err(|error| system(screen, &error))?;
+        let board = Served::start(VirtualBoard::new(settings), pty, baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }
 }
@@ -312,7 +300,9 @@ pub(super) fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
         }
         OpenError::InUse => "close that program (a paused motionseq? see `jobs`), or wait until it has ended",
         OpenError::Forbidden => "run `sudo usermod -aG dialout $USER`, then log out and in again",
-        OpenError::NotAPort => "name the device that the board hangs on, usually /dev/serial0",
+        OpenError::NotAPort | OpenError::OwnTerminal | OpenError::Nobody => {
+            "name the device that the board hangs on, usually /dev/serial0"
+        }
         OpenError::Other(_) => "check the cable and the port",
     };
     screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));

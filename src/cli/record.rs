@@ -1,17 +1,20 @@
 //! `motionseq record`: what another program sends, as a script.
 
+use std::fs::File;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use motionseq::board::{DEFAULT_BAUD, Hundredths};
-use motionseq::link::{Door, Serial};
-use motionseq::playback::{Signals, Stop, TapError, stop_now, tap};
-use motionseq::sim::{Faults, Settings, VirtualBoard, host};
+use motionseq::board::{DEFAULT_BAUD, Hundredths, MOST_ZEROS};
+use motionseq::link::{Door, Link as _, Serial};
+use motionseq::playback::{Guard, Signals, Stop, Ward};
+use motionseq::serve::{End, Passed, ServeError, Server};
+use motionseq::sim::{Faults, Settings, VirtualBoard};
 
-use super::board::{self, battery};
-use super::ending::board_summary;
+use super::board::{self, battery, serve_board};
+use super::ending::PATIENCE;
 use super::exit::Exit;
+use super::guard;
 use super::log::Log;
 use super::output;
 use super::play;
@@ -52,82 +55,74 @@ pub(super) struct Record {
     /// Write all that happens to this MCAP file, too: frames, state, telemetry; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Pass bytes on to a real board without the process that stops the robot if this one is killed or hangs
+    #[arg(long, requires = "port")]
+    no_guard: bool,
 }
+
+/// For how long what passes bytes on may be silent before its guard kills it and stops the robot, in nanoseconds.
+const MAX_SILENCE: u64 = 500_000_000;
 
 impl Record {
     /// Records until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let Ok(signals) = Signals::catch() else {
-            screen.error("cannot watch for Ctrl-C");
-            return Exit::Failed;
-        };
-        let file = match self.output.as_deref().map(|path| (path, output::create(path))) {
+        let created = match self.output.as_deref().map(|path| (path, output::create(path))) {
             None => None,
-            Some((_, Ok(file))) => Some(file),
+            Some((path, Ok(created))) => Some((path, created)),
             Some((path, Err(error))) => return output::exit(Err(error), Some(path), screen),
         };
-        let port = match self.port.as_deref().map(|path| (path, Serial::open(path, self.baud))) {
-            None => None,
-            Some((_, Ok(port))) => Some(port),
-            Some((path, Err(error))) => return self.nothing(play::refused(screen, path, &error)),
-        };
-        let door = match Door::open(&self.link) {
-            Ok(door) => door,
-            Err(error) => return self.nothing(board::refused(&error, screen)),
-        };
-        let log = match Log::open(self.log.as_deref(), file.as_ref(), screen) {
-            Ok(log) => log,
-            Err(exit) => return self.nothing(exit),
-        };
-        let tape = match Tape::start(file, self.exact, self.baud, *screen) {
-            Ok(tape) => tape,
-            Err(error) => {
-                screen.error(&format!("cannot record: {error}"));
-                return self.nothing(Exit::Failed);
-            }
-        };
-        let what = match &self.port {
-            None => "a virtual board".to_owned(),
-            Some(port) => format!("the board at {}", port.display()),
-        };
-        screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
-        let mut watcher = Watcher::new(screen, self.format, self.baud).with_tape(tape).with_log(log);
-        let exit = match port {
-            None => self.virtually(&door, &signals, &mut watcher, screen),
-            Some(port) => between(&door, port, &signals, &mut watcher, screen),
-        };
-        let kept = watcher.end().map(Tape::end);
-        kept.map_or(exit, |kept| self.summary(&kept, exit, screen))
-    }
-
-    fn virtually(&self, door: &Door, signals: &Signals, watcher: &mut Watcher<'_>, screen: &Screen) -> Exit {
-        let faults = self.fault.clone().unwrap_or_default();
-        let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
-        // A signal is told once, whatever happens at that moment.
-        let mut was_ended = false;
-        let hosted = host(board, door, self.baud, |now_us, happened, board| {
-            watcher.watch(now_us, happened, Some(board))?;
-            was_ended |= signals.pending().is_some();
-            Ok(!was_ended)
-        });
-        match hosted {
-            Ok(board) => {
-                board_summary(screen, &board.finish());
-                Exit::Ok
-            }
-            Err(error) => {
-                screen.error(&format!("the virtual board failed: {error}"));
-                Exit::Port
+        let file = created.as_ref().map(|(_, created)| created.file.try_clone()).transpose();
+        match file.map_err(|error| board::failed(screen, &error)).and_then(|file| self.record(file, screen)) {
+            Ok(exit) => exit,
+            Err(exit) => {
+                if let Some((path, created)) = created {
+                    created.undo(path);
+                }
+                exit
             }
         }
     }
 
-    /// Takes the file away again where nothing was recorded.
-    fn nothing(&self, exit: Exit) -> Exit {
-        if let Some(path) = &self.output {
-            let _ = std::fs::remove_file(path);
+    /// Fails where nothing was recorded.
+    fn record(&self, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
+        let port = self.port.as_deref();
+        let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
+        let port = port.transpose()?;
+        let mut door = Door::open(&self.link).map_err(|error| board::refused(&error, screen))?;
+        let log = Log::open(self.log.as_deref(), file.as_ref(), screen)?;
+        let signals = board::begin(screen)?;
+        let failed = |error: io::Error| board::failed(screen, &error);
+        let tape = Tape::start(file, self.exact, self.baud, *screen).map_err(failed)?;
+        let watcher = Watcher::start(*screen, self.format, self.baud, port.is_some()).map_err(failed)?;
+        let watcher = watcher.with_tape(tape).with_log(log);
+        let begun = |what: &str| {
+            screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
+        };
+        let (exit, tape) = match port {
+            None => {
+                let faults = self.fault.clone().unwrap_or_default();
+                let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
+                begun("a virtual board");
+                serve_board(&mut door, board, self.baud, &signals, watcher, screen)
+            }
+            Some(port) => {
+                // The last of all: from here on the loop must beat.
+                let guard = self.guard(&port, screen).map_err(failed)?;
+                begun(&format!("the board at {}", self.port.as_deref().unwrap_or(Path::new("")).display()));
+                between(&mut door, port, guard, &signals, watcher, screen)
+            }
+        };
+        drop(door);
+        Ok(tape.map(Tape::end).map_or(exit, |kept| self.summary(&kept, exit, screen)))
+    }
+
+    fn guard(&self, port: &Serial, screen: &Screen) -> io::Result<Option<Guard>> {
+        if self.no_guard {
+            screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
+            return Ok(None);
         }
-        exit
+        let ward = Ward { max_late: MAX_SILENCE / 2, zeros: MOST_ZEROS, realtime: false };
+        guard::start(port.descriptor(), ward, false, screen).map(Some)
     }
 
     fn summary(&self, kept: &Kept, exit: Exit, screen: &Screen) -> Exit {
@@ -153,29 +148,44 @@ impl Record {
 }
 
 /// Records between a program and a board.
-fn between(door: &Door, mut port: Serial, signals: &Signals, watcher: &mut Watcher<'_>, screen: &Screen) -> Exit {
-    let mut was_ended = false;
-    let tapped = tap(door, &mut port, |now_us, happened| {
-        watcher.watch(now_us, happened, None)?;
-        was_ended |= signals.pending().is_some();
-        Ok(!was_ended)
-    });
-    // Nobody can stop it through this port any more.
-    let stop = (!watcher.state().at_rest()).then(|| stop_now(&mut port));
-    match stop {
-        None | Some(Stop::NotNeeded) => {}
-        Some(Stop::Sent) => screen.note("the program had left the robot moving; stop: sent"),
-        Some(Stop::NotSent) => screen.error("the program had left the robot moving; stop: NOT SENT - cut the power"),
-    }
-    match tapped {
-        Ok(()) => Exit::Ok,
-        Err(error @ TapError::Lost(_)) => {
-            screen.error(&error.to_string());
-            Exit::Port
+fn between(
+    door: &mut Door,
+    port: Serial,
+    guard: Option<Guard>,
+    signals: &Signals,
+    mut watcher: Watcher,
+    screen: &Screen,
+) -> (Exit, Option<Tape>) {
+    let mut server = Server::of_port(door, port, guard, signals);
+    let served = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
+    // The program can stop the robot through this port no more.
+    let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
+    let (exit, cause) = match served {
+        Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
+        Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),
+        Ok(_) => (Exit::Ok, None),
+        Err(error @ ServeError::Lost(_)) => (Exit::Port, Some(error.to_string())),
+        Err(ServeError::Failed(error)) => {
+            (Exit::Port, Some(format!("cannot go on between the program and its board: {error}")))
         }
-        Err(TapError::Failed(error)) => {
-            screen.error(&format!("cannot go on between the program and its board: {error}"));
-            Exit::Port
-        }
+    };
+    if undelivered > 0 {
+        let bytes = plural(usize::try_from(undelivered).unwrap_or(usize::MAX), "byte");
+        screen.note(&format!("{bytes} that the program had written did not reach the board"));
     }
+    let robot = match stop {
+        Stop::NotNeeded => "the program had left the robot at rest",
+        Stop::Sent => "the program had not left the robot at rest; stop: sent",
+        Stop::NotSent => "the program had not left the robot at rest; stop: NOT SENT - cut the power",
+    };
+    match cause {
+        Some(cause) => screen.error(&format!("{cause}; {robot}")),
+        None if stop == Stop::NotSent => screen.error(robot),
+        None => screen.note(robot),
+    }
+    // A guard that gets no goodbye says it in the place of a screen that takes nothing.
+    if let Some(guard) = guard.filter(|_| screen.is_written(PATIENCE)) {
+        guard.goodbye();
+    }
+    (exit, watcher.end())
 }

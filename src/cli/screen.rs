@@ -1,7 +1,10 @@
-//! Everything that goes to standard error. A closed or full one changes nothing.
+//! Everything that goes to standard error. A closed or full one changes nothing, and one that takes nothing holds up no robot.
 
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write as _};
+use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use miette::{GraphicalReportHandler, GraphicalTheme};
@@ -40,6 +43,34 @@ pub(super) enum Volume {
 /// Width of messages where there is no terminal.
 const WIDTH: usize = 80;
 
+/// What waits to be written, once [`Screen::never_wait`] was called.
+static QUEUE: OnceLock<Queue> = OnceLock::new();
+
+#[derive(Default)]
+struct Queue {
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Waiting {
+    texts: VecDeque<Text>,
+    /// Whether one is being written.
+    is_writing: bool,
+    /// How many had no room.
+    lost: u64,
+}
+
+/// Something to write.
+struct Text {
+    text: String,
+    /// Whether a newer one of its kind takes its place.
+    is_live: bool,
+}
+
+/// How many lines may wait, but for those that must be said.
+const ROOM: usize = 4 * 1024;
+
 impl Screen {
     pub(super) fn new(color: Color, volume: Volume) -> Self {
         let terminal = io::stderr().is_terminal();
@@ -51,6 +82,30 @@ impl Screen {
             Color::Auto => terminal && !dumb && !set("NO_COLOR"),
         };
         Screen { color, volume, terminal: terminal && !dumb }
+    }
+
+    /// From now on nothing that is said waits for standard error: a thread writes it. Where that cannot follow, lines are lost and
+    /// counted, but no error is.
+    pub(super) fn never_wait(&self) -> io::Result<()> {
+        super::start_thread("screen", || write_waiting(QUEUE.get_or_init(Queue::default)))?;
+        QUEUE.get_or_init(Queue::default);
+        Ok(())
+    }
+
+    /// Waits until everything was written, at most so long. Says whether it was.
+    pub(super) fn is_written(&self, patience: Duration) -> bool {
+        let Some(queue) = QUEUE.get() else { return true };
+        let until = Instant::now() + patience;
+        let mut waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        while waiting.is_writing || !waiting.texts.is_empty() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            let waited = queue.changed.wait_timeout(waiting, left);
+            waiting = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        true
     }
 
     /// Whether a line can be drawn over and over: not in the background, where the shell writes too.
@@ -74,7 +129,7 @@ impl Screen {
     /// A line of news, kept back by `-q`. It takes the place of a live one.
     pub(super) fn note(&self, line: &str) {
         if self.volume != Volume::Quiet {
-            print(&format!("{}{}\n", self.clearing(), escaped(line)));
+            print(&format!("{}{}\n", self.clearing(), escaped(line)), Kind::News);
         }
     }
 
@@ -84,7 +139,7 @@ impl Screen {
     /// break such a line in two.
     pub(super) fn live(&self, line: &str) {
         if self.is_live() {
-            print(&format!("{}{line}", self.clearing()));
+            print(&format!("{}{line}", self.clearing()), Kind::Live);
         }
     }
 
@@ -95,19 +150,19 @@ impl Screen {
 
     /// What somebody must know who sits before it, said even with `-q`.
     pub(super) fn ask(&self, line: &str) {
-        print(&format!("{}{}\n", self.clearing(), escaped(line)));
+        print(&format!("{}{}\n", self.clearing(), escaped(line)), Kind::News);
     }
 
     /// What went wrong beside the motion.
     pub(super) fn warning(&self, line: &str) {
         let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };
-        print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)));
+        print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)), Kind::News);
     }
 
     /// The same on a line of its own, where another program's prompt may stand before it.
     pub(super) fn late_error(&self, line: &str) {
         if self.terminal {
-            print("\n");
+            print("\n", Kind::Must);
         }
         self.error(line);
     }
@@ -115,7 +170,7 @@ impl Screen {
     /// What went wrong outside of a script: said even with `-q`.
     pub(super) fn error(&self, line: &str) {
         let word = if self.color { "\u{1b}[31;1merror\u{1b}[0m" } else { "error" };
-        print(&format!("{word}: {}\n", escaped(line)));
+        print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)), Kind::Must);
     }
 
     /// Every error and warning of a script, and a line that counts them.
@@ -146,7 +201,7 @@ impl Screen {
         if diagnostics.left_out() > 0 {
             let _ = writeln!(text, "{} more are not shown", diagnostics.left_out());
         }
-        print(&text);
+        print(&text, Kind::Must);
         if diagnostics.errors() + diagnostics.warnings() > 0 {
             let code = diagnostics.sorted().first().map(|first| format!("; motionseq explain {}", first.code));
             self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
@@ -160,9 +215,58 @@ impl Screen {
     }
 }
 
-/// Where standard error is closed or full there is nobody to tell.
-fn print(text: &str) {
-    let _ = io::stderr().lock().write_all(text.as_bytes());
+/// How much it matters that something is written.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// The next one takes its place.
+    Live,
+    /// It may get lost where there is no room.
+    News,
+    /// It must not.
+    Must,
+}
+
+/// Writes, or lets it be written. Where standard error is closed or full there is nobody to tell.
+fn print(text: &str, kind: Kind) {
+    let Some(queue) = QUEUE.get() else {
+        let _ = io::stderr().lock().write_all(text.as_bytes());
+        return;
+    };
+    let mut waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+    if waiting.texts.back().is_some_and(|last| last.is_live && kind == Kind::Live) {
+        waiting.texts.pop_back();
+    }
+    if waiting.texts.len() < ROOM || kind == Kind::Must {
+        waiting.texts.push_back(Text { text: text.to_owned(), is_live: kind == Kind::Live });
+    } else {
+        waiting.lost += 1;
+    }
+    queue.changed.notify_all();
+}
+
+/// Writes what waits, as long as the program runs.
+fn write_waiting(queue: &Queue) {
+    let mut waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+    loop {
+        let Some(Text { text, .. }) = waiting.texts.pop_front() else {
+            waiting.is_writing = false;
+            queue.changed.notify_all();
+            waiting = queue.changed.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+            continue;
+        };
+        waiting.is_writing = true;
+        let lost = std::mem::take(&mut waiting.lost);
+        drop(waiting);
+        let _ = io::stderr().lock().write_all(text.as_bytes());
+        if lost > 0 {
+            let _ = writeln!(
+                io::stderr().lock(),
+                "{} were not shown",
+                plural(usize::try_from(lost).unwrap_or(usize::MAX), "line")
+            );
+        }
+        waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+    }
 }
 
 /// `2 errors, 1 warning`.

@@ -1,17 +1,20 @@
 //! What is shown, and kept, of a board that other programs use.
 
 use std::io::{self, BufWriter, IsTerminal as _, Write as _};
+use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
+use std::time::Duration;
 
 use clap::ValueEnum;
 use motionseq::board::{Command, Item, Report, ReportDecoder, ReportItem, State};
 use motionseq::capture::{Listing, TimedDecoder};
 use motionseq::link::Happened;
-use motionseq::sim::VirtualBoard;
+use motionseq::sim::{Pose, VirtualBoard};
 use motionseq::timeline::Seconds;
 
 use super::log::{Entry, Level, Log};
 use super::news::servos;
-use super::screen::{Screen, seconds};
+use super::screen::{Screen, plural, seconds};
+use super::start_thread;
 use super::tape::Tape;
 
 /// How often the line about the robot is drawn, in microseconds.
@@ -26,22 +29,63 @@ pub(super) enum Format {
     Jsonl,
 }
 
-/// Watches what happens at a board, virtual or real.
-pub(super) struct Watcher<'s> {
-    screen: &'s Screen,
-    /// Where frames are shown, if they are.
-    shown: Option<Shown>,
-    /// Where they are written down, if they are.
+/// How much may wait to be shown, in pieces.
+const ROOM: usize = 16 * 1024;
+/// How long frames wait for the line about the robot to be cleared, on a terminal.
+const CLEARED: Duration = Duration::from_millis(50);
+/// How long the end waits for a screen that takes nothing.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Watches what happens at a board, virtual or real: has it shown, and kept. Whoever serves the board or passes its bytes on
+/// waits for none of these, so that a terminal that stands still stands in no robot's way.
+pub(super) struct Watcher {
+    screen: Screen,
+    /// Whether bytes pass to a real board, which goes on where nothing can be shown.
+    is_tap: bool,
+    shown: Option<SyncSender<(u64, Sight)>>,
+    /// How showing it has ended.
+    end: Receiver<io::Result<()>>,
+    /// What was not shown, as the screen could not follow.
+    missed: u64,
+    /// Where it is written down, if it is.
     tape: Option<Tape>,
     /// Where all that happens is logged, if it is.
     log: Option<Log>,
-    /// When the pose was logged last, in microseconds.
-    logged_us: u64,
-    decoder: TimedDecoder,
     reports: ReportDecoder,
+    /// Whether something came that is to be shown at once; when the thread was told last how the board is, in microseconds.
+    is_fresh: bool,
+    told_us: u64,
+}
+
+/// What there is to show.
+enum Sight {
+    Opened,
+    Closed,
+    Came(u64, Box<[u8]>),
+    Behind(u64, u64),
+    Unread(u64),
+    Report(Report),
+    /// Some time has passed; how a virtual board is now, now and then.
+    Passed(Option<Box<Seen>>),
+}
+
+/// How a virtual board is. What a fault has kept from it, it was not told.
+struct Seen {
+    state: State,
+    pose: Pose,
+    report: Report,
+}
+
+/// Shows it.
+struct Display {
+    screen: Screen,
+    /// Where frames are shown, if they are.
+    shown: Option<Shown>,
+    decoder: TimedDecoder,
     /// What the board was told, and what it said last.
     state: State,
     report: Option<Report>,
+    seen: Option<Box<Seen>>,
     /// When the line about the robot was drawn last, in microseconds.
     drawn_us: u64,
     /// Whether there are frames that were not shown yet.
@@ -93,24 +137,38 @@ impl Shown {
     }
 }
 
-impl<'s> Watcher<'s> {
-    /// Shows frames on standard output, or not.
-    pub(super) fn new(screen: &'s Screen, shown: Option<Format>, baud: u32) -> Self {
-        Watcher {
+impl Watcher {
+    /// Starts to watch; shows frames on standard output, or not.
+    pub(super) fn start(screen: Screen, shown: Option<Format>, baud: u32, is_tap: bool) -> io::Result<Self> {
+        let (show, sights) = mpsc::sync_channel(ROOM);
+        let (tell, end) = mpsc::channel();
+        let display = Display {
             screen,
             shown: shown.map(Shown::new),
-            tape: None,
-            log: None,
-            logged_us: 0,
             decoder: TimedDecoder::new(baud),
-            reports: ReportDecoder::new(),
             state: State::default(),
             report: None,
+            seen: None,
             drawn_us: 0,
             is_fresh: false,
             is_open: false,
             wrong: 0,
-        }
+        };
+        start_thread("display", move || {
+            let _ = tell.send(display.run(&sights));
+        })?;
+        Ok(Watcher {
+            screen,
+            is_tap,
+            shown: Some(show),
+            end,
+            missed: 0,
+            tape: None,
+            log: None,
+            reports: ReportDecoder::new(),
+            is_fresh: false,
+            told_us: 0,
+        })
     }
 
     /// Writes down what comes, too.
@@ -123,12 +181,7 @@ impl<'s> Watcher<'s> {
         Watcher { log, ..self }
     }
 
-    /// What the board was told.
-    pub(super) fn state(&self) -> &State {
-        &self.state
-    }
-
-    /// Takes in what happened at a time, at a virtual board or a real one.
+    /// Takes in what happened at a time, at a virtual board or a real one. Fails where nobody can be shown anything any more.
     pub(super) fn watch(
         &mut self,
         now_us: u64,
@@ -142,11 +195,111 @@ impl<'s> Watcher<'s> {
             log_happened(log, now_us, happened);
         }
         match happened {
-            Happened::Opened => {
+            Happened::Opened => self.show(now_us, Sight::Opened),
+            Happened::Closed => self.show(now_us, Sight::Closed),
+            Happened::Came(at, bytes) => {
+                self.is_fresh = true;
+                self.show(now_us, Sight::Came(at, bytes.into()))
+            }
+            Happened::Answered(bytes) => {
+                let mut newest = Vec::new();
+                self.reports.feed(bytes, |item| {
+                    if let ReportItem::Report(report) = item {
+                        newest.push(report);
+                    }
+                });
+                newest.into_iter().try_for_each(|report| {
+                    if let Some(log) = &mut self.log {
+                        log.put(log.at(now_us.saturating_mul(1_000)), Entry::Report(report));
+                    }
+                    self.show(now_us, Sight::Report(report))
+                })
+            }
+            Happened::Behind(bytes, us) => self.show(now_us, Sight::Behind(bytes, us)),
+            Happened::Unread(bytes) => self.show(now_us, Sight::Unread(bytes)),
+            Happened::Passed => self.passed(now_us, board),
+        }
+    }
+
+    fn passed(&mut self, now_us: u64, board: Option<&VirtualBoard>) -> io::Result<()> {
+        let is_due = now_us.saturating_sub(self.told_us) >= UPDATE_US;
+        if !is_due && !self.is_fresh {
+            return Ok(());
+        }
+        self.is_fresh = false;
+        let mut seen = None;
+        if is_due {
+            self.told_us = now_us;
+            seen = board.map(|board| {
+                let received = board.received();
+                Box::new(Seen { state: received.state.clone(), pose: received.pose, report: board.report() })
+            });
+        }
+        if let (Some(log), Some(seen)) = (&mut self.log, &seen) {
+            log.put(log.at(now_us.saturating_mul(1_000)), Entry::Pose(seen.pose));
+        }
+        self.show(now_us, Sight::Passed(seen))
+    }
+
+    fn show(&mut self, now_us: u64, sight: Sight) -> io::Result<()> {
+        let Some(shown) = &self.shown else { return Ok(()) };
+        match shown.try_send((now_us, sight)) {
+            Ok(()) => Ok(()),
+            Err(TrySendError::Full(_)) => {
+                self.missed += 1;
+                Ok(())
+            }
+            // It goes only where it cannot write.
+            Err(TrySendError::Disconnected(_)) => {
+                let why = self.end.try_recv().ok().and_then(Result::err);
+                let why = why.unwrap_or_else(|| io::Error::other("the thread that shows it failed"));
+                if !self.is_tap {
+                    return Err(why);
+                }
+                self.shown = None;
+                self.screen.warning(&format!("nothing more can be shown: {why}; bytes pass as before"));
+                Ok(())
+            }
+        }
+    }
+
+    /// Shows what is left, and ends, as the log does; gives the tape, which is to be ended too.
+    pub(super) fn end(self) -> Option<Tape> {
+        let Watcher { screen, shown, end, missed, tape, log, .. } = self;
+        drop(shown);
+        let _ = end.recv_timeout(PATIENCE);
+        if missed > 0 {
+            let missed = plural(usize::try_from(missed).unwrap_or(usize::MAX), "piece");
+            screen.note(&format!("{missed} of what happened could not be shown: nobody took it in time"));
+        }
+        if let Some(log) = log {
+            log.end();
+        }
+        tape
+    }
+}
+
+impl Display {
+    /// Shows what happens until nothing does any more, or until it cannot.
+    fn run(mut self, sights: &Receiver<(u64, Sight)>) -> io::Result<()> {
+        for (now_us, sight) in sights {
+            self.take(now_us, sight)?;
+        }
+        self.screen.live("");
+        if let Some(shown) = &mut self.shown {
+            shown.end_run();
+            shown.flush()?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, now_us: u64, sight: Sight) -> io::Result<()> {
+        match sight {
+            Sight::Opened => {
                 self.is_open = true;
                 self.screen.note(&format!("{} s: a program has opened the port", seconds(now_us)));
             }
-            Happened::Closed => {
+            Sight::Closed => {
                 self.is_open = false;
                 if let Some(shown) = &mut self.shown {
                     shown.end_run();
@@ -155,42 +308,33 @@ impl<'s> Watcher<'s> {
                 let warning = if moves { ", and leaves the drive on" } else { "" };
                 self.screen.note(&format!("{} s: the port is closed{warning}", seconds(now_us)));
             }
-            Happened::Came(at, bytes) => self.came(at, bytes)?,
-            Happened::Answered(bytes) => {
-                let Watcher { report, log, .. } = self;
-                self.reports.feed(bytes, |item| {
-                    if let ReportItem::Report(newest) = item {
-                        *report = Some(newest);
-                        if let Some(log) = log {
-                            log.put(log.at(now_us.saturating_mul(1_000)), Entry::Report(newest));
-                        }
-                    }
-                });
-            }
-            Happened::Behind(bytes, us) => self.screen.warning(&format!(
+            Sight::Came(at, bytes) => self.came(at, &bytes)?,
+            Sight::Report(report) => self.report = Some(report),
+            Sight::Behind(bytes, us) => self.screen.warning(&format!(
                 "at {} s the program has sent more than the line carries: {bytes} bytes wait, for {} ms",
                 seconds(now_us),
                 us / 1_000
             )),
-            Happened::Passed => {
-                if let (Some(log), Some(board)) = (&mut self.log, board)
-                    && now_us.saturating_sub(self.logged_us) >= UPDATE_US
-                {
-                    self.logged_us = now_us;
-                    log.put(log.at(now_us.saturating_mul(1_000)), Entry::Pose(board.received().pose));
-                }
+            Sight::Unread(bytes) => self.screen.warning(&format!(
+                "at {} s it ended, and {} that the program had written were not read",
+                seconds(now_us),
+                plural(usize::try_from(bytes).unwrap_or(usize::MAX), "byte")
+            )),
+            Sight::Passed(seen) => {
+                self.seen = seen.or(self.seen.take());
                 if std::mem::take(&mut self.is_fresh)
                     && let Some(shown) = &mut self.shown
                 {
                     if io::stdout().is_terminal() {
                         self.screen.live("");
+                        self.screen.is_written(CLEARED);
                         self.drawn_us = 0;
                     }
                     shown.flush()?;
                 }
                 if now_us.saturating_sub(self.drawn_us) >= UPDATE_US {
                     self.drawn_us = now_us;
-                    self.screen.live(&self.line(now_us, board));
+                    self.screen.live(&self.line(now_us));
                 }
             }
         }
@@ -198,7 +342,7 @@ impl<'s> Watcher<'s> {
     }
 
     fn came(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        let Watcher { decoder, shown, state, wrong, is_fresh, .. } = self;
+        let Display { decoder, shown, state, wrong, is_fresh, .. } = self;
         let mut taken = Ok(());
         decoder.feed(at, bytes, |at_us, item| {
             *is_fresh = true;
@@ -207,7 +351,7 @@ impl<'s> Watcher<'s> {
                     Ok(command) => state.apply(&command),
                     Err(_) => *wrong += 1,
                 },
-                Item::Skipped { .. } => *wrong += 1,
+                Item::Skipped { why, .. } => *wrong += u64::from(why.is_wrong()),
             }
             if let (Some(shown), true) = (shown.as_mut(), taken.is_ok()) {
                 taken = shown.take(at_us, item);
@@ -217,10 +361,10 @@ impl<'s> Watcher<'s> {
     }
 
     /// `12.300 s  stands  servo 1 1500  0.0 cm right, 0.0 cm forward, 0°  12.00 V`, as much as there is room for.
-    fn line(&self, now_us: u64, board: Option<&VirtualBoard>) -> String {
+    fn line(&self, now_us: u64) -> String {
         let mut line = format!("{} s", seconds(now_us));
         let room = self.screen.width().saturating_sub(1);
-        for part in self.parts(board) {
+        for part in self.parts() {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;
             }
@@ -230,9 +374,8 @@ impl<'s> Watcher<'s> {
         line
     }
 
-    fn parts(&self, board: Option<&VirtualBoard>) -> Vec<String> {
-        // What a fault has kept from a virtual board, it was not told.
-        let state = board.map_or(&self.state, |board| &board.received().state);
+    fn parts(&self) -> Vec<String> {
+        let state = self.seen.as_ref().map_or(&self.state, |seen| &seen.state);
         let mut parts = vec![match state.drive() {
             _ if !self.is_open => "nobody is there".to_owned(),
             Some(drive) if drive.keeps_driving() => drive.to_string(),
@@ -241,10 +384,10 @@ impl<'s> Watcher<'s> {
         if self.wrong > 0 {
             parts.push(format!("{} wrong", self.wrong));
         }
-        if let Some(pose) = board.map(|board| board.received().pose) {
+        if let Some(pose) = self.seen.as_ref().map(|seen| seen.pose) {
             parts.push(format!("x {:.1} y {:.1} cm, {:.0}°", pose.x_cm, pose.y_cm, pose.yaw_deg));
         }
-        if let Some(report) = board.map(VirtualBoard::report).or(self.report) {
+        if let Some(report) = self.seen.as_ref().map(|seen| seen.report).or(self.report) {
             parts.push(format!("{} V", report.voltage));
         }
         if state.buzzer() == Some(true) {
@@ -252,19 +395,6 @@ impl<'s> Watcher<'s> {
         }
         parts.extend(servos(state));
         parts
-    }
-
-    /// Shows what is left, and ends, as the log does; gives the tape, which is to be ended too.
-    pub(super) fn end(mut self) -> Option<Tape> {
-        if let Some(shown) = &mut self.shown {
-            shown.end_run();
-            let _ = shown.flush();
-        }
-        self.screen.live("");
-        if let Some(log) = self.log {
-            log.end();
-        }
-        self.tape
     }
 }
 
@@ -278,6 +408,9 @@ fn log_happened(log: &mut Log, now_us: u64, happened: Happened<'_>) {
         Happened::Behind(bytes, us) => {
             let text = format!("the program has sent more than the line carries: {bytes} bytes wait, for {us} us");
             log.line(at, Level::Warning, text);
+        }
+        Happened::Unread(bytes) => {
+            log.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"))
         }
         Happened::Answered(_) | Happened::Passed => {}
     }

@@ -1,13 +1,17 @@
 //! A pseudo-terminal at a path of its own, for programs that open a serial port by its name.
 
+use std::fs::Metadata;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io;
 use std::os::fd::OwnedFd;
+use std::os::linux::fs::MetadataExt as _;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixListener};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{Mode, OFlags};
+use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector};
 
 use super::Pty;
@@ -28,18 +32,19 @@ pub enum Happened<'a> {
     Answered(&'a [u8]),
     /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
     Behind(u64, u64),
+    /// At the end, so many bytes that the program had written could not be read.
+    Unread(u64),
     /// Some time has passed, at most a fiftieth of a second.
     Passed,
 }
 
-/// A pseudo-terminal, and a link to it, which goes when it goes. The link of one that was killed is replaced by the next.
+/// A pseudo-terminal, and perhaps a link to it, which goes when it goes. The link of one that was killed is replaced by the next.
 #[derive(Debug)]
 pub struct Door {
     pty: Pty,
-    /// Where the link stands, and whether it does.
-    link: PathBuf,
+    link: Option<PathBuf>,
     /// Its name is taken as long as this process lives, and no longer, however it ends.
-    _name: UnixListener,
+    _name: Option<UnixListener>,
 }
 
 /// Why there is no door at a path.
@@ -48,6 +53,9 @@ pub enum DoorError {
     /// Another process has its door there.
     #[error("another motionseq has its board at {}", .0.display())]
     Taken(PathBuf),
+    /// The link of another program, which still runs, is there.
+    #[error("{} leads to a port of a program that still runs", .0.display())]
+    Living(PathBuf),
     /// Something else stands there, which is left alone.
     #[error("{} is there already, and is no link to a board", .0.display())]
     InTheWay(PathBuf),
@@ -71,26 +79,30 @@ impl Door {
         };
         let name = path.file_name().ok_or_else(|| refused(io::Error::other("a name is needed, such as /tmp/board")))?;
         let link = folder.map_err(refused)?.join(name);
-        let own = SocketAddr::from_abstract_name([b"motionseq ", link.as_os_str().as_bytes()].concat());
-        let own = own.and_then(|own| UnixListener::bind_addr(&own)).map_err(|error| match error.kind() {
-            io::ErrorKind::AddrInUse => DoorError::Taken(path.to_owned()),
-            _ => refused(error),
-        })?;
+        let own =
+            lock_name(&link).and_then(|own| UnixListener::bind_addr(&own)).map_err(|error| match error.kind() {
+                io::ErrorKind::AddrInUse => DoorError::Taken(path.to_owned()),
+                _ => refused(error),
+            })?;
         match link.symlink_metadata() {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(refused(error)),
-            // Whoever made it does not live any more, or the name above would be taken.
-            Ok(_) if link.read_link().is_ok_and(|target| target.starts_with(TERMINALS)) => {
-                std::fs::remove_file(&link).map_err(refused)?;
+            Ok(of_link) if link.read_link().is_ok_and(|target| target.starts_with(TERMINALS)) => {
+                if leads_to_living(&link, &of_link) {
+                    return Err(DoorError::Living(path.to_owned()));
+                }
             }
             Ok(_) => return Err(DoorError::InTheWay(path.to_owned())),
         }
-        let pty = Pty::open().map_err(refused)?;
-        pty.never_wait().map_err(refused)?;
-        let door = Door { pty, link, _name: own };
-        door.sweep().map_err(refused)?;
-        std::os::unix::fs::symlink(door.pty.path(), &door.link).map_err(refused)?;
+        let door = Door { pty: make_pty().map_err(refused)?, link: Some(link), _name: Some(own) };
+        door.point_link().map_err(refused)?;
         Ok(door)
+    }
+
+    /// A pseudo-terminal without a link, which whoever shall open it is told.
+    pub fn unnamed(pty: Pty) -> io::Result<Self> {
+        pty.never_wait()?;
+        Ok(Door { pty, link: None, _name: None })
     }
 
     /// The board's end.
@@ -98,24 +110,77 @@ impl Door {
         &self.pty
     }
 
-    /// Throws away what a program has left behind, and sets the terminal as it was at first: the next one shall find a line in
-    /// the state of a port that nobody had open.
-    pub fn sweep(&self) -> io::Result<()> {
-        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC | OFlags::NONBLOCK;
-        let near: OwnedFd = rustix::fs::open(self.pty.path(), flags, Mode::empty())?;
-        let mut line = rustix::termios::tcgetattr(&near)?;
-        line.make_raw();
-        rustix::termios::tcsetattr(&near, OptionalActions::Now, &line)?;
-        rustix::termios::tcflush(&near, QueueSelector::IOFlush)?;
+    /// Throws away what a program has not read, and sets the terminal as it was at first: the next one shall find a line in the state of
+    /// a port that nobody had open. What that one has written already stays.
+    pub fn sweep(&mut self) -> io::Result<()> {
+        let near = match rustix::fs::open(self.pty.path(), NEAR, Mode::empty()) {
+            // A program that was killed had it to itself, and the mark of that stays. Nobody has this terminal open any more.
+            Err(Errno::BUSY) => {
+                self.pty = make_pty()?;
+                return self.point_link();
+            }
+            near => near?,
+        };
+        let _ = rustix::termios::ioctl_tiocnxcl(&near);
+        let line = rustix::termios::tcgetattr(&near)?;
+        let mut raw = line.clone();
+        raw.make_raw();
+        // Only where it is needed: the next program may have opened it already, and set it up for itself.
+        if raw.local_modes != line.local_modes || raw.input_modes != line.input_modes {
+            rustix::termios::tcsetattr(&near, OptionalActions::Now, &raw)?;
+        }
+        rustix::termios::tcflush(&near, QueueSelector::IFlush)?;
         Ok(())
     }
+
+    /// Lets the link lead to the terminal, in the place of one that is there.
+    fn point_link(&self) -> io::Result<()> {
+        let Some(link) = &self.link else { return Ok(()) };
+        let mut new = link.clone().into_os_string();
+        new.push(format!(".{}", std::process::id()));
+        let _ = std::fs::remove_file(&new);
+        std::os::unix::fs::symlink(self.pty.path(), &new)?;
+        std::fs::rename(&new, link).inspect_err(|_| {
+            let _ = std::fs::remove_file(&new);
+        })
+    }
+}
+
+/// How the end of a program is opened.
+const NEAR: OFlags = OFlags::RDWR.union(OFlags::NOCTTY).union(OFlags::CLOEXEC).union(OFlags::NONBLOCK);
+
+/// A terminal that a program has had open: before the first, the system tells nothing of its end.
+fn make_pty() -> io::Result<Pty> {
+    let pty = Pty::open()?;
+    pty.never_wait()?;
+    let _near: OwnedFd = rustix::fs::open(pty.path(), NEAR, Mode::empty())?;
+    Ok(pty)
+}
+
+/// The abstract name of a socket that only one process can have. A path that is too long for one is named by its hash.
+fn lock_name(link: &Path) -> io::Result<SocketAddr> {
+    let path = link.as_os_str().as_bytes();
+    SocketAddr::from_abstract_name([b"motionseq ", path].concat()).or_else(|_| {
+        let mut hash = DefaultHasher::new();
+        path.hash(&mut hash);
+        SocketAddr::from_abstract_name(format!("motionseq {:016x}", hash.finish()))
+    })
+}
+
+/// Whether a link leads to a terminal of a program that still runs: one that was made before the link. A terminal that was made later has
+/// only got the number of the one that the link was made for.
+fn leads_to_living(link: &Path, of_link: &Metadata) -> bool {
+    let made = |of: &Metadata| (of.st_ctime(), of.st_ctime_nsec());
+    link.metadata().is_ok_and(|of_terminal| made(&of_terminal) <= made(of_link))
 }
 
 impl Drop for Door {
     fn drop(&mut self) {
         // Only its own: somebody may have put something else there.
-        if self.link.read_link().is_ok_and(|target| target == self.pty.path()) {
-            let _ = std::fs::remove_file(&self.link);
+        if let Some(link) = &self.link
+            && link.read_link().is_ok_and(|target| target == self.pty.path())
+        {
+            let _ = std::fs::remove_file(link);
         }
     }
 }

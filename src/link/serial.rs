@@ -79,6 +79,12 @@ pub enum OpenError {
     /// It is a file, a folder or another device.
     #[error("it is not a serial port")]
     NotAPort,
+    /// It is the terminal that this program was started from.
+    #[error("it is the terminal of this program")]
+    OwnTerminal,
+    /// It is the end of a pseudo-terminal where the board would be.
+    #[error("nobody is at its other end")]
+    Nobody,
     /// Anything else.
     #[error("{0}")]
     Other(String),
@@ -98,6 +104,14 @@ impl Serial {
         if !rustix::termios::isatty(&port) {
             return Err(OpenError::NotAPort);
         }
+        // Whoever opens `/dev/ptmx` makes a new terminal, at which nobody is.
+        if rustix::pty::ptsname(&port, Vec::new()).is_ok() {
+            return Err(OpenError::Nobody);
+        }
+        // Only a process's own terminal tells it the session.
+        if rustix::termios::tcgetsid(&port).is_ok() {
+            return Err(OpenError::OwnTerminal);
+        }
         lock(&port, FlockOperation::NonBlockingLockExclusive)?;
         lock(&port, FlockOperation::NonBlockingLockShared)?;
         let name = path.to_str().ok_or(OpenError::NotAPort)?;
@@ -111,6 +125,8 @@ impl Serial {
         lock(&port, FlockOperation::NonBlockingLockExclusive)?;
         // A courtesy to programs that do not lock; it does not bind root.
         let _ = rustix::termios::ioctl_tiocexcl(&port);
+        // What the board said before was said to somebody else.
+        rustix::termios::tcflush(&port, QueueSelector::IFlush).map_err(|error| OpenError::Other(error.to_string()))?;
         Ok(Serial { port })
     }
 
@@ -120,6 +136,13 @@ impl Serial {
             return Err(io::Error::other("it is not a serial port"));
         }
         Ok(Serial { port })
+    }
+}
+
+/// The mark of a port that one program has to itself would outlive this one on a pseudo-terminal, and keep others from it.
+impl Drop for Serial {
+    fn drop(&mut self) {
+        let _ = rustix::termios::ioctl_tiocnxcl(&self.port);
     }
 }
 

@@ -3,7 +3,6 @@
 //! It waits for the port and for signals until a millisecond before the deadline, or until the next beat for the guard, then
 //! sleeps on the absolute deadline, so nothing drifts. After the first frame it neither allocates, locks, logs nor prints.
 
-use std::io;
 use std::os::fd::AsFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -25,8 +24,10 @@ const SPIN: u64 = 50_000;
 const REALTIME_SPIN: u64 = 150_000;
 /// How often the loop may panic before it is given up.
 const MAX_PANICS: usize = 10;
-/// How many reads of 256 bytes are made at once where an `expect` is due.
-const MAX_READS: usize = 64;
+/// How many reads of 256 bytes are made at once: more than a port holds.
+const MAX_READS: usize = 512;
+/// How often the port and the keys are looked at, in nanoseconds, where frames follow each other too closely to wait for them.
+const LOOK: u64 = 10_000_000;
 
 /// What a run needs, all of it made before the first frame.
 #[derive(Debug)]
@@ -56,6 +57,7 @@ pub fn drive<L: Link>(
     mut notices: impl FnMut(Notice),
 ) -> Outcome {
     os::wake_exactly();
+    rig.forget_reports();
     let mut reports = ReportDecoder::new();
     let mut input = Input::Tick;
     // A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
@@ -79,9 +81,20 @@ impl<L: Link> Rig<'_, L> {
         reports: &mut ReportDecoder,
         notices: &mut impl FnMut(Notice),
     ) -> Outcome {
+        let mut look_at = 0;
         loop {
             if input == Input::Tick {
                 input = self.signals.pending().map_or(Input::Tick, |signal| self.meaning(signal));
+            }
+            let now = clock::now();
+            if input == Input::Tick && now >= look_at {
+                look_at = now.saturating_add(LOOK);
+                let mut heard = |item| {
+                    if let ReportItem::Report(report) = item {
+                        player.hear(clock::now().saturating_sub(start), report, notices);
+                    }
+                };
+                input = self.look(now, false, false, reports, &mut heard);
             }
             if input == Input::Tick && self.guard.as_mut().is_some_and(Guard::is_newly_lost) {
                 input = Input::Unguarded;
@@ -100,7 +113,7 @@ impl<L: Link> Rig<'_, L> {
                 // Also where one write follows another, and before the first.
                 Order::Write => match self.signals.pending() {
                     Some(signal) => self.meaning(signal),
-                    None => transfer(self.link.write(player.bytes())),
+                    None => Input::of_write(self.link.write(player.bytes())),
                 },
                 Order::Discard => {
                     // Where the port is gone there is nothing to throw away, and the stop tells.
@@ -115,6 +128,15 @@ impl<L: Link> Rig<'_, L> {
                 Order::Stay => self.stay(player, start, reports, notices),
                 Order::Done => Input::Tick,
             };
+        }
+    }
+
+    /// Throws away what the board sent before the run: no `expect` is about that.
+    fn forget_reports(&mut self) {
+        for _ in 0..MAX_READS {
+            if !matches!(self.link.read(&mut [0; 256]), Ok(1..)) {
+                break;
+            }
         }
     }
 
@@ -139,7 +161,7 @@ impl<L: Link> Rig<'_, L> {
                     };
                     reports.feed(buffer.get(..count).unwrap_or_default(), &mut heard);
                 }
-                Err(error) => match transfer(Err(error)) {
+                Err(error) => match Input::of_write(Err(error)) {
                     Input::Failed(error) => return Input::Failed(error),
                     _ => break,
                 },
@@ -241,7 +263,7 @@ impl<L: Link> Rig<'_, L> {
                 Ok(0) => return Input::HungUp,
                 Ok(count) => reports.feed(buffer.get(..count).unwrap_or_default(), &mut *heard),
                 Err(error) => {
-                    if let Input::Failed(error) = transfer(Err(error)) {
+                    if let Input::Failed(error) = Input::of_write(Err(error)) {
                         return Input::Failed(error);
                     }
                 }
@@ -250,7 +272,7 @@ impl<L: Link> Rig<'_, L> {
         if os::is_gone(port) {
             return Input::HungUp;
         }
-        match (key.is_empty(), &self.keys) {
+        match (key.is_empty(), &mut self.keys) {
             (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| meaning_of(key, keys, is_paused)),
             _ => Input::Tick,
         }
@@ -350,17 +372,5 @@ pub(super) fn close_in(deadline: u64, realtime: bool) {
     clock::sleep_until(deadline.saturating_sub(spin));
     while clock::now() < deadline {
         std::hint::spin_loop();
-    }
-}
-
-/// What became of bytes that were given to a port.
-pub(super) fn transfer(result: io::Result<usize>) -> Input {
-    match result {
-        Ok(count) => Input::Wrote(count),
-        Err(error) => match error.kind() {
-            io::ErrorKind::WouldBlock => Input::Blocked,
-            io::ErrorKind::Interrupted => Input::Tick,
-            _ => Input::Failed(error.raw_os_error()),
-        },
     }
 }

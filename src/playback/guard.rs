@@ -12,13 +12,13 @@ use std::os::unix::net::UnixStream;
 use std::process::{Child, Command};
 use std::time::Duration;
 
-use super::driver::transfer;
-use super::halt::{Halt, Outbox, Stop};
-use super::messages::{Input, Order};
+use super::halt::Outbox;
+use super::messages::Stop;
 use super::os::{self, Process, Ready};
-use super::watch::{Heard, Verdict, Watch};
+use super::stop::stop_robot;
+use super::watch::{Fate, Heard, Verdict, Watch};
 use crate::clock;
-use crate::link::{Link, Serial};
+use crate::link::Serial;
 use crate::source::Place;
 
 /// How long the start of a guard, and its end, may take.
@@ -41,12 +41,14 @@ const LENIENCE: u64 = 25_000_000;
 struct Record([u8; RECORD]);
 
 const RECORD: usize = 128;
-/// Kind, length of the name, two bytes of nothing, line, time.
+/// Kind, length of the name, what became of the robot, a byte of nothing, line, time.
 const HEAD: usize = 16;
-/// What a guard says when it watches.
+const STOP_AT: usize = 2;
+/// What a guard says when it watches, and when it has let go of the port.
 const READY: [u8; 1] = *b"+";
 const BEAT: u8 = b'b';
 const AT_REST: u8 = b'r';
+const ENDED: u8 = b'e';
 const GOODBYE: u8 = b'g';
 
 impl Record {
@@ -65,8 +67,30 @@ impl Record {
         Record(bytes)
     }
 
+    /// That the run has ended, and what became of the robot.
+    fn ended(at_us: u64, place: Option<Place<'_>>, stop: Stop) -> Self {
+        let mut record = Record::new(ENDED, at_us, place);
+        if let Some(byte) = record.0.get_mut(STOP_AT) {
+            *byte = match stop {
+                Stop::NotNeeded => b'n',
+                Stop::Sent => b's',
+                Stop::NotSent => 0,
+            };
+        }
+        record
+    }
+
+    fn stop(&self) -> Stop {
+        match self.0.get(STOP_AT) {
+            Some(b'n') => Stop::NotNeeded,
+            Some(b's') => Stop::Sent,
+            _ => Stop::NotSent,
+        }
+    }
+
     fn heard(&self) -> Heard {
         match self.0.first() {
+            Some(&ENDED) => Heard::Ended,
             Some(&GOODBYE) => Heard::Goodbye,
             Some(&AT_REST) => Heard::AtRest,
             _ => Heard::Beat,
@@ -83,6 +107,17 @@ impl Record {
         let file = std::str::from_utf8(self.0.get(HEAD..HEAD + length)?).ok()?;
         (line > 0).then(|| format!("{file}:{line}"))
     }
+}
+
+/// What a guard must know of a player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ward {
+    /// A player that is silent for longer than twice this, in nanoseconds, and for 50 ms at least, is killed.
+    pub max_late: u64,
+    /// How many zeros bring a receiver back in step behind a flush: [`zeros_behind_flush`](crate::board::zeros_behind_flush).
+    pub zeros: usize,
+    /// Whether the guard runs before all ordinary programs.
+    pub realtime: bool,
 }
 
 /// A player's guard, as the player sees it.
@@ -110,14 +145,13 @@ enum Bond {
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. `program` must hand the three arguments that are added
-    /// to it to [`guard`].
-    ///
-    /// A player that is silent for longer than twice `max_late` nanoseconds, and 50 ms at least, is killed.
-    pub fn start(mut program: Command, port: BorrowedFd<'_>, max_late: u64, realtime: bool) -> io::Result<Self> {
+    /// Starts a guard over an open port, and waits until it is ready. `program` must hand the four arguments that are added
+    /// to it to [`guard`]: the process, and the fields of its [`Ward`].
+    pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: Ward) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
-        let max_late = max_late.max(LENIENCE);
-        program.args([std::process::id().to_string(), max_late.to_string(), realtime.to_string()]);
+        let max_late = ward.max_late.max(LENIENCE);
+        program.args([std::process::id().to_string(), max_late.to_string()]);
+        program.args([ward.zeros.to_string(), ward.realtime.to_string()]);
         program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
         let child = program.spawn()?;
         // With it goes our copy of the guard's end of the pipe.
@@ -147,7 +181,7 @@ impl Guard {
     }
 
     /// What to wait on for its end.
-    pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
+    pub(crate) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         (self.bond == Bond::Watched).then(|| self.pipe.as_fd())
     }
 
@@ -157,12 +191,12 @@ impl Guard {
     }
 
     /// Whether a beat is wanted now: it is welcome and there is time for it, or it cannot wait.
-    pub(super) fn wants_beat(&self, now: u64, has_time: bool) -> bool {
+    pub(crate) fn wants_beat(&self, now: u64, has_time: bool) -> bool {
         self.bond == Bond::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
     /// Tells that the player is alive and where it is.
-    pub(super) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>) {
+    pub(crate) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>) {
         self.soon = now.saturating_add(SOON.min(self.interval / 2));
         self.deadline = now.saturating_add(self.interval);
         self.tell(Record::new(BEAT, at_us, place));
@@ -174,14 +208,14 @@ impl Guard {
     }
 
     /// It has ended.
-    pub(super) fn lose(&mut self) {
+    pub(crate) fn lose(&mut self) {
         if self.bond == Bond::Watched {
             self.bond = Bond::Lost;
         }
     }
 
     /// Whether it was lost since this was asked last.
-    pub(super) fn is_newly_lost(&mut self) -> bool {
+    pub(crate) fn is_newly_lost(&mut self) -> bool {
         let newly = self.bond == Bond::Lost;
         if newly {
             self.bond = Bond::Known;
@@ -189,17 +223,29 @@ impl Guard {
         newly
     }
 
-    /// Tells that the run has ended as it should, and waits for the guard's end: from then on only the player has the port.
+    /// Tells how and where the run has ended, and waits until the guard has let go of the port. From here on it says what became of the robot if
+    /// this process is killed before it has said so itself, and [`Guard::goodbye`] tells it that it has.
+    pub fn ended(&mut self, at_us: u64, place: Option<Place<'_>>, stop: Stop) {
+        let told = self.send(Record::ended(at_us, place, stop));
+        if told.and_then(|()| self.hear(END)).is_err() {
+            self.lose();
+            let _ = self.child.kill();
+        }
+    }
+
+    /// Tells that all was said, and waits for the guard's end.
     pub fn goodbye(mut self) {
-        let ended = self.send(Record::new(GOODBYE, 0, None)).and_then(|()| {
-            self.pipe.set_nonblocking(false)?;
-            self.pipe.set_read_timeout(Some(END))?;
-            uninterrupted(|| self.pipe.read(&mut [0]))
-        });
-        if ended.is_err() {
+        if self.send(Record::new(GOODBYE, 0, None)).and_then(|()| self.hear(END)).is_err() {
             let _ = self.child.kill();
         }
         let _ = self.child.wait();
+    }
+
+    /// Waits for a word of the guard, or for its end.
+    fn hear(&mut self, patience: Duration) -> io::Result<()> {
+        self.pipe.set_nonblocking(false)?;
+        self.pipe.set_read_timeout(Some(patience))?;
+        uninterrupted(|| self.pipe.read(&mut [0])).map(|_| ())
     }
 
     fn tell(&mut self, record: Record) {
@@ -214,21 +260,25 @@ impl Guard {
     }
 }
 
+/// How often a call is made again that a signal has interrupted: no storm of them keeps a run from ending.
+const MAX_INTERRUPTED: usize = 1_000;
+
 /// Does it again where a signal has interrupted it.
 fn uninterrupted<T>(mut call: impl FnMut() -> io::Result<T>) -> io::Result<T> {
-    loop {
+    for _ in 0..MAX_INTERRUPTED {
         match call() {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             result => return result,
         }
     }
+    Err(io::ErrorKind::Interrupted.into())
 }
 
-/// What a guard did in the place of its player.
+/// What a guard found, and did in the place of its player.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Guarded {
-    /// Whether the player hung and was killed; else it had died.
-    pub hung: bool,
+    /// What became of the player.
+    pub fate: Fate,
     /// The last time of the script that it told, in microseconds.
     pub at_us: u64,
     /// The last place in the script that it told, as `FILE:LINE`.
@@ -239,42 +289,57 @@ pub struct Guarded {
 
 /// Runs a guard, in a process of its own: with the port as standard input and the pipe as standard output. The arguments
 /// are those that [`Guard::start`] added. Gives what was done where the player did not say goodbye.
-pub fn guard(player: i32, max_late: u64, realtime: bool) -> io::Result<Option<Guarded>> {
-    let mut port = Serial::inherited(io::stdin().as_fd().try_clone_to_owned()?)?;
+pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
+    let mut port = Some(Serial::inherited(io::stdin().as_fd().try_clone_to_owned()?)?);
     let mut pipe = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
     // Somebody who starts it by hand would have a process that only a kill ends.
     pipe.peer_addr().map_err(|_| io::Error::other("only a player can start it"))?;
     let terminal = os::Terminal::remember();
-    os::become_guard(realtime);
-    // The player waits for the word that follows, so its number means it and no other process.
-    let player = Process::open(player)?;
-    let mut out = Outbox::new();
+    os::become_guard(ward.realtime);
+    // Its number means it and no other process as long as it is the parent of this one.
+    let player = Process::parent(player)?;
+    let mut out = Outbox::new(ward.zeros);
     let mut last = Record::new(BEAT, 0, None);
     pipe.set_nonblocking(true)?;
     pipe.write_all(&READY)?;
 
-    let mut watch = Watch::new(clock::now(), max_late.saturating_mul(2));
+    let mut watch = Watch::new(clock::now(), ward.max_late.saturating_mul(2));
     let mut heard = Heard::Silence;
-    let hung = loop {
+    let fate = loop {
         match watch.poll(clock::now(), heard) {
             Verdict::Listen(until) => heard = listen(&mut pipe, until, &mut last),
-            Verdict::Hung => break true,
-            Verdict::Died => break false,
+            Verdict::Release => {
+                release(port.take());
+                // Where nobody hears it the player has died, which is heard next.
+                let _ = pipe.write_all(&READY);
+                heard = Heard::Silence;
+            }
+            Verdict::Over(fate) => break fate,
             Verdict::Done => return Ok(None),
         }
     };
-    // Also where it seems to have died: nothing may be sent behind the stop.
-    player.kill();
-    let has_ended = !hung || player.has_ended(DEATH);
-    terminal.restore();
-    let mut stop = halt(&mut port, &mut out);
-    if !has_ended && player.has_ended(LATE_DEATH) {
-        stop = halt(&mut port, &mut out);
-    }
-    // Whoever plays next must not wait until this was told.
+    let stop = match port {
+        None => last.stop(),
+        Some(mut port) => {
+            // Also where it seems to have died: nothing may be sent behind the stop.
+            player.kill();
+            let has_ended = fate != Fate::Hung || player.has_ended(DEATH);
+            terminal.restore();
+            let mut stop = stop_robot(&mut port, &mut out);
+            if !has_ended && player.has_ended(LATE_DEATH) {
+                stop = stop_robot(&mut port, &mut out);
+            }
+            release(Some(port));
+            stop
+        }
+    };
+    Ok(Some(Guarded { fate, at_us: last.at_us(), place: last.place(), stop }))
+}
+
+/// Lets go of the port, which is standard input, too: whoever plays next must not wait until all was told.
+fn release(port: Option<Serial>) {
     drop(port);
     let _ = File::open("/dev/null").map(rustix::stdio::dup2_stdin);
-    Ok(Some(Guarded { hung, at_us: last.at_us(), place: last.place(), stop }))
 }
 
 /// Waits for a message, at most until a time on the clock.
@@ -297,32 +362,6 @@ fn listen(pipe: &mut UnixStream, until: Option<u64>, last: &mut Record) -> Heard
         // The player may well be alive. If this goes on, it is silent for too long.
         Err(_) => Heard::Silence,
     }
-}
-
-/// Stops the robot: what is queued is thrown away, then the stop frames.
-pub(super) fn halt(port: &mut impl Link, out: &mut Outbox) -> Stop {
-    let _ = port.discard();
-    out.clear();
-    let mut halt = Halt::new(&[], clock::now());
-    let mut input = Input::Tick;
-    while let Some(order) = halt.poll(clock::now(), input, out) {
-        input = match order {
-            Order::Write => transfer(port.write(out.rest())),
-            Order::Wait { until, .. } => {
-                let left = until.saturating_sub(clock::now());
-                match os::wait([(Some(port.descriptor()), Ready::OUT)], Some(left)) {
-                    Ok([ready]) if os::is_gone(ready) => Input::HungUp,
-                    _ => Input::Tick,
-                }
-            }
-            Order::Pause { until } => {
-                clock::sleep_until(until);
-                Input::Tick
-            }
-            _ => Input::Tick,
-        };
-    }
-    halt.stop()
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 //! The stop that every early end goes through, as a pure function of time and of what happened.
 //!
-//! What is queued is thrown away, then the stop frame is sent three times (a receiver that was cut off in the middle of a
-//! frame may miss the first), then buzzer off, then the script's `on abort`. Nothing skips it: a signal changes nothing, and
-//! a frame that could not be written is tried again.
+//! What is queued is thrown away, then come zeros (a receiver that was cut off in the middle of a frame takes them for the rest of
+//! it), the stop frame three times, buzzer off, and the script's `on abort`. Nothing skips it: a signal changes nothing, and a frame
+//! that could not be written is tried again.
 
-use super::messages::{Input, Order};
-use crate::board::{Command, MAX_FRAME};
+use super::messages::{Input, Order, Stop};
+use crate::board::{Command, MAX_FRAME, MOST_ZEROS};
 use crate::timeline::Event;
 
 /// Time between two stop frames, in nanoseconds.
@@ -20,27 +20,24 @@ static FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Comm
 /// The most bytes given to the port at once.
 const BATCH: usize = 16 * 1024;
 
-/// Whether the robot was stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stop {
-    /// The run ended as the script says.
-    NotNeeded,
-    /// The port took the stop frame, more than once.
-    Sent,
-    /// It did not: the robot may still be moving.
-    NotSent,
-}
-
 /// Bytes for the port, and how many of them it has taken. Never grows beyond what it was made with.
 #[derive(Debug)]
-pub(super) struct Outbox {
+pub(crate) struct Outbox {
     bytes: Vec<u8>,
     taken: usize,
+    /// How many zeros follow a flush.
+    zeros: usize,
 }
 
 impl Outbox {
-    pub(super) fn new() -> Self {
-        Outbox { bytes: Vec::with_capacity(BATCH + MAX_FRAME), taken: 0 }
+    /// An empty one. So many zeros bring whoever receives what it holds back in step behind a flush.
+    pub(crate) fn new(zeros: usize) -> Self {
+        Outbox { bytes: Vec::with_capacity(BATCH + MAX_FRAME), taken: 0, zeros }
+    }
+
+    /// Of what comes from now on, a receiver may need more zeros.
+    pub(super) fn needs_zeros(&mut self, zeros: usize) {
+        self.zeros = self.zeros.max(zeros);
     }
 
     /// What the port still has to take.
@@ -59,6 +56,10 @@ impl Outbox {
 
     pub(super) fn push(&mut self, command: &Command) {
         command.encode(&mut self.bytes);
+    }
+
+    fn push_zeros(&mut self) {
+        self.bytes.resize(self.bytes.len() + self.zeros.min(MOST_ZEROS), 0);
     }
 
     /// The port took so many of them. Says whether these were the last.
@@ -140,7 +141,12 @@ impl<'t> Halt<'t> {
         } else if now < self.next_at {
             Some(Order::Pause { until: self.next_at })
         } else {
-            out.push(self.next_frame(now)?);
+            let is_first = self.step == 0;
+            let frame = self.next_frame(now)?;
+            if is_first {
+                out.push_zeros();
+            }
+            out.push(frame);
             Some(Order::Write)
         }
     }

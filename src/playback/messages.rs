@@ -1,6 +1,7 @@
 //! What the player is told, what it orders, and what it tells others.
 
-use super::halt::Stop;
+use std::io;
+
 use super::judge::Verdict;
 use crate::board::Report;
 use crate::source::Span;
@@ -42,6 +43,18 @@ pub enum Input {
 }
 
 impl Input {
+    /// What became of bytes that were given to a port.
+    pub(super) fn of_write(result: io::Result<usize>) -> Self {
+        match result {
+            Ok(count) => Input::Wrote(count),
+            Err(error) => match error.kind() {
+                io::ErrorKind::WouldBlock => Input::Blocked,
+                io::ErrorKind::Interrupted => Input::Tick,
+                _ => Input::Failed(error.raw_os_error()),
+            },
+        }
+    }
+
     /// The end that it brings, if it brings one.
     pub(super) fn end(self) -> Option<Cause> {
         match self {
@@ -142,6 +155,17 @@ pub enum Notice {
         /// Microseconds from the start of the script.
         at_us: u64,
     },
+}
+
+/// Whether the robot was stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The run ended as the script says.
+    NotNeeded,
+    /// The port took the stop frame, more than once.
+    Sent,
+    /// It did not: the robot may still be moving.
+    NotSent,
 }
 
 /// Why a run ended.

@@ -10,18 +10,20 @@ mod halt;
 mod judge;
 mod latency;
 mod messages;
-mod os;
+pub(crate) mod os;
 mod player;
-mod tap;
+mod stop;
 mod watch;
 
 pub use crate::clock::now;
 pub use driver::{Rig, drive};
-pub use guard::{Guard, Guarded, guard};
-pub use halt::Stop;
+pub use guard::{Guard, Guarded, Ward, guard};
 pub use judge::{Found, Verdict};
 pub use latency::lateness;
-pub use messages::{Cause, Input, Notice, Order, Outcome};
+pub use messages::{Cause, Input, Notice, Order, Outcome, Stop};
 pub use os::{Keys, Realtime, Signals, is_in_foreground};
 pub use player::Player;
-pub use tap::{TapError, stop_now, tap};
+pub use watch::Fate;
+
+pub(crate) use halt::Outbox;
+pub(crate) use stop::stop_robot;

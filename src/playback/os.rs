@@ -12,16 +12,16 @@ use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 use rustix::mm::MlockAllFlags;
 use rustix::process::{Pid, PidfdFlags, Signal};
-use rustix::termios::{LocalModes, OptionalActions, QueueSelector, Termios};
+use rustix::termios::{LocalModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios};
 use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGXFSZ};
 
 use crate::clock::timespec;
 
-pub(super) use rustix::event::PollFlags as Ready;
+pub(crate) use rustix::event::PollFlags as Ready;
 
 /// Waits at most so many nanoseconds (`None`: as long as it takes) until one of these descriptors is ready, and says for
 /// each what it is ready for. A wait that a signal handler interrupts ends with nothing ready.
-pub(super) fn wait<const N: usize>(
+pub(crate) fn wait<const N: usize>(
     watched: [(Option<BorrowedFd<'_>>, Ready); N],
     timeout: Option<u64>,
 ) -> io::Result<[Ready; N]> {
@@ -44,7 +44,7 @@ pub(super) fn wait<const N: usize>(
 }
 
 /// What poll reports where the other end is gone.
-pub(super) fn is_gone(ready: Ready) -> bool {
+pub(crate) fn is_gone(ready: Ready) -> bool {
     ready.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
 }
 
@@ -67,8 +67,13 @@ impl Signals {
     pub fn catch() -> io::Result<Self> {
         let (pipe, sender) = UnixStream::pair()?;
         pipe.set_nonblocking(true)?;
+        unblock(CAUGHT.into_iter().chain([SIGCONT]));
         let flag = |signal| {
             let flag = Arc::new(AtomicBool::new(false));
+            // What was ignored when this program started stays so, as `nohup` and a shell's `&` mean it.
+            if is_ignored(signal) {
+                return Ok((signal, flag));
+            }
             // In this order, so that the flag is there when the pipe wakes somebody.
             signal_hook::flag::register(signal, Arc::clone(&flag))?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
@@ -150,6 +155,32 @@ pub struct Keys {
     pub enter_steps: bool,
     /// The time of the pause that was told last, in microseconds of the script.
     pub(super) told_us: Option<u64>,
+    /// How far a key has come that sends more than one character, such as an arrow.
+    sequence: Sequence,
+}
+
+/// Where in the characters of one key the terminal is: `ESC`, `ESC [ … LETTER` or `ESC O LETTER`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sequence {
+    Outside,
+    Escape,
+    Inside,
+}
+
+impl Sequence {
+    /// Takes the next character; gives it back where it is a key by itself.
+    fn take(&mut self, character: u8) -> Option<u8> {
+        let was = std::mem::replace(self, Sequence::Outside);
+        match (was, character) {
+            (_, 0x1B) => *self = Sequence::Escape,
+            (Sequence::Escape, b'[' | b'O') => *self = Sequence::Inside,
+            (Sequence::Inside, b'0'..=b'9' | b';' | b'?') => *self = Sequence::Inside,
+            (Sequence::Inside, b'@'..=b'~') => {}
+            // Escape was pressed by itself, and this behind it.
+            _ => return Some(character),
+        }
+        None
+    }
 }
 
 impl Keys {
@@ -157,7 +188,7 @@ impl Keys {
     pub fn open(single: bool) -> Option<Self> {
         let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let terminal = rustix::fs::open("/dev/tty", flags, Mode::empty()).ok()?;
-        Some(Keys { terminal, single, before: None, enter_steps: false, told_us: None })
+        Some(Keys { terminal, single, before: None, enter_steps: false, told_us: None, sequence: Sequence::Outside })
     }
 
     /// Takes single keys from now on, where the terminal talks to this process. Ctrl-C and Ctrl-Z stay what they are.
@@ -166,8 +197,7 @@ impl Keys {
             return;
         }
         let Ok(before) = rustix::termios::tcgetattr(&self.terminal) else { return };
-        let mut single = before.clone();
-        single.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
+        let single = single_keys(&before);
         if rustix::termios::tcsetattr(&self.terminal, OptionalActions::Now, &single).is_ok() {
             self.before = Some(before);
         }
@@ -197,23 +227,19 @@ impl Keys {
 
     /// The next key that was typed; of a line its end. `None` where nothing was, or a key that sends more than one character,
     /// such as an arrow.
-    pub(super) fn key(&self) -> Option<u8> {
+    pub(super) fn key(&mut self) -> Option<u8> {
         let mut buffer = [0; 256];
         if !self.is_single() {
             let count = rustix::io::read(&self.terminal, &mut buffer).ok()?;
             return buffer.get(..count)?.last().copied();
         }
         let (key, _) = buffer.split_at_mut(1);
-        if rustix::io::read(&self.terminal, &mut *key).ok()? == 0 {
-            return None;
+        while rustix::io::read(&self.terminal, &mut *key).is_ok_and(|count| count > 0) {
+            if let Some(key) = self.sequence.take(*key.first()?) {
+                return Some(key);
+            }
         }
-        let key = key.first().copied()?;
-        if key == 0x1B {
-            // What follows belongs to it.
-            self.forget();
-            return None;
-        }
-        Some(key)
+        None
     }
 }
 
@@ -224,24 +250,61 @@ impl Drop for Keys {
 }
 
 /// A terminal as it was, for a guard to bring it back to that where its player cannot.
-pub(super) struct Terminal(Option<(OwnedFd, Termios)>);
+pub(super) struct Terminal {
+    /// The terminal, and its state before.
+    before: Option<(OwnedFd, Termios)>,
+    /// The session of the player, and its group.
+    session: i32,
+    group: i32,
+}
 
 impl Terminal {
     /// Must be asked before the guard leaves its session, and before the player takes single keys.
     pub(super) fn remember() -> Self {
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = rustix::fs::open("/dev/tty", flags, Mode::empty());
-        Terminal(opened.ok().and_then(|terminal| {
+        let before = opened.ok().and_then(|terminal| {
             let state = rustix::termios::tcgetattr(&terminal).ok()?;
             Some((terminal, state))
-        }))
+        });
+        let session = rustix::process::getsid(None).map_or(0, |session| session.as_raw_nonzero().get());
+        Terminal { before, session, group: own_group() }
     }
 
+    /// Brings it back, where it is exactly as a player makes it that takes single keys: where it never did, or where another program has
+    /// set the terminal up for itself, nothing is changed.
     pub(super) fn restore(&self) {
-        if let Some((terminal, state)) = &self.0 {
-            let _ = rustix::termios::tcsetattr(terminal, OptionalActions::Now, state);
+        let Some((terminal, before)) = &self.before else { return };
+        let Ok(now) = rustix::termios::tcgetattr(terminal) else { return };
+        let is_the_players = is_same(&now, &single_keys(before)) && !is_same(&now, before);
+        // In the end the terminal is the player's, or its shell's, or nobody's.
+        let foreground = foreground(self.session);
+        let is_anothers = foreground.is_some_and(|group| ![self.group, self.session].contains(&group));
+        if is_the_players && !is_anothers {
+            let _ = rustix::termios::tcsetattr(terminal, OptionalActions::Now, before);
         }
     }
+}
+
+/// A terminal that gives each key by itself, without an echo.
+fn single_keys(state: &Termios) -> Termios {
+    let mut single = state.clone();
+    single.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
+    single
+}
+
+fn is_same(one: &Termios, other: &Termios) -> bool {
+    let modes = |state: &Termios| (state.input_modes, state.output_modes, state.control_modes, state.local_modes);
+    let codes = [SpecialCodeIndex::VMIN, SpecialCodeIndex::VTIME, SpecialCodeIndex::VINTR, SpecialCodeIndex::VEOF];
+    modes(one) == modes(other) && codes.iter().all(|code| one.special_codes[*code] == other.special_codes[*code])
+}
+
+/// The group that the terminal of a session talks to, as far as the leader of the session still knows.
+fn foreground(session: i32) -> Option<i32> {
+    let stat = std::fs::read_to_string(format!("/proc/{session}/stat")).ok()?;
+    // Behind the name in brackets: state, parent, group, session, terminal, foreground group.
+    let group: i32 = stat.rsplit_once(')')?.1.split_whitespace().nth(5)?.parse().ok()?;
+    (group > 0).then_some(group)
 }
 
 /// What `--realtime` got of what it asked for.
@@ -268,7 +331,7 @@ fn lock_memory() -> io::Result<()> {
 }
 
 /// Lets this thread wake as exactly as the clock can; by default Linux may be 50 µs late.
-pub(super) fn wake_exactly() {
+pub(crate) fn wake_exactly() {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
 
@@ -303,9 +366,17 @@ pub(super) fn become_guard(realtime: bool) {
 pub(super) struct Process(OwnedFd);
 
 impl Process {
-    pub(super) fn open(id: i32) -> io::Result<Self> {
+    /// The parent of this process, which must have this number. A parent that has died meanwhile is an error: its number may already
+    /// mean another process.
+    pub(super) fn parent(id: i32) -> io::Result<Self> {
         let id = Pid::from_raw(id).ok_or(io::ErrorKind::InvalidInput)?;
-        Ok(Process(rustix::process::pidfd_open(id, PidfdFlags::empty())?))
+        let is_parent = || rustix::process::getppid() == Some(id);
+        let gone = || io::Error::other("the player is gone");
+        if !is_parent() {
+            return Err(gone());
+        }
+        let process = rustix::process::pidfd_open(id, PidfdFlags::empty())?;
+        if is_parent() { Ok(Process(process)) } else { Err(gone()) }
     }
 
     /// Kills it; a process that has ended already stays so.
@@ -332,6 +403,30 @@ fn ignore(signals: impl IntoIterator<Item = i32>) {
     for signal in signals {
         // SAFETY: no handler runs: SIG_IGN takes a valid signal number or fails with EINVAL.
         unsafe { libc::signal(signal, libc::SIG_IGN) };
+    }
+}
+
+/// Whether a signal is ignored.
+#[expect(unsafe_code, reason = "neither the standard library nor rustix can tell")]
+fn is_ignored(signal: i32) -> bool {
+    // SAFETY: the pointer is to a live value of the type that the call writes; nothing is changed.
+    unsafe {
+        let mut now: libc::sigaction = std::mem::zeroed();
+        libc::sigaction(signal, std::ptr::null(), &raw mut now) == 0 && now.sa_sigaction == libc::SIG_IGN
+    }
+}
+
+/// Lets these signals reach this thread, and those that it starts, also where the program that started this one has blocked them.
+#[expect(unsafe_code, reason = "neither the standard library nor rustix can unblock a signal")]
+fn unblock(signals: impl IntoIterator<Item = i32>) {
+    // SAFETY: the pointers are to a live set, which is emptied before it is filled and read.
+    unsafe {
+        let mut set: libc::sigset_t = std::mem::zeroed();
+        libc::sigemptyset(&raw mut set);
+        for signal in signals {
+            libc::sigaddset(&raw mut set, signal);
+        }
+        libc::pthread_sigmask(libc::SIG_UNBLOCK, &raw const set, std::ptr::null_mut());
     }
 }
 

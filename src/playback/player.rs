@@ -3,10 +3,10 @@
 //! Late is never caught up: a frame later than the limit is not sent, and the run ends. A sample or a refresh that a newer
 //! frame for the same thing has overtaken is dropped. Every end but the regular one, and every pause, is a [`Halt`].
 
-use super::halt::{Halt, Outbox, Stop};
+use super::halt::{Halt, Outbox};
 use super::judge::Judge;
-use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP};
-use crate::board::{Report, State};
+use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP, Stop};
+use crate::board::{Report, State, zeros_behind_flush};
 use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
 
@@ -79,7 +79,7 @@ impl<'t> Player<'t> {
             origin: 0,
             next: 0,
             next_cue: 0,
-            out: Outbox::new(),
+            out: Outbox::new(zeros_behind_flush(timeline.events().iter().map(|event| &event.command))),
             due: 0,
             pending: 0,
             last: None,
@@ -94,6 +94,7 @@ impl<'t> Player<'t> {
     #[must_use]
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
+        self.out.needs_zeros(zeros_behind_flush(again.events().iter().map(|event| &event.command)));
         self.again = Some(again).filter(|again| again.end_us > 0);
         self
     }

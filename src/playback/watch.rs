@@ -1,5 +1,16 @@
 //! What a guard decides, as a pure function of time and of what it hears.
 
+/// What became of a player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fate {
+    /// It hung, and was killed.
+    Hung,
+    /// It had died while it played.
+    Died,
+    /// Its run had ended, and it died before it could say how.
+    DiedBehindTheEnd,
+}
+
 /// What a guard heard from the player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
@@ -9,7 +20,9 @@ pub(super) enum Heard {
     Beat,
     /// The robot stands, and no beats will come until the next one.
     AtRest,
-    /// It has ended as it should.
+    /// The run has ended, and the robot needs nothing more.
+    Ended,
+    /// All was said.
     Goodbye,
     /// Its end of the pipe is closed.
     Closed,
@@ -20,10 +33,10 @@ pub(super) enum Heard {
 pub(super) enum Verdict {
     /// Listen until this time; `None`: as long as it takes.
     Listen(Option<u64>),
-    /// The player hangs: kill it, and stop the robot.
-    Hung,
-    /// The player has died: stop the robot.
-    Died,
+    /// The run has ended: let go of the port.
+    Release,
+    /// The player can do no more.
+    Over(Fate),
     /// Nothing is left to do.
     Done,
 }
@@ -40,17 +53,24 @@ pub(super) struct Watch {
     deadline: Option<u64>,
     /// Whether it was given one more interval since its last beat.
     extended: bool,
+    /// Whether its run has ended.
+    ended: bool,
 }
 
 impl Watch {
     pub(super) fn new(now: u64, limit: u64) -> Self {
-        Watch { limit, deadline: Some(now.saturating_add(limit)), extended: false }
+        Watch { limit, deadline: Some(now.saturating_add(limit)), extended: false, ended: false }
     }
 
     pub(super) fn poll(&mut self, now: u64, heard: Heard) -> Verdict {
         match heard {
             Heard::Goodbye => return Verdict::Done,
-            Heard::Closed => return Verdict::Died,
+            Heard::Closed if self.ended => return Verdict::Over(Fate::DiedBehindTheEnd),
+            Heard::Closed => return Verdict::Over(Fate::Died),
+            Heard::Ended => {
+                (self.deadline, self.ended) = (None, true);
+                return Verdict::Release;
+            }
             Heard::AtRest => self.deadline = None,
             Heard::Beat => {
                 self.deadline = Some(now.saturating_add(self.limit));
@@ -60,7 +80,7 @@ impl Watch {
                 Some(deadline) if now >= deadline => {
                     // Whatever kept the guard from waking may have kept the player from beating.
                     if self.extended || now - deadline < TARDY {
-                        return Verdict::Hung;
+                        return Verdict::Over(Fate::Hung);
                     }
                     self.extended = true;
                     self.deadline = Some(now.saturating_add(self.limit));
@@ -93,15 +113,15 @@ mod tests {
     fn silence_is_a_hang_and_a_closed_pipe_a_death() {
         let mut watch = Watch::new(0, 100 * MS);
         assert_eq!(watch.poll(99 * MS, Heard::Silence), Verdict::Listen(Some(100 * MS)));
-        assert_eq!(watch.poll(100 * MS, Heard::Silence), Verdict::Hung);
-        assert_eq!(watch.poll(100 * MS, Heard::Closed), Verdict::Died);
+        assert_eq!(watch.poll(100 * MS, Heard::Silence), Verdict::Over(Fate::Hung));
+        assert_eq!(watch.poll(100 * MS, Heard::Closed), Verdict::Over(Fate::Died));
     }
 
     #[test]
     fn a_guard_that_woke_late_gives_one_more_interval_and_no_second() {
         let mut watch = Watch::new(0, 100 * MS);
         assert_eq!(watch.poll(105 * MS, Heard::Silence), Verdict::Listen(Some(205 * MS)));
-        assert_eq!(watch.poll(300 * MS, Heard::Silence), Verdict::Hung);
+        assert_eq!(watch.poll(300 * MS, Heard::Silence), Verdict::Over(Fate::Hung));
         // A beat between them makes it patient again.
         let mut watch = Watch::new(0, 100 * MS);
         watch.poll(105 * MS, Heard::Silence);
@@ -114,8 +134,17 @@ mod tests {
         let mut watch = Watch::new(0, 100 * MS);
         assert_eq!(watch.poll(MS, Heard::AtRest), Verdict::Listen(None));
         assert_eq!(watch.poll(u64::MAX, Heard::Silence), Verdict::Listen(None));
-        assert_eq!(watch.poll(u64::MAX, Heard::Closed), Verdict::Died);
+        assert_eq!(watch.poll(u64::MAX, Heard::Closed), Verdict::Over(Fate::Died));
         // The next beat ends the rest.
         assert_eq!(watch.poll(MS, Heard::Beat), Verdict::Listen(Some(101 * MS)));
+    }
+
+    #[test]
+    fn a_player_that_dies_behind_its_end_is_told_from_one_that_drives() {
+        let mut watch = Watch::new(0, 100 * MS);
+        assert_eq!(watch.poll(MS, Heard::Ended), Verdict::Release);
+        assert_eq!(watch.poll(u64::MAX, Heard::Silence), Verdict::Listen(None));
+        assert_eq!(watch.poll(u64::MAX, Heard::Closed), Verdict::Over(Fate::DiedBehindTheEnd));
+        assert_eq!(watch.poll(u64::MAX, Heard::Goodbye), Verdict::Done);
     }
 }

@@ -1,21 +1,19 @@
 //! The virtual board: takes bytes as a real one does, keeps what it was told, moves, and reports.
 //!
-//! It holds no clock: time is an input, so that the same board stands behind a pseudo-terminal in real time ([`serve`]) and
-//! under a clock that jumps. What the maker of the board does not publish is nominal here, and can be set ([`Settings`]).
+//! It holds no clock: time is an input, so that the same board is behind a pseudo-terminal in real time ([`crate::serve`]) and
+//! under a clock that jumps. What the maker of the board does not publish is nominal here, and can be set ([`Settings`]). The device
+//! itself never fails; what goes wrong ([`Faults`]) is put around it.
 
+mod device;
 mod faults;
-mod hosted;
 mod motion;
-mod served;
 
-use crate::board::{Command, Decoder, Hundredths, Item, NotACommand, Query, Report, Skip, State};
+use crate::board::{Decoder, Hundredths, Item, NotACommand, Report, Skip, State};
+use device::Device;
 use faults::Dice;
-use motion::Body;
 
 pub use faults::{Faults, NotAFault, volts};
-pub use hosted::host;
 pub use motion::{Geometry, Pose, Twist};
-pub use served::{Served, serve};
 
 /// What a board is like, and what goes wrong with it.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,29 +39,14 @@ impl Default for Settings {
     }
 }
 
-/// Microseconds between two reports.
-const REPORT_US: u64 = 100_000;
-/// By how many volts the battery sags at full speed, and how many it loses then in a second.
-const SAG: f64 = 0.45;
-const DRAIN: f64 = 0.000_5;
-
-/// A board that exists only here. It decodes strictly.
+/// A board that exists only here, with the faults of its settings around it. It decodes strictly.
 #[derive(Debug)]
 pub struct VirtualBoard {
-    settings: Settings,
+    device: Device,
+    faults: Faults,
     decoder: Decoder,
-    received: Received,
-    body: Body,
     /// For frames, and for reports: so that neither changes what befalls the other.
     dice: [Dice; 2],
-    /// The time, in microseconds since it was switched on.
-    now_us: u64,
-    /// When the last drive frame came.
-    fed_us: u64,
-    /// When the next report is due.
-    report_us: Option<u64>,
-    /// What the battery has lost, in volts.
-    drained: f64,
     replies: Vec<u8>,
 }
 
@@ -76,7 +59,7 @@ pub struct Received {
     pub frames: u64,
     /// Whole frames that say nothing the board knows.
     pub not_understood: u64,
-    /// Bytes that belong to no frame.
+    /// Bytes that belong to no frame, but for the zeros of a stop.
     pub skipped: u64,
     /// The first thing that was wrong, with its position in the stream.
     pub first_fault: Option<(u64, Fault)>,
@@ -104,60 +87,63 @@ pub enum Fault {
 impl VirtualBoard {
     /// A board that is switched on at time 0.
     pub fn new(settings: Settings) -> Self {
-        VirtualBoard {
+        let Settings { geometry, battery, silence_us, faults } = settings;
+        let mut board = VirtualBoard {
+            device: Device::new(geometry, battery, silence_us),
             decoder: Decoder::new(),
-            received: Received::default(),
-            body: Body::new(settings.geometry),
-            dice: [0, 1].map(|stream| Dice::new(settings.faults.seed.wrapping_add(stream << 32))),
-            now_us: 0,
-            fed_us: 0,
-            report_us: None,
-            drained: 0.0,
+            dice: [0, 1].map(|stream| Dice::new(faults.seed.wrapping_add(stream << 32))),
             replies: Vec::new(),
-            settings,
-        }
+            faults,
+        };
+        board.poll(0);
+        board
     }
 
     /// Takes bytes off the line at a time, in microseconds since it was switched on.
     pub fn receive(&mut self, now_us: u64, bytes: &[u8]) {
         self.poll(now_us);
-        let mut decoder = std::mem::take(&mut self.decoder);
-        decoder.feed(bytes, |item| self.take(item));
-        self.decoder = decoder;
+        let VirtualBoard { device, faults, decoder, dice: [dice, _], .. } = self;
+        decoder.feed(bytes, |item| match item {
+            // A frame with a wrong bit has a wrong checksum.
+            Item::Frame(frame) if dice.happens(faults.drop) || dice.happens(faults.garble) => {
+                device.received.bytes += frame.bytes().len() as u64;
+                device.received.lost += 1;
+            }
+            item => device.take(item),
+        });
+        self.reply();
     }
 
     /// Lets time pass. It never goes back.
     pub fn poll(&mut self, now_us: u64) {
-        while self.now_us < now_us {
-            let stops_us =
-                self.settings.silence_us.filter(|_| self.body.holds()).map(|us| self.fed_us.saturating_add(us));
-            let next =
-                [stops_us, self.report_us].into_iter().flatten().min().unwrap_or(now_us).clamp(self.now_us, now_us);
-            self.pass(next);
-            if stops_us.is_some_and(|us| us <= next) {
-                self.body.stop();
-            }
-            if let Some(due) = self.report_us.filter(|due| *due <= next) {
-                self.report_us = Some(due + REPORT_US);
-                self.reply();
-            } else if next == now_us {
-                break;
-            }
+        if let Some((hundredths, from_us)) = self.faults.battery.take_if(|(_, from_us)| *from_us <= now_us) {
+            // What it reports before that is of the old one.
+            self.device.poll(from_us.saturating_sub(1));
+            self.device.battery = Hundredths(hundredths);
         }
+        self.device.poll(now_us);
+        self.reply();
     }
 
-    fn pass(&mut self, to_us: u64) {
-        #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-        let seconds = (to_us - self.now_us) as f64 / 1e6;
-        self.drained += DRAIN * self.body.load() * seconds;
-        self.body.pass(seconds);
-        self.now_us = to_us;
-        self.received.pose = self.body.pose();
+    /// Sends what it has to report, as far as that gets through.
+    fn reply(&mut self) {
+        let Faults { drop, garble, silent, .. } = self.faults;
+        let [_, dice] = &mut self.dice;
+        for report in self.device.reports.drain(..) {
+            let mut line = report.to_string().into_bytes();
+            if silent || dice.happens(drop) {
+                continue;
+            }
+            if dice.happens(garble) {
+                dice.garble(&mut line);
+            }
+            self.replies.extend(line);
+        }
     }
 
     /// When it has something to do next, in microseconds since it was switched on.
     pub fn next_due(&self) -> Option<u64> {
-        self.report_us
+        self.device.next_due()
     }
 
     /// What it has to send, which is taken from it.
@@ -167,101 +153,29 @@ impl VirtualBoard {
 
     /// What it has received so far, and what became of it.
     pub fn received(&self) -> &Received {
-        &self.received
+        &self.device.received
     }
 
-    /// What goes wrong with it.
-    pub fn faults(&self) -> &Faults {
-        &self.settings.faults
+    /// When its cable is pulled, in microseconds, if it is.
+    pub fn unplugged_us(&self) -> Option<u64> {
+        self.faults.unplug_us
+    }
+
+    /// When it stops taking bytes, in microseconds, if it does.
+    pub fn stalled_us(&self) -> Option<u64> {
+        self.faults.stall_us
     }
 
     /// What it would report now.
     pub fn report(&self) -> Report {
-        let rest = match self.settings.faults.battery {
-            Some((hundredths, from_us)) if self.now_us >= from_us => hundredths,
-            _ => self.settings.battery.0,
-        };
-        let hundredths = |value: f64| {
-            #[expect(clippy::cast_possible_truncation, reason = "held in range")]
-            Hundredths(libm::round(value * 100.0).clamp(-1e9, 1e9) as i32)
-        };
-        let voltage = f64::from(rest) / 100.0 - self.drained - SAG * self.body.load();
-        let yaw = self.body.pose().yaw_deg;
-        // Wrapped to half a turn on either side; the floor is flat.
-        let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
-        Report {
-            pitch: Hundredths(0),
-            roll: Hundredths(0),
-            yaw: hundredths(yaw),
-            voltage: hundredths(voltage.max(0.0)),
-        }
+        self.device.report()
     }
 
     /// The line is closed: what was cut off counts as skipped.
     pub fn finish(mut self) -> Received {
-        let mut decoder = std::mem::take(&mut self.decoder);
-        decoder.finish(|item| self.take(item));
-        self.received.moves = self.body.moves();
-        self.received
-    }
-
-    fn reply(&mut self) {
-        let Faults { drop, garble, silent, .. } = self.settings.faults;
-        let mut line = self.report().to_string().into_bytes();
-        let [_, dice] = &mut self.dice;
-        if silent || dice.happens(drop) {
-            return;
-        }
-        if dice.happens(garble) {
-            dice.garble(&mut line);
-        }
-        self.replies.extend(line);
-    }
-
-    fn take(&mut self, item: Item<'_>) {
-        match item {
-            Item::Frame(frame) => {
-                let at = self.received.bytes;
-                self.received.bytes += frame.bytes().len() as u64;
-                let Faults { drop, garble, .. } = self.settings.faults;
-                let [dice, _] = &mut self.dice;
-                if dice.happens(drop) || dice.happens(garble) {
-                    // A frame with a wrong bit has a wrong checksum.
-                    self.received.lost += 1;
-                    return;
-                }
-                match Command::decode(frame) {
-                    Ok(command) => self.obey(&command),
-                    Err(error) => {
-                        self.received.not_understood += 1;
-                        self.fault(at, Fault::NotACommand(error));
-                    }
-                }
-            }
-            Item::Skipped { at, bytes, why } => {
-                self.received.bytes += bytes.len() as u64;
-                self.received.skipped += bytes.len() as u64;
-                self.fault(at, Fault::Skipped(why));
-            }
-        }
-    }
-
-    fn obey(&mut self, command: &Command) {
-        self.received.frames += 1;
-        self.received.state.apply(command);
-        if command.is_drive() {
-            self.fed_us = self.now_us;
-        }
-        self.body.take(command, self.received.state.mode());
-        match command {
-            Command::Request(Query::REPORT_START) => self.report_us = Some(self.now_us + REPORT_US),
-            Command::Request(Query::REPORT_STOP) => self.report_us = None,
-            Command::Request(_) => self.reply(),
-            _ => {}
-        }
-    }
-
-    fn fault(&mut self, at: u64, fault: Fault) {
-        self.received.first_fault.get_or_insert((at, fault));
+        let VirtualBoard { device, decoder, .. } = &mut self;
+        decoder.finish(|item| device.take(item));
+        let moves = self.device.moves();
+        Received { moves, ..self.device.received }
     }
 }

@@ -291,7 +291,7 @@ fn read(t_us: u64, item: Item<'_>) -> Found {
             Found { t_us, hex: frame.to_string(), command: Some(Command::decode_or_raw(frame)), wrong }
         }
         Item::Skipped { bytes, why, .. } => {
-            Found { t_us, hex: Hex(bytes).to_string(), command: None, wrong: Some(why.to_string()) }
+            Found { t_us, hex: Hex(bytes).to_string(), command: None, wrong: why.is_wrong().then(|| why.to_string()) }
         }
     }
 }

@@ -122,8 +122,8 @@ impl Log {
         self.put(at, Entry::Line { level, text: text.into(), place: None });
     }
 
-    /// Ends it, and says what became of it where it is not whole.
-    pub(super) fn end(self) {
+    /// Ends it, and says what became of it where it is not whole. Gives whether it is.
+    pub(super) fn end(self) -> bool {
         let Log { path, screen, entries, kept, lost, .. } = self;
         drop(entries);
         let failed = kept.recv_timeout(PATIENCE).unwrap_or_else(|why| {
@@ -134,9 +134,11 @@ impl Log {
             Some(why.to_owned())
         });
         let lost = (lost > 0).then(|| format!("{lost} entries came faster than they could be written"));
-        if let Some(why) = failed.or(lost) {
+        let why_not = failed.or(lost);
+        if let Some(why) = &why_not {
             screen
                 .warning(&format!("the log {} is not whole: {why}; nothing else was changed by that", path.display()));
         }
+        why_not.is_none()
     }
 }

@@ -1,0 +1,33 @@
+//! The stop of whoever has a port and nothing else to do: a guard, and a tap that ends.
+
+use super::halt::{Halt, Outbox};
+use super::messages::{Input, Order, Stop};
+use super::os::{self, Ready};
+use crate::clock;
+use crate::link::Link;
+
+/// Stops the robot: what is queued is thrown away, then the stop frames.
+pub(crate) fn stop_robot(port: &mut impl Link, out: &mut Outbox) -> Stop {
+    let _ = port.discard();
+    out.clear();
+    let mut halt = Halt::new(&[], clock::now());
+    let mut input = Input::Tick;
+    while let Some(order) = halt.poll(clock::now(), input, out) {
+        input = match order {
+            Order::Write => Input::of_write(port.write(out.rest())),
+            Order::Wait { until, .. } => {
+                let left = until.saturating_sub(clock::now());
+                match os::wait([(Some(port.descriptor()), Ready::OUT)], Some(left)) {
+                    Ok([ready]) if os::is_gone(ready) => Input::HungUp,
+                    _ => Input::Tick,
+                }
+            }
+            Order::Pause { until } => {
+                clock::sleep_until(until);
+                Input::Tick
+            }
+            _ => Input::Tick,
+        };
+    }
+    halt.stop()
+}

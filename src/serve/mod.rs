@@ -1,0 +1,436 @@
+//! The one loop behind every port that this program offers to others: a virtual board for `play`, a virtual board or the way to a real
+//! one for any program.
+//!
+//! The loop waits for nothing but bytes, time, signals and the guard: what it tells, it tells a closure that must not wait either.
+
+mod board_end;
+mod port_end;
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::Duration;
+
+use crate::clock;
+use crate::link::{Door, Happened, Pty, Serial};
+use crate::playback::os::{self, Ready};
+use crate::playback::{Guard, Signals, Stop};
+use crate::sim::{Received, VirtualBoard};
+use board_end::BoardEnd;
+use port_end::PortEnd;
+
+/// The longest time without a look at what else there is, in nanoseconds.
+const LOOK: u64 = 20_000_000;
+/// How long nobody looks whether a program has come, in nanoseconds.
+const IDLE: u64 = 2_000_000;
+/// The most bytes that are read when it ends, and how long that may take, in nanoseconds: a program may never stop writing.
+const MOST_LEFT: u64 = 1 << 20;
+const DRAIN: u64 = 1_000_000_000;
+
+/// Why a server ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The program that it was for has closed its port, and everything was taken.
+    Closed,
+    /// A signal asked for it.
+    Signal(i32),
+    /// A fault of the virtual board has pulled the cable.
+    Unplugged,
+    /// The guard was lost.
+    Unguarded,
+}
+
+/// Why a server failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// The port of the board was lost.
+    #[error("the port was lost: {0}")]
+    Lost(io::Error),
+    /// The side of the program failed, or what watches.
+    #[error(transparent)]
+    Failed(#[from] io::Error),
+}
+
+/// What became of a real board behind a port that was offered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Passed {
+    /// Whether the robot was stopped at the end: not needed where the last thing that the board was told is known to be rest.
+    pub stop: Stop,
+    /// How many bytes the program had written that the board was not given.
+    pub undelivered: u64,
+}
+
+/// What is at the far end of the port.
+enum Far {
+    Board(Box<BoardEnd>),
+    Port(Box<PortEnd>),
+}
+
+/// A server, and what it needs.
+pub struct Server<'d> {
+    door: &'d mut Door,
+    far: Far,
+    signals: Option<&'d Signals>,
+    /// When time 0 is, on the clock; as long as it is 0, it is time 0.
+    begin: Arc<AtomicU64>,
+    /// Set as soon as the far end takes no bytes any more.
+    stalls: Arc<AtomicBool>,
+    /// Whether it ends with the first program.
+    once: bool,
+    /// Whether a program has the port open, and whether its end was seen once.
+    is_open: bool,
+    is_ending: bool,
+}
+
+/// What watches a server: it gets the time in microseconds, what happens, and the virtual board, if there is one.
+pub type Watch<'w> = dyn FnMut(u64, Happened<'_>, Option<&VirtualBoard>) -> io::Result<()> + 'w;
+
+impl<'d> Server<'d> {
+    /// A virtual board behind a door. A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
+    pub fn of_board(door: &'d mut Door, board: VirtualBoard, baud: u32, signals: Option<&'d Signals>) -> Self {
+        Server::new(door, Far::Board(Box::new(BoardEnd::new(board, baud))), signals)
+    }
+
+    /// The way to a real board: bytes pass both ways unchanged. Where the port takes none for now, the program waits, as it would without
+    /// anything in between; what the board says while no program is there is lost, as it would be.
+    pub fn of_port(door: &'d mut Door, port: Serial, guard: Option<Guard>, signals: &'d Signals) -> Self {
+        Server::new(door, Far::Port(Box::new(PortEnd::new(port, guard))), Some(signals))
+    }
+
+    fn new(door: &'d mut Door, far: Far, signals: Option<&'d Signals>) -> Self {
+        Server {
+            door,
+            far,
+            signals,
+            begin: Arc::new(AtomicU64::new(clock::now())),
+            stalls: Arc::default(),
+            once: false,
+            is_open: false,
+            is_ending: false,
+        }
+    }
+
+    /// Serves until a signal, or a fault of the board, ends it.
+    pub fn run(&mut self, watch: &mut Watch<'_>) -> Result<End, ServeError> {
+        os::wake_exactly();
+        let end = self.serve(watch)?;
+        if let End::Signal(_) = end {
+            self.drain(watch)?;
+        }
+        Ok(end)
+    }
+
+    /// What the virtual board has received; `None` where there is none.
+    pub fn received(self) -> Option<Received> {
+        match self.far {
+            Far::Board(end) => Some(end.finish()),
+            Far::Port(_) => None,
+        }
+    }
+
+    /// Stops a real board, where what it was told may not be rest, tells the guard how it went, and gives it, for its goodbye.
+    pub fn stop(&mut self) -> Option<(Passed, Option<Guard>)> {
+        let at_us = self.time(clock::now());
+        match &mut self.far {
+            Far::Board(_) => None,
+            Far::Port(end) => {
+                let waiting = self.door.pty().waiting().unwrap_or(0);
+                Some(end.stop(at_us, waiting))
+            }
+        }
+    }
+
+    fn time(&self, now: u64) -> u64 {
+        match self.begin.load(Ordering::Relaxed) {
+            0 => 0,
+            begin => now.saturating_sub(begin) / 1_000,
+        }
+    }
+
+    fn serve(&mut self, watch: &mut Watch<'_>) -> Result<End, ServeError> {
+        loop {
+            let now_us = self.time(clock::now());
+            self.far.poll(now_us);
+            watch(now_us, Happened::Passed, self.far.board())?;
+            if let Some(signal) = self.signals.and_then(Signals::pending) {
+                return Ok(End::Signal(signal));
+            }
+            if let Some(end) = self.far.end(now_us) {
+                return Ok(end);
+            }
+            self.look_for_program(now_us, watch)?;
+            self.answer(now_us, watch)?;
+            let is_stalled = self.far.is_stalled(now_us);
+            self.stalls.store(is_stalled, Ordering::Relaxed);
+            if self.wait(now_us, is_stalled)? && self.take(is_stalled, watch)? {
+                return Ok(End::Closed);
+            }
+        }
+    }
+
+    /// One that has written and gone already counts, too.
+    fn look_for_program(&mut self, now_us: u64, watch: &mut Watch<'_>) -> io::Result<()> {
+        let port = self.door.pty();
+        if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
+            (self.is_open, self.is_ending) = (true, false);
+            watch(now_us, Happened::Opened, self.far.board())?;
+        }
+        Ok(())
+    }
+
+    /// Gives the program what the far end has sent. What is said while no program listens is lost, as on a real line.
+    fn answer(&mut self, now_us: u64, watch: &mut Watch<'_>) -> Result<(), ServeError> {
+        let said = self.far.said().map_err(ServeError::Lost)?;
+        if self.is_open && !said.is_empty() {
+            self.door.pty().write(&said)?;
+            watch(now_us, Happened::Answered(&said), self.far.board())?;
+        }
+        Ok(())
+    }
+
+    /// Waits until something may have happened; says whether the program has written something that can be taken, or has gone.
+    fn wait(&mut self, now_us: u64, is_stalled: bool) -> Result<bool, ServeError> {
+        let now = clock::now();
+        let takes_at = self.far.takes_at();
+        let due = self.far.next_due().map(|us| now.saturating_add(us.saturating_sub(now_us).saturating_mul(1_000)));
+        let until =
+            [Some(now.saturating_add(if self.is_open { LOOK } else { IDLE })), due, takes_at.filter(|at| *at > now)];
+        let until = until.into_iter().flatten().min().unwrap_or(now);
+        // Where nothing can be taken, the program is not looked at: one that has gone would be told again and again.
+        let takes = self.is_open && takes_at.is_some_and(|at| at <= now);
+        let asks = if is_stalled { Ready::empty() } else { Ready::IN };
+        let watched = [
+            (takes.then(|| std::os::fd::AsFd::as_fd(self.door.pty())), asks),
+            (self.signals.map(std::os::fd::AsFd::as_fd), Ready::IN),
+            self.far.watched(),
+            (self.far.guard().and_then(Guard::descriptor), Ready::IN),
+        ];
+        if watched.iter().all(|(descriptor, _)| descriptor.is_none()) {
+            clock::sleep_until(until);
+            return Ok(false);
+        }
+        let [program, _, far, guard] = os::wait(watched, Some(until.saturating_sub(now)))?;
+        if !guard.is_empty() {
+            self.far.lose_guard();
+        }
+        self.far.ready(far).map_err(ServeError::Lost)?;
+        Ok(!program.is_empty())
+    }
+
+    /// Takes what the program has written. Says whether it is the end of a server that ends with its program.
+    fn take(&mut self, is_stalled: bool, watch: &mut Watch<'_>) -> Result<bool, ServeError> {
+        let mut buffer = [0; 4096];
+        let room = self.far.room().min(buffer.len());
+        let (buffer, _) = buffer.split_at_mut(room);
+        match if is_stalled { Ok(0) } else { self.door.pty().read(buffer) } {
+            // The system may tell of the end before the last bytes are through.
+            Ok(0) if !is_stalled && !std::mem::replace(&mut self.is_ending, true) => {
+                clock::sleep_until(clock::now().saturating_add(IDLE));
+            }
+            Ok(0) => {
+                self.is_open = false;
+                if self.once {
+                    return Ok(true);
+                }
+                self.door.sweep()?;
+                watch(self.time(clock::now()), Happened::Closed, self.far.board())?;
+            }
+            Ok(count) => {
+                self.is_ending = false;
+                self.pass(clock::now(), buffer.get(..count).unwrap_or_default(), watch)?;
+            }
+            Err(error) if is_nothing(&error) => {}
+            Err(error) => return Err(error.into()),
+        }
+        Ok(false)
+    }
+
+    /// Gives bytes to the far end, and only then tells of them.
+    fn pass(&mut self, now: u64, bytes: &[u8], watch: &mut Watch<'_>) -> Result<(), ServeError> {
+        let now_us = self.time(now);
+        let waiting = self.door.pty().waiting()?;
+        let begin = self.begin.load(Ordering::Relaxed);
+        let (at, behind) = self.far.give(now, now_us, bytes, waiting).map_err(ServeError::Lost)?;
+        watch(now_us, Happened::Came(at.saturating_sub(begin), bytes), self.far.board())?;
+        if let Some(us) = behind {
+            watch(now_us, Happened::Behind(waiting, us), self.far.board())?;
+        }
+        Ok(())
+    }
+
+    /// Takes what the program had written when the end came: as far as a virtual board is concerned it was sent. A real one gets no more.
+    fn drain(&mut self, watch: &mut Watch<'_>) -> Result<(), ServeError> {
+        let Far::Board(end) = &mut self.far else { return Ok(()) };
+        end.hurry();
+        let until = clock::now().saturating_add(DRAIN);
+        let mut left = MOST_LEFT;
+        let mut buffer = [0; 256];
+        while left > 0 && clock::now() < until && !self.far.is_stalled(self.time(clock::now())) {
+            match self.door.pty().read(&mut buffer) {
+                Ok(0) => break,
+                Ok(count) => {
+                    left = left.saturating_sub(count as u64);
+                    let on_the_line = self.far.takes_at().unwrap_or(0).max(clock::now());
+                    self.pass(on_the_line, buffer.get(..count).unwrap_or_default(), watch)?;
+                }
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let unread = self.door.pty().waiting()?;
+        if unread > 0 {
+            watch(self.time(clock::now()), Happened::Unread(unread), self.far.board())?;
+        }
+        Ok(())
+    }
+}
+
+impl Far {
+    fn board(&self) -> Option<&VirtualBoard> {
+        match self {
+            Far::Board(end) => Some(end.board()),
+            Far::Port(_) => None,
+        }
+    }
+
+    fn poll(&mut self, now_us: u64) {
+        match self {
+            Far::Board(end) => end.poll(now_us),
+            Far::Port(end) => end.beat(now_us),
+        }
+    }
+
+    /// Whether it is over with it.
+    fn end(&mut self, now_us: u64) -> Option<End> {
+        match self {
+            Far::Board(end) => end.is_unplugged(now_us).then_some(End::Unplugged),
+            Far::Port(end) => end.is_unguarded().then_some(End::Unguarded),
+        }
+    }
+
+    fn is_stalled(&self, now_us: u64) -> bool {
+        match self {
+            Far::Board(end) => end.is_stalled(now_us),
+            Far::Port(_) => false,
+        }
+    }
+
+    /// When it has something to do next, in microseconds.
+    fn next_due(&self) -> Option<u64> {
+        match self {
+            Far::Board(end) => end.next_due(),
+            Far::Port(_) => None,
+        }
+    }
+
+    /// From when on it takes more, on the clock; `None` where that depends on others.
+    fn takes_at(&self) -> Option<u64> {
+        match self {
+            Far::Board(end) => Some(end.busy_until()),
+            Far::Port(end) => end.takes().then_some(0),
+        }
+    }
+
+    /// How many bytes it takes at once.
+    fn room(&self) -> usize {
+        match self {
+            Far::Board(_) => board_end::CHUNK,
+            Far::Port(_) => port_end::CHUNK,
+        }
+    }
+
+    /// Gives it bytes. Gives when the first of them was on the line, on the clock, and for how many microseconds those that wait behind
+    /// them will keep the line busy, where that is news.
+    fn give(&mut self, now: u64, now_us: u64, bytes: &[u8], waiting: u64) -> io::Result<(u64, Option<u64>)> {
+        match self {
+            Far::Board(end) => Ok(end.give(now, now_us, bytes, waiting)),
+            Far::Port(end) => end.give(bytes).map(|()| (now, None)),
+        }
+    }
+
+    /// What it has sent.
+    fn said(&mut self) -> io::Result<Vec<u8>> {
+        match self {
+            Far::Board(end) => Ok(end.said()),
+            Far::Port(end) => end.said(),
+        }
+    }
+
+    fn watched(&self) -> (Option<std::os::fd::BorrowedFd<'_>>, Ready) {
+        match self {
+            Far::Board(_) => (None, Ready::empty()),
+            Far::Port(end) => end.watched(),
+        }
+    }
+
+    fn ready(&mut self, ready: Ready) -> io::Result<()> {
+        match self {
+            Far::Board(_) => Ok(()),
+            Far::Port(end) => end.ready(ready),
+        }
+    }
+
+    fn guard(&self) -> Option<&Guard> {
+        match self {
+            Far::Board(_) => None,
+            Far::Port(end) => end.guard(),
+        }
+    }
+
+    fn lose_guard(&mut self) {
+        if let Far::Port(end) = self {
+            end.lose_guard();
+        }
+    }
+}
+
+fn is_nothing(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
+}
+
+/// A virtual board on a thread of its own, for one run of a script.
+#[derive(Debug)]
+pub struct Served {
+    end: Receiver<Result<Received, ServeError>>,
+    begin: Arc<AtomicU64>,
+    stalls: Arc<AtomicBool>,
+}
+
+impl Served {
+    /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault of
+    /// the board pulls the cable. The port must have been opened before.
+    pub fn start(board: VirtualBoard, port: Pty, baud: u32) -> io::Result<Self> {
+        let mut door = Door::unnamed(port)?;
+        let (begin, stalls) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+        let (its_begin, its_stalls) = (Arc::clone(&begin), Arc::clone(&stalls));
+        let (tell, end) = mpsc::channel();
+        thread::Builder::new().name("virtual board".into()).spawn(move || {
+            let mut server = Server::of_board(&mut door, board, baud, None);
+            (server.begin, server.stalls, server.once, server.is_open) = (its_begin, its_stalls, true, true);
+            let served = server.run(&mut |_, _, _| Ok(()));
+            let received = server.received().ok_or_else(|| ServeError::Failed(io::ErrorKind::NotFound.into()));
+            // Closes the port before anybody is told.
+            drop(door);
+            let _ = tell.send(served.and(received));
+        })?;
+        Ok(Served { end, begin, stalls })
+    }
+
+    /// Says when the script begins: the board's time 0, from which its faults count.
+    pub fn begin(&self, now: u64) {
+        self.begin.store(now.max(1), Ordering::Relaxed);
+    }
+
+    /// Set as soon as the port shall take no bytes any more.
+    pub fn stalls(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.stalls)
+    }
+
+    /// Waits for its end, at most so long; `None` where it does not come, or the thread failed.
+    pub fn join(self, patience: Duration) -> Option<Result<Received, ServeError>> {
+        self.end.recv_timeout(patience).ok()
+    }
+}

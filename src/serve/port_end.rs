@@ -1,0 +1,144 @@
+//! The port of a real board at the far end, with a guard.
+
+use std::io;
+use std::os::fd::BorrowedFd;
+
+use super::{Passed, is_nothing};
+use crate::board::{Command, Decoder, Item, MOST_ZEROS, State};
+use crate::clock;
+use crate::link::{Link, Serial};
+use crate::playback::os::{self, Ready};
+use crate::playback::{Guard, Outbox, Stop, stop_robot};
+
+/// The most bytes taken at once.
+pub(super) const CHUNK: usize = 4 * 1024;
+
+pub(super) struct PortEnd {
+    port: Serial,
+    guard: Option<Guard>,
+    is_unguarded: bool,
+    /// What the port has not taken yet of the bytes that were read from the program.
+    left: Vec<u8>,
+    /// What it took: what the board was told, as far as that is known.
+    decoder: Decoder,
+    state: State,
+    /// What the board has sent.
+    said: Vec<u8>,
+    out: Outbox,
+}
+
+impl PortEnd {
+    pub(super) fn new(port: Serial, guard: Option<Guard>) -> Self {
+        PortEnd {
+            port,
+            guard,
+            is_unguarded: false,
+            left: Vec::with_capacity(CHUNK),
+            decoder: Decoder::new(),
+            state: State::default(),
+            said: Vec::with_capacity(CHUNK),
+            // The program may send frames of any length.
+            out: Outbox::new(MOST_ZEROS),
+        }
+    }
+
+    /// Tells the guard that this loop is alive.
+    pub(super) fn beat(&mut self, now_us: u64) {
+        let now = clock::now();
+        if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
+            guard.beat(now, now_us, None);
+        }
+        self.is_unguarded |= self.guard.as_mut().is_some_and(Guard::is_newly_lost);
+    }
+
+    pub(super) fn guard(&self) -> Option<&Guard> {
+        self.guard.as_ref()
+    }
+
+    pub(super) fn lose_guard(&mut self) {
+        if let Some(guard) = &mut self.guard {
+            guard.lose();
+        }
+    }
+
+    pub(super) fn is_unguarded(&self) -> bool {
+        self.is_unguarded
+    }
+
+    /// Whether it can take more bytes of the program.
+    pub(super) fn takes(&self) -> bool {
+        self.left.is_empty()
+    }
+
+    pub(super) fn watched(&self) -> (Option<BorrowedFd<'_>>, Ready) {
+        let ready = if self.left.is_empty() { Ready::IN } else { Ready::IN | Ready::OUT };
+        (Some(self.port.descriptor()), ready)
+    }
+
+    /// Does what its port is ready for.
+    pub(super) fn ready(&mut self, ready: Ready) -> io::Result<()> {
+        if ready.contains(Ready::OUT) {
+            self.write()?;
+        }
+        if ready.contains(Ready::IN) || os::is_gone(ready) {
+            self.read()?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn give(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.left.extend_from_slice(bytes);
+        self.write()
+    }
+
+    /// What the board has sent.
+    pub(super) fn said(&mut self) -> io::Result<Vec<u8>> {
+        Ok(std::mem::take(&mut self.said))
+    }
+
+    fn write(&mut self) -> io::Result<()> {
+        let taken = match self.port.write(&self.left) {
+            Ok(taken) => taken,
+            Err(error) if is_nothing(&error) => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        let PortEnd { decoder, state, left, .. } = self;
+        decoder.feed(left.get(..taken).unwrap_or_default(), |item| {
+            if let Item::Frame(frame) = item {
+                state.apply(&Command::decode_or_raw(frame));
+            }
+        });
+        left.drain(..taken);
+        Ok(())
+    }
+
+    /// Takes what the board has sent, perhaps nothing; a port that has hung up is an error.
+    fn read(&mut self) -> io::Result<()> {
+        let mut buffer = [0; CHUNK];
+        match self.port.read(&mut buffer) {
+            Ok(0) => Err(io::Error::other("it has hung up")),
+            Ok(count) => {
+                self.said.extend_from_slice(buffer.get(..count).unwrap_or_default());
+                Ok(())
+            }
+            Err(error) if is_nothing(&error) => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Stops the robot, unless what its port took is known to end at rest: the program can send nothing any more.
+    pub(super) fn stop(&mut self, at_us: u64, waiting: u64) -> (Passed, Option<Guard>) {
+        let undelivered = waiting.saturating_add(self.left.len() as u64);
+        let rests = self.state.surely_at_rest() && self.decoder.is_between_frames() && self.left.is_empty();
+        let stop = if rests { Stop::NotNeeded } else { stop_robot(&mut self.port, &mut self.out) };
+        if stop == Stop::NotSent {
+            // What the port never took must not keep it from closing.
+            let _ = self.port.discard();
+        }
+        let mut guard = self.guard.take();
+        if let Some(guard) = &mut guard {
+            guard.ended(at_us, None, stop);
+        }
+        (Passed { stop, undelivered }, guard)
+    }
+}

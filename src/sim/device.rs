@@ -1,0 +1,149 @@
+//! The virtual board as a pure device: frames in, reports out, time as an input.
+
+use super::motion::{Body, Geometry};
+use super::{Fault, Received};
+use crate::board::{Command, Hundredths, Item, Query, Report};
+
+/// Microseconds between two reports.
+const REPORT_US: u64 = 100_000;
+/// By how many volts the battery sags at full speed, and how many it loses then in a second.
+const SAG: f64 = 0.45;
+const DRAIN: f64 = 0.000_5;
+
+/// A board of which nothing is broken.
+#[derive(Debug)]
+pub(super) struct Device {
+    /// The battery's voltage at rest, in hundredths of a volt.
+    pub(super) battery: Hundredths,
+    /// What it has received, and what became of it.
+    pub(super) received: Received,
+    /// Reports that it has to send.
+    pub(super) reports: Vec<Report>,
+    body: Body,
+    /// After how long without a drive frame the robot stops, in microseconds; `None` for never.
+    silence_us: Option<u64>,
+    /// The time, in microseconds since it was switched on.
+    now_us: u64,
+    /// When the last drive frame came.
+    fed_us: u64,
+    /// When the next report is due.
+    report_us: Option<u64>,
+    /// What the battery has lost, in volts.
+    drained: f64,
+}
+
+impl Device {
+    /// A board that is switched on at time 0.
+    pub(super) fn new(geometry: Geometry, battery: Hundredths, silence_us: Option<u64>) -> Self {
+        Device {
+            battery,
+            received: Received::default(),
+            reports: Vec::new(),
+            body: Body::new(geometry),
+            silence_us,
+            now_us: 0,
+            fed_us: 0,
+            report_us: None,
+            drained: 0.0,
+        }
+    }
+
+    /// Lets time pass. It never goes back.
+    pub(super) fn poll(&mut self, now_us: u64) {
+        while self.now_us < now_us {
+            let stops_us = self.silence_us.filter(|_| self.body.holds()).map(|us| self.fed_us.saturating_add(us));
+            let next =
+                [stops_us, self.report_us].into_iter().flatten().min().unwrap_or(now_us).clamp(self.now_us, now_us);
+            self.pass(next);
+            if stops_us.is_some_and(|us| us <= next) {
+                self.body.stop();
+            }
+            if let Some(due) = self.report_us.filter(|due| *due <= next) {
+                self.report_us = Some(due + REPORT_US);
+                self.reports.push(self.report());
+            } else if next == now_us {
+                break;
+            }
+        }
+    }
+
+    fn pass(&mut self, to_us: u64) {
+        #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
+        let seconds = (to_us - self.now_us) as f64 / 1e6;
+        self.drained += DRAIN * self.body.load() * seconds;
+        self.body.pass(seconds);
+        self.now_us = to_us;
+        self.received.pose = self.body.pose();
+    }
+
+    /// When it has something to do next, in microseconds since it was switched on.
+    pub(super) fn next_due(&self) -> Option<u64> {
+        self.report_us
+    }
+
+    /// What it would report now.
+    pub(super) fn report(&self) -> Report {
+        let hundredths = |value: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "held in range")]
+            Hundredths(libm::round(value * 100.0).clamp(-1e9, 1e9) as i32)
+        };
+        let voltage = f64::from(self.battery.0) / 100.0 - self.drained - SAG * self.body.load();
+        let yaw = self.body.pose().yaw_deg;
+        // Wrapped to half a turn on either side; the floor is flat.
+        let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
+        Report {
+            pitch: Hundredths(0),
+            roll: Hundredths(0),
+            yaw: hundredths(yaw),
+            voltage: hundredths(voltage.max(0.0)),
+        }
+    }
+
+    /// Whether it moves: a speed holds, or a displacement is under way.
+    pub(super) fn moves(&self) -> bool {
+        self.body.moves()
+    }
+
+    /// Takes what came off the line.
+    pub(super) fn take(&mut self, item: Item<'_>) {
+        match item {
+            Item::Frame(frame) => {
+                let at = self.received.bytes;
+                self.received.bytes += frame.bytes().len() as u64;
+                match Command::decode(frame) {
+                    Ok(command) => self.obey(&command),
+                    Err(error) => {
+                        self.received.not_understood += 1;
+                        self.fault(at, Fault::NotACommand(error));
+                    }
+                }
+            }
+            Item::Skipped { at, bytes, why } => {
+                self.received.bytes += bytes.len() as u64;
+                if why.is_wrong() {
+                    self.received.skipped += bytes.len() as u64;
+                    self.fault(at, Fault::Skipped(why));
+                }
+            }
+        }
+    }
+
+    fn obey(&mut self, command: &Command) {
+        self.received.frames += 1;
+        self.received.state.apply(command);
+        if command.is_drive() {
+            self.fed_us = self.now_us;
+        }
+        self.body.take(command, self.received.state.mode());
+        match command {
+            Command::Request(Query::REPORT_START) => self.report_us = Some(self.now_us + REPORT_US),
+            Command::Request(Query::REPORT_STOP) => self.report_us = None,
+            Command::Request(_) => self.reports.push(self.report()),
+            _ => {}
+        }
+    }
+
+    fn fault(&mut self, at: u64, fault: Fault) {
+        self.received.first_fault.get_or_insert((at, fault));
+    }
+}
