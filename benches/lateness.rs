@@ -12,7 +12,7 @@ use std::process::Command;
 use std::thread;
 
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Guard, Player, Realtime, Rig, Signals, drive, guard, now};
+use motionseq::playback::{Guard, Player, Realtime, Rig, Signals, Ward, drive, guard, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 
@@ -48,10 +48,13 @@ impl Link for Stamped {
     }
 }
 
+#[expect(clippy::too_many_lines, reason = "one run, from its arguments to its figures")]
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     if args.first().is_some_and(|word| word == GUARD) {
-        guard(args[1].parse().unwrap(), args[2].parse().unwrap(), args[3] == "true").unwrap();
+        let ward =
+            Ward { max_late: args[2].parse().unwrap(), zeros: args[3].parse().unwrap(), realtime: args[4] == "true" };
+        guard(args[1].parse().unwrap(), ward).unwrap();
         return;
     }
     let number = |name: &str, default: u64| {
@@ -76,7 +79,8 @@ fn main() {
     let guard = (!has("--no-guard")).then(|| {
         let mut program = Command::new("/proc/self/exe");
         program.arg(GUARD);
-        Guard::start(program, port.descriptor(), MAX_LATE, has("--realtime")).unwrap()
+        Guard::start(program, port.descriptor(), Ward { max_late: MAX_LATE, zeros: 12, realtime: has("--realtime") })
+            .unwrap()
     });
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
     let mut rig = Rig {

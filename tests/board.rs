@@ -260,3 +260,36 @@ fn a_malformed_report_is_none() {
     let endless = [b"{A".as_slice(), &[b'1'; 1000], b"{A-120:35:9000:1187}#"].concat();
     assert_eq!(reports(&[&endless]), (vec![REPORT], 1));
 }
+
+#[test]
+fn a_header_inside_a_length_that_no_command_has_begins_a_frame() {
+    // What is left of a frame that was cut behind its header, or behind the function of a raw one, claims the next header as its own
+    // function and length; and noise may claim any length at all.
+    for torn in [&[0xFF, 0xFE][..], &[0xFF, 0xFE, 0x40], &[0xFF, 0xFE, 0x77, 200], &[0xFF, 0xFE, 0x77, 255, 1, 2, 3]] {
+        let mut decoder = Decoder::new();
+        let mut found = Vec::new();
+        for byte in torn.iter().chain(&ROCKER) {
+            decoder.feed(&[*byte], |item| {
+                if let Item::Frame(frame) = item {
+                    found.push(frame.bytes().to_vec());
+                }
+            });
+        }
+        // At once, and not when as many bytes have come as were claimed.
+        assert_eq!(found, [ROCKER.to_vec()], "{torn:02X?}");
+        assert_eq!(decoded(&[torn, &ROCKER]).last().unwrap(), ROCKER_HEX);
+    }
+    // A frame of an unknown function that is no longer than those of commands is what it says.
+    let raw = [&[0xFF, 0xFE, 0x40, 13][..], &ROCKER].concat();
+    let sum = raw[2..].iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+    assert_eq!(decoded(&[&raw, &[sum]]).len(), 1);
+}
+
+#[test]
+fn the_zeros_of_a_stop_are_no_fault() {
+    let zeros = |count: usize, at: usize| format!("{count} at {at}: zeros that bring a receiver back in step");
+    let hex = || ROCKER_HEX.to_owned();
+    let expected =
+        [hex(), zeros(12, 13), hex(), zeros(257, 38), hex(), "2 at 308: no frame starts here".to_owned(), hex()];
+    assert_eq!(decoded(&[&ROCKER, &[0; 12], &ROCKER, &[0; 257], &ROCKER, &[0, 0], &ROCKER]), expected);
+}

@@ -138,3 +138,37 @@ fn long_work_shows_how_far_it_is_on_a_terminal_only() {
     assert!(text.contains(" / 400000 frames █") && text.ends_with("\r\u{1b}[K\n"), "{text}");
     assert_eq!(stderr(&run(&render)), "");
 }
+
+#[test]
+fn keys_count_however_fast_frames_follow_each_other_and_whatever_was_typed_before() {
+    // A frame each half millisecond for a minute.
+    let fast = script(
+        "fast-keys",
+        "baud 4000000\nrocker y=10\nrepeat 120000 { servo 1 1500; servo 3 1600\nwait 500us }\nstop\n",
+    );
+    let play = ["play", &fast, "--max-events", "1000000"];
+    let text = at_terminal("120", &["wait:rocker x=0", "key:q"], &play);
+    assert!(text.starts_with("exit 0\nicanon True\n") && text.contains("ended by q"), "{text}");
+    let text = at_terminal("120", &["wait:rocker x=0", "key: ", "wait:paused; space", "key:q"], &play);
+    assert!(text.starts_with("exit 0\nicanon True\n"), "{text}");
+    // Escape, and an arrow, and then q.
+    for typed in ["key:\u{1b}q", "key:\u{1b}[Aq", "key:\u{1b}[1;5Cq", "key:\u{1b}OAq"] {
+        let text = at_terminal("120", &["wait:rocker x=0", typed], &["play", &show()]);
+        assert!(text.starts_with("exit 0\n") && text.contains("ended by q"), "{typed:?}: {text}");
+    }
+}
+
+#[test]
+fn a_terminal_of_somebody_else_is_left_alone() {
+    // The terminal that it was started from is no port.
+    let text = at_terminal("120", &[], &["play", &show(), "--port", "/dev/tty"]);
+    assert!(text.starts_with("exit 3\nicanon True\necho True\n"), "{text}");
+    assert!(text.contains("it is the terminal of this program"), "{text}");
+    // A player in the background is killed while another program has set the terminal up for itself.
+    let output = Command::new("python3")
+        .args(["tests/support/background.py", env!("CARGO_BIN_EXE_motionseq"), "play", &show(), "--max-late", "5s"])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(crate::support::stdout(&output), "the other program's modes are there\n");
+}

@@ -178,10 +178,11 @@ fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
     let long = script("held", DRIVING);
     for kill in [false, true] {
         let pty = Pty::open().unwrap();
+        // An ordinary user cannot open it later.
+        let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
         let child = start(&["play", &long, "--port", pty.path().to_str().unwrap(), "--max-late", "300ms"]);
         assert!(pty.read(&mut [0; 64]).unwrap() > 0);
         // As a line does whose other end says XOFF: also behind a flush nothing leaves.
-        let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
         rustix::termios::tcflow(&port, rustix::termios::Action::OOff).unwrap();
         drop(port);
         if kill {

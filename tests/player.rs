@@ -583,3 +583,64 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
     assert!((19_000_000..19_100_000).contains(&outcome.at_us), "{outcome:?}");
     assert!(sent.ends_with(&[(sent[sent.len() - 1].0, "buzzer off")]));
 }
+
+/// A receiver that trusts every length, and looks for the next header only behind the frame that it was told of.
+#[derive(Default)]
+struct Trusting {
+    bytes: Vec<u8>,
+    stops: usize,
+}
+
+impl Trusting {
+    fn take(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.bytes.push(*byte);
+            match self.bytes[..] {
+                [0xFF] | [0xFF, 0xFE] | [0xFF, 0xFE, _] => {}
+                [0xFF, 0xFE, _, length, ..] if self.bytes.len() < 5 + usize::from(length) => {}
+                [0xFF, 0xFE, ..] => {
+                    self.stops += usize::from(self.bytes == Command::STOP.to_frame());
+                    self.bytes.clear();
+                }
+                [.., 0xFF] => self.bytes = vec![0xFF],
+                _ => self.bytes.clear(),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_receiver_that_trusts_lengths_is_back_in_step_before_the_first_stop() {
+    let raw = |length: usize| format!("raw 0x40 {}\nrocker x=10\nwait 1s\n", "0x11 ".repeat(length));
+    let mut scripts =
+        vec!["servo 1 1500; pid speed speed=1,2 position=3,4,5 yaw=6,7,8\nwheels 1 2 3 4\nwait 1s\n".to_owned()];
+    scripts.extend([0, 1, 9, 10, 11, 100, 254, 255].map(raw));
+    for script in scripts {
+        let timeline = timeline(&script);
+        // Ended while it drives: what follows the flush is the stop.
+        let meddle = |now, order, given| match order {
+            Order::Wait { .. } if given > 0 && now < 500 * MS => Some((500 * MS, Input::Signal(2))),
+            _ => None,
+        };
+        let (world, _) = World::run(meddle, &timeline);
+        let flushed = world.given.iter().position(|(_, bytes)| bytes.starts_with(&[0; 12])).unwrap();
+        let bytes = |given: &[(u64, Vec<u8>)]| given.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
+        let (before, stop) = (bytes(&world.given[..flushed]), bytes(&world.given[flushed..]));
+        assert!(!before.is_empty());
+        for cut in 0..=before.len() {
+            let mut once = Trusting::default();
+            once.take(&before[..cut]);
+            once.take(&stop);
+            assert_eq!(once.stops, 3, "{script} cut at {cut}");
+            // The stop of a player is cut, too, by that of its guard.
+            for second in 0..=stop.len() {
+                let mut twice = Trusting::default();
+                twice.take(&before[..cut]);
+                twice.take(&stop[..second]);
+                twice.stops = 0;
+                twice.take(&stop);
+                assert_eq!(twice.stops, 3, "{script} cut at {cut}, and its stop at {second}");
+            }
+        }
+    }
+}

@@ -71,7 +71,7 @@ impl Board {
 
 /// Catches signals, and lets nothing wait for the screen: from here on a signal ends it, whatever happens.
 pub(super) fn begin(screen: &Screen) -> Result<Signals, Exit> {
-    screen.never_wait().and_then(|()| Signals::catch()).map_err(|error| failed(screen, &error))
+    Screen::never_wait().and_then(|()| Signals::catch()).map_err(|error| failed(screen, &error))
 }
 
 /// Says why the system cannot do it.
@@ -81,6 +81,7 @@ pub(super) fn failed(screen: &Screen, error: &io::Error) -> Exit {
 }
 
 /// Serves a virtual board until a signal ends it, and says what became of it. Gives the recording, too, if there is one.
+#[expect(clippy::too_many_arguments, reason = "a server and what watches it")]
 pub(super) fn serve_board(
     door: &mut Door,
     board: VirtualBoard,
@@ -90,10 +91,10 @@ pub(super) fn serve_board(
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
     let mut server = Server::of_board(door, board, baud, Some(signals));
-    let served = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
+    let ended = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
     let received = server.received();
     let tape = watcher.end();
-    let exit = match served {
+    let exit = match ended {
         Ok(end) => {
             if let Some(received) = received {
                 board_summary(screen, &received);

@@ -83,6 +83,7 @@ impl Reporter {
 
 impl End<'_> {
     /// Says how it went; gives the exit code.
+    #[expect(clippy::too_many_lines, reason = "one line after the other")]
     pub(super) fn tell(self) -> Exit {
         let End { screen, sources, timeline, outcome, lost, news, report, run, board, guard } = self;
         let exit = exit_code(&outcome);
@@ -144,7 +145,7 @@ impl End<'_> {
             }
         }
         // A guard that gets no goodbye says it in the place of a screen that takes nothing.
-        let is_said = screen.is_written(PATIENCE);
+        let is_said = Screen::is_written(PATIENCE);
         if let Some(guard) = guard.filter(|_| is_said || !is_early) {
             guard.goodbye();
         }

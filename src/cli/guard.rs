@@ -62,9 +62,9 @@ impl Guard {
                 };
                 let robot = if self.with_board { "the virtual board ended with it" } else { stop_words(guarded.stop) };
                 let line = closing_line(&cause, guarded.place, guarded.at_us, robot);
-                if screen.never_wait().is_ok() {
+                if Screen::never_wait().is_ok() {
                     screen.late_error(&line);
-                    screen.is_written(PATIENCE);
+                    Screen::is_written(PATIENCE);
                 }
                 Exit::Failed
             }

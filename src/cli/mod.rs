@@ -152,7 +152,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Man(man) => man.run(&screen),
         Command::Guard(guard) => guard.run(&screen),
     };
-    screen.is_written(ending::PATIENCE);
+    Screen::is_written(ending::PATIENCE);
     exit.into()
 }
 

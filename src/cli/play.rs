@@ -111,7 +111,7 @@ impl Play {
             screen.error("--paused and --step need somebody who sees and presses keys: a terminal in the foreground, standard error not redirected, no -q, no TERM=dumb");
             return Err(Exit::Usage);
         }
-        screen.never_wait().map_err(|error| system(screen, &error))?;
+        Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
         let port = self.port.clone().or_else(|| std::env::var_os("MOTIONSEQ_PORT").map(PathBuf::from));
         // A variable that is empty is one that is not set.

@@ -148,6 +148,7 @@ impl Record {
 }
 
 /// Records between a program and a board.
+#[expect(clippy::too_many_arguments, reason = "a server and what watches it")]
 fn between(
     door: &mut Door,
     port: Serial,
@@ -157,10 +158,10 @@ fn between(
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
     let mut server = Server::of_port(door, port, guard, signals);
-    let served = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
+    let ended = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
     // The program can stop the robot through this port no more.
     let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
-    let (exit, cause) = match served {
+    let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
         Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),
         Ok(_) => (Exit::Ok, None),
@@ -184,7 +185,7 @@ fn between(
         None => screen.note(robot),
     }
     // A guard that gets no goodbye says it in the place of a screen that takes nothing.
-    if let Some(guard) = guard.filter(|_| screen.is_written(PATIENCE)) {
+    if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {
         guard.goodbye();
     }
     (exit, watcher.end())

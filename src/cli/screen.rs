@@ -86,14 +86,14 @@ impl Screen {
 
     /// From now on nothing that is said waits for standard error: a thread writes it. Where that cannot follow, lines are lost and
     /// counted, but no error is.
-    pub(super) fn never_wait(&self) -> io::Result<()> {
+    pub(super) fn never_wait() -> io::Result<()> {
         super::start_thread("screen", || write_waiting(QUEUE.get_or_init(Queue::default)))?;
         QUEUE.get_or_init(Queue::default);
         Ok(())
     }
 
     /// Waits until everything was written, at most so long. Says whether it was.
-    pub(super) fn is_written(&self, patience: Duration) -> bool {
+    pub(super) fn is_written(patience: Duration) -> bool {
         let Some(queue) = QUEUE.get() else { return true };
         let until = Instant::now() + patience;
         let mut waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);

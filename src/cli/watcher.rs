@@ -327,7 +327,7 @@ impl Display {
                 {
                     if io::stdout().is_terminal() {
                         self.screen.live("");
-                        self.screen.is_written(CLEARED);
+                        Screen::is_written(CLEARED);
                         self.drawn_us = 0;
                     }
                     shown.flush()?;
@@ -410,7 +410,7 @@ fn log_happened(log: &mut Log, now_us: u64, happened: Happened<'_>) {
             log.line(at, Level::Warning, text);
         }
         Happened::Unread(bytes) => {
-            log.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"))
+            log.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"));
         }
         Happened::Answered(_) | Happened::Passed => {}
     }

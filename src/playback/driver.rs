@@ -180,7 +180,8 @@ impl<L: Link> Rig<'_, L> {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
             let place = player.place().map(|span| self.lines.place(span));
-            guard.beat(now, player.run_time(now.saturating_sub(start)) / 1_000, place);
+            let keys = self.keys.as_ref().is_some_and(Keys::is_single);
+            guard.beat(now, player.run_time(now.saturating_sub(start)) / 1_000, place, keys);
         }
     }
 

@@ -41,9 +41,10 @@ const LENIENCE: u64 = 25_000_000;
 struct Record([u8; RECORD]);
 
 const RECORD: usize = 128;
-/// Kind, length of the name, what became of the robot, a byte of nothing, line, time.
+/// Kind, length of the name, what became of the robot, whether the player has the terminal give it single keys, line, time.
 const HEAD: usize = 16;
 const STOP_AT: usize = 2;
+const KEYS_AT: usize = 3;
 /// What a guard says when it watches, and when it has let go of the port.
 const READY: [u8; 1] = *b"+";
 const BEAT: u8 = b'b';
@@ -65,6 +66,18 @@ impl Record {
         let fields = [kind, length, 0, 0].into_iter().chain(line).chain(at_us.to_le_bytes());
         head.iter_mut().zip(fields).for_each(|(to, from)| *to = from);
         Record(bytes)
+    }
+
+    /// Whether the player has changed the terminal.
+    fn with_keys(mut self, keys: bool) -> Self {
+        if let Some(byte) = self.0.get_mut(KEYS_AT) {
+            *byte = u8::from(keys);
+        }
+        self
+    }
+
+    fn has_keys(&self) -> bool {
+        self.0.get(KEYS_AT) == Some(&1)
     }
 
     /// That the run has ended, and what became of the robot.
@@ -195,11 +208,11 @@ impl Guard {
         self.bond == Bond::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
-    /// Tells that the player is alive and where it is.
-    pub(crate) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>) {
+    /// Tells that the player is alive, where it is, and whether it has the terminal give it single keys.
+    pub(crate) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>, keys: bool) {
         self.soon = now.saturating_add(SOON.min(self.interval / 2));
         self.deadline = now.saturating_add(self.interval);
-        self.tell(Record::new(BEAT, at_us, place));
+        self.tell(Record::new(BEAT, at_us, place).with_keys(keys));
     }
 
     /// Tells that the robot stands, and that no beats will come until the next one.
@@ -299,7 +312,8 @@ pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
     // Its number means it and no other process as long as it is the parent of this one.
     let player = Process::parent(player)?;
     let mut out = Outbox::new(ward.zeros);
-    let mut last = Record::new(BEAT, 0, None);
+    // As long as it has told nothing, it may have changed the terminal.
+    let mut last = Record::new(BEAT, 0, None).with_keys(true);
     pipe.set_nonblocking(true)?;
     pipe.write_all(&READY)?;
 
@@ -324,10 +338,12 @@ pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
             // Also where it seems to have died: nothing may be sent behind the stop.
             player.kill();
             let has_ended = fate != Fate::Hung || player.has_ended(DEATH);
-            terminal.restore();
-            let mut stop = stop_robot(&mut port, &mut out);
+            if last.has_keys() {
+                terminal.restore();
+            }
+            let mut stop = stop_robot(&mut port, &mut out, || {});
             if !has_ended && player.has_ended(LATE_DEATH) {
-                stop = stop_robot(&mut port, &mut out);
+                stop = stop_robot(&mut port, &mut out, || {});
             }
             release(Some(port));
             stop

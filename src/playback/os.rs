@@ -173,8 +173,7 @@ impl Sequence {
         let was = std::mem::replace(self, Sequence::Outside);
         match (was, character) {
             (_, 0x1B) => *self = Sequence::Escape,
-            (Sequence::Escape, b'[' | b'O') => *self = Sequence::Inside,
-            (Sequence::Inside, b'0'..=b'9' | b';' | b'?') => *self = Sequence::Inside,
+            (Sequence::Escape, b'[' | b'O') | (Sequence::Inside, b'0'..=b'9' | b';' | b'?') => *self = Sequence::Inside,
             (Sequence::Inside, b'@'..=b'~') => {}
             // Escape was pressed by itself, and this behind it.
             _ => return Some(character),

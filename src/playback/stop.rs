@@ -6,17 +6,21 @@ use super::os::{self, Ready};
 use crate::clock;
 use crate::link::Link;
 
-/// Stops the robot: what is queued is thrown away, then the stop frames.
-pub(crate) fn stop_robot(port: &mut impl Link, out: &mut Outbox) -> Stop {
+/// The longest time between two beats, in nanoseconds.
+const BEAT: u64 = 20_000_000;
+
+/// Stops the robot: what is queued is thrown away, then the stop frames. Meanwhile `beat` tells whoever watches that this goes on.
+pub(crate) fn stop_robot(port: &mut impl Link, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
     let _ = port.discard();
     out.clear();
     let mut halt = Halt::new(&[], clock::now());
     let mut input = Input::Tick;
     while let Some(order) = halt.poll(clock::now(), input, out) {
+        beat();
         input = match order {
             Order::Write => Input::of_write(port.write(out.rest())),
             Order::Wait { until, .. } => {
-                let left = until.saturating_sub(clock::now());
+                let left = until.saturating_sub(clock::now()).min(BEAT);
                 match os::wait([(Some(port.descriptor()), Ready::OUT)], Some(left)) {
                     Ok([ready]) if os::is_gone(ready) => Input::HungUp,
                     _ => Input::Tick,

@@ -181,8 +181,8 @@ impl<'d> Server<'d> {
     }
 
     /// Gives the program what the far end has sent. What is said while no program listens is lost, as on a real line.
-    fn answer(&mut self, now_us: u64, watch: &mut Watch<'_>) -> Result<(), ServeError> {
-        let said = self.far.said().map_err(ServeError::Lost)?;
+    fn answer(&mut self, now_us: u64, watch: &mut Watch<'_>) -> io::Result<()> {
+        let said = self.far.said();
         if self.is_open && !said.is_empty() {
             self.door.pty().write(&said)?;
             watch(now_us, Happened::Answered(&said), self.far.board())?;
@@ -352,9 +352,9 @@ impl Far {
     }
 
     /// What it has sent.
-    fn said(&mut self) -> io::Result<Vec<u8>> {
+    fn said(&mut self) -> Vec<u8> {
         match self {
-            Far::Board(end) => Ok(end.said()),
+            Far::Board(end) => end.said(),
             Far::Port(end) => end.said(),
         }
     }
@@ -410,11 +410,11 @@ impl Served {
         thread::Builder::new().name("virtual board".into()).spawn(move || {
             let mut server = Server::of_board(&mut door, board, baud, None);
             (server.begin, server.stalls, server.once, server.is_open) = (its_begin, its_stalls, true, true);
-            let served = server.run(&mut |_, _, _| Ok(()));
+            let end = server.run(&mut |_, _, _| Ok(()));
             let received = server.received().ok_or_else(|| ServeError::Failed(io::ErrorKind::NotFound.into()));
             // Closes the port before anybody is told.
             drop(door);
-            let _ = tell.send(served.and(received));
+            let _ = tell.send(end.and(received));
         })?;
         Ok(Served { end, begin, stalls })
     }

@@ -46,7 +46,7 @@ impl PortEnd {
     pub(super) fn beat(&mut self, now_us: u64) {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
-            guard.beat(now, now_us, None);
+            guard.beat(now, now_us, None, false);
         }
         self.is_unguarded |= self.guard.as_mut().is_some_and(Guard::is_newly_lost);
     }
@@ -92,8 +92,8 @@ impl PortEnd {
     }
 
     /// What the board has sent.
-    pub(super) fn said(&mut self) -> io::Result<Vec<u8>> {
-        Ok(std::mem::take(&mut self.said))
+    pub(super) fn said(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.said)
     }
 
     fn write(&mut self) -> io::Result<()> {
@@ -130,7 +130,14 @@ impl PortEnd {
     pub(super) fn stop(&mut self, at_us: u64, waiting: u64) -> (Passed, Option<Guard>) {
         let undelivered = waiting.saturating_add(self.left.len() as u64);
         let rests = self.state.surely_at_rest() && self.decoder.is_between_frames() && self.left.is_empty();
-        let stop = if rests { Stop::NotNeeded } else { stop_robot(&mut self.port, &mut self.out) };
+        let PortEnd { port, out, guard, .. } = self;
+        let beat = || {
+            let now = clock::now();
+            if let Some(guard) = guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
+                guard.beat(now, at_us, None, false);
+            }
+        };
+        let stop = if rests { Stop::NotNeeded } else { stop_robot(port, out, beat) };
         if stop == Stop::NotSent {
             // What the port never took must not keep it from closing.
             let _ = self.port.discard();

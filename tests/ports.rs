@@ -1,0 +1,201 @@
+//! Ports, terminals and signals as they are found: what others have left there, and what is left for others.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::os::unix::fs::symlink;
+use std::process::{Command, Stdio};
+
+use motionseq::link::Pty;
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::support::far::{FarEnd, assert_stopped, bytes, end, start};
+use crate::support::host::{Host, frames, link, rocker};
+use crate::support::{motionseq, run, script, stderr};
+
+/// Whether a terminal is one that only one program may open.
+fn is_exclusive(path: &str) -> bool {
+    let code = "import fcntl,os,sys\nfd=os.open(sys.argv[1],os.O_RDWR|os.O_NOCTTY)\n\
+                print(int.from_bytes(fcntl.ioctl(fd,0x80045440,bytes(4)),'little'))";
+    let output = Command::new("python3").args(["-c", code, path]).output().unwrap();
+    // An ordinary user may not even open it.
+    !output.status.success() || crate::support::stdout(&output).trim() != "0"
+}
+
+#[test]
+fn a_port_is_for_others_again_however_a_run_ends() {
+    let short = script("exclusive", "servo 1 1500\n");
+    let long = script("exclusive-long", "rocker x=10\nwait 1h\n");
+    let pty = Pty::open().unwrap();
+    let path = pty.path().to_str().unwrap();
+    for _ in 0..2 {
+        let output = run(&["play", &short, "--port", path]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert!(!is_exclusive(path));
+    }
+    for signal in [Signal::INT, Signal::KILL] {
+        let far = FarEnd::new();
+        // Keeps the far end from ending with the player.
+        let held = File::options().read(true).write(true).open(&far.path).unwrap();
+        let child = start(&["play", &long, "--port", &far.path]);
+        far.first();
+        kill_process(Pid::from_child(&child), signal).unwrap();
+        child.wait_with_output().unwrap();
+        assert!(!is_exclusive(&far.path), "{signal:?}");
+        drop(held);
+    }
+}
+
+#[test]
+fn a_board_outlives_a_client_that_was_killed_and_had_its_port_to_itself() {
+    let mut host = Host::start("to-itself", &[]);
+    let code = "import fcntl,os,sys,termios,time\nfd=os.open(sys.argv[1],os.O_RDWR|os.O_NOCTTY)\n\
+                fcntl.ioctl(fd,termios.TIOCEXCL)\nprint('open',flush=True)\ntime.sleep(60)";
+    let mut client = Command::new("python3").args(["-c", code]).arg(&host.path).stdout(Stdio::piped()).spawn().unwrap();
+    host.says("has opened the port");
+    let mut said = [0; 5];
+    std::io::Read::read_exact(client.stdout.as_mut().unwrap(), &mut said).unwrap();
+    client.kill().unwrap();
+    client.wait().unwrap();
+    host.says("the port is closed");
+    let mut port = host.open();
+    port.write_all(&rocker(5)).unwrap();
+    drop(port);
+    host.says("the port is closed");
+    assert_eq!(frames(&host.end().0).len(), 1);
+}
+
+#[test]
+fn a_result_never_goes_to_the_port_or_to_a_terminal() {
+    let path = script("to-the-port", "rocker x=10\nwait 100ms\nstop\n");
+    let far = FarEnd::new();
+    let (alias, other) = (link("alias"), Pty::open().unwrap());
+    symlink(&far.path, &alias).unwrap();
+    for option in ["--record", "--report", "--log"] {
+        for place in [far.path.as_str(), alias.to_str().unwrap(), other.path().to_str().unwrap()] {
+            let output = run(&["play", &path, "--port", &far.path, option, place]);
+            assert_eq!(output.status.code(), Some(2), "{option} {place}: {}", stderr(&output));
+            assert!(stderr(&output).contains("it is a terminal or a serial port"), "{}", stderr(&output));
+        }
+    }
+    let other = other.path().to_str().unwrap();
+    for args in [&["render", &path, "-o", other][..], &["record", "--link", "/tmp/never", "-o", other]] {
+        let output = run(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {}", stderr(&output));
+    }
+    // What takes everything is written to in its place.
+    let output = run(&["play", &path, "--port", &far.path, "--record", "/dev/null"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(fs::metadata("/dev/null").is_ok_and(|meta| !meta.is_file()));
+    fs::remove_file(alias).unwrap();
+}
+
+#[test]
+fn the_link_of_a_living_program_stays_and_a_stale_one_is_replaced() {
+    let living = Pty::open().unwrap();
+    let path = link("living");
+    symlink(living.path(), &path).unwrap();
+    for command in ["board", "record"] {
+        let output = run(&[command, "--link", path.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+        assert!(stderr(&output).contains("of a program that still runs"), "{}", stderr(&output));
+        assert_eq!(fs::read_link(&path).unwrap(), living.path());
+    }
+    // It ends, and another terminal gets its number.
+    let number = living.path().to_owned();
+    drop(living);
+    let mut others = vec![Pty::open().unwrap()];
+    while !others.iter().any(|other| other.path() == number) && others.len() < 64 {
+        others.push(Pty::open().unwrap());
+    }
+    let host = Host::start_at("board", path.clone(), &[]);
+    assert!(fs::read_link(&path).unwrap() != number || others.iter().all(|other| other.path() != number));
+    host.end();
+}
+
+#[test]
+fn a_long_path_is_a_path_for_a_link_too() {
+    let folder = link(&format!("{}/{}", "a".repeat(60), "b".repeat(60)));
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("board");
+    let host = Host::start_at("board", path.clone(), &[]);
+    let output = run(&["board", "--link", path.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    host.end();
+    fs::remove_dir_all(folder.parent().unwrap()).unwrap();
+}
+
+#[test]
+fn a_report_from_before_the_run_makes_no_expect_hold() {
+    let path = script("before", "wait 200ms\nexpect voltage > 1V\n");
+    let pty = Pty::open().unwrap();
+    let held = File::options().read(true).write(true).open(pty.path()).unwrap();
+    rustix::io::write(&pty, b"{A0:0:0:1200}#{A0:0:0:1200}#").unwrap();
+    let output = run(&["play", &path, "--port", pty.path().to_str().unwrap()]);
+    drop(held);
+    assert_eq!(output.status.code(), Some(7), "{}", stderr(&output));
+    assert!(stderr(&output).contains("the board has reported nothing"), "{}", stderr(&output));
+}
+
+#[test]
+fn the_end_of_a_pseudo_terminal_where_the_board_would_be_is_no_port() {
+    let output = run(&["play", "scripts/hello.motion", "--port", "/dev/ptmx"]);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains("nobody is at its other end"), "{}", stderr(&output));
+}
+
+/// Starts the program as another one does that has ignored or blocked some signals.
+fn start_from(parent: &str, args: &[&str]) -> std::process::Child {
+    let code = format!("import os,signal,sys\n{parent}\nos.execv(sys.argv[1],sys.argv[1:])");
+    let player = motionseq(args);
+    let mut command = Command::new("python3");
+    command.args(["-c", &code]).arg(player.get_program()).args(player.get_args());
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).env_remove("MOTIONSEQ_PORT");
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+#[test]
+fn signals_that_were_blocked_end_a_run_all_the_same() {
+    let long = script("was-blocked", "rocker x=10\nwait 1h\n");
+    let far = FarEnd::new();
+    let blocked =
+        "signal.pthread_sigmask(signal.SIG_BLOCK,{signal.SIGINT,signal.SIGTERM,signal.SIGHUP,signal.SIGQUIT})";
+    let child = start_from(blocked, &["play", &long, "--port", &far.path]);
+    let mut received = far.first();
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    let (code, text) = end(child);
+    received.extend(bytes(&far.rest()));
+    assert_eq!(code, 143, "{text}");
+    assert_stopped(&received);
+}
+
+#[test]
+fn signals_that_were_ignored_stay_so_and_a_port_that_hangs_up_counts() {
+    let long = script("was-ignored", "refresh 20ms\nrocker x=10\nwait 1h\n");
+    let ignored = "[signal.signal(s,signal.SIG_IGN) for s in (signal.SIGHUP,signal.SIGINT)]";
+    for last in [Some(Signal::TERM), None] {
+        let far = FarEnd::new();
+        let child = start_from(ignored, &["play", &long, "--port", &far.path]);
+        let mut received = far.first();
+        for signal in [Signal::HUP, Signal::INT] {
+            kill_process(Pid::from_child(&child), signal).unwrap();
+        }
+        // It drives on.
+        for _ in 0..10 {
+            received.extend(far.first());
+        }
+        let code = match last {
+            Some(signal) => {
+                kill_process(Pid::from_child(&child), signal).unwrap();
+                143
+            }
+            None => 3,
+        };
+        if last.is_some() {
+            received.extend(bytes(&far.rest()));
+            assert_stopped(&received);
+        } else {
+            drop(far);
+        }
+        assert_eq!(end(child).0, code);
+    }
+}
