@@ -214,7 +214,7 @@ fn realtime_plays_the_same_bytes_and_says_what_is_not_allowed() {
     assert_eq!((code, bytes(&far.rest())), (0, rendered(&short)), "{text}");
     // Somebody who may do neither, on the virtual board, with a copy of the program that anybody may run.
     let copy = std::env::temp_dir().join(format!("motionseq-realtime-{}", std::process::id()));
-    std::fs::copy(env!("CARGO_BIN_EXE_motionseq"), &copy).unwrap();
+    crate::support::copy_program(&copy);
     let mut command = Command::new("sh");
     let shell = format!("ulimit -r 0; ulimit -l 64; exec {} play {short} --realtime --max-late 5s", copy.display());
     command.args(["-c", &shell]).current_dir("/");

@@ -308,7 +308,7 @@ fn a_forbidden_port_names_the_group() {
     let folder = PathBuf::from(format!("/tmp/motionseq-forbidden-{}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     let program = folder.join("motionseq");
-    fs::copy(env!("CARGO_BIN_EXE_motionseq"), &program).unwrap();
+    crate::support::copy_program(&program);
     let script = folder.join("x.motion");
     fs::write(&script, "servo 1 1500\n").unwrap();
     fs::set_permissions(&program, Permissions::from_mode(0o755)).unwrap();

@@ -72,6 +72,12 @@ pub(crate) fn motionseq(args: &[&str]) -> Command {
     command
 }
 
+/// Copies the program. Another process does it: a file that this one has open for writing could get into the hands of a child of
+/// another test, and cannot be run then.
+pub(crate) fn copy_program(to: &Path) {
+    assert!(Command::new("cp").arg(env!("CARGO_BIN_EXE_motionseq")).arg(to).status().unwrap().success());
+}
+
 /// Runs the program to its end.
 pub(crate) fn run(args: &[&str]) -> Output {
     motionseq(args).output().unwrap()
