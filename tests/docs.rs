@@ -335,3 +335,41 @@ fn every_crate_and_its_licence_is_listed() {
         "THIRD-PARTY.md is not what `cargo tree` says; `UPDATE_DOCS=1 cargo test --test docs` writes it anew"
     );
 }
+
+/// What the board does when frames stop is unknown, and every text says so in the same words.
+#[test]
+fn what_the_board_does_on_silence_is_said_in_one_sentence() {
+    let plain = |path: &str| fs::read_to_string(path).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+    let sentence = "hat the board does when frames stop is unknown; ";
+    for path in [
+        "README.md",
+        "docs/language.md",
+        "docs/python.md",
+        "docs/safety.md",
+        "docs/codes.md",
+        "src/diagnostic/codes.rs",
+    ] {
+        let text = plain(path);
+        assert!(text.contains(sentence) && text.contains("has a test for it"), "{path} does not say it");
+    }
+    assert_eq!(
+        motionseq::board::ON_SILENCE,
+        "what the board does when frames stop is unknown; docs/safety.md has a test for it"
+    );
+    let mut texts = vec!["README.md".to_owned()];
+    for folder in ["docs", "src/program", "src/capture", "src/diagnostic", "src/lints", "scripts"] {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| entry.path().is_file()) {
+            texts.push(entry.path().to_str().unwrap().to_owned());
+        }
+    }
+    for path in texts {
+        let text = plain(&path);
+        for claim in
+            ["board stops by itself", "board may stop by itself", "stops by itself where", "real robot drives on"]
+        {
+            // The test in safety.md says what each outcome would mean.
+            let is_outcome = path == "docs/safety.md" && claim == "board stops by itself";
+            assert!(is_outcome || !text.contains(claim), "{path} says `{claim}`");
+        }
+    }
+}

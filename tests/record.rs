@@ -452,7 +452,7 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
         lines,
         [
             "at 0s rocker x=5 y=0 z=0",
-            "at 1.4s stop  # nothing came for 0.5s: a board stops by itself",
+            "at 1.4s stop  # no drive frame came for 0.5s",
             "at 3s servo 1 1500",
             "at 3.5s rocker x=5 y=0 z=0",
             "at 3.502s stop  # the recording ends here",

@@ -22,5 +22,8 @@ pub use number::{Displacement, OutOfRange, PulseWidth, Ranged, ServoIndex, Speed
 pub use report::{Hundredths, Report, ReportDecoder, ReportItem};
 pub use state::State;
 
+/// What every text says of a board that no frames reach; docs/safety.md has the test.
+pub const ON_SILENCE: &str = "what the board does when frames stop is unknown; docs/safety.md has a test for it";
+
 /// Speed of the serial line that the board expects, in bits a second (8N1: ten bits a byte).
 pub const DEFAULT_BAUD: u32 = 115_200;

@@ -7,8 +7,8 @@ use super::fold::{Axes, Point};
 use super::known::{Known, Thing};
 use crate::board::{Command, Frame, Hex, Mode, NotACommand, Skip};
 
-/// Without a drive frame for so long, in microseconds, a board counts as stopped: what the virtual board does. The real one's time is not
-/// published.
+/// Without a drive frame for so long, in microseconds, a drive counts as stopped, as on the virtual board. What the board does when frames
+/// stop is unknown.
 const FED_US: u64 = 500_000;
 /// A move has a value at least so often, in microseconds, and one that changes at least so often.
 const GAP_US: u64 = 100_000;
@@ -77,10 +77,10 @@ pub(super) fn rows(known: &mut Known, waiting: &[(u64, Came)], exact: bool, now_
     rows
 }
 
-/// Stops a drive that nobody has fed until now, as the board does by itself.
+/// Stops a drive that got no frames until now: played, the script would feed it, and the program did not.
 fn starve(known: &mut Known, rows: &mut Vec<Row>, exact: bool, now_us: u64) {
     if let Some(stopped_us) = known.fed_us.map(|us| us.saturating_add(FED_US)).filter(|us| !exact && *us < now_us) {
-        let text = format!("{}  # nothing came for {}: a board stops by itself", Command::STOP, Time(FED_US));
+        let text = format!("{}  # no drive frame came for {}", Command::STOP, Time(FED_US));
         rows.push(Row { at_us: stopped_us, text: Some(text), says: Says::Break });
         known.set(stopped_us, Thing::Rocker, [0; 4]);
     }

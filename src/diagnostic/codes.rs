@@ -275,8 +275,8 @@ nod()
         "servo 2 2000  # allow: tilt-range\n"
 
     SlowRefresh "slow-refresh" Warning "The drive is refreshed so seldom that the robot may stop."
-        "The board stops by itself when frames stop coming, after a time that its maker did not publish. A drive command that \
-        holds is therefore sent again every 50 ms; above 500 ms a robot may stop in between."
+        "What the board does when frames stop is unknown; docs/safety.md has a test for it. A drive command that holds is \
+        therefore sent again every 50 ms; above 500 ms a robot may stop in between."
         "refresh 800ms\nrocker x=5 for 2s\n"
         "refresh 100ms\nrocker x=5 for 2s\n"
 

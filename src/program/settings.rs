@@ -6,7 +6,7 @@ use super::commands::{Args, Build, Row};
 use super::limits::{Limit, Limited};
 use super::time::Time;
 use super::value::Quantity;
-use crate::board::{Ranged, ServoIndex};
+use crate::board::{ON_SILENCE, Ranged, ServoIndex};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Item, NumberShape, Value, ValueKind};
 
@@ -124,7 +124,7 @@ fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<(
             Code::SlowRefresh,
             value.span,
             "a drive frame that is sent again so seldom may not keep the robot moving",
-            "the board stops by itself where frames stop, after a time that nobody published: stay at or below `refresh 500ms`",
+            format!("{ON_SILENCE}. Stay at or below `refresh 500ms`"),
         ));
     }
     settings.refresh = Some(interval);
