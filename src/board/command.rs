@@ -378,12 +378,13 @@ impl Command {
         }
     }
 
-    /// Whether it makes the robot drive on until the next drive command: a rocker, wheels or yaw hold that is not zero.
+    /// Whether the drive stays active until the next drive command: a rocker or wheels that are not zero, and any yaw hold,
+    /// because at zero it still keeps the heading.
     pub fn keeps_driving(&self) -> bool {
         match self {
             Command::Rocker { x, y, z } => !(x.is_zero() && y.is_zero() && z.is_zero()),
             Command::Wheels(wheels) => !wheels.iter().all(|wheel| wheel.is_zero()),
-            Command::YawHold { x, y } => !(x.is_zero() && y.is_zero()),
+            Command::YawHold { .. } => true,
             _ => false,
         }
     }

@@ -52,20 +52,27 @@ impl Known {
                 let since_us = |told: Told<i32>| told.since(thing);
                 pan.zip(tilt).map(|(pan, tilt)| (since_us(pan).max(since_us(tilt)), [pan.value, tilt.value, 0, 0]))
             }
-            // What stands, stands for all of them.
+            // A stop is zero for every drive command. Wheels or a yaw hold at zero are not a stop.
             _ => {
-                let told = self.drive.filter(|told| told.by == thing || told.value == [0; 4])?;
+                let is_stop = |told: &Told<Axes>| told.by == Thing::Rocker && told.value == [0; 4];
+                let told = self.drive.filter(|told| told.by == thing || is_stop(told))?;
                 Some((told.since(thing), told.value))
             }
         }
     }
 
+    /// Whether a value says nothing new. A yaw hold after a stop is new, also at zero.
+    pub(super) fn repeats(&self, thing: Thing, axes: Axes) -> bool {
+        let is_new = thing == Thing::YawHold && self.drive.is_none_or(|told| told.by != thing);
+        !is_new && self.value(thing).is_some_and(|(_, said)| said == axes)
+    }
+
     /// Takes in a value. What says nothing new is no line.
     pub(super) fn set(&mut self, at_us: u64, thing: Thing, axes: Axes) {
         if thing.is_drive() {
-            self.fed_us = (axes != [0; 4]).then_some(at_us);
+            self.fed_us = (thing == Thing::YawHold || axes != [0; 4]).then_some(at_us);
         }
-        let repeats = self.value(thing).is_some_and(|(_, said)| said == axes);
+        let repeats = self.repeats(thing, axes);
         let told = |old: Option<Told<_>>, value| match old {
             Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
             _ => Some(Told { value, by: thing, said_us: at_us, came_us: at_us }),

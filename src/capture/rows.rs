@@ -104,7 +104,7 @@ fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<Strin
     };
     if let Some((thing, axes)) = Thing::of(command) {
         let before = known.value(thing);
-        let repeats = !exact && before.is_some_and(|(_, said)| said == axes);
+        let repeats = !exact && known.repeats(thing, axes);
         known.set(at_us, thing, axes);
         return ((!repeats).then(|| command.to_string()), Says::Value(thing, axes, before, repeats));
     }

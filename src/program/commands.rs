@@ -128,7 +128,7 @@ pub const COMMANDS: &[Row] = &[
         "yawhold",
         "yawhold x=RIGHT y=FORWARD",
         "yawhold y=10",
-        "the same, while the board keeps the heading",
+        "the same, while the board keeps the heading; it stays active at zero",
         Build::Go(yaw_hold),
     )
     .holding()
