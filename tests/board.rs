@@ -23,10 +23,10 @@ fn hex(text: &str) -> Vec<u8> {
     text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
-/// The command as a script of its own. A move needs its mode first.
+/// The command as a script of its own. A move needs its mode first, and servo 2 a limit as wide as the board takes.
 fn compiled(command: &str) -> Command {
     let mode = if command.starts_with("move") { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
-    let source = Source::new("vector", format!("{mode}{command}\n"));
+    let source = Source::new("vector", format!("limit servo 2 500..2500\n{mode}{command}\n"));
     let compiled = motionseq::compile(&source.clone().into(), &Options::default());
     let events =
         compiled.timeline.unwrap_or_else(|| panic!("{command}: {:?}", compiled.diagnostics)).tracks.remove(0).events;

@@ -95,10 +95,11 @@ fn a_comment_allows_every_warning_on_its_line_and_no_other() {
     let many = script("allowed", &"raw 0x40 1  # allow: raw-frame\nwait 10ms\n".repeat(2_000));
     assert_eq!(run(&["check", "--deny", "warnings", &many]).status.code(), Some(0));
     for (comment, message) in [
-        ("servo 2 2000 # allow: clash", "`clash` is an error"),
-        ("servo 2 2000 # allow: nonsense", "there is no warning `nonsense`"),
-        ("# allow: tilt-range\nservo 2 2000", "this comment stands on a line of its own"),
-        ("say \"# allow: tilt-range\"; servo 2 2000", "servo 2 is the tilt servo"),
+        ("servo 2 1900 # allow: clash", "`clash` is an error"),
+        ("servo 2 1900 # allow: nonsense", "there is no warning `nonsense`"),
+        ("servo 2 1900 # allow: tilt-range", "`limit servo 2 500..2500`"),
+        ("# allow: raw-frame\nraw 0x04 0", "this comment stands on a line of its own"),
+        ("say \"# allow: raw-frame\"; raw 0x04 0", "raw-frame"),
     ] {
         let output = run(&["check", "--deny", "warnings", &script("not-allowed", comment)]);
         assert_eq!(output.status.code(), Some(1), "{comment}");

@@ -10,7 +10,7 @@ use crate::support::{messages, run, stderr};
 use motionseq::board::{
     Command, DEFAULT_BAUD, Displacement, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
 };
-use motionseq::capture::{DRIVE_TOLERANCE, SERVO_TOLERANCE, Scribe, TimedDecoder};
+use motionseq::capture::{DRIVE_TOLERANCE, SERVO_TOLERANCE, Scribe, TimedDecoder, transcribe};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Source, Sources};
 use motionseq::timeline::{Event, Kind, Timeline};
@@ -34,6 +34,7 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
             settled_us += 400_000;
             scribe.settle(settled_us);
             text += &scribe.settled();
+            amend(&mut scribe, &mut text);
             if scribe.frames() > 0 {
                 // At any time, the script could end here.
                 compiled(&(text.clone() + &scribe.tail()));
@@ -43,7 +44,24 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
         last_us = *at_us;
     }
     scribe.finish(last_us + 2_000);
-    text + &scribe.settled()
+    text += &scribe.settled();
+    amend(&mut scribe, &mut text);
+    text
+}
+
+/// The same frames without their times, as `decode -o` writes them.
+fn transcribed(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
+    let bytes: Vec<u8> = frames.iter().flat_map(|(_, frame)| frame.clone()).collect();
+    let mut out = Vec::new();
+    transcribe(&bytes[..], None, exact, &mut out).unwrap();
+    String::from_utf8(out).unwrap()
+}
+
+/// Replaces what the head of a recording said before, as `record` does it in its file.
+fn amend(scribe: &mut Scribe, text: &mut String) {
+    if let Some((at, new)) = scribe.amendment() {
+        text.replace_range(at..at + new.len(), new);
+    }
 }
 
 fn sent(timeline: &Timeline) -> Vec<(u64, Vec<u8>)> {
@@ -483,5 +501,81 @@ fn what_would_harm_or_mislead_is_left_out_and_said() {
             "at 0.00269s stop",
         ]
     );
+    compiled(&text);
+}
+
+#[test]
+fn a_yaw_hold_at_zero_is_recorded_as_a_hold() {
+    let zero = Command::YawHold { x: Speed::ZERO, y: Speed::ZERO };
+    // A stop, then the maker's "stabilize" for a second, a stop, and again until the recording ends.
+    let mut sent = vec![(0, Command::STOP)];
+    sent.extend((1..=100).map(|time| (time * 10_000, zero.clone())));
+    sent.push((1_010_000, Command::STOP));
+    sent.extend((0..10).map(|time| (3_000_000 + time * 100_000, zero.clone())));
+    let text = folded(&sent);
+    let lines: Vec<&str> = text.lines().skip(1).collect();
+    assert_eq!(
+        lines,
+        [
+            "at 0s stop",
+            "at 0.01s yawhold x=0 y=0",
+            "at 1.01s stop",
+            "at 3s yawhold x=0 y=0",
+            "at 3.902s stop  # the recording ends here",
+        ]
+    );
+    compiled(&text);
+}
+
+#[test]
+fn a_move_after_wheels_at_zero_says_where_it_starts() {
+    let zero = Command::Wheels([Speed::ZERO; 4]);
+    let ramp = (0..=50).map(|step| (step as u64 * 20_000, Lane::Rocker.command([step * 2 / 5, 0, 0])));
+    let text = folded(&[(0, zero)].into_iter().chain(ramp.map(|(at_us, to)| (at_us + 10_000, to))).collect::<Vec<_>>());
+    assert!(text.contains("rocker x=0 -> 20") || text.contains("\nat 0.01s stop\n"), "{text}");
+    compiled(&text);
+}
+
+#[test]
+fn a_recording_widens_the_limit_of_the_tilt_only_where_it_must() {
+    let tilt = |at_us, pulse| (at_us, Lane::Servo(2).command([pulse, 0, 0]));
+    for exact in [false, true] {
+        // The first is inside, and was written down long before the second comes.
+        let sent = [tilt(0, 1_950), tilt(5_000_000, 1_951), tilt(9_000_000, 1_500)];
+        let frames: Vec<_> = sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect();
+        let wide = recorded(exact, &frames);
+        assert_eq!(wide.lines().nth(1), Some("limit servo 2 500..2500"), "{wide}");
+        compiled(&wide);
+        let narrow = recorded(exact, &frames[..1]);
+        assert!(!narrow.contains("limit"), "{narrow}");
+        compiled(&narrow);
+        let script = transcribed(&frames, exact);
+        assert_eq!(script.lines().nth(1), Some("limit servo 2 500..2500"), "{script}");
+        compiled(&script);
+    }
+    // An easing that would overshoot the limit is not taken.
+    let ease = Ease::named("out-back").unwrap();
+    let way = |step: u64| 1_500.0 + 430.0 * ease.at(step as f64 / 50.0);
+    let sent: Vec<_> = (0..=50).map(|step| tilt(step * 20_000, (way(step).round() as i32).min(1_950))).collect();
+    let text = folded(&sent);
+    assert!(!text.contains("limit"), "{text}");
+    compiled(&text);
+}
+
+#[test]
+fn a_recording_under_way_gets_the_limit_that_it_needs() {
+    let (mut host, path) = recording("tilt", &[]);
+    let mut port = host.open();
+    let servo = |index, pulse| Lane::Servo(index).command([pulse, 0, 0]).to_frame();
+    port.write_all(&servo(1, 1_500)).unwrap();
+    // The first lines are written before the tilt servo is told anything.
+    while !fs::read_to_string(&path).unwrap_or_default().contains("servo 1 1500") {}
+    port.write_all(&servo(2, 2_000)).unwrap();
+    drop(port);
+    host.says("the port is closed");
+    host.end();
+    let text = text_of(&path);
+    assert_eq!(text.lines().nth(1), Some("limit servo 2 500..2500"), "{text}");
+    assert_eq!(commands(&text), ["servo 1 1500", "servo 2 2000"]);
     compiled(&text);
 }

@@ -360,7 +360,7 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
 #[test]
 fn check_tells_other_programs_what_it_tells_people() {
     let repository = Repository::new("check");
-    repository.file("sub dir/x.motion", "servo 1 3000\nlet ä = 1\nservo 2 2000\n").file("ok.motion", "servo 1 1500\n");
+    repository.file("sub dir/x.motion", "servo 1 3000\nlet ä = 1\nservo 2 1900\n").file("ok.motion", "servo 1 1500\n");
     let args = ["check", "ok.motion", "sub dir/x.motion", "--format"];
     let json = repository.run(&[&args[..], &["json"]].concat());
     assert_eq!(code(&json), 1);

@@ -132,10 +132,15 @@ impl Thing {
         })
     }
 
-    pub(super) fn room(self) -> Room {
+    /// What it may be given; servo 2 more where the script widens its limit.
+    pub(super) fn room(self, is_tilt_wide: bool) -> Room {
         let (speed, still) = ((Speed::MIN, Speed::MAX), (0, 0));
         let pulse = (PulseWidth::MIN, PulseWidth::MAX);
         match self {
+            Thing::Servo(2) if !is_tilt_wide => Room {
+                ranges: [(TiltPulseWidth::MIN, TiltPulseWidth::MAX), still, still, still],
+                tolerance: SERVO_TOLERANCE,
+            },
             Thing::Servo(_) => Room { ranges: [pulse, still, still, still], tolerance: SERVO_TOLERANCE },
             Thing::Servos => Room {
                 ranges: [pulse, (TiltPulseWidth::MIN, TiltPulseWidth::MAX), still, still],

@@ -98,6 +98,8 @@ pub fn decode(input: impl Read, timing: Option<Timing>, out: &mut impl Write) ->
 }
 
 /// Reads the same, and writes it as a script. What has no times counts as sent without a pause, as fast as a line of 115,200 baud carries it.
+///
+/// Keeps the script until it is whole, because its first lines depend on all of it.
 pub fn transcribe(
     input: impl Read,
     timing: Option<Timing>,
@@ -107,6 +109,7 @@ pub fn transcribe(
     let mut scribe = Scribe::new(exact, DEFAULT_BAUD);
     let mut frames = TimedDecoder::new(DEFAULT_BAUD);
     let mut decoded = Decoded::default();
+    let mut script = String::new();
     let mut now_us = 0;
     let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at_us: u64, item: Item<'_>| {
         decoded.count(item);
@@ -117,11 +120,16 @@ pub fn transcribe(
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
         frames.feed(at.unwrap_or_default(), bytes, |at_us, item| take(&mut scribe, &mut decoded, at_us, item));
-        out.write_all(scribe.settled().as_bytes())
+        script += &scribe.settled();
+        Ok(())
     })?;
     frames.finish(|at_us, item| take(&mut scribe, &mut decoded, at_us, item));
     scribe.finish(now_us);
-    out.write_all(scribe.settled().as_bytes()).map_err(DecodeError::Write)?;
+    script += &scribe.settled();
+    if let Some((at, text)) = scribe.amendment() {
+        script.replace_range(at..at + text.len(), text);
+    }
+    out.write_all(script.as_bytes()).map_err(DecodeError::Write)?;
     Ok(read.joined(decoded))
 }
 

@@ -5,8 +5,13 @@ use std::fmt::Write as _;
 use super::fold::{Course, Easings};
 use super::known::{Known, Thing};
 use super::rows::{Came, Row, Run, SHOWN, STILL_US, Time, of_frame, rows, runs};
-use crate::board::{Command, DEFAULT_BAUD, Item};
+use crate::board::{Command, DEFAULT_BAUD, Item, TiltPulseWidth};
 use crate::program::Ease;
+
+/// What the head of a script says of the tilt servo, and what it says instead where a line drives it further: as long as the other, so that
+/// it can be replaced in a file that grows.
+const TILT: &str = " Servo 2 is at most 1950.";
+const WIDE_TILT: &str = "\nlimit servo 2 500..2500\n";
 
 /// What may wait to be written, at most.
 const WAITING: usize = 4096;
@@ -25,6 +30,18 @@ pub struct Scribe {
     frames: u64,
     /// The time of the last line, in microseconds of the stream.
     settled_us: u64,
+    tilt: Tilt,
+}
+
+/// What the head says of the tilt servo.
+struct Tilt {
+    /// Where it says so, in bytes from the start.
+    at: usize,
+    is_wide: bool,
+    /// Whether the head was handed over already.
+    is_settled: bool,
+    /// Whether it must be replaced there.
+    is_amended: bool,
 }
 
 impl Scribe {
@@ -32,10 +49,12 @@ impl Scribe {
     pub fn new(exact: bool, baud: u32) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
         text += if exact {
-            ": every frame, as it came.\nrefresh off\n"
+            ": every frame, as it came."
         } else {
-            ". Repeats that a hold covers are left out; values that follow an easing are one line.\n"
+            ". Repeats that a hold covers are left out; values that follow an easing are one line."
         };
+        let tilt = Tilt { at: text.len(), is_wide: false, is_settled: false, is_amended: false };
+        text = text + TILT + if exact { "\nrefresh off\n" } else { "\n" };
         if baud != DEFAULT_BAUD {
             let _ = writeln!(text, "baud {baud}");
         }
@@ -48,7 +67,26 @@ impl Scribe {
             known: Known::default(),
             frames: 0,
             settled_us: 0,
+            tilt,
         }
+    }
+
+    /// Lets servo 2 go beyond the range of a tilt servo, as the board does.
+    pub fn widen_tilt(&mut self) {
+        if std::mem::replace(&mut self.tilt.is_wide, true) {
+            return;
+        }
+        let Tilt { at, is_settled, .. } = self.tilt;
+        if is_settled {
+            self.tilt.is_amended = true;
+        } else {
+            self.text.replace_range(at..at + TILT.len(), WIDE_TILT);
+        }
+    }
+
+    /// What must be replaced in what was settled, if anything: where, in bytes from the start, and by what. It is as long as what is there.
+    pub fn amendment(&mut self) -> Option<(usize, &'static str)> {
+        std::mem::take(&mut self.tilt.is_amended).then_some((self.tilt.at, WIDE_TILT))
     }
 
     /// Takes what a decoder has found, and when it began, in microseconds. Time does not go back.
@@ -56,7 +94,12 @@ impl Scribe {
         let came = match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                of_frame(frame)
+                let came = of_frame(frame);
+                if matches!(&came, Came::Command(Command::Servo { index, pulse }) if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX)
+                {
+                    self.widen_tilt();
+                }
+                came
             }
             // They are part of a stop, and mean nothing by themselves.
             Item::Skipped { why, .. } if !why.is_wrong() => return,
@@ -106,6 +149,7 @@ impl Scribe {
 
     /// What was settled since the last call.
     pub fn settled(&mut self) -> String {
+        self.tilt.is_settled = true;
         std::mem::take(&mut self.text)
     }
 
@@ -179,7 +223,8 @@ impl Scribe {
     /// takes. Says when the last of them ends; none begins before `free_us`.
     fn fold(&self, run: &Run, free_us: u64, rows: &mut [Row], lines: &mut Vec<(u64, usize, String)>) -> Option<u64> {
         let before = run.before.map(|(since_us, axes)| (since_us.max(free_us), axes));
-        let folds = self.easings.folds(&Course::new(&run.points, run.until_us, run.thing.room()), before);
+        let folds =
+            self.easings.folds(&Course::new(&run.points, run.until_us, run.thing.room(self.tilt.is_wide)), before);
         let ends_us = folds.last().map(|fold| fold.to_us);
         let mut ended = None;
         for fold in folds {

@@ -250,11 +250,12 @@ nod()
         "on abort { rocker x=5 }\nservo 1 1500\n"
         "on abort { servo 1 1500 }\nservo 1 1500\n"
 
-    Limit "limit" Error "A command breaks a limit of the script."
-        "`limit` narrows the range of a servo, an axis or the wheels, for example because the camera hits its frame. No command \
-        may leave it, nor a move on its way."
-        "limit servo 2 900..1700\nservo 2 1800\n"
-        "limit servo 2 900..1700\nservo 2 1700\n"
+    Limit "limit" Error "A command breaks a limit."
+        "`limit` sets the range of a servo, an axis or the wheels, for example because the camera hits its frame. No command \
+        may leave it, nor a move on its way. Servo 2 is limited to 500..1950 where a script says nothing else, because a higher \
+        value damages a tilt servo; `limit servo 2 500..2500` widens that."
+        "limit servo 1 900..1700\nservo 1 1800\nservo 2 2000\n"
+        "limit servo 1 900..1800\nlimit servo 2 500..2500\nservo 1 1800\nservo 2 2000\n"
 
     Unused "unused" Warning "Nothing uses a name."
         "A `let` or a `def` of the main script that nothing uses is most likely a slip: another name was meant, or a call was \
@@ -271,8 +272,8 @@ nod()
     Allow "allow" Warning "A comment allows what is no warning."
         "`# allow: CODE` at the end of a line keeps the warnings of that code on this line back; several codes stand with \
         commas between them. Errors cannot be allowed."
-        "servo 1 1500  # allow: tilt-rang\n"
-        "servo 2 2000  # allow: tilt-range\n"
+        "servo 1 1500  # allow: raw-fram\n"
+        "raw 0x04 0  # allow: raw-frame\n"
 
     SlowRefresh "slow-refresh" Warning "The drive is refreshed so seldom that the robot may stop."
         "What the board does when frames stop is unknown; docs/safety.md has a test for it. A drive command that holds is \
@@ -322,8 +323,9 @@ nod()
 
     ServoSpeed "servo-speed" Warning "A servo is sent on before it can have arrived."
         "A servo takes time to turn: a usual one 0.12 s for 60°, which is 5500 µs of pulse width a second. It is told to go \
-        somewhere, and somewhere else before it can be there, so it never gets there. Give it time, or, if it is faster or \
-        slower than that, say so with `limit servo N speed …`."
+        somewhere, and somewhere else before it can be there, so it never gets there. Until it catches up, this is one warning, \
+        at the command where it falls behind. Give it time, or, if it is faster or slower than that, say so with `limit servo N \
+        speed …`; the help names a speed that is enough for the whole script."
         "servo 1 600\nwait 1s\nservo 1 2400\nwait 100ms\nservo 1 600\n"
         "servo 1 600\nwait 1s\nservo 1 2400\nwait 400ms\nservo 1 600\n"
 
@@ -338,12 +340,6 @@ nod()
         it, or how long it lasts, so that the script says what happens."
         "rocker x=5\nwait 2s\n"
         "rocker x=5 for 2s\n"
-
-    TiltRange "tilt-range" Warning "A tilt servo does not survive this pulse width."
-        "Servo 2 is usually the tilt servo of the camera, which breaks beyond 1950 µs, though the board takes up to 2500. With \
-        another servo there, allow it: `# allow: tilt-range`. `limit servo 2 500..1950` makes it an error."
-        "servo 2 2000\n"
-        "servo 2 1950\n"
 
     RawFrame "raw-frame" Warning "Nothing checks what a raw frame does."
         "`raw` sends any function and any bytes. Neither ranges nor clashes are checked, and nobody knows what the robot does \

@@ -104,16 +104,17 @@ impl Things {
         let Things { servos, body, wheels, yaw_hold, moves, buzzer, rest, .. } = self;
         let mut lanes = Vec::new();
         let curve = |(name, about), unit, ends, range: (i32, i32), limited: &[Limited], Curve(points): Curve| {
-            let limit = limits.iter().find(|limit| limited.contains(&limit.limited));
+            let limit = limits.iter().find(|limit| limit.span.is_some() && limited.contains(&limit.limited));
             let limits = limit.map(|limit| [limit.low, limit.high]);
             let range = [f64::from(range.0), f64::from(range.1)];
             Lane { name, about, shows: Shows::Curve { unit, ends, range, limits, points } }
         };
         let names = [("servo 1", "pan"), ("servo 2", "tilt"), ("servo 3", ""), ("servo 4", "")];
         for ((index, name), points) in (1..).zip(names).zip(servos) {
-            // The second one tilts, and breaks where it is driven further.
-            let most = if index == 2 { TiltPulseWidth::MAX } else { PulseWidth::MAX };
             let limited = ServoIndex::new(index).map(Limited::Servo);
+            // The second one usually tilts, and is driven further only where the script says so.
+            let is_wide = |limit: &Limit| Ok(limit.limited) == limited && limit.high > f64::from(TiltPulseWidth::MAX);
+            let most = if index == 2 && !limits.iter().any(is_wide) { TiltPulseWidth::MAX } else { PulseWidth::MAX };
             let limited = limited.as_ref().map_or(&[][..], std::slice::from_ref);
             if !points.0.is_empty() {
                 lanes.push(curve(name, "µs", ["", ""], (PulseWidth::MIN, most), limited, points));

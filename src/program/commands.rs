@@ -3,8 +3,7 @@
 use super::Settings;
 use super::arguments::Arguments;
 use super::motion::{Glide, Motion, Shape};
-use super::value::{self};
-use crate::board::{self, Gains, MAX_PAYLOAD, Mode, Payload, Query, Ranged, TiltPulseWidth};
+use crate::board::{self, Gains, MAX_PAYLOAD, Mode, Payload, Query, Ranged};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Argument, Item, Value};
 
@@ -240,18 +239,6 @@ fn servo(args: &mut Args<'_, '_, '_, '_>) -> Option<Motion> {
     let argument = args.next_argument()?;
     let glide = pulse::<500, 2500>(args, argument, "a pulse width", "");
     let (index, glide): (board::ServoIndex, Glide) = (index?, glide?);
-    let widest = glide.from.map_or(glide.to, |from| from.max(glide.to));
-    if index.get() == 2 && value::round(widest).is_some_and(|widest| widest > TiltPulseWidth::MAX) {
-        args.context.report(Diagnostic::new(
-            Code::TiltRange,
-            argument.span,
-            format!("servo 2 is the tilt servo, and does not survive {} µs", libm::round(widest)),
-            format!(
-                "stay at or below {}, or, with another servo there, end the line with `# allow: tilt-range`",
-                TiltPulseWidth::MAX
-            ),
-        ));
-    }
     Some(Motion::new(Shape::Servo(index), [glide]))
 }
 

@@ -1,6 +1,8 @@
-//! `limit`: ranges that a script narrows for itself.
+//! `limit`: ranges that a script sets for itself, and those that hold where it sets none.
 
-use crate::board::{Command, PulseWidth, ServoIndex, Speed, TurnRate};
+use std::fmt;
+
+use crate::board::{Command, PulseWidth, ServoIndex, Speed, TiltPulseWidth, TurnRate};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 
@@ -17,7 +19,7 @@ pub enum Limited {
     Wheels,
 }
 
-/// One narrowed range.
+/// One limited range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Limit {
     /// What is limited.
@@ -26,8 +28,37 @@ pub struct Limit {
     pub low: f64,
     /// The largest value allowed.
     pub high: f64,
-    /// Where the script says so.
-    pub span: Span,
+    /// Where the script says so; `None` for a limit that holds because the script sets no other.
+    pub span: Option<Span>,
+}
+
+impl Limit {
+    /// The limits of a script that sets none: servo 2 is usually the tilt servo, which a higher value damages.
+    pub fn defaults() -> Vec<Limit> {
+        let (low, high) = (f64::from(TiltPulseWidth::MIN), f64::from(TiltPulseWidth::MAX));
+        let tilt = ServoIndex::new(2).ok().map(Limited::Servo);
+        tilt.map(|limited| Limit { limited, low, high, span: None }).into_iter().collect()
+    }
+}
+
+/// What a script calls it.
+impl fmt::Display for Limited {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = |axis: &usize| ["x", "y", "z"].get(*axis).copied().unwrap_or_default();
+        match self {
+            Limited::Servo(index) => write!(f, "servo {index}"),
+            Limited::Rocker(at) => write!(f, "rocker {}", axis(at)),
+            Limited::YawHold(at) => write!(f, "yawhold {}", axis(at)),
+            Limited::Wheels => f.write_str("wheels"),
+        }
+    }
+}
+
+/// The line that sets it.
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "limit {} {}..{}", self.limited, self.low, self.high)
+    }
 }
 
 impl Limited {
@@ -70,15 +101,20 @@ pub fn broken<'l>(limits: &'l [Limit], command: &Command) -> Option<(&'l Limit, 
     })
 }
 
-/// Says that a command breaks a limit.
+/// Says that a command breaks a limit, and how to widen it.
 pub fn diagnostic(limit: &Limit, value: i32, span: Span) -> Diagnostic {
-    let (low, high) = (limit.low, limit.high);
-    Diagnostic::new(
-        Code::Limit,
-        span,
-        format!("this sends {value}, and the script limits it to {low}..{high}"),
-        "stay inside, or widen the limit",
-    )
-    .label("outside the limit")
-    .related(limit.span, "limited here")
+    let Limit { limited, low, high, .. } = *limit;
+    let Some(set) = limit.span else {
+        let (_, most) = limited.board_range();
+        let wide = Limit { high: f64::from(most), ..limit.clone() };
+        let message =
+            format!("{limited} is limited to {low}..{high}, and this sends {value}: a tilt servo is damaged there");
+        let help = format!("stay at or below {high}, or, if it is not a tilt servo, widen the limit: `{wide}`");
+        return Diagnostic::new(Code::Limit, span, message, help).label("outside the limit");
+    };
+    let wide = Limit { low: low.min(value.into()), high: high.max(value.into()), ..limit.clone() };
+    let message = format!("this sends {value}, and the script limits it to {low}..{high}");
+    Diagnostic::new(Code::Limit, span, message, format!("stay inside, or widen the limit: `{wide}`"))
+        .label("outside the limit")
+        .related(set, "limited here")
 }

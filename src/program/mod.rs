@@ -171,7 +171,7 @@ pub struct Settings {
     pub has_tempo: bool,
     /// Which random numbers there are.
     pub seed: u64,
-    /// Ranges that the script narrows.
+    /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
     /// How fast the four servos are taken to turn, in µs of pulse width a second.
     pub servo_speeds: [u32; 4],
@@ -189,7 +189,7 @@ impl Default for Settings {
             tempo: Tempo::default(),
             has_tempo: false,
             seed: 0,
-            limits: Vec::new(),
+            limits: Limit::defaults(),
             servo_speeds: [SERVO_SPEED; 4],
         }
     }

@@ -53,7 +53,7 @@ pub const SETTINGS: &[Row] = &[
         "limit",
         "limit servo N MIN..MAX",
         "limit servo 2 900..1700",
-        "narrows a range: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
+        "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
         Build::Set(limit),
     ),
     Row::later("robots"),
@@ -237,13 +237,15 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         ));
         return None;
     }
-    let limit = Limit { limited, low, high, span: args.command.span };
-    if let Some(first) = settings.limits.iter().find(|other| other.limited == limited) {
+    let limit = Limit { limited, low, high, span: Some(args.command.span) };
+    let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
+    if let Some(first) = first {
         let diagnostic =
             Diagnostic::new(Code::SettingPlace, args.command.span, "this is limited twice", "keep one of the two");
-        args.context.report(diagnostic.label("again here").related(first.span, "first limited here"));
+        args.context.report(diagnostic.label("again here").related(first, "first limited here"));
         return None;
     }
+    settings.limits.retain(|other| other.limited != limited);
     settings.limits.push(limit);
     Some(())
 }

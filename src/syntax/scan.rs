@@ -205,7 +205,12 @@ impl<'s> Scan<'s, '_> {
                 None => {
                     let warnings = Code::ALL.iter().filter(|code| code.severity() == Severity::Warning);
                     let warnings: Vec<_> = warnings.map(|code| code.name()).collect();
-                    let help = format!("the warnings are: {}", warnings.join(", "));
+                    let help = match name {
+                        "tilt-range" => {
+                            "servo 2 is limited to 500..1950 now: `limit servo 2 500..2500` widens it".to_owned()
+                        }
+                        _ => format!("the warnings are: {}", warnings.join(", ")),
+                    };
                     self.diagnostics.push(Diagnostic::new(
                         Code::Allow,
                         comment,

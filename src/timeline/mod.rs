@@ -43,7 +43,7 @@ pub struct Timeline {
     pub baud: u32,
     /// The calls and passes that led to each event.
     pub traces: Traces,
-    /// Ranges that the script narrows.
+    /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
     /// How the script counts in bars, if it does.
     pub bars: Option<Bars>,

@@ -2,7 +2,7 @@
 
 use super::super::{Kind, Tween, things};
 use super::{From, Lay, frames};
-use crate::board::{Command, TiltPulseWidth};
+use crate::board::Command;
 use crate::diagnostic::{Code, Diagnostic};
 use crate::program::{Motion, Move, Shape, Time, broken, broken_limit};
 
@@ -132,27 +132,10 @@ impl Lay<'_> {
             self.report(broken_limit(limit, value, from.span), from);
             return false;
         }
-        self.tilt(&command, going, from);
         if !self.was_last(&command) {
             self.send(at, &command, Kind::Sample, from);
         }
         true
-    }
-
-    /// A move that only on its way gets further than a tilt servo survives.
-    fn tilt(&mut self, command: &Command, going: &Move, from: From) {
-        let Command::Servo { index, pulse } = command else {
-            return;
-        };
-        let most = f64::from(TiltPulseWidth::MAX);
-        let ends_inside =
-            going.motion.values().iter().all(|glide| glide.to <= most && glide.from.unwrap_or(0.0) <= most);
-        if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX && ends_inside {
-            let message =
-                format!("servo 2 is the tilt servo, and on the way this gets to {pulse} µs, which it does not survive");
-            let help = "choose an easing that does not overshoot, or stay further inside the range";
-            self.report(Diagnostic::new(Code::TiltRange, from.span, message, help), from);
-        }
     }
 
     /// Whether this is what was sent last to the same thing.
