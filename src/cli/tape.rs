@@ -52,10 +52,16 @@ impl Tape {
     pub(super) fn start(file: Option<File>, exact: bool, baud: u32, screen: Screen) -> io::Result<Self> {
         let (pieces, to_write) = mpsc::sync_channel(ROOM);
         let (keep, kept) = mpsc::channel();
+        let out = Out::new(file)?;
+        let mut scribe = Scribe::new(exact, baud);
+        if !out.is_file {
+            // What is written to a pipe cannot be amended.
+            scribe.widen_tilt();
+        }
         let writer = Writer {
-            scribe: Scribe::new(exact, baud),
+            scribe,
             decoder: TimedDecoder::new(baud),
-            out: Out::new(file)?,
+            out,
             lines: 0,
             screen,
             now_us: 0,
@@ -167,6 +173,7 @@ impl Writer {
     fn write(&mut self, tail: &str) -> Option<String> {
         let settled = self.scribe.settled();
         self.lines += settled.lines().filter(|line| line.starts_with("at ")).count() as u64;
+        self.out.amendment = self.scribe.amendment().or(self.out.amendment);
         let was_failing = self.out.is_failing;
         let error = self.out.write(&settled, tail).err();
         self.out.is_failing = error.is_some();
@@ -193,6 +200,8 @@ struct Out {
     settled: String,
     at: u64,
     tail: u64,
+    /// What is to be replaced in what was settled, and where.
+    amendment: Option<(usize, &'static str)>,
     is_failing: bool,
 }
 
@@ -203,7 +212,7 @@ impl Out {
             None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
         };
         let is_file = file.metadata()?.is_file();
-        Ok(Out { file, is_file, settled: String::new(), at: 0, tail: 0, is_failing: false })
+        Ok(Out { file, is_file, settled: String::new(), at: 0, tail: 0, amendment: None, is_failing: false })
     }
 
     fn length(&self) -> u64 {
@@ -218,6 +227,14 @@ impl Out {
             self.file.write_all(self.settled.as_bytes())?;
             self.settled.clear();
             return Ok(());
+        }
+        if let Some((at, text)) = self.amendment.take() {
+            if self.at == 0 {
+                self.settled.replace_range(at..at + text.len(), text);
+            } else if let Err(error) = self.file.write_all_at(text.as_bytes(), at as u64) {
+                self.amendment = Some((at, text));
+                return Err(error);
+            }
         }
         if self.settled.is_empty() && tail.len() as u64 == self.tail {
             return Ok(());
