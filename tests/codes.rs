@@ -106,3 +106,40 @@ fn a_comment_allows_every_warning_on_its_line_and_no_other() {
         assert!(stderr(&output).contains(message), "{}", stderr(&output));
     }
 }
+
+/// The limits that the help of `servo-speed` suggests.
+fn suggested(text: &str) -> Vec<String> {
+    let compiled = compiled(text);
+    let sorted = compiled.diagnostics.sorted();
+    let late = sorted.iter().filter(|warning| warning.code == Code::ServoSpeed);
+    let limits = late.flat_map(|warning| warning.help.split('`').filter(|part| part.starts_with("limit servo ")));
+    let limits: std::collections::BTreeSet<&str> = limits.collect();
+    limits.into_iter().map(str::to_owned).collect()
+}
+
+fn compiled(text: &str) -> motionseq::Compiled {
+    let source = motionseq::source::Source::new("test.motion", text);
+    let compiled = motionseq::compile(&source.into(), &motionseq::program::Options::default());
+    assert!(compiled.timeline.is_some(), "{:?}\n{text}", compiled.diagnostics);
+    compiled
+}
+
+#[test]
+fn the_limit_that_servo_speed_suggests_silences_it() {
+    // Commands alone, a chain of them, moves (which may arrive late though they last long enough), two servos at once.
+    let chain: String = (0..40).map(|at| format!("servo 1 {}\nwait 90ms\n", 1_500 + (at * 37 % 11 - 5) * 90)).collect();
+    let moves: String = (0..6)
+        .map(|at| format!("servo 3 {} over 150ms ease in-expo\n", if at % 2 == 0 { 2_300 } else { 700 }))
+        .collect();
+    for text in [
+        "servo 1 600\nwait 1s\nservo 1 2400\nwait 100ms\nservo 1 600\n".to_owned(),
+        format!("servo 1 500\nwait 1s\n{chain}"),
+        format!("servo 3 700\nwait 1s\n{moves}wait 20ms\nservo 3 1500\n"),
+        "servos 600 600\nwait 1s\nservos 1400 1900\nwait 50ms\nservos 600 600\nwait 30ms\nservos 900 700\n".to_owned(),
+    ] {
+        let limits = suggested(&text);
+        assert!(!limits.is_empty(), "{text}");
+        let limited = limits.join("\n") + "\n" + &text;
+        assert_eq!(suggested(&limited), Vec::<String>::new(), "{limited}");
+    }
+}

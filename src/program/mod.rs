@@ -180,6 +180,9 @@ pub struct Settings {
 /// How fast a servo is taken to turn where the script does not say: the usual 60° in 0.12 s, in µs of pulse width a second.
 pub const SERVO_SPEED: u32 = 5_500;
 
+/// The fastest that a script can say a servo is, in µs of pulse width a second.
+pub const MAX_SERVO_SPEED: u64 = 100_000;
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {

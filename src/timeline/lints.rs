@@ -1,23 +1,55 @@
 //! What compiles and is probably not meant, as far as it takes the whole timeline to see it.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::tween::{Part, Walk};
 use super::{Event, Timeline};
 use crate::board::Command;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::program::TraceId;
+use crate::program::{MAX_SERVO_SPEED, TraceId};
 use crate::source::Span;
 
 /// A servo that has less than this many µs of pulse width still to go counts as arrived.
 const ARRIVED: u64 = 20;
 const MICROS: u64 = 1_000_000;
+/// A suggested speed is a multiple of this, in µs of pulse width a second.
+const STEP: u64 = 100;
+/// How many speeds are tried to find one that is enough.
+const TRIES: usize = 16;
 
-/// Reports servos that cannot get where they are sent before their next command. `speeds` are those of the four servos, in µs of
-/// pulse width a second.
+/// Reports servos that cannot get where they are sent before their next command, once for each time that one falls behind.
+/// `speeds` are those of the four servos, in µs of pulse width a second.
 pub(super) fn servo_speed(timeline: &Timeline, speeds: [u32; 4], diagnostics: &mut Diagnostics) {
-    let mut servos = speeds.map(|speed| Servo { speed: u64::from(speed), going: None });
+    let servos = servos(timeline, speeds.map(u64::from));
+    if servos.iter().all(|servo| servo.late.is_empty()) {
+        return;
+    }
+    let enough = enough_speeds(timeline, &servos);
+    // A `servos` that neither of its servos reaches is one warning.
+    let mut warnings: BTreeMap<Span, Vec<(u8, &Late)>> = BTreeMap::new();
+    for (servo, index) in servos.iter().zip(1..) {
+        for late in &servo.late {
+            warnings.entry(late.span).or_default().push((index, late));
+        }
+    }
+    for servos in warnings.values() {
+        if let Some((index, late)) = servos.first() {
+            let limits =
+                servos.iter().map(|(index, _)| (*index, enough.get(usize::from(*index - 1)).copied().flatten()));
+            let limits: Option<Vec<String>> =
+                limits.map(|(index, enough)| Some(format!("`limit servo {index} speed {}us`", enough?))).collect();
+            let diagnostic = timeline.traces.attach(too_fast(late, *index, limits.as_deref()), late.trace);
+            diagnostics.push(diagnostic.related(late.next, "its next command"));
+        }
+    }
+}
+
+/// The four servos as they were when the timeline has been played, with the speeds that they have.
+fn servos(timeline: &Timeline, speeds: [u64; 4]) -> [Servo; 4] {
+    let mut servos = speeds.map(|speed| Servo { speed, ..Servo::default() });
     let mut walk = Walk::new(timeline.tweens());
     for event in timeline.events() {
-        let begins = !matches!(walk.take(&event.command, event.kind), Part::Further);
+        let part = walk.take(&event.command, event.kind);
         let [pan, tilt, third, fourth] = &mut servos;
         match &event.command {
             Command::Servo { index, pulse } => {
@@ -27,22 +59,47 @@ pub(super) fn servo_speed(timeline: &Timeline, speeds: [u32; 4], diagnostics: &m
                     3 => third,
                     _ => fourth,
                 };
-                servo.told(event, index.get(), pulse.get(), begins, timeline, diagnostics);
+                servo.take(event, pulse.get(), &part);
             }
             Command::Servos { pan: to, tilt: tilt_to } => {
-                pan.told(event, 1, to.get(), begins, timeline, diagnostics);
-                tilt.told(event, 2, tilt_to.get(), begins, timeline, diagnostics);
+                pan.take(event, to.get(), &part);
+                tilt.take(event, tilt_to.get(), &part);
             }
             _ => {}
         }
     }
+    servos
+}
+
+/// For each servo that is late, a speed at which it never is, if a script can set such a speed.
+fn enough_speeds(timeline: &Timeline, late: &[Servo; 4]) -> [Option<u64>; 4] {
+    let round_up = |servo: &Servo| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
+    let mut speeds = late.each_ref().map(|servo| if servo.late.is_empty() { servo.speed } else { round_up(servo) });
+    for _ in 0..TRIES {
+        let faster = servos(timeline, speeds);
+        if faster.iter().all(|servo| servo.late.is_empty()) {
+            return speeds.map(|speed| Some(speed).filter(|speed| *speed <= MAX_SERVO_SPEED));
+        }
+        for (speed, servo) in speeds.iter_mut().zip(&faster).filter(|(_, servo)| !servo.late.is_empty()) {
+            *speed = round_up(servo);
+        }
+    }
+    [None; 4]
 }
 
 /// A servo that turns at an even speed.
+#[derive(Default)]
 struct Servo {
     /// µs of pulse width a second.
     speed: u64,
     going: Option<Going>,
+    /// Whether it has not caught up since it fell behind.
+    is_behind: bool,
+    /// Each command at which it fell behind, once however often it is run.
+    late: Vec<Late>,
+    seen: BTreeSet<Span>,
+    /// The speed that would have been enough for what it did not reach.
+    needed: u64,
 }
 
 /// Where it is, and where it goes. Pulse widths are in millionths of a µs, so that they stay exact.
@@ -55,67 +112,96 @@ struct Going {
     since_us: u64,
     span: Span,
     trace: TraceId,
+    /// Whether a move has begun whose steps have not changed the target yet.
+    begins: bool,
+}
+
+/// A command that a servo does not reach.
+struct Late {
+    span: Span,
+    trace: TraceId,
+    from: u64,
+    target: u64,
+    /// That of the servo.
+    speed: u64,
+    /// How long it has, in microseconds.
+    time_us: u64,
+    /// The command that comes too early.
+    next: Span,
 }
 
 impl Servo {
-    /// Takes a frame; `begins` where it is no further step of a move.
-    #[expect(clippy::too_many_arguments, reason = "a message and its parts")]
-    fn told(
-        &mut self,
-        event: &Event,
-        index: i32,
-        pulse: i32,
-        begins: bool,
-        timeline: &Timeline,
-        diagnostics: &mut Diagnostics,
-    ) {
+    fn take(&mut self, event: &Event, pulse: i32, part: &Part<'_>) {
         let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
         let Some(going) = &mut self.going else {
-            // Nobody knows where it was.
+            // Where it was is unknown.
             let (at_us, span, trace) = (event.at_us, event.span, event.trace);
-            self.going = Some(Going { at_us, pulse: target, target, from: target, since_us: at_us, span, trace });
+            let from = target;
+            self.going =
+                Some(Going { at_us, pulse: target, target, from, since_us: at_us, span, trace, begins: false });
             return;
         };
-        let way = self.speed.saturating_mul(event.at_us - going.at_us);
-        going.pulse = if going.pulse < going.target {
-            going.target.min(going.pulse.saturating_add(way))
-        } else {
-            going.target.max(going.pulse.saturating_sub(way))
-        };
-        // A move is told where to be all the time, and still has a step to go where its time ends.
-        let needed = going.from.abs_diff(going.target);
-        let possible = self.speed.saturating_mul(event.at_us - going.since_us);
-        // Two commands at one time are told as a clash.
-        if begins
-            && event.at_us > going.since_us
-            && needed > possible
-            && going.pulse.abs_diff(going.target) > ARRIVED * MICROS
-        {
-            let diagnostic = too_fast(going, index, self.speed, event.at_us);
-            diagnostics.push(timeline.traces.attach(diagnostic, going.trace).related(event.span, "its next command"));
+        going.pass(self.speed, event.at_us);
+        // What sets the value that it has already changes nothing.
+        if target == going.target {
+            going.begins |= matches!(part, Part::First(_));
+            return;
         }
-        (going.at_us, going.target) = (event.at_us, target);
+        let begins = going.begins || !matches!(part, Part::Further);
+        // Two commands at one time are reported as a clash.
+        if begins && event.at_us > going.since_us {
+            let late = going.late(self.speed, event);
+            if let Some(late) = &late {
+                self.needed = self.needed.max(late.from.abs_diff(late.target).div_ceil(late.time_us));
+            }
+            let was_behind = std::mem::replace(&mut self.is_behind, late.is_some());
+            self.late.extend(late.filter(|late| !was_behind && self.seen.insert(late.span)));
+        }
+        going.target = target;
         if begins {
             (going.from, going.since_us) = (going.pulse, event.at_us);
-            (going.span, going.trace) = (event.span, event.trace);
+            (going.span, going.trace, going.begins) = (event.span, event.trace, false);
         }
     }
 }
 
-fn too_fast(going: &Going, index: i32, speed: u64, until_us: u64) -> Diagnostic {
-    let (from, to) = (going.from / MICROS, going.target / MICROS);
+impl Going {
+    /// Lets time pass.
+    fn pass(&mut self, speed: u64, at_us: u64) {
+        let way = speed.saturating_mul(at_us - self.at_us);
+        self.pulse = if self.pulse < self.target {
+            self.target.min(self.pulse.saturating_add(way))
+        } else {
+            self.target.max(self.pulse.saturating_sub(way))
+        };
+        self.at_us = at_us;
+    }
+
+    /// What it did not reach before the next command. A move sends where to be all the time, and still has a step to go where its
+    /// time ends, so it counts as a whole.
+    fn late(&self, speed: u64, next: &Event) -> Option<Late> {
+        let time_us = next.at_us - self.since_us;
+        let is_late = self.from.abs_diff(self.target) > speed.saturating_mul(time_us)
+            && self.pulse.abs_diff(self.target) > ARRIVED * MICROS;
+        let Going { span, trace, from, target, .. } = *self;
+        is_late.then_some(Late { span, trace, from, target, speed, time_us, next: next.span })
+    }
+}
+
+/// `limits` are lines that silence it, if there are any.
+fn too_fast(late: &Late, index: u8, limits: Option<&[String]>) -> Diagnostic {
+    let Late { from, target, speed, .. } = *late;
+    let (from, to) = (from / MICROS, target / MICROS);
     let needed = from.abs_diff(to) * 1_000 / speed.max(1);
-    let left = (until_us - going.since_us) / 1_000;
-    Diagnostic::new(
-        Code::ServoSpeed,
-        going.span,
-        format!(
-            "servo {index} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left} ms"
-        ),
-        format!(
-            "give it more time; if it is faster than {speed} µs a second, say so: `limit servo {index} speed {}us`",
-            speed * 2
-        ),
-    )
-    .label("does not get there")
+    let left = late.time_us / 1_000;
+    let message = format!(
+        "servo {index} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left} ms"
+    );
+    let help = match limits {
+        Some(limits) => {
+            format!("give it more time; if it is faster than {speed} µs a second, say so: {}", limits.join(" and "))
+        }
+        None => format!("give it more time: at least {needed} ms"),
+    };
+    Diagnostic::new(Code::ServoSpeed, late.span, message, help).label("does not get there")
 }
