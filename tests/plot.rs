@@ -278,3 +278,17 @@ fn each_robot_has_a_band_of_its_own() {
         path(&svg, "road").iter().map(|path| path.split(['L', ' ']).nth(1).unwrap().parse().unwrap()).collect();
     assert!(heights[1] - heights[0] > 300.0, "{heights:?}");
 }
+
+#[test]
+fn what_xml_forbids_is_escaped() {
+    let path = file("noncharacters.motion");
+    fs::write(&path, "say \"a\u{FFFE}b\u{FFFF}\"\nservo 1 1500\nwait 1s\n").unwrap();
+    let name = path.to_str().unwrap();
+    for format in ["svg", "html"] {
+        let drawn = stdout(&run(&["plot", name, "--format", format]));
+        assert!(drawn.contains(r"a\u{fffe}b\u{ffff}") && !drawn.contains(['\u{FFFE}', '\u{FFFF}']), "{drawn}");
+    }
+    let png = run(&["plot", name, "--format", "png"]);
+    assert_eq!(png.status.code(), Some(0), "{}", stderr(&png));
+    fs::remove_file(path).unwrap();
+}

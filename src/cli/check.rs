@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
-use motionseq::report::{self, Finding};
+use motionseq::report::{self, Finding, Totals};
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::timeline::{Timeline, wire};
 use motionseq::verify::{expectation, expected_error, find};
@@ -13,7 +13,7 @@ use motionseq::verify::{expectation, expected_error, find};
 use super::exit::Exit;
 use super::output;
 use super::screen::{Screen, plural, seconds};
-use super::{Options, read, read_source};
+use super::{Deny, Options, read, read_source, repository};
 
 /// Check scripts: show every error and warning, send nothing
 #[derive(Debug, Args)]
@@ -46,12 +46,6 @@ enum Format {
     Sarif,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Deny {
-    /// Every warning counts as an error
-    Warnings,
-}
-
 impl Check {
     /// Checks every file; fails if any of them does.
     #[expect(clippy::too_many_lines, reason = "one format after the other")]
@@ -62,6 +56,7 @@ impl Check {
         }
         let mut exit = Exit::Ok;
         let mut findings = Vec::new();
+        let mut totals = Totals::default();
         // In a folder, a script that says which error it has is there for that.
         let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
         let found = find(&folders);
@@ -73,6 +68,7 @@ impl Check {
         for (path, why) in &found.unreadable {
             screen.error(&format!("cannot look into {}: {why}", path.display()));
             findings.push(Finding::unreadable(&path.display().to_string(), why.clone()));
+            totals.errors += 1;
             exit = Exit::Script;
         }
         let files = files.iter().map(|file| (file, false)).chain(found.scripts.iter().map(|file| (file, true)));
@@ -80,6 +76,7 @@ impl Check {
             let source = match self.read(file, screen) {
                 Ok(source) => source,
                 Err(found) => {
+                    totals.errors += found.len();
                     findings.extend(found);
                     exit = Exit::Script;
                     continue;
@@ -97,6 +94,7 @@ impl Check {
                 screen.diagnostics(&sources, &compiled.diagnostics, self.deny.is_some());
             } else {
                 findings.extend(report::findings(&sources, &compiled.diagnostics));
+                totals.add(&compiled.diagnostics);
             }
             let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
@@ -116,9 +114,15 @@ impl Check {
                 None => exit = Exit::Script,
             }
         }
+        if matches!(self.format, Format::Github | Format::Sarif) {
+            let repository = repository();
+            for finding in &mut findings {
+                finding.file = repository.path(&finding.file);
+            }
+        }
         let text = match self.format {
             Format::Human => return exit,
-            Format::Json => report::findings_json(&findings),
+            Format::Json => report::findings_json(&findings, totals),
             Format::Github => report::findings_github(&findings),
             Format::Sarif => report::findings_sarif(&findings),
         };

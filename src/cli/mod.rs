@@ -34,10 +34,11 @@ use std::process::ExitCode;
 use std::sync::mpsc;
 use std::thread;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use motionseq::Compiled;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::Speed;
+use motionseq::report::Repository;
 use motionseq::source::{Source, SourceError, Sources};
 
 use exit::Exit;
@@ -111,6 +112,13 @@ struct Options {
     max_events: usize,
 }
 
+/// What fails besides errors.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Deny {
+    /// Every warning counts as an error
+    Warnings,
+}
+
 fn name_and_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) => Ok((name.trim().to_owned(), value.trim().to_owned())),
@@ -176,6 +184,16 @@ impl Options {
         screen.diagnostics(sources, &compiled.diagnostics, false);
         compiled
     }
+}
+
+/// What paths of annotations count from: the workspace that CI names, the repository that this folder is in, or this folder.
+fn repository() -> Repository {
+    let here = std::env::current_dir().and_then(|here| here.canonicalize()).unwrap_or_default();
+    let workspace = std::env::var_os("GITHUB_WORKSPACE").filter(|path| !path.is_empty());
+    let workspace = workspace.and_then(|path| PathBuf::from(path).canonicalize().ok());
+    let repository = here.ancestors().find(|folder| folder.join(".git").exists()).map(PathBuf::from);
+    let roots = workspace.into_iter().chain(repository).chain([here.clone()]).collect();
+    Repository::new(roots, here)
 }
 
 /// Starts a thread and waits until it runs: the system may refuse it memory at its very start.

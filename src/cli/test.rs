@@ -8,13 +8,13 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::report;
 use motionseq::sim::Faults;
-use motionseq::verify::{Case, Job, Verdict, find, shell_word};
+use motionseq::verify::{Case, Job, Verdict, find};
 
-use super::Options;
 use super::exit::Exit;
 use super::output;
 use super::progress::Progress;
 use super::screen::{Screen, plural};
+use super::{Deny, Options, repository};
 
 /// Compare every script with its snapshot, and say what has changed
 #[derive(Debug, Args)]
@@ -34,6 +34,9 @@ pub(super) struct Test {
     /// What goes wrong then: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
+    /// Let warnings fail too, and snapshots without a script
+    #[arg(long, value_enum, value_name = "WHAT")]
+    deny: Option<Deny>,
     /// How results are printed
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -72,7 +75,13 @@ impl Test {
             return Exit::Script;
         }
         let faults = self.fault.clone().unwrap_or_default();
-        let job = Job { options: self.options.of_library(), bless: self.bless, play: self.play, faults };
+        let job = Job {
+            options: self.options.of_library(),
+            bless: self.bless,
+            play: self.play,
+            faults,
+            deny: self.deny.is_some(),
+        };
         // More threads than scripts have nothing to do.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -90,7 +99,7 @@ impl Test {
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
         if let Some(path) = &self.junit
-            && let Err(error) = fs::write(path, report::cases_junit(&cases))
+            && let Err(error) = fs::write(path, report::cases_junit(&report::cases_in(&repository(), &cases)))
         {
             screen.error(&format!("cannot write {}: {error}", path.display()));
             return Exit::Usage;
@@ -110,7 +119,7 @@ impl Test {
             Format::Human => human(cases, screen),
             Format::Json => report::cases_json(cases),
             Format::Tap => report::cases_tap(cases),
-            Format::Github => report::cases_github(cases),
+            Format::Github => report::cases_github(&report::cases_in(&repository(), cases)),
         };
         io::stdout().lock().write_all(text.as_bytes())
     }
@@ -137,22 +146,21 @@ fn human(cases: &[Case], screen: &Screen) -> String {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };
             lines.push(format!("  and {}{how}", more_of(more, case.verdict)));
         }
-        if case.verdict == Verdict::Differs {
-            lines.push(format!("  if that is meant: motionseq test --bless {}", shell_word(&case.name)));
-        }
+        lines.extend(case.hint().map(|hint| format!("  {hint}")));
     }
     lines.iter().map(|line| escaped(line) + "\n").collect()
 }
 
 /// `12 scripts: 10 passed, 2 failed`.
 fn summary(cases: &[Case], failed: usize) -> String {
-    let orphans = cases.iter().filter(|case| case.verdict == Verdict::Orphan).count();
+    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
     let count = cases.len() - orphans;
+    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
     let orphans =
         if orphans > 0 { format!(", {} without a script", plural(orphans, "snapshot")) } else { String::new() };
     let blessed = cases.iter().filter(|case| case.verdict == Verdict::Blessed).count();
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
-    format!("{}: {} passed{blessed}, {failed} failed{orphans}", plural(count, "script"), count - failed)
+    format!("{}: {passed} passed{blessed}, {failed} failed{orphans}", plural(count, "script"))
 }
 
 fn more_of(count: usize, verdict: Verdict) -> String {

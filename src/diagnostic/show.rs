@@ -68,10 +68,14 @@ impl<'s> Printable<'s> {
     }
 }
 
-/// Control characters, and those that change the direction of text.
+/// Control characters, those that end a line or change the direction of text, and those that XML forbids.
 fn is_hidden(c: char) -> bool {
-    (c.is_control() && !matches!(c, '\n' | '\t'))
-        || matches!(c, '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}' | '\u{FEFF}')
+    let is_bidi = matches!(
+        c,
+        '\u{061C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}'
+    );
+    let is_control = c.is_control() && !matches!(c, '\n' | '\t');
+    is_control || is_bidi || matches!(c, '\u{2028}' | '\u{2029}' | '\u{FEFF}' | '\u{FFFE}' | '\u{FFFF}')
 }
 
 /// Replaces hidden characters by visible ones of the same length in bytes. A carriage return belongs to its line feed.

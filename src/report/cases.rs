@@ -5,7 +5,8 @@ use std::fmt::Write;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::Serialize;
 
-use super::{data, property};
+use super::{Repository, data, property};
+use crate::diagnostic::escaped;
 use crate::verify::{Case, Problem, TOTAL, Verdict};
 
 /// One JSON object: the version of its form, the counts, and every case with its problems.
@@ -51,27 +52,42 @@ pub fn cases_json(cases: &[Case]) -> String {
         left_out: case.left_out,
     });
     let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
-    let orphans = cases.iter().filter(|case| case.verdict == Verdict::Orphan).count();
-    let passed = cases.len() - failed - orphans;
+    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
+    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
     let document = Document { version: 1, passed, failed, orphans, cases: rows.collect() };
     // Strings and numbers cannot fail to be written.
     serde_json::to_string_pretty(&document).unwrap_or_default() + "\n"
 }
 
-/// The Test Anything Protocol, version 14.
+/// The same cases, with the paths of a repository.
+pub fn cases_in(repository: &Repository, cases: &[Case]) -> Vec<Case> {
+    let mut cases = cases.to_vec();
+    for case in &mut cases {
+        case.name = repository.path(&case.name);
+        for problem in &mut case.problems {
+            problem.file = repository.path(&problem.file);
+        }
+    }
+    cases
+}
+
+/// The Test Anything Protocol, version 13.
 pub fn cases_tap(cases: &[Case]) -> String {
-    let mut text = format!("TAP version 14\n1..{}\n", cases.len());
+    let mut text = format!("TAP version 13\n1..{}\n", cases.len());
     for (case, number) in cases.iter().zip(1..) {
         let ok = if case.verdict.is_passed() { "ok" } else { "not ok" };
         // `#` begins a directive, and a line end would end the line.
-        let name = case.name.replace('\\', "\\\\").replace('#', "\\#").replace(['\r', '\n'], " ");
+        let name = escaped(&case.name).replace('\\', "\\\\").replace('#', "\\#");
         let skipped = if case.verdict == Verdict::Orphan { " # SKIP there is no script" } else { "" };
         let _ = writeln!(text, "{ok} {number} - {name}: {}{skipped}", case.verdict.words());
         for problem in &case.problems {
-            let _ = writeln!(text, "# {}", one_line(&located(problem)));
+            let _ = writeln!(text, "# {}", escaped(&located(problem)));
         }
         if case.left_out > 0 {
             let _ = writeln!(text, "# and {} more", case.left_out);
+        }
+        if let Some(hint) = case.hint() {
+            let _ = writeln!(text, "# {}", escaped(&hint));
         }
     }
     text
@@ -80,16 +96,21 @@ pub fn cases_tap(cases: &[Case]) -> String {
 /// What `GitHub` shows at the lines of a pull request.
 pub fn cases_github(cases: &[Case]) -> String {
     let mut text = String::new();
-    let problems = cases.iter().flat_map(|case| case.problems.iter().map(move |problem| (case.verdict, problem)));
-    for (verdict, problem) in problems {
-        let level = match (verdict, problem.code) {
-            (Verdict::Orphan, _) => "warning",
-            (_, TOTAL) => "notice",
-            _ => "error",
-        };
-        let line = if problem.line > 0 { format!(",line={}", problem.line) } else { String::new() };
-        let file = property(&problem.file);
-        let _ = writeln!(text, "::{level} file={file}{line},title={}::{}", problem.code, data(&problem.message));
+    for case in cases {
+        let mut hint = case.hint();
+        for problem in &case.problems {
+            let level = match (case.verdict, problem.code) {
+                (Verdict::Orphan, _) => "warning",
+                (_, TOTAL) => "notice",
+                _ => "error",
+            };
+            let line = if problem.line > 0 { format!(",line={}", problem.line) } else { String::new() };
+            let file = property(&problem.file);
+            // Once for each script.
+            let hint = hint.take().map(|hint| format!("\n{hint}")).unwrap_or_default();
+            let message = data(&format!("{}{hint}", problem.message));
+            let _ = writeln!(text, "::{level} file={file}{line},title={}::{message}", problem.code);
+        }
     }
     text
 }
@@ -104,13 +125,14 @@ pub fn cases_junit(cases: &[Case]) -> String {
         } else if case.verdict.is_passed() {
             TestCaseStatus::success()
         } else {
-            let lines: Vec<String> = case.problems.iter().map(located).collect();
+            let lines = case.problems.iter().map(located).chain(case.hint());
+            let lines: Vec<String> = lines.map(|line| escaped(&line)).collect();
             let mut status = TestCaseStatus::non_success(NonSuccessKind::Failure);
             status.set_message(case.verdict.words()).set_type(case.problems.first().map_or("", |problem| problem.code));
             status.set_description(lines.join("\n"));
             status
         };
-        let mut test = TestCase::new(case.name.as_str(), status);
+        let mut test = TestCase::new(escaped(&case.name), status);
         test.set_classname("motion");
         suite.add_test_case(test);
     }
@@ -130,8 +152,4 @@ pub fn located(problem: &Problem) -> String {
         code if problem.line > 0 => format!("{}:{}: {code}: {}", problem.file, problem.line, problem.message),
         code => format!("{}: {code}: {}", problem.file, problem.message),
     }
-}
-
-fn one_line(text: &str) -> String {
-    text.replace(['\r', '\n'], " ")
 }

@@ -32,6 +32,23 @@ pub struct Finding {
     pub help: String,
 }
 
+/// How many errors and warnings there are, listed or not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Totals {
+    /// Errors.
+    pub errors: usize,
+    /// Warnings.
+    pub warnings: usize,
+}
+
+impl Totals {
+    /// Adds those of one script.
+    pub fn add(&mut self, diagnostics: &Diagnostics) {
+        self.errors += diagnostics.errors();
+        self.warnings += diagnostics.warnings();
+    }
+}
+
 /// The code of a file that cannot be read.
 const UNREADABLE: &str = "unreadable";
 
@@ -81,12 +98,13 @@ fn severity(code: Code) -> &'static str {
     }
 }
 
-/// One JSON object: the version of its form, the counts, and every finding.
-pub fn findings_json(findings: &[Finding]) -> String {
-    let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();
-    let document =
-        json!({ "version": 1, "errors": count("error"), "warnings": count("warning"), "findings": findings });
-    pretty(&document)
+/// One JSON object: the version of its form, how many errors and warnings there are, and the findings that were kept.
+pub fn findings_json(findings: &[Finding], totals: Totals) -> String {
+    let Totals { errors, warnings } = totals;
+    let left_out = (errors + warnings).saturating_sub(findings.len());
+    pretty(&json!({
+        "version": 1, "errors": errors, "warnings": warnings, "findings": findings, "left_out": left_out,
+    }))
 }
 
 /// What `GitHub` shows at the lines of a pull request.
@@ -109,15 +127,21 @@ pub fn findings_sarif(findings: &[Finding]) -> String {
     let rules: Vec<Value> = Code::ALL
         .iter()
         .map(|code| {
+            let (wrong, right) = code.example();
+            let help = format!("{}\n\nWrong:\n{wrong}\nRight:\n{right}", code.explanation());
             json!({
                 "id": code.name(),
                 "shortDescription": { "text": code.title() },
+                "fullDescription": { "text": code.explanation() },
+                "help": { "text": help },
                 "defaultConfiguration": { "level": severity(*code) },
             })
         })
         .chain([json!({
             "id": UNREADABLE,
             "shortDescription": { "text": "A file cannot be read." },
+            "fullDescription": { "text": "A file cannot be read, so that nothing is known of it." },
+            "help": { "text": "Look at its name, and whether you may read it." },
             "defaultConfiguration": { "level": "error" },
         })])
         .collect();

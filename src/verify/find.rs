@@ -1,10 +1,9 @@
 //! Finds scripts, and snapshots that have lost theirs.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use walkdir::{DirEntry, WalkDir};
-
-use super::SNAPSHOT;
 
 /// The files below some paths.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -23,9 +22,7 @@ pub struct Found {
 pub fn find(paths: &[PathBuf]) -> Found {
     let mut found = Found::default();
     for path in paths {
-        let is_hidden = |entry: &DirEntry| {
-            entry.depth() > 0 && entry.file_name().to_str().is_some_and(|name| name.starts_with('.'))
-        };
+        let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().as_encoded_bytes().starts_with(b".");
         let walk = WalkDir::new(path).follow_links(true).sort_by_file_name();
         for entry in walk.into_iter().filter_entry(|entry| !is_hidden(entry)) {
             match entry {
@@ -54,21 +51,29 @@ pub fn find(paths: &[PathBuf]) -> Found {
 
 impl Found {
     fn take(&mut self, path: &Path, is_named: bool) {
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        // `dance.motion.frames`, and `dance.motion.unplug@4s.frames` of a rehearsal.
-        let stem = name.strip_suffix(SNAPSHOT);
-        let script = stem.and_then(|stem| {
-            let rehearsed = || stem.rfind(".motion.").and_then(|at| stem.get(..at + ".motion".len()));
-            Some(stem).filter(|script| script.ends_with(".motion")).or_else(rehearsed)
-        });
-        if let Some(script) = script.map(|script| path.with_file_name(script)) {
+        // A name is bytes: not all of them are UTF-8.
+        let name = path.file_name().unwrap_or_default();
+        let script = script_of(name).map(|script| path.with_file_name(script));
+        if let Some(script) = script {
             if !script.exists() {
                 self.orphans.push(path.to_owned());
             } else if is_named {
                 self.scripts.push(script);
             }
-        } else if name.ends_with(".motion") || is_named {
+        } else if name.as_encoded_bytes().ends_with(b".motion") || is_named {
             self.scripts.push(path.to_owned());
         }
     }
+}
+
+/// The name of the script that a snapshot belongs to, if a name is one: `dance.motion` of `dance.motion.frames`, and of
+/// `dance.motion.unplug@4s.frames` of a rehearsal.
+fn script_of(name: &OsStr) -> Option<&OsStr> {
+    let is = |name: &OsStr, end: &str| Path::new(name).extension().is_some_and(|extension| extension == end);
+    let mut stem = Some(name).filter(|name| is(name, "frames")).and_then(|name| Path::new(name).file_stem());
+    while let Some(script) = stem.filter(|stem| !is(stem, "motion")) {
+        // Without a dot in it, nothing is left to take off.
+        stem = Path::new(script).file_stem().filter(|shorter| *shorter != script);
+    }
+    stem
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::diagnostic::{Code, Diagnostics};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::Options;
 use crate::sim::Faults;
 use crate::source::{Lines, Source, Sources, read_file, replace_file};
@@ -71,8 +71,12 @@ pub enum Verdict {
     PlaysOtherwise,
     /// It cannot be read, or looked into.
     Unreadable,
+    /// It has warnings, and they are denied.
+    Denied,
     /// It is a snapshot, and its script is not there.
     Orphan,
+    /// The same, where warnings are denied.
+    DeniedOrphan,
 }
 
 /// One thing that is wrong.
@@ -109,8 +113,14 @@ impl Verdict {
             Verdict::ExpectFailed => "expects what the board does not report",
             Verdict::PlaysOtherwise => "plays otherwise than it says",
             Verdict::Unreadable => "cannot be read",
-            Verdict::Orphan => "is the snapshot of a script that is not there",
+            Verdict::Denied => "has warnings, and warnings are denied",
+            Verdict::Orphan | Verdict::DeniedOrphan => "is the snapshot of a script that is not there",
         }
+    }
+
+    /// Whether it is a snapshot without a script.
+    pub fn is_orphan(self) -> bool {
+        matches!(self, Verdict::Orphan | Verdict::DeniedOrphan)
     }
 }
 
@@ -125,6 +135,8 @@ pub struct Job {
     pub play: bool,
     /// What goes wrong then.
     pub faults: Faults,
+    /// Whether warnings fail a script, and snapshots without one fail.
+    pub deny: bool,
 }
 
 impl Job {
@@ -146,7 +158,8 @@ impl Job {
         cases.extend(found.orphans.iter().map(|orphan| {
             let name = orphan.display().to_string();
             let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
-            Case::new(&name, Verdict::Orphan, vec![problem(&name, 0, "orphan", message)])
+            let verdict = if self.deny { Verdict::DeniedOrphan } else { Verdict::Orphan };
+            Case::new(&name, verdict, vec![problem(&name, 0, "orphan", message)])
         }));
         cases
     }
@@ -173,26 +186,42 @@ impl Job {
             }
             (None, None) => {
                 let errors = compiled.diagnostics.sorted();
-                let problems = errors.iter().filter(|diagnostic| diagnostic.is_error()).map(|error| {
-                    let place = lines.place(error.span);
-                    problem(place.file, place.line, error.code.name(), format!("{}; {}", error.message, error.help))
-                });
-                case(Verdict::DoesNotCompile, problems.collect())
+                let errors = errors.into_iter().filter(|diagnostic| diagnostic.is_error());
+                case(Verdict::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
             }
-            (None, Some(timeline)) if is_phrases(&timeline) => case(Verdict::Phrases, Vec::new()),
             (None, Some(timeline)) => {
-                let (mut verdict, mut problems) = self.compare(script, &timeline, &sources, &lines);
-                if self.play {
-                    let played = self.play(script, &timeline, &sources, &lines);
-                    if verdict.is_passed() && !played.is_empty() {
-                        let expects = played.iter().all(|problem| problem.code == play::EXPECT);
-                        verdict = if expects { Verdict::ExpectFailed } else { Verdict::PlaysOtherwise };
-                    }
-                    problems.extend(played);
+                let (mut verdict, mut problems) = if is_phrases(&timeline) {
+                    (Verdict::Phrases, Vec::new())
+                } else {
+                    self.hold(script, &timeline, &sources, &lines)
+                };
+                if self.deny && compiled.diagnostics.warnings() > 0 {
+                    verdict = if verdict.is_passed() { Verdict::Denied } else { verdict };
+                    problems.extend(compiled.diagnostics.sorted().into_iter().map(|warning| found(warning, &lines)));
                 }
                 case(verdict, problems)
             }
         }
+    }
+
+    /// Holds a script against its snapshot, and plays it if that is asked for.
+    fn hold(
+        &self,
+        script: &Path,
+        timeline: &Timeline,
+        sources: &Sources,
+        lines: &Lines<'_>,
+    ) -> (Verdict, Vec<Problem>) {
+        let (mut verdict, mut problems) = self.compare(script, timeline, sources, lines);
+        if self.play {
+            let played = self.play(script, timeline, sources, lines);
+            if verdict.is_passed() && !played.is_empty() {
+                let expects = played.iter().all(|problem| problem.code == play::EXPECT);
+                verdict = if expects { Verdict::ExpectFailed } else { Verdict::PlaysOtherwise };
+            }
+            problems.extend(played);
+        }
+        (verdict, problems)
     }
 
     fn compare(
@@ -259,6 +288,12 @@ impl Case {
         let problems = problems.into_iter().take(KEPT).collect();
         Case { name: name.to_owned(), verdict, problems, left_out }
     }
+
+    /// What to type where the script is meant to send something else than its snapshot says.
+    pub fn hint(&self) -> Option<String> {
+        let is_different = self.verdict == Verdict::Differs;
+        is_different.then(|| format!("if that is meant: motionseq test --bless {}", shell_word(&self.name)))
+    }
 }
 
 /// A name as a shell reads it back.
@@ -271,13 +306,21 @@ pub fn shell_word(name: &str) -> String {
     }
 }
 
+/// An error or a warning of a script.
+fn found(diagnostic: &Diagnostic, lines: &Lines<'_>) -> Problem {
+    let place = lines.place(diagnostic.span);
+    let message = format!("{}; {}", diagnostic.message, diagnostic.help);
+    problem(place.file, place.line, diagnostic.code.name(), message)
+}
+
 fn problem(file: &str, line: usize, code: &'static str, message: String) -> Problem {
     Problem { file: file.to_owned(), line, code, message }
 }
 
 /// The code of the error that a script says it has, on its first line.
 pub fn expected_error(source: &Source) -> Option<&str> {
-    source.text().lines().next()?.strip_prefix(EXPECT).map(str::trim)
+    let text = source.text();
+    text.strip_prefix('\u{FEFF}').unwrap_or(text).lines().next()?.strip_prefix(EXPECT).map(str::trim)
 }
 
 /// Whether a script that says which error it has has this one and no other; what is wrong, in words, where it has not.

@@ -1,5 +1,6 @@
 //! Scripts that are played: on the virtual board, with what they expect, and with the faults that they name.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -141,13 +142,14 @@ fn rehearsals(text: &str) -> impl Iterator<Item = (usize, Result<&str, String>)>
 /// Snapshots of rehearsals of a script that it does not name.
 fn left_over(script: &Path, named: &[PathBuf]) -> Vec<PathBuf> {
     let folder = script.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let name = script.file_name().unwrap_or_default().to_string_lossy().into_owned() + ".";
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let name = script.file_name().unwrap_or_default().as_encoded_bytes();
+    let is_left = |other: &OsStr| {
+        let rest = other.as_encoded_bytes().strip_prefix(name).and_then(|rest| rest.strip_prefix(b"."));
+        rest.is_some_and(|rest| rest.len() > SNAPSHOT.len() && rest.ends_with(SNAPSHOT.as_bytes()))
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
     let mut found: Vec<PathBuf> = entries
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .filter(|other| {
-            other.strip_prefix(&name).is_some_and(|rest| rest.len() > SNAPSHOT.len() && rest.ends_with(SNAPSHOT))
-        })
+        .filter(|other| is_left(other))
         .map(|other| script.with_file_name(other))
         .filter(|path| !named.contains(path))
         .collect();
