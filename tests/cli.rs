@@ -190,7 +190,7 @@ fn hostile_scripts_stay_small() {
     let cases = [
         ("nul.motion", vec![0; 3_000_000], "a NUL byte"),
         ("long_line.motion", b"servo 1 1500 ".repeat(5_000), "takes no more arguments"),
-        ("many_errors.motion", b"servoo\n".repeat(10_000), "9500 more are not shown"),
+        ("many_errors.motion", b"servoo\n".repeat(10_000), "and 9500 more errors are not shown"),
         ("far.motion", b"at 1000000000000000000000000000000s stop\n".to_vec(), "at most 15 digits"),
         ("minus.motion", [&b"servo 1 "[..], &b"-".repeat(50_000), b"5\n"].concat(), "error"),
         ("quotes.motion", b"\"".repeat(50_001), "no closing quotation mark"),
@@ -262,4 +262,36 @@ fn whoever_reads_a_listing_may_stop_early() {
     let output = Command::new("sh").args(["-c", &shell]).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert_eq!(stdout(&output).lines().count(), 1);
     assert_eq!(stderr(&output), "");
+}
+
+#[test]
+fn warnings_are_summed_up_by_code() {
+    let scratch = Scratch::new("many-warnings");
+    let raw = "raw 0x04 0\nwait 10ms\n".repeat(300);
+    let text = format!("{raw}together {{ wait 10ms }}\ntogether {{ wait 10ms }}\n");
+    let many = scratch.file("many.motion", text.as_bytes());
+    let output = run(&["check", &many]);
+    let shown = stderr(&output);
+    let full = |code: &str, text: &str| text.lines().filter(|line| *line == code).count();
+    assert_eq!((code(&output), full("raw-frame", &shown), full("wait-in-together", &shown)), (0, 3, 2), "{shown}");
+    assert!(shown.contains("\nand 297 more `raw-frame` warnings; `--all` shows them\n"), "{shown}");
+    assert!(shown.contains("many.motion: 302 warnings"), "{shown}");
+    // Also for what compiles a script on its way.
+    let shown = stderr(&run(&["render", &many, "-o", "/dev/null"]));
+    assert!(full("raw-frame", &shown) == 3 && shown.contains("and 297 more"), "{shown}");
+    let shown = stderr(&run(&["check", "--all", &many]));
+    assert!(full("raw-frame", &shown) == 300 && !shown.contains(" more "), "{shown}");
+    let shown = stderr(&run(&["check", "-q", &many]));
+    assert_eq!(shown, "");
+    // A run shows one line for all of them, and plays.
+    let output = run(&["play", &many, "--speed", "10"]);
+    let shown = stderr(&output);
+    assert_eq!((code(&output), full("raw-frame", &shown)), (0, 0), "{shown}");
+    let line = "many.motion: 302 warnings (2 wait-in-together, 300 raw-frame); `--all` shows them\n";
+    assert!(shown.starts_with("warning: ") && shown.contains(line), "{shown}");
+    // Errors are shown, all of them.
+    let wrong = scratch.file("wrong.motion", [raw.as_bytes(), &b"servo 1 1\n".repeat(20)].concat().as_slice());
+    let shown = stderr(&run(&["play", &wrong]));
+    assert_eq!((full("out-of-range", &shown), full("raw-frame", &shown)), (20, 0), "{shown}");
+    assert_eq!(full("out-of-range", &stderr(&run(&["check", &wrong]))), 20);
 }

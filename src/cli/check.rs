@@ -12,7 +12,7 @@ use motionseq::verify::{expectation, expected_error, find};
 
 use super::exit::Exit;
 use super::output;
-use super::screen::{Screen, plural, seconds};
+use super::screen::{Screen, Warnings, plural, seconds};
 use super::{Deny, Options, read, read_source, repository};
 
 /// Check scripts: show every error and warning, send nothing
@@ -91,7 +91,12 @@ impl Check {
                 continue;
             }
             if self.format == Format::Human {
-                screen.diagnostics(&sources, &compiled.diagnostics, self.deny.is_some());
+                screen.diagnostics(
+                    &sources,
+                    &compiled.diagnostics,
+                    self.options.warnings(Warnings::First),
+                    self.deny.is_some(),
+                );
             } else {
                 findings.extend(report::findings(&sources, &compiled.diagnostics));
                 totals.add(&compiled.diagnostics);

@@ -52,7 +52,7 @@ impl Diff {
 
     fn side(&self, path: &Path, screen: &Screen) -> Result<Side, Exit> {
         // What is called one is one, whatever has become of it.
-        if let Some(script) = path.to_str().and_then(|name| name.strip_suffix(SNAPSHOT)) {
+        if let Some(script) = path.to_string_lossy().strip_suffix(SNAPSHOT) {
             let text = read_file(path, 2 << 30).map_err(|error| {
                 screen.error(&format!("cannot read {}: {error}", path.display()));
                 Exit::Script
@@ -64,7 +64,7 @@ impl Diff {
             return snapshot(source.name(), source.text().as_bytes(), None, screen);
         }
         let sources = Sources::from(source);
-        let timeline = self.options.compile(&sources, screen, false).timeline.ok_or(Exit::Script)?;
+        let timeline = self.options.compile(&sources, screen).timeline.ok_or(Exit::Script)?;
         let sent = Snapshot::of(&timeline);
         Ok(Side { sent, script: Some((sources, timeline)) })
     }

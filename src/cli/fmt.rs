@@ -11,7 +11,7 @@ use motionseq::syntax;
 use super::exit::Exit;
 use super::output;
 use super::read;
-use super::screen::{Screen, plural};
+use super::screen::{Screen, Warnings, plural};
 
 /// Format scripts: blanks, indentation, comments below each other; never what is sent
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ impl Fmt {
         let source = read(path, screen)?;
         let mut diagnostics = Diagnostics::default();
         let Some(text) = syntax::format(&source, &mut diagnostics) else {
-            screen.diagnostics(&source.into(), &diagnostics, false);
+            screen.diagnostics(&source.into(), &diagnostics, Warnings::First, false);
             return Err(Exit::Script);
         };
         let is_changed = text != source.text();

@@ -42,7 +42,7 @@ use motionseq::report::Repository;
 use motionseq::source::{Source, SourceError, Sources};
 
 use exit::Exit;
-use screen::{Color, Screen, Volume};
+use screen::{Color, Screen, Volume, Warnings};
 
 /// Timed motion scripts for the Yahboom Raspblock: check them, see their bytes, play them.
 #[derive(Debug, Parser)]
@@ -110,6 +110,9 @@ struct Options {
     /// Allow a script to send so many frames
     #[arg(long, value_name = "N", default_value_t = motionseq::program::Options::default().events)]
     max_events: usize,
+    /// Show every warning in full, not only the first three of each code
+    #[arg(long)]
+    all: bool,
 }
 
 /// What fails besides errors.
@@ -170,18 +173,21 @@ impl Options {
         motionseq::program::Options { events: self.max_events, set: self.set.clone(), ..Default::default() }
     }
 
+    /// Which warnings are shown, where nothing else is asked for.
+    fn warnings(&self, usual: Warnings) -> Warnings {
+        if self.all { Warnings::All } else { usual }
+    }
+
     /// Compiles a script and shows what is wrong with it.
-    fn compile(&self, sources: &Sources, screen: &Screen, denied: bool) -> Compiled {
-        let compiled = motionseq::compile(sources, &self.of_library());
-        screen.diagnostics(sources, &compiled.diagnostics, denied);
-        compiled
+    fn compile(&self, sources: &Sources, screen: &Screen) -> Compiled {
+        self.compile_at(sources, screen, Speed::NORMAL, Warnings::First)
     }
 
     /// The same at another speed.
-    fn compile_at(&self, sources: &Sources, screen: &Screen, speed: Speed) -> Compiled {
+    fn compile_at(&self, sources: &Sources, screen: &Screen, speed: Speed, warnings: Warnings) -> Compiled {
         let options = motionseq::program::Options { speed, ..self.of_library() };
         let compiled = motionseq::compile(sources, &options);
-        screen.diagnostics(sources, &compiled.diagnostics, false);
+        screen.diagnostics(sources, &compiled.diagnostics, self.warnings(warnings), false);
         compiled
     }
 }
@@ -220,7 +226,7 @@ fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
             Some((source, diagnostic)) => {
                 let mut diagnostics = Diagnostics::default();
                 diagnostics.push(diagnostic);
-                screen.diagnostics(&source.into(), &diagnostics, false);
+                screen.diagnostics(&source.into(), &diagnostics, Warnings::First, false);
             }
         }
         Exit::Script

@@ -101,7 +101,7 @@ impl Play {
     #[expect(clippy::too_many_lines, reason = "one resource after the other")]
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let (sources, Staged { timeline, again, diagnostics }) =
-            self.show.compile(&self.script.file, &self.script.options, screen)?;
+            self.show.compile(&self.script.file, &self.script.options, super::screen::Warnings::Counted, screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
             Exit::Usage

@@ -9,7 +9,7 @@ use motionseq::plot::{Plot as Plotted, Theme, plot};
 use super::Script;
 use super::exit::Exit;
 use super::output;
-use super::screen::Screen;
+use super::screen::{Screen, Warnings};
 use super::show::{Show, Staged};
 
 /// Draw what a script does: when, and where the robot goes
@@ -67,14 +67,15 @@ impl Plot {
             screen.error("a PNG is nothing for a terminal: write it to a file, such as `-o picture.png`");
             return Exit::Usage;
         }
-        let (sources, staged) = match self.show.compile(&self.script.file, &self.script.options, screen) {
-            Ok((_, Staged { again: Some(_), .. })) => {
-                screen.error("what goes on forever cannot be drawn: write how often, such as `--loop 3`");
-                return Exit::Usage;
-            }
-            Ok(compiled) => compiled,
-            Err(exit) => return exit,
-        };
+        let (sources, staged) =
+            match self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen) {
+                Ok((_, Staged { again: Some(_), .. })) => {
+                    screen.error("what goes on forever cannot be drawn: write how often, such as `--loop 3`");
+                    return Exit::Usage;
+                }
+                Ok(compiled) => compiled,
+                Err(exit) => return exit,
+            };
         let plotted = plot(&staged.timeline, &sources, &staged.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,

@@ -11,7 +11,7 @@ use super::Script;
 use super::exit::Exit;
 use super::output;
 use super::progress::Progress;
-use super::screen::Screen;
+use super::screen::{Screen, Warnings};
 use super::show::{Show, Staged};
 
 /// Print the frames that a script sends, without sending them
@@ -50,14 +50,15 @@ const CHUNK: usize = 16_384;
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let (sources, timeline) = match self.show.compile(&self.script.file, &self.script.options, screen) {
-            Ok((_, Staged { again: Some(_), .. })) => {
-                screen.error("what goes on forever cannot be printed: write how often, such as `--loop 3`");
-                return Exit::Usage;
-            }
-            Ok((sources, staged)) => (sources, staged.timeline),
-            Err(exit) => return exit,
-        };
+        let (sources, timeline) =
+            match self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen) {
+                Ok((_, Staged { again: Some(_), .. })) => {
+                    screen.error("what goes on forever cannot be printed: write how often, such as `--loop 3`");
+                    return Exit::Usage;
+                }
+                Ok((sources, staged)) => (sources, staged.timeline),
+                Err(exit) => return exit,
+            };
         let written = match &self.output {
             None => self.write(&sources, &timeline, screen, io::stdout().lock()),
             Some(path) => output::open(path, &self.script.file).and_then(|file| {

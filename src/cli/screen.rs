@@ -1,6 +1,6 @@
 //! Everything that goes to standard error. A closed or full one changes nothing, and one that takes nothing holds up no robot.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write as _};
 use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use miette::{GraphicalReportHandler, GraphicalTheme};
-use motionseq::diagnostic::{Attached, Diagnostics, Printable, escaped};
+use motionseq::diagnostic::{Attached, Code, Diagnostic, Diagnostics, MAX_ERRORS, Printable, Severity, escaped};
 use motionseq::playback::is_in_foreground;
 use motionseq::source::Sources;
 use textwrap::{WordSeparator, WordSplitter};
@@ -39,6 +39,20 @@ pub(super) enum Volume {
     Normal,
     Verbose,
 }
+
+/// Which warnings of a script are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Warnings {
+    /// The first ones of each code in full; the others are counted.
+    First,
+    /// Every one in full.
+    All,
+    /// One line for all of them.
+    Counted,
+}
+
+/// How many warnings of each code are shown in full.
+const FIRST: usize = 3;
 
 /// Width of messages where there is no terminal.
 const WIDTH: usize = 80;
@@ -173,12 +187,50 @@ impl Screen {
         print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)), Kind::Must);
     }
 
-    /// Every error and warning of a script, and a line that counts them.
+    /// Every error of a script, its warnings as asked for, and a line that counts them.
     ///
     /// `-q` keeps warnings back, unless they are why a command fails (`denied`).
-    pub(super) fn diagnostics(&self, sources: &Sources, diagnostics: &Diagnostics, denied: bool) {
+    pub(super) fn diagnostics(&self, sources: &Sources, diagnostics: &Diagnostics, warnings: Warnings, denied: bool) {
         if diagnostics.errors() + diagnostics.warnings() == 0 {
             return;
+        }
+        let is_quiet = self.volume == Volume::Quiet && !denied;
+        if warnings == Warnings::Counted && diagnostics.warnings() > 0 && !is_quiet {
+            self.warning(&counted(sources, diagnostics));
+        }
+        let most = match warnings {
+            _ if is_quiet => 0,
+            Warnings::First => FIRST,
+            Warnings::All => usize::MAX,
+            Warnings::Counted => 0,
+        };
+        let mut shown: BTreeMap<Code, usize> = BTreeMap::new();
+        let list = diagnostics.sorted().into_iter().filter(|diagnostic| {
+            let count = shown.entry(diagnostic.code).or_default();
+            let is_shown = diagnostic.is_error() || *count < most;
+            *count += usize::from(is_shown);
+            is_shown
+        });
+        let mut text = self.rendered(sources, list);
+        if !is_quiet && warnings != Warnings::Counted {
+            text += &left_out(diagnostics, &shown, warnings);
+        }
+        if diagnostics.errors() > MAX_ERRORS {
+            let _ = writeln!(text, "and {} are not shown", plural(diagnostics.errors() - MAX_ERRORS, "more error"));
+        }
+        print(&text, Kind::Must);
+        if warnings != Warnings::Counted || diagnostics.has_errors() {
+            let code = diagnostics.sorted().first().map(|first| format!("; motionseq explain {}", first.code));
+            self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
+        }
+    }
+
+    /// Errors and warnings in full, with their lines.
+    fn rendered<'d>(&self, sources: &Sources, list: impl Iterator<Item = &'d Diagnostic>) -> String {
+        let mut list = list.peekable();
+        let mut text = String::new();
+        if list.peek().is_none() {
+            return text;
         }
         let printable = Printable::all(sources);
         let theme = if self.color { GraphicalTheme::unicode() } else { GraphicalTheme::unicode_nocolor() };
@@ -188,24 +240,12 @@ impl Screen {
             // What a message says to write stays whole, so that it can be copied.
             .with_word_separator(WordSeparator::AsciiSpace)
             .with_word_splitter(WordSplitter::NoHyphenation);
-        let mut text = String::new();
-        for diagnostic in diagnostics.sorted() {
-            if self.volume == Volume::Quiet && !diagnostic.is_error() && !denied {
-                continue;
-            }
-            let attached = Attached::new(diagnostic, &printable);
+        for diagnostic in list {
             // Writing to a string does not fail.
-            let _ = handler.render_report(&mut text, &attached);
+            let _ = handler.render_report(&mut text, &Attached::new(diagnostic, &printable));
             text.push('\n');
         }
-        if diagnostics.left_out() > 0 {
-            let _ = writeln!(text, "{} more are not shown", diagnostics.left_out());
-        }
-        print(&text, Kind::Must);
-        if diagnostics.errors() + diagnostics.warnings() > 0 {
-            let code = diagnostics.sorted().first().map(|first| format!("; motionseq explain {}", first.code));
-            self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
-        }
+        text
     }
 
     /// Columns that a line may fill.
@@ -267,6 +307,27 @@ fn write_waiting(queue: &Queue) {
         }
         waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
     }
+}
+
+/// A line for each code of which not every warning was shown.
+fn left_out(diagnostics: &Diagnostics, shown: &BTreeMap<Code, usize>, warnings: Warnings) -> String {
+    let how = if warnings == Warnings::All { " are not kept" } else { "; `--all` shows them" };
+    let all = diagnostics.counts().into_iter().filter(|(code, _)| code.severity() == Severity::Warning);
+    let more = all.map(|(code, count)| (code, count - shown.get(&code).copied().unwrap_or(0)));
+    let lines = more.filter(|(_, more)| *more > 0).map(|(code, more)| {
+        let word = if more == 1 { "warning" } else { "warnings" };
+        format!("and {more} more `{code}` {word}{how}\n")
+    });
+    lines.collect()
+}
+
+/// All warnings of a script in one line: `dance.motion: 297 warnings (290 servo-speed, 7 long-hold)`.
+fn counted(sources: &Sources, diagnostics: &Diagnostics) -> String {
+    let counts = diagnostics.counts().into_iter().filter(|(code, _)| code.severity() == Severity::Warning);
+    let codes: Vec<String> = counts.map(|(code, count)| format!("{count} {code}")).collect();
+    let name = sources.main().name();
+    let warnings = plural(diagnostics.warnings(), "warning");
+    format!("{name}: {warnings} ({}); `--all` shows them", codes.join(", "))
 }
 
 /// `2 errors, 1 warning`.

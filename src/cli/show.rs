@@ -11,7 +11,7 @@ use motionseq::source::Sources;
 use motionseq::timeline::{Part, Timeline, part, passes, state_after};
 
 use super::exit::Exit;
-use super::screen::{Screen, seconds};
+use super::screen::{Screen, Warnings, seconds};
 use super::{Options, read};
 
 /// Which part of a script, how fast, and how often.
@@ -71,9 +71,15 @@ pub(super) struct Staged {
 
 impl Show {
     /// Compiles a script, and takes out of it what is asked for.
-    pub(super) fn compile(&self, file: &Path, options: &Options, screen: &Screen) -> Result<(Sources, Staged), Exit> {
+    pub(super) fn compile(
+        &self,
+        file: &Path,
+        options: &Options,
+        warnings: Warnings,
+        screen: &Screen,
+    ) -> Result<(Sources, Staged), Exit> {
         let sources = Sources::from(read(file, screen)?);
-        let compiled = options.compile_at(&sources, screen, self.speed);
+        let compiled = options.compile_at(&sources, screen, self.speed, warnings);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         match self.stage(&whole, options.max_events) {
             Ok((timeline, again)) => Ok((sources, Staged { timeline, again, diagnostics: compiled.diagnostics })),

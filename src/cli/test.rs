@@ -116,7 +116,7 @@ impl Test {
 
     fn print(&self, cases: &[Case], screen: &Screen) -> io::Result<()> {
         let text = match self.format {
-            Format::Human => human(cases, screen),
+            Format::Human => human(cases, screen, self.options.all),
             Format::Json => report::cases_json(cases),
             Format::Tap => report::cases_tap(cases),
             Format::Github => report::cases_github(&report::cases_in(&repository(), cases)),
@@ -125,7 +125,7 @@ impl Test {
     }
 }
 
-fn human(cases: &[Case], screen: &Screen) -> String {
+fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
     let mut lines = Vec::new();
     for case in cases {
         let orphan = case.verdict == Verdict::Orphan;
@@ -139,7 +139,7 @@ fn human(cases: &[Case], screen: &Screen) -> String {
             (_, false) => "FAILED ",
         };
         lines.push(format!("{mark}{}: {}", case.name, case.verdict.words()));
-        let shown = if screen.is_verbose() { usize::MAX } else { SHOWN };
+        let shown = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
         lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", report::located(problem))));
         let more = case.problems.len().saturating_sub(shown) + case.left_out;
         if more > 0 {

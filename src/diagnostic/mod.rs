@@ -12,8 +12,10 @@ use crate::source::{Source, SourceError, Span};
 pub use codes::{Code, Severity};
 pub use show::{Attached, Printable, escaped};
 
-/// How many diagnostics of one script are kept. The rest are only counted, so that a large broken file stays small.
-pub const MAX_KEPT: usize = 500;
+/// How many errors of one script are kept. The rest are only counted, so that a large broken file stays small.
+pub const MAX_ERRORS: usize = 500;
+/// How many warnings of one script are kept.
+pub const MAX_WARNINGS: usize = 10_000;
 
 /// A second place that belongs to a [`Diagnostic`].
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -118,7 +120,7 @@ impl Diagnostics {
         code.severity() == Severity::Warning && line.is_some_and(|line| span.start <= line.end)
     }
 
-    /// Adds one. A warning that is allowed at its place is none. Beyond [`MAX_KEPT`] it is only counted, except that a warning gives way to an error.
+    /// Adds one. A warning that is allowed at its place is none. Beyond [`MAX_ERRORS`] and [`MAX_WARNINGS`] it is only counted.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         if self.is_allowed(diagnostic.code, diagnostic.span) {
             return;
@@ -127,16 +129,13 @@ impl Diagnostics {
         if !self.seen.insert((diagnostic.code, diagnostic.span)) {
             return;
         }
-        match diagnostic.code.severity() {
-            Severity::Error => self.errors += 1,
-            Severity::Warning => self.warnings += 1,
-        }
-        if self.kept.len() < MAX_KEPT {
+        let (count, most) = match diagnostic.code.severity() {
+            Severity::Error => (&mut self.errors, MAX_ERRORS),
+            Severity::Warning => (&mut self.warnings, MAX_WARNINGS),
+        };
+        *count += 1;
+        if *count <= most {
             self.kept.push(diagnostic);
-        } else if diagnostic.is_error()
-            && let Some(warning) = self.kept.iter_mut().rfind(|kept| !kept.is_error())
-        {
-            *warning = diagnostic;
         }
     }
 
@@ -177,6 +176,15 @@ impl Diagnostics {
     /// How many warnings there are, kept or not.
     pub fn warnings(&self) -> usize {
         self.warnings
+    }
+
+    /// How many there are of each code, kept or not, in the order of the table of codes.
+    pub fn counts(&self) -> BTreeMap<Code, usize> {
+        let mut counts = BTreeMap::new();
+        for (code, _) in &self.seen {
+            *counts.entry(*code).or_default() += 1;
+        }
+        counts
     }
 
     /// How many were counted but not kept.

@@ -411,7 +411,7 @@ impl Picture<'_> {
         }
         if warnings.len() > WORDS {
             self.y += 12.0;
-            let more = format!("and {} more; `motionseq check` shows them all", warnings.len() - WORDS);
+            let more = format!("and {} more; `motionseq check --all` shows them", warnings.len() - WORDS);
             self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &more);
         }
         self.y += GAP;
