@@ -295,3 +295,17 @@ fn warnings_are_summed_up_by_code() {
     assert_eq!((full("out-of-range", &shown), full("raw-frame", &shown)), (20, 0), "{shown}");
     assert_eq!(full("out-of-range", &stderr(&run(&["check", &wrong]))), 20);
 }
+
+#[test]
+fn what_must_end_offers_no_loop_without_an_end() {
+    for command in ["render", "plot"] {
+        let output = run(&[command, "--help"]);
+        assert!(!stdout(&output).contains("forever"), "{}", stdout(&output));
+        let output = run(&[command, HELLO, "--loop", "forever"]);
+        assert_eq!(code(&output), 2);
+        assert!(stderr(&output).contains("write how often, 1 or more"), "{}", stderr(&output));
+        let output = run(&[command, HELLO, "--loop", "100000000"]);
+        assert!(code(&output) == 2 && !stderr(&output).contains("forever"), "{}", stderr(&output));
+    }
+    assert!(stdout(&run(&["play", "--help"])).contains("forever"));
+}

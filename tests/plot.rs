@@ -219,7 +219,7 @@ fn mistakes_are_said() {
     for (args, why) in [
         (&["-o", "picture.gif"][..], "says no format: end it in .svg, .png, .html or .json"),
         (&["-o", "scripts/hello.motion", "--format", "svg"], "it is the script itself"),
-        (&["--loop", "forever"], "what goes on forever cannot be drawn"),
+        (&["--loop", "forever"], "write how often, 1 or more"),
         (&["-o", "/tmp/no such folder/x.svg"], "No such file"),
     ] {
         let output = run(&[&["plot", "scripts/hello.motion"], args].concat());

@@ -10,7 +10,7 @@ use super::Script;
 use super::exit::Exit;
 use super::output;
 use super::screen::{Screen, Warnings};
-use super::show::{Show, Staged};
+use super::show::{Passes, Show};
 
 /// Draw what a script does: when, and where the robot goes
 #[derive(Debug, Args)]
@@ -21,7 +21,7 @@ pub(super) struct Plot {
     #[command(flatten)]
     script: Script,
     #[command(flatten)]
-    show: Show,
+    show: Show<Passes>,
     /// Write to this file instead of standard output; its ending says the format: .svg, .png, .html or .json
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -67,15 +67,11 @@ impl Plot {
             screen.error("a PNG is nothing for a terminal: write it to a file, such as `-o picture.png`");
             return Exit::Usage;
         }
-        let (sources, staged) =
-            match self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen) {
-                Ok((_, Staged { again: Some(_), .. })) => {
-                    screen.error("what goes on forever cannot be drawn: write how often, such as `--loop 3`");
-                    return Exit::Usage;
-                }
-                Ok(compiled) => compiled,
-                Err(exit) => return exit,
-            };
+        let compiled = self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen);
+        let (sources, staged) = match compiled {
+            Ok(compiled) => compiled,
+            Err(exit) => return exit,
+        };
         let plotted = plot(&staged.timeline, &sources, &staged.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,

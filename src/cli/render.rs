@@ -12,7 +12,7 @@ use super::exit::Exit;
 use super::output;
 use super::progress::Progress;
 use super::screen::{Screen, Warnings};
-use super::show::{Show, Staged};
+use super::show::{Passes, Show};
 
 /// Print the frames that a script sends, without sending them
 #[derive(Debug, Args)]
@@ -23,7 +23,7 @@ pub(super) struct Render {
     #[command(flatten)]
     script: Script,
     #[command(flatten)]
-    show: Show,
+    show: Show<Passes>,
     /// How frames are written
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
@@ -50,15 +50,11 @@ const CHUNK: usize = 16_384;
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let (sources, timeline) =
-            match self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen) {
-                Ok((_, Staged { again: Some(_), .. })) => {
-                    screen.error("what goes on forever cannot be printed: write how often, such as `--loop 3`");
-                    return Exit::Usage;
-                }
-                Ok((sources, staged)) => (sources, staged.timeline),
-                Err(exit) => return exit,
-            };
+        let compiled = self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen);
+        let (sources, timeline) = match compiled {
+            Ok((sources, staged)) => (sources, staged.timeline),
+            Err(exit) => return exit,
+        };
         let written = match &self.output {
             None => self.write(&sources, &timeline, screen, io::stdout().lock()),
             Some(path) => output::open(path, &self.script.file).and_then(|file| {

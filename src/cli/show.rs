@@ -14,9 +14,9 @@ use super::exit::Exit;
 use super::screen::{Screen, Warnings, seconds};
 use super::{Options, read};
 
-/// Which part of a script, how fast, and how often.
+/// Which part of a script, how fast, and how often: without end, or with one (`Passes`).
 #[derive(Debug, Args)]
-pub(super) struct Show {
+pub(super) struct Show<L: Args = Loop> {
     /// Begin at this time of the script, or at this mark; the servos are brought there first
     #[arg(long, value_name = "TIME|MARK")]
     from: Option<String>,
@@ -27,19 +27,46 @@ pub(super) struct Show {
     /// robot drives twice as far
     #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1")]
     speed: Speed,
-    /// Run it so often, or `forever`; where a part begins in the middle, each pass first brings the servos back there
-    #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1")]
-    count: Count,
+    #[command(flatten)]
+    passes: L,
     /// How long servos have to get where they are at the beginning of a part
     #[arg(long, value_name = "TIME", value_parser = time, default_value = "1s")]
     lead_in: Time,
 }
 
+/// How often, perhaps without end.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct Loop {
+    /// Run it N times, or `forever`; where a part begins in the middle, each pass first brings the servos back there
+    #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1")]
+    count: Count,
+}
+
+/// How often, for what must end.
+#[derive(Clone, Copy, Debug, Args)]
+pub(super) struct Passes {
+    /// Run it N times; where a part begins in the middle, each pass first brings the servos back there
+    #[arg(long = "loop", value_name = "N", value_parser = times, default_value = "1")]
+    times: u64,
+}
+
 /// How often.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Count {
+pub(super) enum Count {
     Times(u64),
     Forever,
+}
+
+impl From<Loop> for Count {
+    fn from(passes: Loop) -> Self {
+        passes.count
+    }
+}
+
+impl From<Passes> for Count {
+    fn from(passes: Passes) -> Self {
+        Count::Times(passes.times)
+    }
 }
 
 fn speed(text: &str) -> Result<Speed, String> {
@@ -47,11 +74,14 @@ fn speed(text: &str) -> Result<Speed, String> {
 }
 
 fn count(text: &str) -> Result<Count, String> {
-    match text.parse() {
-        _ if text == "forever" => Ok(Count::Forever),
-        Ok(times) if times > 0 => Ok(Count::Times(times)),
-        _ => Err("write how often, 1 or more, or `forever`".into()),
+    match text {
+        "forever" => Ok(Count::Forever),
+        text => times(text).map(Count::Times).map_err(|why| why + ", or `forever`"),
     }
+}
+
+fn times(text: &str) -> Result<u64, String> {
+    text.parse().ok().filter(|times| *times > 0).ok_or_else(|| "write how often, 1 or more".into())
 }
 
 fn time(text: &str) -> Result<Time, String> {
@@ -69,7 +99,7 @@ pub(super) struct Staged {
     pub(super) diagnostics: Diagnostics,
 }
 
-impl Show {
+impl<L: Args + Copy + Into<Count>> Show<L> {
     /// Compiles a script, and takes out of it what is asked for.
     pub(super) fn compile(
         &self,
@@ -92,7 +122,7 @@ impl Show {
 
     /// What is asked for, for a report.
     pub(super) fn asked(&self) -> Asked {
-        let passes = match self.count {
+        let passes = match self.passes.into() {
             Count::Times(times) => Some(times),
             Count::Forever => None,
         };
@@ -115,13 +145,11 @@ impl Show {
         let first = part(whole, &asked, &State::default());
         // Behind a pass it is known where everything is.
         let again = || part(whole, &asked, &state_after(&first));
-        match self.count {
+        match self.passes.into() {
             Count::Times(1) => Ok((first, None)),
             Count::Times(times) => {
                 let timeline = passes(&first, &again(), times, max_events).ok_or_else(|| {
-                    format!(
-                        "{times} passes are more than 24 hours or {max_events} frames: write fewer, or `--loop forever`"
-                    )
+                    format!("{times} passes are more than 24 hours or {max_events} frames: write fewer")
                 })?;
                 Ok((timeline, None))
             }
