@@ -6,10 +6,11 @@
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read, Write};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use elsa::FrozenVec;
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 
 /// The longest script that is read, in bytes. Nothing beyond it is ever read.
 pub const MAX_SOURCE: u64 = 64 << 20;
@@ -153,26 +154,98 @@ pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Writes a file whole or not at all: under another name first, which then takes the place of the old one. A link stays one, and
-/// a file keeps its mode.
+/// Puts a text in the place of what a file holds, all of it or nothing.
 pub fn replace_file(path: &Path, text: &[u8]) -> io::Result<()> {
-    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = File::create(&part)
-        .and_then(|mut file| {
-            if let Ok(old) = path.metadata() {
-                file.set_permissions(old.permissions())?;
+    let mut file = Replacement::begin(path)?;
+    file.write_all(text)?;
+    file.finish()
+}
+
+/// What takes the place of a file once it is whole: until then it is another file beside it, which goes away if it never is. What is
+/// no file, such as a pipe or `/dev/null`, is written to where it is, and so is a file whose owner could not be kept.
+#[derive(Debug)]
+pub struct Replacement {
+    file: File,
+    /// The file beside it, and the one whose place it takes.
+    part: Option<(PathBuf, PathBuf)>,
+}
+
+impl Replacement {
+    /// Begins one; a link leads to the file that is replaced. Owner, group and mode stay.
+    pub fn begin(path: &Path) -> io::Result<Self> {
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let old = path.metadata().ok();
+        if old.as_ref().is_some_and(|old| !old.is_file()) {
+            return Ok(Replacement { file: open_in_place(&path)?, part: None });
+        }
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = path.with_file_name(name);
+        let file = File::create(&part)?;
+        let new = Replacement { file, part: Some((part, path)) };
+        match old.map(|old| new.becomes(&old)) {
+            None | Some(Ok(true)) => Ok(new),
+            Some(Err(error)) => Err(error),
+            Some(Ok(false)) => {
+                let Some((_, path)) = new.part.clone() else { return Ok(new) };
+                let file = open_in_place(&path)?;
+                file.set_len(0)?;
+                Ok(Replacement { file, part: None })
             }
-            file.write_all(text)?;
-            file.sync_all()
-        })
-        .and_then(|()| std::fs::rename(&part, &path));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&part);
+        }
     }
-    written
+
+    /// Gives it the mode, the owner and the group of another file; says whether it may have them.
+    fn becomes(&self, old: &std::fs::Metadata) -> io::Result<bool> {
+        let new = self.file.metadata()?;
+        if (new.uid(), new.gid()) != (old.uid(), old.gid())
+            && std::os::unix::fs::fchown(&self.file, Some(old.uid()), Some(old.gid())).is_err()
+        {
+            return Ok(false);
+        }
+        self.file.set_permissions(old.permissions())?;
+        Ok(true)
+    }
+
+    /// Whether it is written to where it is.
+    pub fn is_in_place(&self) -> bool {
+        self.part.is_none()
+    }
+
+    /// It is whole.
+    pub fn finish(mut self) -> io::Result<()> {
+        let Some((part, path)) = &self.part else { return self.file.flush() };
+        self.file.sync_all()?;
+        std::fs::rename(part, path)?;
+        self.part = None;
+        Ok(())
+    }
+}
+
+impl Write for Replacement {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Replacement {
+    fn drop(&mut self) {
+        if let Some((part, _)) = &self.part {
+            let _ = std::fs::remove_file(part);
+        }
+    }
+}
+
+/// Opens a file to write to it, without waiting for the reader of a named pipe.
+pub fn open_in_place(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    let file = File::options().write(true).create(true).truncate(false).custom_flags(flags).open(path)?;
+    fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
+    Ok(file)
 }
 
 /// A line of a file, shown as `FILE:LINE`.

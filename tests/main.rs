@@ -30,6 +30,7 @@ mod host;
 mod house;
 mod inject;
 mod log;
+mod outputs;
 mod play;
 mod player;
 mod plot;

@@ -163,11 +163,12 @@ fn a_recording_never_overwrites_the_script_and_a_refused_port_no_recording() {
     let precious = script("precious", "servo 1 1500\n");
     let output = run(&["play", &precious, "--record", &precious]);
     assert_eq!(code(&output), 2);
-    assert!(stderr(&output).contains("it is the script itself; nothing was sent"));
+    assert!(stderr(&output).contains("this run reads it; name another file; nothing was sent"));
     let output = run(&["render", &precious, "-o", &precious]);
     assert_eq!(code(&output), 2);
     assert_eq!(fs::read_to_string(&precious).unwrap(), "servo 1 1500\n");
-    let earlier = script("earlier", "an earlier recording");
+    let earlier = format!("{precious}.bin");
+    fs::write(&earlier, "an earlier recording").unwrap();
     assert_eq!(code(&run(&["play", &precious, "--record", &earlier, "--port", "/dev/no-such-port"])), 3);
     assert_eq!(fs::read_to_string(&earlier).unwrap(), "an earlier recording");
 }

@@ -218,7 +218,7 @@ fn a_png_has_its_size_its_curve_where_it_must_be_and_words() {
 fn mistakes_are_said() {
     for (args, why) in [
         (&["-o", "picture.gif"][..], "says no format: end it in .svg, .png, .html or .json"),
-        (&["-o", "scripts/hello.motion", "--format", "svg"], "it is the script itself"),
+        (&["-o", "scripts/hello.motion", "--format", "svg"], "this run reads it"),
         (&["--loop", "forever"], "write how often, 1 or more"),
         (&["-o", "/tmp/no such folder/x.svg"], "No such file"),
     ] {

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use motionseq::capture::{DecodeError, Decoded, Timing, decode, transcribe};
 
-use motionseq::source::Source;
+use motionseq::source::{Replacement, Source};
 
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Force, Inputs};
 use super::screen::{Screen, plural};
 
 /// Show the frames in a stream of bytes, or of hex digits, or make a script of them
@@ -30,6 +30,8 @@ pub(super) struct Decode {
     /// Keep every frame in a script
     #[arg(long)]
     exact: bool,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Decode {
@@ -55,17 +57,22 @@ impl Decode {
                 Err(error) => return self.unreadable(&error, screen),
             }
         };
-        let out: Box<dyn Write> = match &self.output {
+        let inputs = Inputs::of([Some(&self.file), self.timing.as_ref()].into_iter().flatten());
+        let file = self.output.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose();
+        let mut file = match file {
+            Ok(file) => file,
+            Err(error) => return output::exit(Err(error), self.output.as_deref(), screen),
+        };
+        let out: Box<dyn Write> = match &mut file {
             None => Box::new(io::stdout().lock()),
-            Some(path) => match output::open(path, &self.file).and_then(|file| output::begin(&file).map(|()| file)) {
-                Ok(file) => Box::new(file),
-                Err(error) => return output::exit(Err(error), Some(path), screen),
-            },
+            Some(file) => Box::new(file),
         };
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let decoded =
             if is_script { transcribe(input, timing, self.exact, &mut out) } else { decode(input, timing, &mut out) };
         let flushed = out.flush();
+        drop(out);
+        let flushed = flushed.and_then(|()| file.map_or(Ok(()), Replacement::finish));
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);

@@ -1,8 +1,7 @@
 //! The end of a run: what is said when nothing is sent any more, and the exit code.
 
-use std::fs::File;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
@@ -11,14 +10,13 @@ use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::Served;
 use motionseq::sim::Received;
-use motionseq::source::{Sources, Span};
+use motionseq::source::{Replacement, Sources, Span};
 use motionseq::timeline::Timeline;
 
 use super::exit::Exit;
 use super::log::Level;
 use super::news::Told;
 use super::notes::{Asking, Facts, Notes};
-use super::output;
 use super::screen::{Screen, plural, seconds};
 use super::start_thread;
 
@@ -58,12 +56,17 @@ pub(super) struct Reporter {
 }
 
 impl Reporter {
-    pub(super) fn start(mut file: File) -> io::Result<Self> {
+    /// Starts it; a file that is there already is what is written to.
+    pub(super) fn start(path: &Path, file: Option<Replacement>) -> io::Result<Self> {
         let ((text, texts), (done, written)) = (mpsc::channel::<String>(), mpsc::channel());
+        let path = path.to_owned();
         start_thread("report", move || {
             if let Ok(text) = texts.recv() {
-                let all =
-                    output::begin(&file).and_then(|()| file.write_all(text.as_bytes())).and_then(|()| file.flush());
+                let file = file.map_or_else(|| Replacement::begin(&path), Ok);
+                let all = file.and_then(|mut file| {
+                    file.write_all(text.as_bytes())?;
+                    file.finish()
+                });
                 let _ = done.send(all);
             }
         })?;

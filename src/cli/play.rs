@@ -13,7 +13,7 @@ use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
 use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
 use motionseq::serve::Served;
 use motionseq::sim::{Faults, Settings, VirtualBoard};
-use motionseq::source::Lines;
+use motionseq::source::{Lines, Replacement, Sources};
 use rtrb::RingBuffer;
 
 use super::Script;
@@ -22,7 +22,7 @@ use super::exit::Exit;
 use super::log::Log;
 use super::news::{Desk, Files, News, Progress};
 use super::notes::Asking;
-use super::output;
+use super::output::{self, Force, Inputs};
 use super::recording::Recording;
 use super::screen::Screen;
 use super::show::{Show, Staged};
@@ -70,6 +70,8 @@ pub(super) struct Play {
     /// Write all that happens to this MCAP file: frames, state, lateness, telemetry, marks and `say`; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 fn max_late(text: &str) -> Result<Duration, String> {
@@ -81,8 +83,22 @@ fn max_late(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// A file for a result, and what it was called.
-type Named<'p> = (&'p Path, File);
+/// The files for results, each with its name. A report that is not written to where it is has no file yet.
+struct Results<'p> {
+    recording: Option<(&'p Path, File)>,
+    report: Option<(&'p Path, Option<Replacement>)>,
+    log: Option<(&'p Path, File)>,
+}
+
+/// Opens a file for a result, if one was asked for, or says why it cannot.
+fn open_result<'p, T>(
+    path: Option<&'p PathBuf>,
+    refused: &impl Fn(&Path, &io::Error) -> Exit,
+    open: impl FnOnce(&Path) -> io::Result<T>,
+) -> Result<Option<(&'p Path, T)>, Exit> {
+    let Some(path) = path else { return Ok(None) };
+    open(path).map(|opened| Some((path.as_path(), opened))).map_err(|error| refused(path, &error))
+}
 
 /// A frame later than this ends the run: on a real port, and on the virtual board.
 const MAX_LATE: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
@@ -106,7 +122,7 @@ impl Play {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
             Exit::Usage
         };
-        let [recording, report, log] = self.results(&refused)?;
+        let Results { recording, report, log } = self.results(&sources, &refused)?;
         if (self.paused || self.step) && !(screen.is_live() && Keys::open(false).is_some()) {
             screen.error("--paused and --step need somebody who sees and presses keys: a terminal in the foreground, standard error not redirected, no -q, no TERM=dumb");
             return Err(Exit::Usage);
@@ -148,7 +164,8 @@ impl Play {
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
         let news = News::start(timelines, desk, *screen, files, (notices_out, bytes_out));
         let news = news.map_err(|error| system(screen, &error))?;
-        let report = report.map(|(path, file)| Ok((path.to_owned(), Reporter::start(file)?, diagnostics))).transpose();
+        let report =
+            report.map(|(path, file)| Ok((path.to_owned(), Reporter::start(path, file)?, diagnostics))).transpose();
         let report = report.map_err(|error: io::Error| system(screen, &error))?;
         let mut player = Player::new(&timeline, max_late);
         if let Some(again) = &again {
@@ -224,20 +241,28 @@ impl Play {
         Ok(exit)
     }
 
-    /// Opens the files for results, each of them another one; what stands in them stays for now.
-    fn results<'p>(&'p self, refused: &impl Fn(&Path, &io::Error) -> Exit) -> Result<[Option<Named<'p>>; 3], Exit> {
-        let mut opened: Vec<(&str, Named<'p>)> = Vec::new();
+    /// Opens the files for results, each of them another one; what is in them stays for now. A report is written when it is whole.
+    fn results(&self, sources: &Sources, refused: &impl Fn(&Path, &io::Error) -> Exit) -> Result<Results<'_>, Exit> {
+        let inputs = Inputs::of_sources(sources);
         let asked = [("--record", &self.record), ("--report", &self.report), ("--log", &self.log)];
+        let mut places: Vec<(&str, PathBuf)> = Vec::new();
         for (option, path) in asked {
             let Some(path) = path else { continue };
-            let file = output::open(path, &self.script.file).map_err(|error| refused(path, &error))?;
-            if let Some((other, _)) = opened.iter().find(|(_, (_, other))| output::is_same(other, &file)) {
+            let place = output::place(path);
+            if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
                 return Err(refused(path, &io::Error::other(format!("it is the file of {other}"))));
             }
-            opened.push((option, (path, file)));
+            places.extend((!output::takes_everything(path)).then_some((option, place)));
         }
-        let mut opened = opened.into_iter().peekable();
-        Ok(asked.map(|(option, _)| opened.next_if(|(other, _)| *other == option).map(|(_, named)| named)))
+        Ok(Results {
+            recording: open_result(self.record.as_ref(), refused, |path| output::open(path, &inputs, self.force))?,
+            report: open_result(self.report.as_ref(), refused, |path| {
+                output::whole(path, &inputs, self.force).map(|file| file.is_in_place().then_some(file))
+            })?,
+            log: open_result(self.log.as_ref(), refused, |path| {
+                output::create(path, &inputs).map(|created| created.file)
+            })?,
+        })
     }
 
     fn guard(&self, port: BorrowedFd<'_>, ward: Ward, with_board: bool, screen: &Screen) -> io::Result<Option<Guard>> {

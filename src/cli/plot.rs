@@ -8,7 +8,7 @@ use motionseq::plot::{Plot as Plotted, Theme, plot};
 
 use super::Script;
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Force, Inputs};
 use super::screen::{Screen, Warnings};
 use super::show::{Passes, Show};
 
@@ -34,6 +34,8 @@ pub(super) struct Plot {
     /// How many pixels wide a PNG is, from 300 to 6000
     #[arg(long, value_name = "PIXELS", default_value_t = 1_200, value_parser = clap::value_parser!(u32).range(300..=6_000))]
     width: u32,
+    #[command(flatten)]
+    force: Force,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -82,9 +84,9 @@ impl Plot {
         };
         let written = match &self.output {
             None => io::stdout().lock().write_all(&picture),
-            Some(path) => output::open(path, &self.script.file).and_then(|mut file| {
-                output::begin(&file)?;
-                file.write_all(&picture)
+            Some(path) => output::whole(path, &Inputs::of_sources(&sources), self.force).and_then(|mut file| {
+                file.write_all(&picture)?;
+                file.finish()
             }),
         };
         output::exit(written, self.output.as_deref(), screen)

@@ -9,7 +9,7 @@ use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_lis
 
 use super::Script;
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Force, Inputs};
 use super::progress::Progress;
 use super::screen::{Screen, Warnings};
 use super::show::{Passes, Show};
@@ -30,6 +30,8 @@ pub(super) struct Render {
     /// Write to this file instead of standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -57,9 +59,9 @@ impl Render {
         };
         let written = match &self.output {
             None => self.write(&sources, &timeline, screen, io::stdout().lock()),
-            Some(path) => output::open(path, &self.script.file).and_then(|file| {
-                output::begin(&file)?;
-                self.write(&sources, &timeline, screen, file)
+            Some(path) => output::whole(path, &Inputs::of_sources(&sources), self.force).and_then(|mut file| {
+                self.write(&sources, &timeline, screen, &mut file)?;
+                file.finish()
             }),
         };
         output::exit(written, self.output.as_deref(), screen)

@@ -1,6 +1,5 @@
 //! `motionseq test`: holds scripts against their snapshots.
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -11,7 +10,7 @@ use motionseq::sim::Faults;
 use motionseq::verify::{Case, Job, Verdict, find};
 
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Force, Inputs};
 use super::progress::Progress;
 use super::screen::{Screen, plural};
 use super::{Deny, Options, repository};
@@ -48,6 +47,8 @@ pub(super) struct Test {
     jobs: Option<u16>,
     #[command(flatten)]
     options: Options,
+    #[command(flatten)]
+    force: Force,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -74,6 +75,12 @@ impl Test {
             screen.error(&format!("there is no *.motion in {}", paths.join(", ")));
             return Exit::Script;
         }
+        // Before anything runs.
+        let inputs = Inputs::of(&found.scripts);
+        let junit = match self.junit.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose() {
+            Ok(junit) => junit,
+            Err(error) => return output::exit(Err(error), self.junit.as_deref(), screen),
+        };
         let faults = self.fault.clone().unwrap_or_default();
         let job = Job {
             options: self.options.of_library(),
@@ -98,11 +105,12 @@ impl Test {
         let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
-        if let Some(path) = &self.junit
-            && let Err(error) = fs::write(path, report::cases_junit(&report::cases_in(&repository(), &cases)))
-        {
-            screen.error(&format!("cannot write {}: {error}", path.display()));
-            return Exit::Usage;
+        if let Some(mut file) = junit {
+            let text = report::cases_junit(&report::cases_in(&repository(), &cases));
+            let all = file.write_all(text.as_bytes()).and_then(|()| file.finish());
+            if all.is_err() {
+                return output::exit(all, self.junit.as_deref(), screen);
+            }
         }
         match output::exit(written, None, screen) {
             Exit::Ok if failed > 0 => {

@@ -11,7 +11,7 @@ use motionseq::playback::now;
 use motionseq::sim::Pose;
 
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Inputs};
 use super::screen::Screen;
 use super::start_thread;
 
@@ -74,9 +74,9 @@ impl Log {
     /// Starts a log into a file that was asked for, beside another result, or says why it cannot.
     pub(super) fn open(path: Option<&Path>, beside: Option<&File>, screen: &Screen) -> Result<Option<Self>, Exit> {
         let Some(path) = path else { return Ok(None) };
-        let file = output::open(path, Path::new("")).and_then(|file| match beside {
-            Some(other) if output::is_same(&file, other) => Err(io::Error::other("it is the file of -o")),
-            _ => Ok(file),
+        let file = output::create(path, &Inputs::default()).and_then(|created| match beside {
+            Some(other) if output::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
+            _ => Ok(created.file),
         });
         let started = file.and_then(|file| Log::start(file, path, *screen));
         started.map(Some).map_err(|error| output::exit(Err(error), Some(path), screen))
