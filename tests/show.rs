@@ -243,6 +243,35 @@ fn times_and_marks_that_are_none_say_what_there_is() {
 }
 
 #[test]
+fn a_report_counts_passes_says_what_was_dropped_and_how_late_the_line_would_be() {
+    let path = script("three-passes", "servo 1 1500\nwait 50ms\nservo 1 1600\nwait 50ms\n");
+    let report = format!("{path}.json");
+    let read = || -> serde_json::Value { serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap() };
+    for (args, passes) in [(&["--loop", "3"][..], 3), (&[], 1), (&["--loop", "3", "--lead-in", "100ms"], 3)] {
+        let output = run(&[&["play", &path, "--report", &report], args].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert_eq!(read()["passes"].as_u64(), Some(passes), "{args:?}");
+    }
+    // Ended in the second of three passes.
+    let failing = script("second-pass", "servo 1 1500\nwait 50ms\nexpect voltage > 1V\nwait 150ms\n");
+    let output = run(&["play", &failing, "--report", &report, "--loop", "3"]);
+    assert_eq!(output.status.code(), Some(7), "{}", stderr(&output));
+    assert_eq!(read()["passes"].as_u64(), Some(1));
+    // 40 raw frames of 8 bytes at once, and behind them the closing stop of 13: `buzzer off` waits for 333 bytes of 86.8 us each.
+    let busy = script("busy-line", &"raw 0x40 1 2 3\n".repeat(40));
+    let output = run(&["play", &busy, "--report", &report]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    // 39 frames of 8 bytes, of 86.8 us each.
+    let line = read()["lateness_us"]["line"].as_f64().unwrap();
+    assert!((27_000.0..27_200.0).contains(&line), "{line}");
+    assert!(
+        stderr(&output).contains("a line of 115200 baud carries a frame up to 27.0 ms later"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
 fn the_report_says_how_the_run_went() {
     let path = script(
         "reported",

@@ -12,6 +12,7 @@ use motionseq::serve::Served;
 use motionseq::sim::Received;
 use motionseq::source::{Replacement, Sources, Span};
 use motionseq::timeline::Timeline;
+use motionseq::timeline::wire::load;
 
 use super::exit::Exit;
 use super::log::Level;
@@ -91,6 +92,11 @@ impl End<'_> {
         let End { screen, sources, timeline, outcome, lost, news, report, run, board, guard } = self;
         let exit = exit_code(&outcome);
         let ending = early_end(sources, timeline, &outcome);
+        let whole = match outcome.dropped {
+            0 => "everything was sent".to_owned(),
+            dropped => format!("everything was sent but {}, which newer ones had overtaken", plural(dropped, "frame")),
+        };
+        let line_us = load(timeline).worst.map_or(0, |(_, late_us)| late_us);
         let Told { recorded, report: last, notes, log } = news.recv_timeout(NEWS).unwrap_or_else(|_| {
             let failed = Err(io::Error::other("the thread that keeps it failed"));
             Told { recorded: failed, report: None, notes: Notes::new(), log: None }
@@ -100,10 +106,12 @@ impl End<'_> {
                 sources,
                 diagnostics: &diagnostics,
                 outcome: &outcome,
-                cause: ending.as_ref().map_or_else(|| "everything was sent".to_owned(), |(cause, _)| cause.clone()),
+                cause: ending.as_ref().map_or_else(|| whole.clone(), |(cause, _)| cause.clone()),
                 exit: exit.code(),
                 not_noted: lost.notices,
                 place: ending.as_ref().and_then(|_| place_of(timeline, &outcome)),
+                line_us,
+                end_us: timeline.end_us,
                 run: &run,
             };
             // Where nobody takes it, that is said below.
@@ -130,11 +138,19 @@ impl End<'_> {
             }
         }
         summary(&screen, &outcome, last);
+        if line_us > LINE_LATE_US {
+            screen.note(&format!(
+                "a line of {} baud carries a frame up to {}.{} ms later than that",
+                timeline.baud,
+                line_us / 1_000,
+                line_us / 100 % 10
+            ));
+        }
         board_end(&screen, board);
         if let Some((mut log, timeline)) = log {
             log.pass_marks(&timeline, outcome.at_us);
             match &ending {
-                None => log.log.line(now(), Level::Info, "everything was sent"),
+                None => log.log.line(now(), Level::Info, whole),
                 Some((_, line)) => log.log.line(now(), Level::Error, line),
             }
             is_whole &= log.log.end();
@@ -165,6 +181,9 @@ impl End<'_> {
     }
 }
 
+/// How late frames may leave on the line before that is said: what `wire-late` warns of, in microseconds.
+const LINE_LATE_US: u64 = 5_000;
+
 /// What became of the virtual board.
 fn board_end(screen: &Screen, board: Option<Served>) {
     match board.map(|board| board.join(PATIENCE)) {
@@ -187,7 +206,7 @@ fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
         count => format!(", and {} of stops, pauses and `on abort`", plural(count, "frame")),
     };
     screen.note(&format!(
-        "sent {frames}{dropped} in {} s{extra}; the latest was {}.{:03} ms late",
+        "sent {frames}{dropped} in {} s{extra}; the worst was {}.{:03} ms late",
         seconds(outcome.at_us),
         worst / 1_000,
         worst % 1_000

@@ -35,16 +35,35 @@ pub(super) struct Facts<'a> {
     pub(super) not_noted: u64,
     /// Where in the script it ended early.
     pub(super) place: Option<motionseq::source::Span>,
+    /// How much later than it is due a frame leaves at the worst, on a line of this speed, in microseconds.
+    pub(super) line_us: u64,
+    /// How long all passes take, in microseconds.
+    pub(super) end_us: u64,
     pub(super) run: &'a Asking,
 }
 
 /// What is known of a run without its news.
 pub(super) struct Asking {
     pub(super) asked: Asked,
+    /// How long the first pass takes, in microseconds.
+    pub(super) first_us: u64,
     pub(super) port: Option<String>,
     pub(super) started: SystemTime,
     pub(super) elapsed_us: u64,
     pub(super) bytes: u64,
+}
+
+impl Asking {
+    /// In which pass a run was at a time; all passes take so long.
+    fn passes_until(&self, at_us: u64, end_us: u64) -> u64 {
+        let Some(count @ 2..) = self.asked.passes else { return 1 };
+        let each_us = end_us.saturating_sub(self.first_us) / (count - 1);
+        let more = match each_us {
+            0 => count - 1,
+            each_us => at_us.saturating_sub(self.first_us).div_ceil(each_us),
+        };
+        if at_us < self.first_us { 1 } else { (1 + more).min(count) }
+    }
 }
 
 impl Notes {
@@ -75,7 +94,7 @@ impl Notes {
     /// The report, as text.
     #[expect(clippy::too_many_lines, reason = "a table of fields")]
     pub(super) fn report(&self, facts: Facts<'_>) -> String {
-        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place, run } = facts;
+        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place, line_us, end_us, run } = facts;
         let lines = Lines::of(sources);
         let place = place.map(|span| lines.place(span));
         let at = |quantile: f64| {
@@ -130,10 +149,15 @@ impl Notes {
                 Stop::Sent => "sent",
                 Stop::NotSent => "not sent",
             },
-            passes: self.passes,
+            passes: self.passes.max(run.passes_until(outcome.at_us, end_us)),
             frames: Frames { sent: outcome.sent, dropped: outcome.dropped, extra: outcome.extra, not_noted },
             bytes: run.bytes,
-            lateness_us: Lateness { p50: at(0.5), p99: at(0.99), max: micros(outcome.worst_late) },
+            lateness_us: Lateness {
+                p50: at(0.5),
+                p99: at(0.99),
+                max: micros(outcome.worst_late),
+                line: micros(line_us.saturating_mul(1_000)),
+            },
             dropped: dropped.collect(),
             expects: expects.collect(),
             warnings: report::findings(sources, diagnostics),

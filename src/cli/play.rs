@@ -116,7 +116,7 @@ impl Play {
 
     #[expect(clippy::too_many_lines, reason = "one resource after the other")]
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, Staged { timeline, again, diagnostics }) =
+        let (sources, Staged { timeline, again, first_us, diagnostics }) =
             self.show.compile(&self.script.file, &self.script.options, super::screen::Warnings::Counted, screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
@@ -232,7 +232,7 @@ impl Play {
         // The virtual board ends when its port is closed. A real one is closed when all was said: the system may wait for it as long as
         // half a minute.
         let held = Some(link.into_inner().into_inner()).filter(|_| is_real);
-        let run = Asking { asked: self.show.asked(), port: name, started, elapsed_us, bytes };
+        let run = Asking { asked: self.show.asked(), first_us, port: name, started, elapsed_us, bytes };
         let (sources, timeline) = (&sources, &*timeline);
         let end =
             End { run, screen: *screen, sources, timeline, outcome, lost, news, report, board: port.board, guard };

@@ -95,6 +95,8 @@ pub(super) struct Staged {
     pub(super) timeline: Timeline,
     /// For a run without end.
     pub(super) again: Option<Timeline>,
+    /// How long the first pass takes, in microseconds, where there are several.
+    pub(super) first_us: u64,
     /// What is wrong with the script; no errors.
     pub(super) diagnostics: Diagnostics,
 }
@@ -112,7 +114,9 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         let compiled = options.compile_at(&sources, screen, self.speed, warnings);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         match self.stage(&whole, options.max_events) {
-            Ok((timeline, again)) => Ok((sources, Staged { timeline, again, diagnostics: compiled.diagnostics })),
+            Ok((timeline, again, first_us)) => {
+                Ok((sources, Staged { timeline, again, first_us, diagnostics: compiled.diagnostics }))
+            }
             Err(why) => {
                 screen.error(&why);
                 Err(Exit::Usage)
@@ -129,8 +133,8 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         Asked { from: self.from.clone(), to: self.to.clone(), speed: self.speed.factor(), passes }
     }
 
-    /// What comes first, and for a run without end what comes again and again.
-    fn stage(&self, whole: &Timeline, max_events: usize) -> Result<(Timeline, Option<Timeline>), String> {
+    /// What comes first, for a run without end what comes again and again, and how long the first pass takes.
+    fn stage(&self, whole: &Timeline, max_events: usize) -> Result<(Timeline, Option<Timeline>, u64), String> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
         let from_us = moment(&self.from)?.unwrap_or(0);
         let to_us = moment(&self.to)?;
@@ -143,22 +147,23 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         }
         let asked = Part { from_us, to_us, lead_in_us: self.lead_in.micros() };
         let first = part(whole, &asked, &State::default());
+        let first_us = first.end_us;
         // Behind a pass it is known where everything is.
         let again = || part(whole, &asked, &state_after(&first));
         match self.passes.into() {
-            Count::Times(1) => Ok((first, None)),
+            Count::Times(1) => Ok((first, None, first_us)),
             Count::Times(times) => {
                 let timeline = passes(&first, &again(), times, max_events).ok_or_else(|| {
                     format!("{times} passes are more than 24 hours or {max_events} frames: write fewer")
                 })?;
-                Ok((timeline, None))
+                Ok((timeline, None, first_us))
             }
             Count::Forever => {
                 let again = again();
                 if again.end_us == 0 {
                     return Err("this takes no time, and cannot go on forever".to_owned());
                 }
-                Ok((first, Some(again)))
+                Ok((first, Some(again), first_us))
             }
         }
     }

@@ -33,7 +33,7 @@ pub struct Run {
     pub line: Option<usize>,
     /// Whether the robot was stopped: `not needed`, `sent` or `not sent`.
     pub stop: &'static str,
-    /// How often it was played, where it was played without end.
+    /// Which pass it was in at the end, counted from 1.
     pub passes: u64,
     /// How many frames.
     pub frames: Frames,
@@ -84,6 +84,8 @@ pub struct Lateness {
     pub p99: f64,
     /// The latest.
     pub max: f64,
+    /// How late a frame leaves at the worst on a line of the speed of the script, however punctual the computer is.
+    pub line: f64,
 }
 
 /// A frame that was left out.
