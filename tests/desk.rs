@@ -111,8 +111,19 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
     let drawn: Vec<&str> = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n')).collect();
     let widths: Vec<usize> = drawn.iter().map(|line| line.chars().count()).collect();
     assert!(widths[0] > 30 && widths[widths.len() - 1] < 30, "{drawn:?}");
-    let text = in_terminal("dumb", "80", &[], &["play", &short, "--max-late", "5s"]);
+    let text = in_terminal("dumb", "80", &[], &["play", &long, "--max-late", "5s"]);
     assert!(text.starts_with("exit 0\n") && text.contains("sent ") && !text.contains('\u{1b}'), "{text}");
+    assert!(text.contains(" / 2.500 s"), "{text}");
+    // A line that is too long is broken between words, and one that is drawn over never fills a very narrow terminal.
+    let text = at_terminal("50", &[], &["play", &short]);
+    let shown = text.split_once("\necho True\n").unwrap().1;
+    let lines: Vec<&str> = shown.split(['\n', '\r']).collect();
+    assert!(lines.iter().all(|line| line.replace("\u{1b}[K", "").chars().count() <= 50), "{lines:?}");
+    assert!(shown.contains("the virtual board received"), "{shown}");
+    let text = at_terminal("12", &[], &["play", &short]);
+    let drawn = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n'));
+    assert!(drawn.into_iter().all(|line| line.chars().count() < 12), "{text:?}");
+    assert!(text.contains("space pauses, q stops"), "{text}");
     // Without a terminal there is no line that is drawn over, and no key.
     let output = run(&["play", &short]);
     assert!(!stderr(&output).contains(['\r', '\u{1b}']));
@@ -171,4 +182,28 @@ fn a_terminal_of_somebody_else_is_left_alone() {
         .unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(crate::support::stdout(&output), "the other program's modes are there\n");
+}
+
+#[test]
+fn a_pause_says_where_in_the_script_it_is() {
+    let text = at_terminal(
+        "120",
+        &["wait:rocker x=0", "key: ", "wait:paused (", "key:q"],
+        &["play", &show(), "--speed", "0.5"],
+    );
+    let (at, script) = text.split_once(" s: paused (").unwrap();
+    let at: f64 = at.rsplit(|c: char| c != '.' && !c.is_ascii_digit()).next().unwrap().parse().unwrap();
+    let script: f64 = script.split(' ').next().unwrap().parse().unwrap();
+    assert!((at - 2.0 * script).abs() < 0.01, "{text}");
+    // Passes are no lines of their own.
+    let short = script_of_passes();
+    let text = at_terminal("120", &["wait:pass 3", "key:q"], &["play", &short, "--loop", "forever"]);
+    assert!(
+        !text.lines().any(|line| line.trim_start_matches(['\r', '\u{1b}', '[', 'K']).starts_with("pass ")),
+        "{text}"
+    );
+}
+
+fn script_of_passes() -> String {
+    script("passes-desk", "servo 2 1500\nwait 300ms\n")
 }

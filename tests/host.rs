@@ -72,7 +72,7 @@ fn more_than_the_line_carries_is_told_and_a_drive_that_is_left_on_too() {
     }
     host.says("more than the line carries");
     drop(port);
-    host.says("leaves the drive on");
+    host.says("has not stopped the robot; what the board does when frames stop is unknown");
     let (listing, _) = host.end();
     assert_eq!(frames(&listing).len(), 20);
 }
@@ -165,4 +165,60 @@ fn the_link_of_one_that_was_killed_is_replaced_and_that_of_a_living_one_is_not()
     assert!(fs::read_link(&second.path).is_ok(), "{left:?}");
     let (_, said) = second.end();
     assert!(said.contains("received 0 frames"), "{said}");
+}
+
+#[test]
+fn a_program_that_sets_its_line_up_otherwise_is_told_of_once() {
+    let mut host = Host::start("settings", &[]);
+    if !has("serial") {
+        return;
+    }
+    for (baud, stops, words) in [
+        ("9600", "1", Some("9600 baud, 1 stop bit;")),
+        ("115200", "2", Some("115200 baud, 2 stop bits;")),
+        ("115200", "1", None),
+    ] {
+        let code = "import serial,sys\np=serial.Serial(sys.argv[1],int(sys.argv[2]),stopbits=int(sys.argv[3]))\n\
+                    for _ in range(3): p.write(bytes([255,254,3,8,1,0,0,0,0,0,0,1,13])); p.flush()";
+        let client = Command::new("python3").args(["-c", code]).arg(&host.path).args([baud, stops]).output().unwrap();
+        assert!(client.status.success(), "{}", stderr(&client));
+        let mut said = Vec::new();
+        while !said.last().is_some_and(|line: &String| line.contains("the port is closed")) {
+            said.push(host.line());
+        }
+        let warned: Vec<&String> = said.iter().filter(|line| line.contains("would get garbage")).collect();
+        assert_eq!(warned.len(), usize::from(words.is_some()), "{said:?}");
+        assert!(words.is_none_or(|words| warned[0].contains(words)), "{said:?}");
+    }
+    host.end();
+}
+
+#[test]
+fn what_is_wrong_counts_as_often_as_it_is_listed() {
+    // Three things, the last of which comes in many pieces.
+    let host = Host::start("counted", &["--baud", "1000000"]);
+    let mut port = host.open();
+    port.write_all(&[&[1, 2, 3], stop().as_slice(), &[0xFF, 0xFE, 9, 0, 9], stop().as_slice(), &[7; 200]].concat())
+        .unwrap();
+    drop(port);
+    let (listing, said) = host.end();
+    let wrong = listing.lines().filter(|line| line.contains("skipped") || line.contains("unknown")).count();
+    assert_eq!(wrong, 3, "{listing}");
+    assert!(said.contains("it could not use 1 frames and 203 bytes"), "{said}");
+}
+
+#[test]
+fn reports_come_as_often_as_asked_for() {
+    let host = Host::start("often", &["--report-every", "20ms"]);
+    let mut port = host.open();
+    port.write_all(&Said::Request(Query::REPORT_START).to_frame()).unwrap();
+    let begun = std::time::Instant::now();
+    port.read_exact(&mut [0; 14 * 25]).unwrap();
+    // 25 of them in half a second, where it would be two and a half.
+    let took = begun.elapsed();
+    assert!(took.as_millis() < 2_000 && took.as_millis() > 400, "{took:?}");
+    drop(port);
+    host.end();
+    let output = run(&["board", "--link", "/tmp/never", "--report-every", "1ms"]);
+    assert_eq!(output.status.code(), Some(2));
 }

@@ -302,7 +302,7 @@ fn a_port_that_cannot_be_opened_says_what_to_do() {
 }
 
 #[test]
-fn a_forbidden_port_names_the_group() {
+fn a_port_that_only_its_owner_may_open_says_so() {
     let pty = Pty::open().unwrap();
     fs::set_permissions(pty.path(), Permissions::from_mode(0o000)).unwrap();
     // Root may open anything, so somebody else tries, with a copy of the program that anybody may run.
@@ -323,7 +323,7 @@ fn a_forbidden_port_names_the_group() {
     fs::remove_dir_all(folder).unwrap();
     let text = stderr(&output);
     assert_eq!(code(&output), 3, "{text}");
-    assert!(text.contains("usermod -aG dialout $USER`, then log out and in again"), "{text}");
+    assert!(text.contains("only its owner may open it; a udev rule"), "{text}");
 }
 
 #[test]

@@ -199,3 +199,55 @@ fn signals_that_were_ignored_stay_so_and_a_port_that_hangs_up_counts() {
         assert_eq!(end(child).0, code);
     }
 }
+
+#[test]
+fn hints_can_be_followed() {
+    let output = run(&["play", "scripts/hello.motion", "--port", "/dev/no-such-port"]);
+    assert!(stderr(&output).contains("`motionseq ports` lists"), "{}", stderr(&output));
+    let output = run(&["test", "no-such-folder"]);
+    let text = crate::support::stdout(&output) + &stderr(&output);
+    assert!(text.contains("no-such-folder") && text.contains("there is nothing with this name"), "{text}");
+    // A name like an option's is written so that the line can be run.
+    let folder = link("hints");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("-x.motion"), "servo 1 1500\n").unwrap();
+    let in_folder = |args: &[&str]| motionseq(args).current_dir(&folder).output().unwrap();
+    let text = crate::support::stdout(&in_folder(&["test"]));
+    assert!(text.contains("motionseq test --bless ./-x.motion"), "{text}");
+    assert_eq!(in_folder(&["test", "--bless", "./-x.motion"]).status.code(), Some(0));
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_forbidden_port_names_the_group_of_its_node() {
+    let pty = Pty::open().unwrap();
+    let path = pty.path();
+    let is_root = rustix::process::geteuid().is_root();
+    if !is_root {
+        // The owner could open it whatever its mode says; nobody else has made one here.
+        return;
+    }
+    let group = |gid| {
+        std::os::unix::fs::chown(path, Some(0), Some(gid)).unwrap();
+        fs::set_permissions(path, std::os::unix::fs::PermissionsExt::from_mode(0o660)).unwrap();
+        let copy = link("forbidden-program");
+        crate::support::copy_program(&copy);
+        let mut player = Command::new("setpriv");
+        player.args(["--reuid=65534", "--regid=65534", "--clear-groups"]).arg(&copy);
+        player.args(["play", "-", "--port"]).arg(path).current_dir("/").stdin(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = player.spawn().unwrap();
+        child.stdin.take().unwrap().write_all(b"servo 1 1500\n").unwrap();
+        let output = child.wait_with_output().unwrap();
+        fs::remove_file(copy).unwrap();
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let groups = fs::read_to_string("/etc/group").unwrap();
+    let named = |name: &str| {
+        let line = groups.lines().find(|line| line.starts_with(&format!("{name}:"))).unwrap();
+        line.split(':').nth(2).unwrap().parse().unwrap()
+    };
+    assert!(group(named("dialout")).contains("usermod -aG dialout $USER"));
+    assert!(group(named("tty")).contains("usermod -aG tty $USER"));
+    assert!(!group(0).contains("usermod"));
+}

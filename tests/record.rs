@@ -407,7 +407,7 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
     assert_eq!(&reply, b"{A0:0:0:1150}#");
     port.write_all(&rocker(7)).unwrap();
     drop(port);
-    tap.says("leaves the drive on");
+    tap.says("has not stopped the robot");
     // Nobody else can stop the robot then.
     let (_, said) = tap.end();
     assert!(said.contains("stop: sent"), "{said}");

@@ -38,6 +38,9 @@ pub(super) struct Board {
     /// What goes wrong: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
+    /// How often the virtual board reports, from 10ms to 10s, once it was asked to
+    #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
+    report_every: u64,
     /// Write all that happens to this MCAP file, too: frames, state, pose, telemetry; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -46,6 +49,13 @@ pub(super) struct Board {
 /// Reads the voltage of a battery.
 pub(super) fn battery(text: &str) -> Result<Hundredths, String> {
     volts(text.strip_suffix('V').unwrap_or(text)).ok_or_else(|| "write volts from 0V to 100V, such as 11.4V".to_owned())
+}
+
+/// Reads the time between two reports; gives microseconds.
+pub(super) fn report_every(text: &str) -> Result<u64, String> {
+    let micros = super::show::time(text)?.micros();
+    let is_fine = (10_000..=10_000_000).contains(&micros);
+    is_fine.then_some(micros).ok_or_else(|| "write a time from 10ms to 10s, such as 100ms".to_owned())
 }
 
 impl Board {
@@ -57,12 +67,17 @@ impl Board {
     }
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let mut door = Door::open(&self.link).map_err(|error| refused(&error, screen))?;
+        let mut door = Door::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
         let log = Log::open(self.log.as_deref(), None, screen)?;
         let signals = begin(screen)?;
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
         let faults = self.fault.clone().unwrap_or_default();
-        let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
+        let board = VirtualBoard::new(Settings {
+            battery: self.battery,
+            report_us: self.report_every,
+            faults,
+            ..Settings::default()
+        });
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
         Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-use motionseq::board::Report;
+use motionseq::board::{ON_SILENCE, Report};
 use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::Served;
@@ -252,7 +252,9 @@ fn described(received: &Received) -> String {
     let state = &received.state;
     let drive = match state.drive() {
         Some(drive) if received.moves => format!("the drive runs: {drive}"),
-        Some(drive) if drive.keeps_driving() => "the drive has stopped by itself, as no frames came".into(),
+        Some(drive) if drive.keeps_driving() => {
+            format!("it was left at {drive}, and the virtual board has stopped by itself; {ON_SILENCE}")
+        }
         _ => "the drive stands".into(),
     };
     let buzzer = if state.buzzer() == Some(true) { "the buzzer is on" } else { "the buzzer is off" };

@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use motionseq::board::{Report, ServoIndex, State};
 use motionseq::link::Taken;
 use motionseq::playback::{Notice, Verdict, now};
+use motionseq::program::Speed;
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
@@ -44,6 +45,28 @@ pub(super) struct Desk {
     pub(super) steps: bool,
     /// How the run is shown.
     pub(super) progress: Progress,
+    /// What a time of the run is in the script.
+    pub(super) script: ScriptTime,
+}
+
+/// How times of a run and times of its script go together, in a run that is not simply the script from its start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ScriptTime {
+    /// Where in the script the part begins, after so long a lead-in, both in microseconds of the run.
+    pub(super) from_us: u64,
+    pub(super) lead_us: u64,
+    pub(super) speed: Speed,
+}
+
+impl ScriptTime {
+    /// ` (1.200 s in the script)`, where that is not the time of the run.
+    fn words(self, at_us: u64) -> String {
+        if (self.from_us, self.lead_us) == (0, 0) && self.speed.factor() == 1.0 {
+            return String::new();
+        }
+        let in_part = at_us.saturating_sub(self.lead_us).saturating_add(self.from_us);
+        format!(" ({} s in the script)", seconds(self.speed.of_script(in_part)))
+    }
 }
 
 /// How often a plain line is written.
@@ -95,6 +118,8 @@ pub(super) struct News {
     worst_late: u64,
     dropped: usize,
     clock: Clock,
+    /// The pass and the time that a plain line has shown last.
+    shown: (u64, u64),
 }
 
 /// The time of the script, for the progress line.
@@ -131,6 +156,7 @@ impl News {
             worst_late: 0,
             dropped: 0,
             clock: Clock::Runs(now()),
+            shown: (0, 0),
         };
         start_thread("news", move || {
             let lines = sources.as_ref().map(Lines::of);
@@ -142,6 +168,9 @@ impl News {
     fn run(mut self, (mut notices, mut taken): Heard, lines: Option<&Lines<'_>>) -> Told {
         let mut recording = self.recording.take();
         let mut told_at = Instant::now();
+        if self.desk.keys {
+            self.screen.note("space pauses, q stops and ends, ? shows all keys");
+        }
         loop {
             // Looked at before the rings are emptied, so that nothing is left in them at the end.
             let last = notices.is_abandoned() && taken.is_abandoned();
@@ -162,10 +191,11 @@ impl News {
             if last {
                 break;
             }
-            match self.desk.progress {
+            let progress = self.desk.progress;
+            match progress {
                 Progress::Auto => self.screen.live(&self.progress()),
                 // What stands is not said again and again.
-                Progress::Plain if told_at.elapsed() >= SECOND && matches!(self.clock, Clock::Runs(_)) => {
+                Progress::Plain if told_at.elapsed() >= SECOND && self.is_further() => {
                     told_at = Instant::now();
                     self.screen.note(&self.progress());
                 }
@@ -181,6 +211,7 @@ impl News {
         Told { recorded, report: self.report, notes: self.notes, log }
     }
 
+    #[expect(clippy::too_many_lines, reason = "one kind of notice after the other")]
     fn tell(&mut self, at: u64, notice: Notice) {
         match notice {
             Notice::Say { cue } => {
@@ -228,20 +259,33 @@ impl News {
                     (true, false) => "; space or Enter goes on (the robot may move at once), s plays one step, q ends",
                     (true, true) => "; space goes on (the robot may move at once), Enter or s plays one step, q ends",
                 };
-                self.screen.ask(&format!("{} s: paused{how}", seconds(at_us)));
+                self.screen.ask(&format!("{} s: paused{}{how}", seconds(at_us), self.desk.script.words(at_us)));
             }
             Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
             Notice::Pass { pass } => {
                 self.notes.passes = pass;
                 self.timeline = Arc::clone(&self.again);
                 self.clock = Clock::Runs(at);
-                self.screen.note(&format!("pass {pass}"));
+                // The line about the run says it, too.
+                if self.screen.is_verbose() {
+                    self.screen.note(&format!("pass {pass}"));
+                }
             }
             Notice::Resumed { at_us } => {
                 self.clock = Clock::Runs(at.saturating_sub(at_us.saturating_mul(1_000)));
                 self.screen.note(&format!("{} s: goes on", seconds(at_us)));
             }
         }
+    }
+
+    /// Whether the run is further than when a plain line was written last: behind a sleep, the clock runs ahead of it for a moment.
+    fn is_further(&mut self) -> bool {
+        let now = (self.notes.passes, self.time());
+        let is_further = matches!(self.clock, Clock::Runs(_)) && now > self.shown;
+        if is_further {
+            self.shown = now;
+        }
+        is_further
     }
 
     fn stand(&mut self, at_us: u64) {
@@ -269,7 +313,7 @@ impl News {
         let (end, now) = (self.timeline.end_us, self.time());
         let mut line = format!("{} / {} s", seconds(now), seconds(end));
         // The bar gives way to the words on a narrow terminal.
-        let room = self.screen.width().saturating_sub(1);
+        let room = if self.screen.is_live() { self.screen.live_width() } else { self.screen.width() };
         // A pipe and a screen reader can do without.
         let room_for_bar = room.saturating_sub(line.len() + 50);
         let bar = bar(now, end, if self.desk.progress == Progress::Plain { 0 } else { room_for_bar });

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io;
 use std::os::fd::BorrowedFd;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
@@ -116,7 +117,7 @@ impl Play {
 
     #[expect(clippy::too_many_lines, reason = "one resource after the other")]
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, Staged { timeline, again, first_us, diagnostics }) =
+        let (sources, Staged { timeline, again, first_us, script, diagnostics }) =
             self.show.compile(&self.script.file, &self.script.options, super::screen::Warnings::Counted, screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
@@ -159,7 +160,12 @@ impl Play {
         let recording = recording.map(|(_, file)| Recording::start(file)).transpose();
         let files = Files { recording: recording.map_err(|error| system(screen, &error))?, log };
         let keys = Keys::open(screen.is_live());
-        let desk = Desk { keys: keys.is_some() && screen.is_live(), steps: self.step, progress: self.progress };
+        let progress = match self.progress {
+            Progress::Auto if screen.is_dumb() && !screen.is_quiet() => Progress::Plain,
+            progress => progress,
+        };
+        let is_at_desk = keys.is_some() && screen.is_live();
+        let desk = Desk { keys: is_at_desk, steps: self.step, progress, script };
         let again = again.map(Arc::new);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
         let news = News::start(timelines, desk, *screen, files, (notices_out, bytes_out));
@@ -321,18 +327,40 @@ fn system(screen: &Screen, error: &io::Error) -> Exit {
 pub(super) fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
     let help = match error {
         OpenError::Missing => {
-            "look for it with `ls /dev/tty* /dev/serial*`; on a Raspberry Pi it is usually /dev/serial0"
+            "`motionseq ports` lists those that there are; on a Raspberry Pi it is usually /dev/serial0".to_owned()
         }
-        OpenError::InUse => "close that program (a paused motionseq? see `jobs`), or wait until it has ended",
-        OpenError::Forbidden => "run `sudo usermod -aG dialout $USER`, then log out and in again",
+        OpenError::InUse => {
+            "close that program (a paused motionseq? see `jobs`), or wait until it has ended".to_owned()
+        }
+        OpenError::Forbidden => permission(path),
         OpenError::NotAPort | OpenError::OwnTerminal | OpenError::Nobody => {
-            "name the device that the board hangs on, usually /dev/serial0"
+            "name the device that the board hangs on, usually /dev/serial0".to_owned()
         }
-        OpenError::Other(_) => "check the cable and the port",
+        OpenError::Other(_) => "check the cable and the port".to_owned(),
     };
     screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));
     match error {
         OpenError::InUse => Exit::InUse,
         _ => Exit::Port,
+    }
+}
+
+/// How a user comes by the permission to open a port: the group of its node, if that may.
+fn permission(path: &Path) -> String {
+    let Ok(meta) = path.metadata() else {
+        return "the folder that it is in may not be read".to_owned();
+    };
+    let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
+    let name = groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(meta.gid())).then(|| name.to_owned())
+    });
+    match name {
+        Some(name) if meta.mode() & 0o060 == 0o060 && meta.gid() != 0 => {
+            format!("run `sudo usermod -aG {name} $USER`, then log out and in again")
+        }
+        _ => "only its owner may open it; a udev rule with GROUP=\"dialout\", MODE=\"0660\" gives it to the users of that group"
+            .to_owned(),
     }
 }

@@ -11,7 +11,7 @@ use motionseq::playback::{Guard, Signals, Stop, Ward};
 use motionseq::serve::{End, Passed, ServeError, Server};
 use motionseq::sim::{Faults, Settings, VirtualBoard};
 
-use super::board::{self, battery, serve_board};
+use super::board::{self, battery, report_every, serve_board};
 use super::ending::PATIENCE;
 use super::exit::Exit;
 use super::guard;
@@ -32,7 +32,7 @@ pub(super) struct Record {
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
     /// The serial port of a board: bytes pass between it and the program, both ways and unchanged
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault"])]
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
     port: Option<PathBuf>,
     /// Write the script to this file, which must not be there yet, instead of standard output
     #[arg(short, long, value_name = "FILE")]
@@ -52,6 +52,9 @@ pub(super) struct Record {
     /// What goes wrong with the virtual board, as for `board`
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
+    /// How often the virtual board reports, from 10ms to 10s, once it was asked to
+    #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
+    report_every: u64,
     /// Write all that happens to this MCAP file, too: frames, state, telemetry; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -88,7 +91,7 @@ impl Record {
         let port = self.port.as_deref();
         let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
         let port = port.transpose()?;
-        let mut door = Door::open(&self.link).map_err(|error| board::refused(&error, screen))?;
+        let mut door = Door::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
         let log = Log::open(self.log.as_deref(), file.as_ref(), screen)?;
         let signals = board::begin(screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
@@ -101,7 +104,12 @@ impl Record {
         let (exit, tape) = match port {
             None => {
                 let faults = self.fault.clone().unwrap_or_default();
-                let board = VirtualBoard::new(Settings { battery: self.battery, faults, ..Settings::default() });
+                let board = VirtualBoard::new(Settings {
+                    battery: self.battery,
+                    report_us: self.report_every,
+                    faults,
+                    ..Settings::default()
+                });
                 begun("a virtual board");
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)
             }

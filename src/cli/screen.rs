@@ -143,7 +143,7 @@ impl Screen {
     /// A line of news, kept back by `-q`. It takes the place of a live one.
     pub(super) fn note(&self, line: &str) {
         if self.volume != Volume::Quiet {
-            print(&format!("{}{}\n", self.clearing(), escaped(line)), Kind::News);
+            print(&format!("{}{}\n", self.clearing(), self.folded(line)), Kind::News);
         }
     }
 
@@ -153,6 +153,7 @@ impl Screen {
     /// break such a line in two.
     pub(super) fn live(&self, line: &str) {
         if self.is_live() {
+            let line: String = line.chars().take(self.live_width()).collect();
             print(&format!("{}{line}", self.clearing()), Kind::Live);
         }
     }
@@ -164,13 +165,13 @@ impl Screen {
 
     /// What somebody must know who sits before it, said even with `-q`.
     pub(super) fn ask(&self, line: &str) {
-        print(&format!("{}{}\n", self.clearing(), escaped(line)), Kind::News);
+        print(&format!("{}{}\n", self.clearing(), self.folded(line)), Kind::News);
     }
 
     /// What went wrong beside the motion.
     pub(super) fn warning(&self, line: &str) {
         let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };
-        print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)), Kind::News);
+        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Kind::News);
     }
 
     /// The same on a line of its own, where another program's prompt may stand before it.
@@ -184,7 +185,7 @@ impl Screen {
     /// What went wrong outside of a script: said even with `-q`.
     pub(super) fn error(&self, line: &str) {
         let word = if self.color { "\u{1b}[31;1merror\u{1b}[0m" } else { "error" };
-        print(&format!("{}{word}: {}\n", self.clearing(), escaped(line)), Kind::Must);
+        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Kind::Must);
     }
 
     /// Every error of a script, its warnings as asked for, and a line that counts them.
@@ -252,6 +253,32 @@ impl Screen {
     pub(super) fn width(&self) -> usize {
         let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
         size.map_or(WIDTH, |size| usize::from(size.ws_col).clamp(24, 120))
+    }
+
+    /// Columns that a line may fill that is drawn over and over: no more than there are, or it would not be drawn over.
+    pub(super) fn live_width(&self) -> usize {
+        let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
+        size.map_or(WIDTH, |size| usize::from(size.ws_col)).saturating_sub(1)
+    }
+
+    /// Whether somebody looks on at a terminal that cannot draw over a line.
+    pub(super) fn is_dumb(&self) -> bool {
+        !self.terminal && io::stderr().is_terminal()
+    }
+
+    /// A line as it is shown: on a terminal, broken between words where it is too long.
+    fn folded(&self, line: &str) -> String {
+        let line = escaped(line);
+        let room = self.width();
+        if !self.terminal || line.chars().count() <= room {
+            return line;
+        }
+        let options = textwrap::Options::new(room)
+            .subsequent_indent("  ")
+            .word_separator(WordSeparator::AsciiSpace)
+            .word_splitter(WordSplitter::NoHyphenation)
+            .break_words(false);
+        textwrap::fill(&line, options)
     }
 }
 

@@ -11,6 +11,7 @@ use motionseq::source::Sources;
 use motionseq::timeline::{Part, Timeline, part, passes, state_after};
 
 use super::exit::Exit;
+use super::news::ScriptTime;
 use super::screen::{Screen, Warnings, seconds};
 use super::{Options, read};
 
@@ -84,7 +85,8 @@ fn times(text: &str) -> Result<u64, String> {
     text.parse().ok().filter(|times| *times > 0).ok_or_else(|| "write how often, 1 or more".into())
 }
 
-fn time(text: &str) -> Result<Time, String> {
+/// Reads a time as a script would.
+pub(super) fn time(text: &str) -> Result<Time, String> {
     let is_plain = text.len() <= 20 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
     let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten().and_then(Time::from_duration);
     time.filter(|time| *time <= Time::LONGEST).ok_or_else(|| "write a time such as 500ms, 1.5s or 1m30s".into())
@@ -97,6 +99,8 @@ pub(super) struct Staged {
     pub(super) again: Option<Timeline>,
     /// How long the first pass takes, in microseconds, where there are several.
     pub(super) first_us: u64,
+    /// How times of the run and of the script go together.
+    pub(super) script: ScriptTime,
     /// What is wrong with the script; no errors.
     pub(super) diagnostics: Diagnostics,
 }
@@ -115,7 +119,11 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         match self.stage(&whole, options.max_events) {
             Ok((timeline, again, first_us)) => {
-                Ok((sources, Staged { timeline, again, first_us, diagnostics: compiled.diagnostics }))
+                let moment = |text: &Option<String>| text.as_deref().and_then(|text| self.moment(text, &whole).ok());
+                let from_us = moment(&self.from).unwrap_or(0);
+                let part_us = moment(&self.to).unwrap_or(whole.end_us).min(whole.end_us).saturating_sub(from_us);
+                let script = ScriptTime { from_us, lead_us: first_us.saturating_sub(part_us), speed: self.speed };
+                Ok((sources, Staged { timeline, again, first_us, script, diagnostics: compiled.diagnostics }))
             }
             Err(why) => {
                 screen.error(&why);

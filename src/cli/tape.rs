@@ -81,7 +81,11 @@ impl Tape {
             Happened::Opened => Piece::Note("a program has opened the port"),
             Happened::Closed => Piece::Note("the program has closed the port"),
             Happened::Passed if now_us >= self.told_us + TELL_US => Piece::Nothing,
-            Happened::Passed | Happened::Answered(_) | Happened::Behind(..) | Happened::Unread(_) => return,
+            Happened::Passed
+            | Happened::Answered(_)
+            | Happened::Behind(..)
+            | Happened::Unread(_)
+            | Happened::SetUp(_) => return,
         };
         self.told_us = now_us;
         self.lost += u64::from(self.pieces.try_send((now_us, piece)).is_err());

@@ -5,9 +5,9 @@ use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
 use std::time::Duration;
 
 use clap::ValueEnum;
-use motionseq::board::{Command, Item, Report, ReportDecoder, ReportItem, State};
+use motionseq::board::{Command, Item, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
 use motionseq::capture::{Listing, TimedDecoder};
-use motionseq::link::Happened;
+use motionseq::link::{Happened, LineSettings};
 use motionseq::sim::{Pose, VirtualBoard};
 use motionseq::timeline::Seconds;
 
@@ -64,6 +64,7 @@ enum Sight {
     Came(u64, Box<[u8]>),
     Behind(u64, u64),
     Unread(u64),
+    SetUp(LineSettings),
     Report(Report),
     /// Some time has passed; how a virtual board is now, now and then.
     Passed(Option<Box<Seen>>),
@@ -91,8 +92,10 @@ struct Display {
     /// Whether there are frames that were not shown yet.
     is_fresh: bool,
     is_open: bool,
-    /// Frames and runs of bytes that no correct program sends.
+    /// Frames and runs of bytes that no correct program sends, and why the last bytes were skipped, if they were.
     wrong: u64,
+    run: Option<Skip>,
+    baud: u32,
 }
 
 /// Standard output, in one of two forms.
@@ -153,6 +156,8 @@ impl Watcher {
             is_fresh: false,
             is_open: false,
             wrong: 0,
+            run: None,
+            baud,
         };
         start_thread("display", move || {
             let _ = tell.send(display.run(&sights));
@@ -217,6 +222,7 @@ impl Watcher {
             }
             Happened::Behind(bytes, us) => self.show(now_us, Sight::Behind(bytes, us)),
             Happened::Unread(bytes) => self.show(now_us, Sight::Unread(bytes)),
+            Happened::SetUp(settings) => self.show(now_us, Sight::SetUp(settings)),
             Happened::Passed => self.passed(now_us, board),
         }
     }
@@ -304,8 +310,12 @@ impl Display {
                 if let Some(shown) = &mut self.shown {
                     shown.end_run();
                 }
-                let moves = self.state.drive().is_some_and(Command::keeps_driving);
-                let warning = if moves { ", and leaves the drive on" } else { "" };
+                let warning = if self.state.surely_at_rest() {
+                    String::new()
+                } else {
+                    format!(", and the program has not stopped the robot; {ON_SILENCE}")
+                };
+                self.run = None;
                 self.screen.note(&format!("{} s: the port is closed{warning}", seconds(now_us)));
             }
             Sight::Came(at, bytes) => self.came(at, &bytes)?,
@@ -314,6 +324,11 @@ impl Display {
                 "at {} s the program has sent more than the line carries: {bytes} bytes wait, for {} ms",
                 seconds(now_us),
                 us / 1_000
+            )),
+            Sight::SetUp(settings) => self.screen.warning(&format!(
+                "at {} s the program has its line at {settings}; a board at {} baud, 1 stop bit would get garbage",
+                seconds(now_us),
+                self.baud
             )),
             Sight::Unread(bytes) => self.screen.warning(&format!(
                 "at {} s it ended, and {} that the program had written were not read",
@@ -342,16 +357,21 @@ impl Display {
     }
 
     fn came(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        let Display { decoder, shown, state, wrong, is_fresh, .. } = self;
+        let Display { decoder, shown, state, wrong, run, is_fresh, .. } = self;
         let mut taken = Ok(());
         decoder.feed(at, bytes, |at_us, item| {
             *is_fresh = true;
             match item {
-                Item::Frame(frame) => match Command::decode(frame) {
-                    Ok(command) => state.apply(&command),
-                    Err(_) => *wrong += 1,
-                },
-                Item::Skipped { why, .. } => *wrong += u64::from(why.is_wrong()),
+                Item::Frame(frame) => {
+                    *run = None;
+                    *wrong += u64::from(Command::decode(frame).is_err());
+                    state.apply(&Command::decode_or_raw(frame));
+                }
+                // Bytes in a row count once, as they are one line of the listing.
+                Item::Skipped { why, .. } => {
+                    *wrong += u64::from(why.is_wrong() && *run != Some(why));
+                    *run = Some(why);
+                }
             }
             if let (Some(shown), true) = (shown.as_mut(), taken.is_ok()) {
                 taken = shown.take(at_us, item);
@@ -363,7 +383,7 @@ impl Display {
     /// `12.300 s  stands  servo 1 1500  0.0 cm right, 0.0 cm forward, 0°  12.00 V`, as much as there is room for.
     fn line(&self, now_us: u64) -> String {
         let mut line = format!("{} s", seconds(now_us));
-        let room = self.screen.width().saturating_sub(1);
+        let room = self.screen.live_width();
         for part in self.parts() {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;
@@ -411,6 +431,9 @@ fn log_happened(log: &mut Log, now_us: u64, happened: Happened<'_>) {
         }
         Happened::Unread(bytes) => {
             log.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"));
+        }
+        Happened::SetUp(settings) => {
+            log.line(at, Level::Warning, format!("the program has its line at {settings}"));
         }
         Happened::Answered(_) | Happened::Passed => {}
     }

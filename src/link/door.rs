@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
-use rustix::termios::{OptionalActions, QueueSelector};
+use rustix::termios::QueueSelector;
 
-use super::Pty;
+use super::{LineSettings, Pty};
 
 /// Where Linux keeps pseudo-terminals. A link to anything else is not one of ours.
 const TERMINALS: &str = "/dev/pts/";
@@ -32,6 +32,8 @@ pub enum Happened<'a> {
     Answered(&'a [u8]),
     /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
     Behind(u64, u64),
+    /// The program has set its line up otherwise than the board's.
+    SetUp(LineSettings),
     /// At the end, so many bytes that the program had written could not be read.
     Unread(u64),
     /// Some time has passed, at most a fiftieth of a second.
@@ -45,6 +47,8 @@ pub struct Door {
     link: Option<PathBuf>,
     /// Its name is taken as long as this process lives, and no longer, however it ends.
     _name: Option<UnixListener>,
+    /// The speed of the board's line.
+    baud: u32,
 }
 
 /// Why there is no door at a path.
@@ -70,8 +74,8 @@ pub enum DoorError {
 }
 
 impl Door {
-    /// Makes a pseudo-terminal with a link to it at `path`.
-    pub fn open(path: &Path) -> Result<Self, DoorError> {
+    /// Makes a pseudo-terminal with a link to it at `path`, for a board whose line has a speed of `baud`.
+    pub fn open(path: &Path, baud: u32) -> Result<Self, DoorError> {
         let refused = |cause: io::Error| DoorError::Refused { path: path.to_owned(), cause };
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.canonicalize(),
@@ -94,7 +98,7 @@ impl Door {
             }
             Ok(_) => return Err(DoorError::InTheWay(path.to_owned())),
         }
-        let door = Door { pty: make_pty().map_err(refused)?, link: Some(link), _name: Some(own) };
+        let door = Door { pty: make_pty(baud).map_err(refused)?, link: Some(link), _name: Some(own), baud };
         door.point_link().map_err(refused)?;
         Ok(door)
     }
@@ -102,7 +106,14 @@ impl Door {
     /// A pseudo-terminal without a link, which whoever shall open it is told.
     pub fn unnamed(pty: Pty) -> io::Result<Self> {
         pty.never_wait()?;
-        Ok(Door { pty, link: None, _name: None })
+        let baud = pty.settings()?.baud;
+        Ok(Door { pty, link: None, _name: None, baud })
+    }
+
+    /// How the program has set the line up, where that is not as the board's.
+    pub fn wrong_settings(&self) -> io::Result<Option<LineSettings>> {
+        let settings = self.pty.settings()?;
+        Ok((settings != LineSettings { baud: self.baud, stops: 1 }).then_some(settings))
     }
 
     /// The board's end.
@@ -116,18 +127,15 @@ impl Door {
         let near = match rustix::fs::open(self.pty.path(), NEAR, Mode::empty()) {
             // A program that was killed had it to itself, and the mark of that stays. Nobody has this terminal open any more.
             Err(Errno::BUSY) => {
-                self.pty = make_pty()?;
+                self.pty = make_pty(self.baud)?;
                 return self.point_link();
             }
             near => near?,
         };
         let _ = rustix::termios::ioctl_tiocnxcl(&near);
-        let line = rustix::termios::tcgetattr(&near)?;
-        let mut raw = line.clone();
-        raw.make_raw();
-        // Only where it is needed: the next program may have opened it already, and set it up for itself.
-        if raw.local_modes != line.local_modes || raw.input_modes != line.input_modes {
-            rustix::termios::tcsetattr(&near, OptionalActions::Now, &raw)?;
+        // Not where the next program may have opened it already, and set it up for itself.
+        if self.pty.waiting()? == 0 {
+            self.pty.set_up(self.baud)?;
         }
         rustix::termios::tcflush(&near, QueueSelector::IFlush)?;
         Ok(())
@@ -150,8 +158,9 @@ impl Door {
 const NEAR: OFlags = OFlags::RDWR.union(OFlags::NOCTTY).union(OFlags::CLOEXEC).union(OFlags::NONBLOCK);
 
 /// A terminal that a program has had open: before the first, the system tells nothing of its end.
-fn make_pty() -> io::Result<Pty> {
+fn make_pty(baud: u32) -> io::Result<Pty> {
     let pty = Pty::open()?;
+    pty.set_up(baud)?;
     pty.never_wait()?;
     let _near: OwnedFd = rustix::fs::open(pty.path(), NEAR, Mode::empty())?;
     Ok(pty)

@@ -10,7 +10,7 @@ use std::io;
 use std::os::fd::BorrowedFd;
 
 pub use door::{Door, DoorError, Happened};
-pub use pty::Pty;
+pub use pty::{LineSettings, Pty};
 pub use recorder::{Recorder, Taken};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
 pub use stalling::Stalling;

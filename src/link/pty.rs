@@ -1,6 +1,7 @@
 //! A pseudo-terminal: the far end of a port that another program, or this one, opens by its path.
 
 use std::ffi::OsString;
+use std::fmt;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStringExt;
@@ -10,7 +11,7 @@ use rustix::event::{PollFd, PollFlags};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
-use rustix::termios::OptionalActions;
+use rustix::termios::{ControlModes, OptionalActions};
 use rustix::time::Timespec;
 
 /// The board's end of a port.
@@ -33,6 +34,23 @@ impl Pty {
         let path = rustix::pty::ptsname(&far, Vec::new())?;
         let path = PathBuf::from(OsString::from_vec(path.into_bytes()));
         Ok(Pty { far, path })
+    }
+
+    /// How the program has set the line up.
+    pub fn settings(&self) -> io::Result<LineSettings> {
+        let line = rustix::termios::tcgetattr(&self.far)?;
+        let modes = line.control_modes;
+        let stops = if modes.contains(ControlModes::CSTOPB) { 2 } else { 1 };
+        Ok(LineSettings { baud: line.output_speed(), stops })
+    }
+
+    /// Sets the line up as a program would that sets nothing else than the speed.
+    pub(super) fn set_up(&self, baud: u32) -> io::Result<()> {
+        let mut line = rustix::termios::tcgetattr(&self.far)?;
+        line.make_raw();
+        line.control_modes.remove(ControlModes::CSTOPB);
+        line.set_speed(baud)?;
+        Ok(rustix::termios::tcsetattr(&self.far, OptionalActions::Now, &line)?)
     }
 
     /// The path that a program opens as its serial port.
@@ -87,6 +105,24 @@ impl Pty {
             Err(Errno::IO) => Ok(0),
             other => Ok(other?),
         }
+    }
+}
+
+/// How a program has set its line up. A pseudo-terminal carries bytes whatever it says, where a real line would carry garbage. Linux
+/// keeps neither parity nor the number of data bits of a pseudo-terminal (`pty_set_termios`), so these cannot be seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineSettings {
+    /// Bits a second.
+    pub baud: u32,
+    /// Stop bits.
+    pub stops: u8,
+}
+
+/// `9600 baud, 1 stop bit`.
+impl fmt::Display for LineSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let LineSettings { baud, stops } = self;
+        write!(f, "{baud} baud, {stops} stop bit{}", if *stops == 1 { "" } else { "s" })
     }
 }
 

@@ -14,7 +14,7 @@ use std::thread;
 use std::time::Duration;
 
 use crate::clock;
-use crate::link::{Door, Happened, Pty, Serial};
+use crate::link::{Door, Happened, LineSettings, Pty, Serial};
 use crate::playback::os::{self, Ready};
 use crate::playback::{Guard, Signals, Stop};
 use crate::sim::{Received, VirtualBoard};
@@ -82,6 +82,8 @@ pub struct Server<'d> {
     /// Whether a program has the port open, and whether its end was seen once.
     is_open: bool,
     is_ending: bool,
+    /// How its line is set up, where that is wrong and was told.
+    wrong: Option<LineSettings>,
 }
 
 /// What watches a server: it gets the time in microseconds, what happens, and the virtual board, if there is one.
@@ -109,6 +111,7 @@ impl<'d> Server<'d> {
             once: false,
             is_open: false,
             is_ending: false,
+            wrong: None,
         }
     }
 
@@ -174,7 +177,7 @@ impl<'d> Server<'d> {
     fn look_for_program(&mut self, now_us: u64, watch: &mut Watch<'_>) -> io::Result<()> {
         let port = self.door.pty();
         if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
-            (self.is_open, self.is_ending) = (true, false);
+            (self.is_open, self.is_ending, self.wrong) = (true, false, None);
             watch(now_us, Happened::Opened, self.far.board())?;
         }
         Ok(())
@@ -250,6 +253,11 @@ impl<'d> Server<'d> {
     /// Gives bytes to the far end, and only then tells of them.
     fn pass(&mut self, now: u64, bytes: &[u8], watch: &mut Watch<'_>) -> Result<(), ServeError> {
         let now_us = self.time(now);
+        let wrong = self.door.wrong_settings()?;
+        if let Some(settings) = wrong.filter(|_| wrong != self.wrong) {
+            watch(now_us, Happened::SetUp(settings), self.far.board())?;
+        }
+        self.wrong = wrong;
         let waiting = self.door.pty().waiting()?;
         let begin = self.begin.load(Ordering::Relaxed);
         let (at, behind) = self.far.give(now, now_us, bytes, waiting).map_err(ServeError::Lost)?;

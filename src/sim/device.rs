@@ -4,8 +4,6 @@ use super::motion::{Body, Geometry};
 use super::{Fault, Received};
 use crate::board::{Command, Hundredths, Item, Query, Report};
 
-/// Microseconds between two reports.
-const REPORT_US: u64 = 100_000;
 /// By how many volts the battery sags at full speed, and how many it loses then in a second.
 const SAG: f64 = 0.45;
 const DRAIN: f64 = 0.000_5;
@@ -21,7 +19,9 @@ pub(super) struct Device {
     pub(super) reports: Vec<Report>,
     body: Body,
     /// After how long without a drive frame the robot stops, in microseconds; `None` for never.
-    silence_us: Option<u64>,
+    pub(super) silence_us: Option<u64>,
+    /// Microseconds between two reports.
+    pub(super) every_us: u64,
     /// The time, in microseconds since it was switched on.
     now_us: u64,
     /// When the last drive frame came.
@@ -34,13 +34,14 @@ pub(super) struct Device {
 
 impl Device {
     /// A board that is switched on at time 0.
-    pub(super) fn new(geometry: Geometry, battery: Hundredths, silence_us: Option<u64>) -> Self {
+    pub(super) fn new(geometry: Geometry) -> Self {
         Device {
-            battery,
+            battery: Hundredths(0),
             received: Received::default(),
             reports: Vec::new(),
             body: Body::new(geometry),
-            silence_us,
+            silence_us: None,
+            every_us: 1,
             now_us: 0,
             fed_us: 0,
             report_us: None,
@@ -59,7 +60,7 @@ impl Device {
                 self.body.stop();
             }
             if let Some(due) = self.report_us.filter(|due| *due <= next) {
-                self.report_us = Some(due + REPORT_US);
+                self.report_us = Some(due + self.every_us);
                 self.reports.push(self.report());
             } else if next == now_us {
                 break;
@@ -136,7 +137,7 @@ impl Device {
         }
         self.body.take(command, self.received.state.mode());
         match command {
-            Command::Request(Query::REPORT_START) => self.report_us = Some(self.now_us + REPORT_US),
+            Command::Request(Query::REPORT_START) => self.report_us = Some(self.now_us + self.every_us),
             Command::Request(Query::REPORT_STOP) => self.report_us = None,
             Command::Request(_) => self.reports.push(self.report()),
             _ => {}

@@ -24,6 +24,8 @@ pub struct Settings {
     pub battery: Hundredths,
     /// After how long without a drive frame the robot stops, in microseconds; `None` for never. The real board's is not published.
     pub silence_us: Option<u64>,
+    /// Microseconds between two reports.
+    pub report_us: u64,
     /// What goes wrong.
     pub faults: Faults,
 }
@@ -34,6 +36,7 @@ impl Default for Settings {
             geometry: Geometry::default(),
             battery: Hundredths(1_200),
             silence_us: Some(500_000),
+            report_us: 100_000,
             faults: Faults::default(),
         }
     }
@@ -87,9 +90,11 @@ pub enum Fault {
 impl VirtualBoard {
     /// A board that is switched on at time 0.
     pub fn new(settings: Settings) -> Self {
-        let Settings { geometry, battery, silence_us, faults } = settings;
+        let Settings { geometry, battery, silence_us, report_us, faults } = settings;
+        let mut device = Device::new(geometry);
+        (device.battery, device.silence_us, device.every_us) = (battery, silence_us, report_us.max(1));
         let mut board = VirtualBoard {
-            device: Device::new(geometry, battery, silence_us),
+            device,
             decoder: Decoder::new(),
             dice: [0, 1].map(|stream| Dice::new(faults.seed.wrapping_add(stream << 32))),
             replies: Vec::new(),

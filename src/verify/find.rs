@@ -1,6 +1,7 @@
 //! Finds scripts, and snapshots that have lost theirs.
 
 use std::ffi::OsStr;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use walkdir::{DirEntry, WalkDir};
@@ -37,6 +38,9 @@ pub fn find(paths: &[PathBuf]) -> Found {
                     let at = at.strip_prefix("./").unwrap_or(at).to_owned();
                     let why = match error.loop_ancestor() {
                         Some(ancestor) => format!("the link leads back to {}", ancestor.display()),
+                        None if error.io_error().is_some_and(|error| error.kind() == ErrorKind::NotFound) => {
+                            "there is nothing with this name".to_owned()
+                        }
                         None => error.io_error().map_or_else(|| error.to_string(), ToString::to_string),
                     };
                     found.unreadable.push((at, why));

@@ -298,6 +298,9 @@ impl Case {
 
 /// A name as a shell reads it back.
 pub fn shell_word(name: &str) -> String {
+    // What begins like an option is named by its folder.
+    let here = if name.starts_with('-') { format!("./{name}") } else { name.to_owned() };
+    let name = here.as_str();
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._-+,:@%".contains(&byte) || !byte.is_ascii();
     if !name.is_empty() && name.bytes().all(plain) {
         name.to_owned()
