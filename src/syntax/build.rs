@@ -105,6 +105,7 @@ impl<'s, 'd> Builder<'s, 'd> {
             return;
         };
         if let (Some((Start::At(moment), _)), Rule::stray) = (&started, described.as_rule())
+            && lone_call(&described).is_none()
             && let Some(word) = moment.word()
         {
             self.diagnostics.push(trouble::no_time(word.text, word.span));
