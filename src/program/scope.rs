@@ -47,6 +47,7 @@ pub(super) struct Mark {
 pub(super) struct Frame {
     mark: Mark,
     floor: usize,
+    in_phrase: bool,
     globals: usize,
     phrases: usize,
     main: bool,
@@ -69,6 +70,8 @@ pub(super) struct Scope<'s> {
     block: usize,
     /// Where the names of this call begin among the locals.
     floor: usize,
+    /// Whether this is the body of a phrase.
+    in_phrase: bool,
     /// Behind the newest of the locals that was used since this was reset.
     pub(super) newest: usize,
     /// How many top-level names and phrases are visible.
@@ -151,10 +154,11 @@ impl<'s> Scope<'s> {
         phrase.or_else(binding)
     }
 
-    /// Where a mark would hide this name: marks live as long as the pass or call that they stand in.
+    /// Where a mark would hide this name: marks live as long as the pass or call that they stand in. A call does not see its
+    /// caller's names, and may hide those at the top level.
     pub(super) fn hidden_by_mark(&self, name: &str) -> Option<Span> {
         let local = self.locals.get(self.floor..)?.iter().find(|binding| binding.name == name);
-        let global = || self.global.get(name).and_then(|&at| self.globals.get(at)).filter(|_| self.floor == 0);
+        let global = || self.global.get(name).and_then(|&at| self.globals.get(at)).filter(|_| !self.in_phrase);
         local.or_else(global).map(|binding| binding.span)
     }
 
@@ -244,8 +248,15 @@ impl<'s> Scope<'s> {
     /// Begins the body of a phrase: only what stands above it is seen, never the caller's names.
     pub(super) fn enter(&mut self, phrase: &Phrase<'s>) -> Frame {
         let mark = self.open();
-        let frame =
-            Frame { mark, floor: self.floor, globals: self.visible, phrases: self.visible_phrases, main: self.main };
+        let frame = Frame {
+            mark,
+            floor: self.floor,
+            in_phrase: self.in_phrase,
+            globals: self.visible,
+            phrases: self.visible_phrases,
+            main: self.main,
+        };
+        self.in_phrase = true;
         self.main = phrase.watched;
         self.floor = self.locals.len();
         self.visible = phrase.globals;
@@ -257,6 +268,7 @@ impl<'s> Scope<'s> {
     pub(super) fn leave(&mut self, frame: Frame) {
         self.close(frame.mark, true);
         self.floor = frame.floor;
+        self.in_phrase = frame.in_phrase;
         self.visible = frame.globals;
         self.visible_phrases = frame.phrases;
         self.main = frame.main;
