@@ -219,3 +219,8 @@ fn set_replaces_a_top_level_let_from_outside() {
     }
     assert_eq!(with("to").status.code(), Some(2));
 }
+    // What it replaces has used its names.
+    let used = folder.0.join("used.motion");
+    fs::write(&used, "let a = 1000\nlet b = a\nservo 1 b\n").unwrap();
+    let output = run(&["check", "--deny", "warnings", "--set", "b=1500", used.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

@@ -310,8 +310,12 @@ pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
         match &line.start {
             Some(Start::After(value)) => names_of(value, found),
             Some(Start::At(moment)) => {
-                if let Origin::Value(value) = &moment.origin {
-                    names_of(value, found);
+                match &moment.origin {
+                    Origin::Value(value) => names_of(value, found),
+                    Origin::Bar(count) => {
+                        names_of(&count.0, found);
+                        count.1.iter().for_each(|beat| names_of(beat, found));
+                    }
                 }
                 moment.offsets.iter().for_each(|(_, value)| names_of(value, found));
             }
@@ -321,7 +325,7 @@ pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
             match &part.statement {
                 Statement::Block(inner) => names(inner, found),
                 Statement::Let(each) => names_in(&each.value, found),
-                Statement::Def(def) => names(&def.body, found),
+                Statement::Def(def) => names_of_def(def, found),
                 Statement::Call(call) => {
                     found(call.name.text);
                     call.arguments.iter().for_each(|given| names_in(&given.value, found));
@@ -350,6 +354,13 @@ pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
             }
         }
     }
+}
+
+/// Every name that a `def` uses, in its body and as a default.
+pub(super) fn names_of_def<'s>(def: &Def<'s>, found: &mut dyn FnMut(&'s str)) {
+    let defaults = def.parameters.iter().filter_map(|parameter| parameter.default.as_ref());
+    defaults.for_each(|default| names_in(default, found));
+    names(&def.body, found);
 }
 
 fn names_of<'s>(value: &Value<'s>, found: &mut dyn FnMut(&'s str)) {

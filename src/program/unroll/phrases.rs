@@ -19,6 +19,8 @@ impl<'s> Unroll<'s, '_> {
         let value = match set.filter(|_| top && self.context.scope.is_top()) {
             Some(set) => {
                 set.used = true;
+                // What it replaces still uses its names.
+                scope::names_in(&each.value, &mut |name| self.context.scope.touch_value(name));
                 self.context.expression(&set.value)
             }
             None => self.context.expression(&each.value),
@@ -81,7 +83,7 @@ impl<'s> Unroll<'s, '_> {
             }
         }
         // Called or not, it uses the names that stand above it.
-        scope::names(&def.body, &mut |name| self.context.scope.touch_value(name));
+        scope::names_of_def(def, &mut |name| self.context.scope.touch_value(name));
         let weight = self.weight(&def.body);
         let number = self.context.scope.define(def);
         self.weights.resize(number + 1, Weight::default());
