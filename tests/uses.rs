@@ -212,15 +212,20 @@ fn set_replaces_a_top_level_let_from_outside() {
         ("to=5s", "10000000 is outside"),
         ("to=@", "cannot be read"),
         ("to=1\nservo 2 1000", "this cannot be read as a value"),
+        ("to=1; stop", "this cannot be read as a value"),
+        ("to=1;", "error"),
+        ("to=1 # one", "this cannot be read as a value"),
+        ("to=1 2", "cannot be read"),
+        ("to=", "cannot be read as a value"),
     ] {
         let output = with(set);
         assert_eq!(output.status.code(), Some(1), "{set}");
         assert!(stderr(&output).contains(words), "{set}: {}", stderr(&output));
     }
     assert_eq!(with("to").status.code(), Some(2));
-}
     // What it replaces has used its names.
     let used = folder.0.join("used.motion");
     fs::write(&used, "let a = 1000\nlet b = a\nservo 1 b\n").unwrap();
     let output = run(&["check", "--deny", "warnings", "--set", "b=1500", used.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+}

@@ -15,10 +15,11 @@ impl<'s> Unroll<'s, '_> {
             let Some(source) = self.sources.add(source) else { continue };
             let Some(tree) = syntax::parse(source, self.context.diagnostics) else { continue };
             let span = tree.body.span;
-            let is_one = tree.body.lines.len() == 1;
+            let end = span.range().start + source.text().trim_end().len();
             let part = tree.body.lines.into_iter().next().and_then(|line| line.parts.into_iter().next());
             match part.map(|part| part.statement) {
-                Some(Statement::Let(each)) if is_one => {
+                // Nothing stands behind the value, not even a comment.
+                Some(Statement::Let(each)) if each.span.range().end == end => {
                     // The last one of a name wins.
                     self.sets.retain(|set| set.name != each.name.text);
                     self.sets.push(Set { name: each.name.text, value: each.value, span: each.span, used: false });
