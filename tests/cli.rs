@@ -227,6 +227,46 @@ fn more_events_than_allowed_are_counted_before_they_are_laid() {
 }
 
 #[test]
+fn only_frames_that_are_sent_count_as_events() {
+    let scratch = Scratch::new("sent-events");
+    for (text, sent) in [
+        // A move that stays where it is, and samples that would repeat the last one.
+        ("servo 1 1500\nservo 1 1500 over 10s\nrepeat 50 { servo 1 1500 over 10ms }\n", 1),
+        ("servo 1 1500 -> 1503 over 10s\n", 4),
+        // The last refresh would be due with the end, which is sent.
+        ("rocker x=1 for 1s\n", 1 + 19 + 1),
+        // What is shown and expected is not sent; the start and the end of reports are.
+        ("servo 1 1500\nrepeat 5 { say \"a\" }\nexpect voltage > 9V\n", 3),
+        // What is sent on abort has its own bound.
+        ("repeat 4 as i { servo 1 (1500 + i)\nwait 10ms }\non abort { servo 1 1500\nwait 10ms\nservo 1 1000 }\n", 4),
+    ] {
+        let file = scratch.file("sent.motion", text.as_bytes());
+        let enough = run(&["check", "--max-events", &sent.to_string(), &file]);
+        assert_eq!(code(&enough), 0, "{text}: {}", stderr(&enough));
+        let listing = run(&["render", &file]);
+        assert_eq!(stdout(&listing).lines().count(), sent, "{text}");
+        assert_eq!(code(&run(&["check", "--max-events", &(sent - 1).to_string(), &file])), 1, "{text}");
+    }
+}
+
+#[test]
+fn times_of_options_are_read_as_those_of_scripts() {
+    for (options, words) in [
+        (vec!["play", HELLO, "--max-late", "18446744073709551615s1000ms"], "write a time such as 50ms or 1s"),
+        (vec!["play", HELLO, "--max-late", "1 s"], "write a time such as 50ms or 1s"),
+        (vec!["play", HELLO, "--max-late", "1d"], "write a time such as 50ms or 1s"),
+        (vec!["play", HELLO, "--max-late", "1s1s"], "write a time such as 50ms or 1s"),
+        (vec!["play", HELLO, "--max-late", "11s"], "write 10s or less"),
+        (vec!["latency", "--for", "18446744073709551615s1000ms"], "write a time from 200ms to 1h"),
+        (vec!["latency", "--for", "1s1s"], "write a time from 200ms to 1h"),
+    ] {
+        let output = run(&options);
+        assert_eq!(code(&output), 2, "{options:?}");
+        assert!(stderr(&output).contains(words), "{options:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
 fn a_result_that_cannot_be_written_is_told() {
     let full = || File::options().write(true).open("/dev/full").unwrap();
     let output = motionseq(&["render", HELLO])

@@ -49,7 +49,7 @@ fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> W
 fn of_command(command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let inside = command.block.as_ref().map(|block| of_block(block, phrase)).unwrap_or_default();
     match commands::find(command.head.text).map(|row| &row.build) {
-        Some(Build::Send(_) | Build::Go(_)) => Weight { steps: 0, events: 1 },
+        Some(Build::Send(_)) => Weight { steps: 0, events: 1 },
         Some(Build::Together) => inside,
         Some(Build::Repeat) => {
             let passes = command.arguments.first().and_then(|argument| match &argument.item {

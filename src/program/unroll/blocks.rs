@@ -155,10 +155,12 @@ impl<'s> Unroll<'s, '_> {
             return None;
         }
         let block = command.block.as_ref()?;
-        let steps = std::mem::take(&mut self.steps);
+        // Its frames are bounded by themselves.
+        let (steps, sent) = (std::mem::take(&mut self.steps), std::mem::take(&mut self.sent));
         self.in_abort = true;
         let end = self.block(block, Time::ZERO, false, depth);
         self.in_abort = false;
+        self.sent = sent;
         let steps = std::mem::replace(&mut self.steps, steps);
         if end > LONGEST {
             self.report(Code::Abort, span, format!("`on abort` takes {end}"), "make it shorter: at most 2 s");

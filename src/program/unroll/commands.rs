@@ -187,6 +187,7 @@ impl<'s> Unroll<'s, '_> {
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.context.traces.here();
         let order = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
+        self.sent += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));
         self.steps.push(Step { at, span, trace, order, action });
     }
 }

@@ -75,6 +75,7 @@ pub(super) fn unroll<'s>(
         steps: Vec::new(),
         marks: Vec::new(),
         done: 0,
+        sent: 0,
         max_events: options.events,
         exhausted: false,
         too_long: false,
@@ -166,6 +167,8 @@ struct Unroll<'s, 'd> {
     marks: Vec<(String, Time)>,
     /// Lines and passes that were run.
     done: u64,
+    /// Steps that send a frame of their own. A move may send nothing, where everything is there already.
+    sent: u64,
     max_events: usize,
     /// Whether a bound was reached, so that nothing more is run.
     exhausted: bool,
@@ -280,7 +283,7 @@ impl<'s> Unroll<'s, '_> {
 
     /// Whether so much more may be run; where not, that is reported, and nothing more is run.
     fn allow_more(&mut self, more: Weight, span: Span) -> bool {
-        let done = Weight { steps: self.done, events: self.steps.len() as u64 };
+        let done = Weight { steps: self.done, events: self.sent };
         let weight = done.plus(more);
         if weight.steps > MAX_STEPS {
             let message = format!("the script takes more than {MAX_STEPS} steps to unroll");

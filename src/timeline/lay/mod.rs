@@ -3,14 +3,14 @@
 mod moves;
 
 use std::cmp::{Ordering, Reverse};
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, VecDeque};
 
 use super::{
     BUZZER, Bars, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things,
 };
 use crate::board::{Command, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::program::{Abort, Action, Limit, Program, Settings, Step, Time, TraceId, Traces};
+use crate::program::{Abort, Action, Limit, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
 
 pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
@@ -144,8 +144,10 @@ struct Lay<'d> {
     open_ended: bool,
     /// Of each thing, the last step that used it.
     last: [From; THINGS],
-    /// When the last move of the drive ends.
-    drive_until: Time,
+    /// Raw frames for the drive that are still to come, in the order of sending.
+    raw_drives: VecDeque<(Time, Command, From)>,
+    /// Samples that moves may still be asked for, sent or not.
+    samples_left: u64,
     /// The first raw frame.
     raw: Option<From>,
     /// Whether the limit of events was reached.
@@ -170,7 +172,8 @@ impl<'d> Lay<'d> {
             held: None,
             open_ended: false,
             last: [From::default(); THINGS],
-            drive_until: Time::ZERO,
+            raw_drives: VecDeque::new(),
+            samples_left: MAX_STEPS,
             raw: None,
             full: false,
             diagnostics,
@@ -182,6 +185,7 @@ impl<'d> Lay<'d> {
     fn run(&mut self, mut steps: Vec<Step>, cues: &mut Vec<Cue>) -> Vec<Step> {
         let mut ends: BinaryHeap<Reverse<End>> = BinaryHeap::new();
         let mut ended: Vec<End> = Vec::new();
+        self.raw_drives = steps.iter().filter_map(raw_drive).collect();
         let mut rest = steps.as_mut_slice();
         loop {
             let next = rest.first().map(|step| step.at.micros());
@@ -262,9 +266,8 @@ impl<'d> Lay<'d> {
 
     /// The hold before a command ends, and its own begins.
     fn tell(&mut self, at: Time, command: &Command, from: From) {
-        // A raw frame in the middle of a move: the samples behind it, which are laid already, have the last word.
-        if matches!(command, Command::Raw { .. }) && at < self.drive_until {
-            self.raw = self.raw.or(Some(from));
+        if is_raw_drive(command) && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none() {
+            // The move that it is in the middle of has told it already, between two of its samples.
             return;
         }
         if command.is_drive() {
@@ -282,6 +285,16 @@ impl<'d> Lay<'d> {
             self.raw = self.raw.or(Some(from));
         }
         self.state.apply(command);
+    }
+
+    /// Tells the raw frames for the drive that are sent before what a move sends at `at`.
+    fn tell_raw_drives(&mut self, at: Time, from: From) {
+        let key = (at.micros(), from.order);
+        while let Some((at, command, from)) =
+            self.raw_drives.front().filter(|(at, _, raw)| (at.micros(), raw.order) < key).cloned()
+        {
+            self.tell(at, &command, from);
+        }
     }
 
     fn emit(&mut self, at: Time, command: Command, kind: Kind, from: From) {
@@ -319,12 +332,13 @@ impl<'d> Lay<'d> {
             return;
         }
         // Counted before anything is laid, so that a day of refreshes costs nothing where it is too much.
-        let count = until.minus(start).over(interval).unwrap_or(0.0);
-        if !self.has_room(frames(count), from) {
+        let at_us = |k| start.plus(interval.times(k)).micros();
+        let passed = whole(until.minus(start).over(interval).unwrap_or(0.0));
+        let count = passed.saturating_sub(u64::from(at_us(passed) >= until.micros()));
+        if !self.has_room(usize::try_from(count).unwrap_or(usize::MAX), from) {
             return;
         }
-        let times = (1_u64..).map(|k| start.plus(interval.times(k)).micros());
-        for at_us in times.take_while(|&at_us| at_us < until.micros()) {
+        for at_us in (1..=count).map(at_us) {
             let event =
                 Event { at_us, command: command.clone(), kind: Kind::Refresh, span: from.span, trace: from.trace };
             self.refreshes.push(event);
@@ -434,11 +448,24 @@ fn plain_event(step: Step) -> Option<(Event, u32)> {
     Some((Event { at_us: at.micros(), command, kind: Kind::Command, span, trace }, order))
 }
 
-/// A number of frames, held where it is far too large.
-fn frames(count: f64) -> usize {
+/// The whole part of a number above zero, held where it is far too large.
+fn whole(number: f64) -> u64 {
     const MANY: f64 = 1e12;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
-    if count.is_finite() { count.clamp(0.0, MANY) as usize } else { usize::MAX }
+    if number.is_finite() { number.clamp(0.0, MANY) as u64 } else { 0 }
+}
+
+/// A step that is a raw frame for the drive: its time, its command and its place.
+fn raw_drive(step: &Step) -> Option<(Time, Command, From)> {
+    match &step.action {
+        Action::Send(command) if is_raw_drive(command) => Some((step.at, command.clone(), From::step(step))),
+        _ => None,
+    }
+}
+
+/// Whether a command is a raw frame for the drive.
+fn is_raw_drive(command: &Command) -> bool {
+    matches!(command, Command::Raw { .. }) && command.is_drive()
 }
 
 /// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A move

@@ -1,10 +1,10 @@
 //! Moves: where they start, and the frames on their way.
 
 use super::super::{Kind, Tween, things};
-use super::{From, Lay, frames};
+use super::{From, Lay};
 use crate::board::Command;
 use crate::diagnostic::{Code, Diagnostic};
-use crate::program::{Motion, Move, Shape, Time, broken, broken_limit};
+use crate::program::{MAX_STEPS, Motion, Move, Shape, Time, broken, broken_limit};
 
 impl Lay<'_> {
     /// Samples a move: at the start where it says so, then every period, then exactly the target. What would say the same
@@ -14,8 +14,7 @@ impl Lay<'_> {
         let Some(starts) = self.starts(motion, from) else {
             return;
         };
-        let count = over.over(self.period).unwrap_or(0.0);
-        if !self.has_room(frames(count), from) {
+        if !self.may_sample(*over, from) {
             return;
         }
         let before = self.events.len();
@@ -46,11 +45,24 @@ impl Lay<'_> {
                 return;
             }
         }
-        if !matches!(motion.shape, Shape::Servo(_) | Shape::Servos) {
-            self.drive_until = end;
-        }
         let targets: Vec<f64> = motion.values().iter().map(|glide| glide.to).collect();
         self.sample(end, going, &targets, from);
+    }
+
+    /// Whether a move so long may be sampled. Moves that do not overlap stay below the bound; those that clash may not.
+    fn may_sample(&mut self, over: Time, from: From) -> bool {
+        let samples = over.micros() / self.period.micros().max(1);
+        if let Some(left) = self.samples_left.checked_sub(samples) {
+            self.samples_left = left;
+            return true;
+        }
+        if !self.full {
+            self.full = true;
+            let message = format!("the moves of the script have more than {MAX_STEPS} samples");
+            let help = "make them shorter, or choose a lower `rate`";
+            self.report(Diagnostic::new(Code::TooManySteps, from.span, message, help), from);
+        }
+        false
     }
 
     /// Where each value of a move starts; `None` where one is not known, which is reported.
@@ -131,6 +143,9 @@ impl Lay<'_> {
         if let Some((limit, value)) = broken(self.limits, &command) {
             self.report(broken_limit(limit, value, from.span), from);
             return false;
+        }
+        if command.is_drive() {
+            self.tell_raw_drives(at, from);
         }
         if !self.was_last(&command) {
             self.send(at, &command, Kind::Sample, from);
