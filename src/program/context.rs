@@ -251,28 +251,24 @@ impl<'s> Context<'s, '_> {
             },
             Binary::Divide => self.divide(left, right, span),
             Binary::Remainder => match (left, right) {
-                (Time(left), Time(right)) => match left.remainder(right) {
-                    Some(rest) => Some(Time(rest)),
-                    None => self.by_zero(span),
-                },
+                (Time(_), Time(super::Time::ZERO)) => self.by_zero(span),
+                (Time(left), Time(right)) => self.exact(left.remainder(right), span).map(Time),
                 _ => {
                     let (a, b, unit) = self.same(left, right, span)?;
                     if b == 0.0 {
                         return self.by_zero(span);
                     }
-                    // The sign of the divisor.
-                    let rest = a - b * libm::floor(a / b);
-                    self.finite(rest, span).map(unit)
+                    self.finite(remainder(a, b), span).map(unit)
                 }
             },
             _ => {
                 let plus = operator == Binary::Add;
-                let sum = |a: super::Time, b: super::Time| if plus { a.plus(b) } else { a.minus(b) };
+                let sum = |a: super::Time, b| if plus { a.checked_plus(b) } else { a.checked_minus(b) };
                 match (left, right) {
-                    (Time(a), Time(b)) => Some(Time(sum(a, b))),
-                    (Moment(a), Time(b)) => Some(Moment(sum(a, b))),
-                    (Time(a), Moment(b)) if plus => Some(Moment(a.plus(b))),
-                    (Moment(a), Moment(b)) if !plus => Some(Time(a.minus(b))),
+                    (Time(a), Time(b)) => self.exact(sum(a, b), span).map(Time),
+                    (Moment(a), Time(b)) => self.exact(sum(a, b), span).map(Moment),
+                    (Time(a), Moment(b)) if plus => self.exact(sum(a, b), span).map(Moment),
+                    (Moment(a), Moment(b)) if !plus => self.exact(sum(a, b), span).map(Time),
                     _ => {
                         let (a, b, unit) = self.same(left, right, span)?;
                         self.finite(if plus { a + b } else { a - b }, span).map(unit)
@@ -312,7 +308,10 @@ impl<'s> Context<'s, '_> {
 
     pub(super) fn exact<T>(&mut self, time: Option<T>, span: Span) -> Option<T> {
         if time.is_none() {
-            self.arithmetic(span, "this number is too long for an exact time");
+            self.arithmetic(
+                span,
+                "the result, or a number on the way to it, is too large for a time, which is at most 292 years",
+            );
         }
         time
     }
@@ -430,7 +429,10 @@ impl<'s> Context<'s, '_> {
                 let upper = *arguments.get(1)?;
                 let width = self.binary(Binary::Subtract, upper, first, span)?;
                 let step = match width {
-                    Quantity::Time(time) => Quantity::Time(time.scaled(i64::try_from(part).ok()?, 1 << 53)?),
+                    Quantity::Time(time) => {
+                        let step = time.scaled(i64::try_from(part).ok()?, 1 << 53);
+                        Quantity::Time(self.exact(step, span)?)
+                    }
                     #[expect(clippy::cast_precision_loss, reason = "53 bits fit a float")]
                     _ => self.binary(Binary::Multiply, width, Quantity::Number(part as f64 / TWO_53), span)?,
                 };
@@ -443,5 +445,18 @@ impl<'s> Context<'s, '_> {
                 arguments.get(index).copied()
             }
         }
+    }
+}
+
+/// The exact remainder of a division by `b`, which is not zero; it has the sign of `b`.
+fn remainder(a: f64, b: f64) -> f64 {
+    let rest = libm::fmod(a, b);
+    if rest == 0.0 {
+        // Not the `-0` that a negative dividend leaves.
+        0.0
+    } else if (rest < 0.0) == (b < 0.0) {
+        rest
+    } else {
+        rest + b
     }
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 /// A time as an exact fraction of nanoseconds.
 ///
 /// A beat of 1/3 s stays one: three of them are a second. A fraction that needs more than 64 bits a side is rounded to
-/// 10⁻¹⁵ s (10⁻¹⁴ s beyond two and a half hours); a time beyond 292 years is held there.
+/// 10⁻¹⁵ s (10⁻¹⁴ s beyond two and a half hours). No time is longer than 292 years, forwards or backwards: a calculation
+/// that leads further has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Time {
     nanos: i64,
@@ -27,6 +28,8 @@ impl Default for Time {
 impl Time {
     /// No time.
     pub const ZERO: Time = Time::from_nanos(0);
+    /// The longest time there is: 292 years.
+    const MAX: Time = Time::from_nanos(i64::MAX);
     /// The longest script.
     pub const LONGEST: Time = Time::from_nanos(24 * 3_600 * 1_000_000_000);
 
@@ -44,25 +47,28 @@ impl Time {
         i64::try_from(duration.as_nanos()).ok().map(Time::from_nanos)
     }
 
-    /// `nanos / per`, in lowest terms, rounded where that needs too many bits. `per` is not zero.
-    fn exact(nanos: i128, per: i128) -> Time {
+    /// So many nanoseconds divided by `per`, which is not zero; `None` beyond 292 years.
+    pub(super) fn from_fraction(nanos: i128, per: i128) -> Option<Time> {
+        (per != 0).then(|| Time::exact(nanos, per)).flatten()
+    }
+
+    /// `nanos / per`, in lowest terms, rounded where that needs too many bits; `None` beyond 292 years. `per` is not zero.
+    fn exact(nanos: i128, per: i128) -> Option<Time> {
         let common = gcd(nanos.unsigned_abs(), per.unsigned_abs());
         let common = i128::try_from(common).unwrap_or(1) * per.signum();
         let (nanos, per) = (nanos / common, per / common);
-        match (i64::try_from(nanos), i64::try_from(per)) {
-            (Ok(nanos), Ok(per)) => Time { nanos, per },
-            _ => {
-                // As fine as fits: 10⁻¹⁵ s, for hours a little less.
-                let part = |finest: i64| {
-                    let whole = nanos.div_euclid(per).checked_mul(i128::from(finest))?;
-                    let all = whole.checked_add(rounded(nanos.rem_euclid(per), per, finest))?;
-                    i64::try_from(all).ok().map(|_| Time::exact(all, i128::from(finest)))
-                };
-                let held = |value: i128| i64::try_from(value).unwrap_or(if value < 0 { i64::MIN } else { i64::MAX });
-                let fits = [FINEST, FINEST / 10, FINEST / 100, FINEST / 1_000, 1].into_iter().find_map(part);
-                fits.unwrap_or_else(|| Time::from_nanos(held(nanos.div_euclid(per))))
-            }
+        // The minimum has no opposite.
+        let fits = |nanos: i128| i64::try_from(nanos).ok().filter(|nanos| *nanos != i64::MIN);
+        if let (Some(nanos), Ok(per)) = (fits(nanos), i64::try_from(per)) {
+            return Some(Time { nanos, per });
         }
+        // As fine as fits: 10⁻¹⁵ s, for hours a little less.
+        let part = |finest: i64| {
+            let whole = nanos.div_euclid(per).checked_mul(i128::from(finest))?;
+            let all = whole.checked_add(rounded(nanos.rem_euclid(per), per, finest))?;
+            fits(all).and_then(|_| Time::exact(all, i128::from(finest)))
+        };
+        [FINEST, FINEST / 10, FINEST / 100, FINEST / 1_000, 1].into_iter().find_map(part)
     }
 
     /// Whether it is a whole number of nanoseconds.
@@ -80,19 +86,30 @@ impl Time {
         u64::try_from((2 * nanos + 1_000 * per).div_euclid(2_000 * per)).unwrap_or(0)
     }
 
-    /// The sum.
-    #[must_use]
-    pub fn plus(self, other: Time) -> Time {
+    /// The sum; `None` beyond 292 years.
+    pub fn checked_plus(self, other: Time) -> Option<Time> {
         if (self.per, other.per) == (1, 1)
-            && let Some(nanos) = self.nanos.checked_add(other.nanos)
+            && let Some(nanos) = self.nanos.checked_add(other.nanos).filter(|nanos| *nanos != i64::MIN)
         {
-            return Time::from_nanos(nanos);
+            return Some(Time::from_nanos(nanos));
         }
         let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
         Time::exact(a * d + c * b, b * d)
     }
 
-    /// The difference.
+    /// The difference; `None` beyond 292 years.
+    pub fn checked_minus(self, other: Time) -> Option<Time> {
+        self.checked_plus(other.negated())
+    }
+
+    /// The sum, for places in a script: beyond 292 years it is held there, which is still longer than any script may be.
+    #[must_use]
+    pub fn plus(self, other: Time) -> Time {
+        let held = if self < Time::ZERO { Time::MAX.negated() } else { Time::MAX };
+        self.checked_plus(other).unwrap_or(held)
+    }
+
+    /// The difference, held as a sum is.
     #[must_use]
     pub fn minus(self, other: Time) -> Time {
         self.plus(other.negated())
@@ -101,26 +118,20 @@ impl Time {
     /// The same length backwards.
     #[must_use]
     pub fn negated(self) -> Time {
-        match self.nanos.checked_neg() {
-            Some(nanos) => Time { nanos, ..self },
-            None => Time::exact(-i128::from(self.nanos), i128::from(self.per)),
-        }
+        Time { nanos: self.nanos.saturating_neg(), ..self }
     }
 
-    /// `above / below` times as long; `None` where `below` is zero.
+    /// `above / below` times as long; `None` where `below` is zero, and beyond 292 years.
     pub fn scaled(self, above: i64, below: i64) -> Option<Time> {
-        if below == 0 {
-            return None;
-        }
         let [a, b, c, d] = [self.nanos, self.per, above, below].map(i128::from);
-        Some(Time::exact(a * c, b * d))
+        Time::from_fraction(a * c, b * d)
     }
 
-    /// So many times as long.
+    /// So many times as long, held as a sum is.
     #[must_use]
     pub fn times(self, factor: u64) -> Time {
-        let factor = i64::try_from(factor).unwrap_or(i64::MAX);
-        self.scaled(factor, 1).unwrap_or(self)
+        let held = if self < Time::ZERO { Time::MAX.negated() } else { Time::MAX };
+        i64::try_from(factor).ok().and_then(|factor| self.scaled(factor, 1)).unwrap_or(held)
     }
 
     /// As many times as long as this number says; a number counts as the decimal that it prints as. `None` where the number
@@ -152,13 +163,15 @@ impl Time {
     /// What is left when `other` is taken away as often as it goes; it has the sign of `other`. `None` where `other` is zero.
     pub fn remainder(self, other: Time) -> Option<Time> {
         let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
-        let (above, below) = (a * d, c * b);
-        if below == 0 {
-            return None;
-        }
-        // Floored, whatever the signs.
-        let times = above / below - i128::from(above % below != 0 && (above < 0) != (below < 0));
-        Some(Time::exact(a * d - times.saturating_mul(c * b), b * d))
+        let below = c * b;
+        let rest = (a * d).checked_rem(below)?;
+        let is_other_side = rest != 0 && (rest < 0) != (below < 0);
+        Time::exact(if is_other_side { rest + below } else { rest }, b * d)
+    }
+
+    /// As the standard library has it, in whole microseconds, half up.
+    pub fn duration(self) -> Duration {
+        Duration::from_micros(self.micros())
     }
 
     /// As a number of microseconds.
@@ -250,10 +263,28 @@ mod tests {
             time = time.plus(time.scaled(1, prime).unwrap());
         }
         assert!(time.micros() > 1_000_000);
-        let far = Time::from_nanos(i64::MAX);
-        assert_eq!(far.plus(far), far);
-        assert_eq!(far.by_number(0.000_000_1).unwrap().over(far).unwrap().to_bits(), 1e-7_f64.to_bits());
-        assert_eq!(Time::from_nanos(i64::MIN).negated(), far);
+        assert_eq!(Time::MAX.by_number(0.000_000_1).unwrap().over(Time::MAX).unwrap().to_bits(), 1e-7_f64.to_bits());
+    }
+
+    #[test]
+    fn no_calculation_is_held_at_292_years() {
+        let (far, back) = (Time::MAX, Time::MAX.negated());
+        let nano = Time::from_nanos(1);
+        for result in [
+            far.checked_plus(nano),
+            back.checked_minus(nano),
+            far.checked_plus(nano.scaled(1, 3).unwrap()),
+            far.scaled(2, 1),
+            back.scaled(2, 1),
+            far.by_number(1.000_001),
+            far.over_number(0.999),
+            Time::from_fraction(i128::MAX, 3),
+        ] {
+            assert_eq!(result, None);
+        }
+        assert_eq!((far.checked_plus(back), far.scaled(1, 1)), (Some(Time::ZERO), Some(far)));
+        // Places in a script stay beyond its longest.
+        assert_eq!((far.plus(nano), back.minus(nano), far.times(u64::MAX)), (far, back, far));
     }
 
     #[test]

@@ -449,7 +449,8 @@ impl<'s> Unroll<'s, '_> {
         };
         for (away, value) in &moment.offsets {
             let offset = arguments::time(value, &mut self.context)?;
-            at = if *away { at.minus(offset) } else { at.plus(offset) };
+            let moved = if *away { at.checked_minus(offset) } else { at.checked_plus(offset) };
+            at = self.context.exact(moved, value.span)?;
         }
         if at < block {
             self.before_start(moment.span);
