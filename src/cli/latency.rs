@@ -10,6 +10,7 @@ use std::time::Duration;
 use clap::Args;
 use hdrhistogram::Histogram;
 use motionseq::playback::{Signals, lateness};
+use motionseq::program::Time;
 
 use super::exit::Exit;
 use super::output;
@@ -30,8 +31,7 @@ pub(super) struct Latency {
 }
 
 fn time(text: &str) -> Result<Duration, String> {
-    let is_plain = text.len() <= 20 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
-    let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten();
+    let time = Time::parse(text).map(Time::duration);
     let range = Duration::from_millis(200)..=Duration::from_hours(1);
     time.filter(|time| range.contains(time)).ok_or_else(|| "write a time from 200ms to 1h, such as 10s".into())
 }

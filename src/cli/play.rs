@@ -12,6 +12,7 @@ use clap::Args;
 use motionseq::board::zeros_behind_flush;
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
 use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
+use motionseq::program::Time;
 use motionseq::serve::Served;
 use motionseq::sim::{Faults, Settings, VirtualBoard};
 use motionseq::source::{Lines, Replacement, Sources};
@@ -76,7 +77,7 @@ pub(super) struct Play {
 }
 
 fn max_late(text: &str) -> Result<Duration, String> {
-    let time = humantime::parse_duration(text).map_err(|_| "write a time such as 50ms or 1s")?;
+    let time = Time::parse(text).map(Time::duration).ok_or("write a time such as 50ms or 1s")?;
     match time.as_millis() {
         0 => Err("no computer is that exact; write 1ms or more".into()),
         1..=10_000 => Ok(time),

@@ -87,9 +87,8 @@ fn times(text: &str) -> Result<u64, String> {
 
 /// Reads a time as a script would.
 pub(super) fn time(text: &str) -> Result<Time, String> {
-    let is_plain = text.len() <= 20 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
-    let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten().and_then(Time::from_duration);
-    time.filter(|time| *time <= Time::LONGEST).ok_or_else(|| "write a time such as 500ms, 1.5s or 1m30s".into())
+    let time = Time::parse(text).filter(|time| *time <= Time::LONGEST);
+    time.ok_or_else(|| "write a time such as 500ms, 1.5s or 1m30s".into())
 }
 
 /// A script as it is shown: what comes first, and what comes again and again behind it.
@@ -197,7 +196,8 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                     [] => "the script has no marks".to_owned(),
                     all => format!("its marks are {}", all.join(", ")),
                 };
-                let seconds = text.parse::<f64>().map_or_else(|_| "1.5s".to_owned(), |_| format!("{text}s"));
+                let is_number = Time::parse(&format!("{text}s")).is_some();
+                let seconds = if is_number { format!("{text}s") } else { "1.5s".to_owned() };
                 Err(format!("`{text}` is no time such as {seconds}, and no mark of the script; {known}"))
             }
         }

@@ -6,6 +6,7 @@
 mod arguments;
 mod commands;
 mod context;
+mod duration;
 mod ease;
 mod expect;
 mod functions;

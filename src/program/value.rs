@@ -6,6 +6,7 @@ use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::NumberShape;
 
+use super::duration::{self, Wrong};
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::time::Time;
@@ -95,20 +96,20 @@ pub struct Unit {
     pub name: &'static str,
     /// What it is.
     pub meaning: &'static str,
-    /// Whether it is one that humantime reads.
-    is_time: bool,
-    /// How a number of them is kept. Times are read by humantime.
+    /// How many nanoseconds it is, if it is one of time.
+    pub(super) nanos: Option<i64>,
+    /// How a number of them is kept that is no time.
     make: fn(f64) -> Quantity,
 }
 
 /// Every unit, times from the longest to the shortest.
 pub const UNITS: &[Unit] = &[
-    time("h", "hours"),
-    time("min", "minutes"),
-    time("m", "minutes"),
-    time("s", "seconds"),
-    time("ms", "milliseconds"),
-    time("us", "microseconds"),
+    time("h", "hours", 3_600_000_000_000),
+    time("min", "minutes", 60_000_000_000),
+    time("m", "minutes", 60_000_000_000),
+    time("s", "seconds", 1_000_000_000),
+    time("ms", "milliseconds", 1_000_000),
+    time("us", "microseconds", 1_000),
     unit("deg", "degrees", Quantity::Degrees),
     unit("V", "volts", Quantity::Volts),
     unit("bpm", "beats a minute", Quantity::Tempo),
@@ -116,11 +117,11 @@ pub const UNITS: &[Unit] = &[
 ];
 
 const fn unit(name: &'static str, meaning: &'static str, make: fn(f64) -> Quantity) -> Unit {
-    Unit { name, meaning, is_time: false, make }
+    Unit { name, meaning, nanos: None, make }
 }
 
-const fn time(name: &'static str, meaning: &'static str) -> Unit {
-    Unit { name, meaning, is_time: true, make: Quantity::Number }
+const fn time(name: &'static str, meaning: &'static str, nanos: i64) -> Unit {
+    Unit { name, meaning, nanos: Some(nanos), make: Quantity::Number }
 }
 
 /// The unit that this word is or was meant for, where it stands behind a blank.
@@ -187,7 +188,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     if digits == "0" && name.starts_with('x') {
         return Err(odd(text, span));
     }
-    if let Some(unit) = UNITS.iter().find(|unit| unit.name == name && !unit.is_time) {
+    if let Some(unit) = UNITS.iter().find(|unit| unit.name == name && unit.nanos.is_none()) {
         return Ok((unit.make)(number));
     }
     let names = || UNITS.iter().map(|unit| unit.name);
@@ -219,59 +220,23 @@ fn float(digits: &str) -> Option<f64> {
     digits.parse().ok()
 }
 
-/// A time. humantime reads it; its looser spellings are ruled out by the grammar before, its order here.
+/// A time, as [`duration`](super::duration) reads it.
 fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
-    if let Some(time) = one_unit(text) {
-        return Ok(Quantity::Time(time));
-    }
-    let is_digit = |byte: u8| byte.is_ascii_digit() || byte == b'.';
-    let has_more = text.bytes().skip_while(|byte| is_digit(*byte)).any(is_digit);
-    if has_more && !is_falling(text) {
-        return Err(Diagnostic::new(
+    duration::read(text).map(Quantity::Time).map_err(|wrong| match wrong {
+        Wrong::Order => Diagnostic::new(
             Code::Number,
             span,
             format!("the units of `{text}` do not fall from long to short"),
             "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`",
-        ));
-    }
-    humantime::parse_duration(text).ok().and_then(Time::from_duration).map(Quantity::Time).ok_or_else(|| {
-        Diagnostic::new(
+        ),
+        Wrong::TooLong => Diagnostic::new(
             Code::Number,
             span,
-            format!("`{text}` is too long or too fine to be read exactly"),
-            "write it in a shorter unit, such as `ms` or `us`; a script is at most 24 hours long",
-        )
+            format!("`{text}` is longer than 292 years"),
+            "a script is at most 24 hours long",
+        ),
+        Wrong::NoTime => odd(text, span),
     })
-}
-
-/// A short time with one unit, as nearly all lines of a long script have one: the same that humantime would read, sooner. `None` is
-/// any other.
-fn one_unit(text: &str) -> Option<Time> {
-    let (number, nanos) = [("ms", 1_000_000), ("us", 1_000), ("s", 1_000_000_000)]
-        .into_iter()
-        .find_map(|(unit, nanos)| Some((text.strip_suffix(unit)?, nanos)))?;
-    let (whole, part) = number.split_once('.').unwrap_or((number, "0"));
-    if whole.len() > 6 || part.len() > 9 {
-        return None;
-    }
-    let parts = 10_i64.pow(u32::try_from(part.len()).ok()?);
-    let all = i64::from(whole.parse::<u32>().ok()?) * parts + i64::from(part.parse::<u32>().ok()?);
-    let nanos = all.checked_mul(nanos)?;
-    // What is finer than a nanosecond is humantime's to judge.
-    (nanos % parts == 0).then(|| Time::from_nanos(nanos / parts))
-}
-
-/// Whether the units of a time fall from long to short.
-fn is_falling(text: &str) -> bool {
-    let names = text.split(|c: char| c.is_ascii_digit() || c == '.').filter(|name| !name.is_empty());
-    let ranks = names.map(|name| match name {
-        "h" => 4,
-        "min" | "m" => 3,
-        "s" => 2,
-        "ms" => 1,
-        _ => 0,
-    });
-    ranks.is_sorted_by(|left, right| left > right)
 }
 
 /// What is wrong with something that starts with a digit and is no number.
@@ -308,25 +273,9 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 5_000, ..ProptestConfig::default() })]
 
-        /// The short way reads what humantime reads, or nothing.
-        #[test]
-        fn times_of_one_unit_are_those_of_humantime(text in "[0-9]{1,7}(\\.[0-9]{1,10})?(s|ms|us|m|h)") {
-            if let Some(time) = one_unit(&text) {
-                let humantime = humantime::parse_duration(&text).ok().and_then(Time::from_duration);
-                prop_assert_eq!(Some(time), humantime);
-            }
-        }
-
         #[test]
         fn whole_numbers_are_those_of_the_standard_library(text in "[0-9]{1,15}") {
             prop_assert_eq!(float(&text), text.parse().ok());
-        }
-    }
-
-    #[test]
-    fn usual_times_take_the_short_way() {
-        for text in ["0.5s", "10ms", "1234.56s", "250us"] {
-            assert!(one_unit(text).is_some(), "{text}");
         }
     }
 }
