@@ -144,6 +144,23 @@ fn a_file_that_cannot_be_used_says_why() {
 }
 
 #[test]
+fn a_setting_in_a_used_file_is_the_only_mistake() {
+    let folder = Folder::new(
+        "used-setting",
+        &[
+            ("main.motion", "use \"u.motion\"\nservo 1 a\nf()\n"),
+            ("u.motion", "tempo 100bpm\nlet a = 1500\ndef f() { stop }\n"),
+        ],
+    );
+    let text = folder.render("main.motion");
+    assert!(
+        text.contains("before the first command of the main script") && text.contains("first in a `def`"),
+        "{text}"
+    );
+    assert!(!text.contains("nothing is called"), "{text}");
+}
+
+#[test]
 fn one_name_in_two_files_shows_both() {
     let folder = Folder::new(
         "names",

@@ -303,9 +303,9 @@ nod()
 
     TooManyEvents "too-many-events" Error "The script sends too many frames."
         "A robot gets at most 10,000,000 frames from one script, unless `--max-events` allows more. Refreshes and the steps of \
-        moves count, too."
-        "rate 200hz\nstop\nrocker x=10 over 20h\nstop\n"
-        "stop\nrocker x=10 over 20s\nstop\n"
+        moves that are sent count, too."
+        "repeat 11000000 {\n  buzzer off\n  wait 5ms\n}\n"
+        "repeat 1100 {\n  buzzer off\n  wait 5ms\n}\n"
 
     WireFull "wire-full" Error "The line carries less than the script sends: a frame begins to leave more than 50 ms late."
         "At 115200 baud the line carries 11,520 bytes a second, a frame of 13 bytes takes 1.128 ms, and frames that are due \

@@ -3,7 +3,7 @@
 
 use super::functions::{self, Compute, below};
 use super::later::Later;
-use super::scope::{Scope, is_reserved};
+use super::scope::{Scope, is_name, is_reserved};
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
@@ -129,13 +129,45 @@ impl<'s> Context<'s, '_> {
         if self.may_exist(name) {
             return None;
         }
+        self.unknown_name(name, span);
+        None
+    }
+
+    /// The value of a name before a command: a mark, or a time.
+    pub(super) fn moment_name(&mut self, name: &str, span: Span) -> Option<Quantity> {
+        if let Some(value) = self.scope.value(name) {
+            return Some(value);
+        }
+        if is_reserved(name) {
+            return self.name(name, span);
+        }
+        if !self.may_exist(name) {
+            let names: Vec<_> = self.scope.names().collect();
+            let help = match suggest(name, names.iter().copied()) {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!(
+                    "name the moment on a line above, `mark {name}`, or write a time: `at 1s …`; a mark in a `repeat` or `def` is known only there"
+                ),
+            };
+            let message = format!("there is no mark `{name}` here");
+            self.report(Diagnostic::new(Code::UnknownName, span, message, help));
+        }
+        None
+    }
+
+    fn unknown_name(&mut self, name: &str, span: Span) {
         let names: Vec<_> = self.scope.names().collect();
         let words = ["true", "false"];
         let help = match suggest(name, names.iter().copied().chain(words)) {
             Some(near) => format!("did you mean `{near}`?"),
             None if name.contains('-') => format!("for a difference write `({})`", name.replace('-', " - ")),
             None => match u8::from_str_radix(name, 16) {
-                Ok(byte) if name.len() == 2 => format!("write a hexadecimal number with `0x`: `0x{byte:02X}`"),
+                Ok(byte) if name.len() == 2 && !is_name(name) => {
+                    format!("write a hexadecimal number with `0x`: `0x{byte:02X}`")
+                }
+                Ok(byte) if name.len() == 2 => format!(
+                    "name it on a line above, `let {name} = …`, or write a hexadecimal number with `0x`: `0x{byte:02X}`"
+                ),
                 _ if name.starts_with(|c: char| c.is_ascii_uppercase()) => {
                     format!("names begin with a small letter: `let {} = …` on a line above", name.to_lowercase())
                 }
@@ -152,7 +184,6 @@ impl<'s> Context<'s, '_> {
             },
         };
         self.report(Diagnostic::new(Code::UnknownName, span, format!("nothing is called `{name}` here"), help));
-        None
     }
 
     fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {

@@ -1,14 +1,15 @@
 //! The one table of settings. A new one is one row here and the function that reads its arguments.
 
 use super::Settings;
-use super::arguments;
+use super::arguments::{self, text_of};
 use super::commands::{Args, Build, Row};
 use super::limits::{Limit, Limited};
+use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use crate::board::{ON_SILENCE, Ranged, ServoIndex};
 use crate::diagnostic::{Code, Diagnostic};
-use crate::syntax::{Item, NumberShape, Value, ValueKind};
+use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
 /// What may stand before every command.
 pub const SETTINGS: &[Row] = &[
@@ -61,8 +62,8 @@ pub const SETTINGS: &[Row] = &[
 
 fn language(args: &mut Args<'_, '_, '_, '_>, _: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let version = args.integer::<0, { i32::MAX }>(value, "the version of the language", "")?;
-    if version == 1 {
+    let version = args.number(value, "the version of the language")?;
+    if (version - 1.0).abs() < f64::EPSILON {
         return Some(());
     }
     args.context.report(Diagnostic::new(
@@ -195,23 +196,53 @@ fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
     Some(())
 }
 
-fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+/// What a `limit` is for.
+fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
     let thing = args.next()?;
+    if let ValueKind::Word("servos") = thing.kind {
+        let range = args.next_argument().and_then(range_text).unwrap_or_else(|| "900..1700".to_owned());
+        let help = format!("limit each of the two: `limit servo 1 {range}`, `limit servo 2 {range}`");
+        let message = "`servos` is servo 1 and servo 2, which have a limit each";
+        args.context.report(Diagnostic::new(Code::Arguments, thing.span, message, help));
+        return None;
+    }
     let thing = args.word(thing, &["servo", "rocker", "yawhold", "wheels"])?;
-    let limited = match thing {
+    match thing {
         "servo" => {
             let index = args.next()?;
-            Limited::Servo(args.whole(index, "a servo number")?)
+            Some(Limited::Servo(args.whole(index, "a servo number")?))
         }
-        "wheels" => Limited::Wheels,
+        "wheels" => Some(Limited::Wheels),
         _ => {
             let names: &[&str] = if thing == "rocker" { &["x", "y", "z"] } else { &["x", "y"] };
-            let axis = args.next()?;
-            let axis = args.word(axis, names)?;
-            let axis = names.iter().position(|name| *name == axis)?;
-            if thing == "rocker" { Limited::Rocker(axis) } else { Limited::YawHold(axis) }
+            let argument = args.next_argument()?;
+            let word = arguments::bare_word(argument).map(|word| word.text);
+            let Some(axis) = names.iter().position(|name| Some(*name) == word) else {
+                let message = match word {
+                    Some(word) => format!("`{thing}` has no axis `{word}`"),
+                    None => format!("which axis of `{thing}` is limited is missing"),
+                };
+                let range = if word.is_some() { args.next_argument() } else { Some(argument) };
+                let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
+                let help = format!("its axes are {}: `limit {thing} x {range}`", list(names.iter().copied()));
+                args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
+                return None;
+            };
+            Some(if thing == "rocker" { Limited::Rocker(axis) } else { Limited::YawHold(axis) })
         }
-    };
+    }
+}
+
+/// A range as it was written.
+fn range_text(argument: &Argument<'_>) -> Option<String> {
+    match &argument.item {
+        Item::Range(ends) => Some(format!("{}..{}", text_of(&ends.0)?, text_of(&ends.1)?)),
+        _ => None,
+    }
+}
+
+fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+    let limited = limited(args)?;
     let argument = args.next_argument()?;
     if let (Limited::Servo(index), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (limited, &argument.item)
     {

@@ -12,6 +12,10 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
     if let Some(unit) = behind_a_number(word, before) {
         return unit(start);
     }
+    if let Some(help) = negation(text, before) {
+        let span = Span::new(start, start + first.len_utf8());
+        return Diagnostic::new(Code::Syntax, span, format!("`{first}` cannot be read here"), help);
+    }
     let help = match first {
         '.' if text.starts_with("..") && before.contains('(') => {
             "a call takes its values with a comma between them: `random(1, 6)`"
@@ -52,6 +56,19 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
     let shown = if word.is_empty() { text.get(..first.len_utf8()).unwrap_or_default() } else { word };
     let span = Span::new(start, start + shown.len());
     Diagnostic::new(Code::Syntax, span, format!("`{shown}` cannot be read here"), help)
+}
+
+/// `!` as other languages write it, where what to write is known.
+fn negation(text: &str, before: &str) -> Option<String> {
+    let before = before.trim();
+    if let Some(value) = text.strip_prefix("!=").filter(|_| before.starts_with("expect ")) {
+        let value = value.split('"').next().unwrap_or_default().trim();
+        return Some(format!(
+            "write what it should be: `{before} < {value}`, `{before} > {value}`, or a range with `in`"
+        ));
+    }
+    let operand = text.strip_prefix('=')?.trim_start().strip_prefix('!')?.trim();
+    (!operand.starts_with('=')).then(|| format!("write `not`: `{before} = not {operand}`"))
 }
 
 /// A unit that a blank keeps from its number: `let a = 5 s`.
@@ -95,8 +112,12 @@ fn colon(text: &str, before: &str) -> &'static str {
 pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
     let written = on_one_line(written);
     let trouble = |message: &str, help: String| Diagnostic::new(Code::Syntax, span, message.to_owned(), help);
-    if written.contains("//") {
-        return trouble("`//` cannot be read here", "a comment starts with `#`".to_owned());
+    if let Some((sign, (value, comment))) =
+        ["//", "/*"].into_iter().find_map(|sign| Some((sign, written.split_once(sign)?)))
+    {
+        let comment = comment.trim_end_matches("*/").trim();
+        let help = format!("a comment starts with `#`: `{} # {comment}`", value.trim());
+        return trouble(&format!("`{sign}` cannot be read here"), help);
     }
     if written.contains("- >") || written.ends_with("->") {
         return trouble("an arrow is one sign", "write it without a blank inside: `900 -> 1500`".to_owned());
@@ -120,7 +141,10 @@ pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
         let help = format!("write it without: `{}`; a sum is `({written})`", written.replace('+', ""));
         return trouble("a positive number has no sign", help);
     }
-    if words.windows(2).any(|pair| !pair.iter().any(is_sign)) {
+    // `1 beat` is one value.
+    let is_unit = |word: &&&str| matches!(**word, "beat" | "beats" | "bar" | "bars");
+    let values: Vec<&str> = words.iter().filter(|word| !is_unit(word)).copied().collect();
+    if values.windows(2).any(|pair| !pair.iter().any(is_sign)) {
         let help = format!("write `{}`; a difference stands in parentheses, `(8 - 8)`", written.replace("- ", "-"));
         return trouble("a minus stands right before its number", help);
     }

@@ -104,6 +104,16 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 self.context.report(diagnostic);
                 return None;
             }
+            if let Item::Arrow(ends) = &argument.item
+                && let Value { kind: ValueKind::Word(word), negative: false, .. } = ends.1
+                && MODIFIERS.contains(&word)
+            {
+                let from = text_of(&ends.0).unwrap_or_else(|| "A".to_owned());
+                let help = format!("write where it goes: `{from} -> B {word} …`");
+                let message = "the value behind `->` is missing";
+                self.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
+                return None;
+            }
             match argument.name {
                 None => positional.push(argument),
                 Some(name) => {
@@ -336,10 +346,23 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         found
     }
 
+    /// Whether an argument is the first one of the command.
+    fn is_first(&self, argument: &Argument<'_>) -> bool {
+        self.command.arguments.first().is_some_and(|first| first.span == argument.span)
+    }
+
     /// The single value of an argument; arrows, ranges and lists are reported.
     pub(super) fn one(&mut self, argument: &'a Argument<'s>) -> Option<&'a Value<'s>> {
         let (message, help) = match &argument.item {
             Item::One(value) => return Some(value),
+            Item::Arrow(ends) if self.row.moves && self.is_first(argument) => {
+                let [number, to] = [&ends.0, &ends.1].map(|value| text_of(value).unwrap_or_else(|| "…".to_owned()));
+                let name = self.row.name;
+                let help = format!(
+                    "write `{name} {number} {to} over 1s` to go there from the last value, or the start too: `{name} {number} A -> {to} over 1s`"
+                );
+                ("the value before `->` is missing".to_owned(), help)
+            }
             Item::Arrow(..) => (
                 "a move from one value to another has no place here".to_owned(),
                 "`A -> B` stands in `servo`, `servos`, `rocker`, `yawhold` and `wheels`, with `over`".to_owned(),
@@ -352,6 +375,15 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         };
         self.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
         None
+    }
+}
+
+/// The text of a value that is a number or a word.
+pub(super) fn text_of(value: &Value<'_>) -> Option<String> {
+    let minus = if value.negative { "-" } else { "" };
+    match value.kind {
+        ValueKind::Number(_, text) | ValueKind::Word(text) => Some(format!("{minus}{text}")),
+        ValueKind::Text(_) | ValueKind::Expression(_) => None,
     }
 }
 

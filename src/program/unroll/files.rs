@@ -1,6 +1,7 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
 use super::super::later::Later;
+use super::super::settings::SETTINGS;
 use super::super::time::Time;
 use super::{Frame, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
@@ -112,7 +113,12 @@ impl<'s> Unroll<'s, '_> {
                     _ => false,
                 };
                 if !allowed || line.start.is_some() {
-                    let help = "move it into a `def`, or into the script that uses this file";
+                    let help = match &part.statement {
+                        Statement::Command(command) if is_setting(command.head.text) => {
+                            "put it before the first command of the main script; `tempo` and `meter` may also stand first in a `def`"
+                        }
+                        _ => "move it into a `def`, or into the script that uses this file",
+                    };
                     self.report(
                         Code::Use,
                         part.statement.span(),
@@ -122,13 +128,19 @@ impl<'s> Unroll<'s, '_> {
                 }
             }
         }
-        if self.context.diagnostics.errors() == errors {
+        let is_fine = self.context.diagnostics.errors() == errors;
+        if is_fine {
             self.lines(&tree.body.lines, &mut frame, 0);
         }
         self.context.later = later;
         self.context.scope.main = main;
         self.loading.pop();
         self.loaded.push(path);
-        Some(())
+        // Of a file with a mistake no name is known.
+        is_fine.then_some(())
     }
+}
+
+fn is_setting(word: &str) -> bool {
+    SETTINGS.iter().any(|row| row.name == word)
 }

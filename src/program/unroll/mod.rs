@@ -420,7 +420,11 @@ impl<'s> Unroll<'s, '_> {
                     return None;
                 }
                 self.no_unit_behind(value, line)?;
-                match self.context.value(value)? {
+                let origin = match value.kind {
+                    ValueKind::Word(word) if !value.negative => self.context.moment_name(word, value.span)?,
+                    _ => self.context.value(value)?,
+                };
+                match origin {
                     Quantity::Moment(_) if self.in_abort => {
                         let help = "write a time: `on abort` counts from its own start";
                         self.report(Code::Abort, value.span, "a mark of the script means nothing in `on abort`", help);

@@ -30,9 +30,10 @@ impl<'s> Unroll<'s, '_> {
             let (message, help) = if in_block {
                 (format!("`{name}` stands behind a command"), "put it first in its block")
             } else {
+                let place = if frame.top { "behind a command" } else { "in a block" };
                 (
-                    format!("the setting `{name}` stands behind a command"),
-                    "put it before the first command of the script",
+                    format!("the setting `{name}` stands {place}"),
+                    "put it before the first command of the script, outside of all blocks",
                 )
             };
             Diagnostic::new(Code::SettingPlace, span, message, help)
@@ -61,8 +62,10 @@ impl<'s> Unroll<'s, '_> {
         given.push((row.name, command.span));
         let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
         if let Some(mut args) = Arguments::new(row, command, &mut self.context) {
-            build(&mut args, &mut settings);
-            args.finish();
+            // Behind a wrong value, what is left over often belongs to the same mistake.
+            if build(&mut args, &mut settings).is_some() {
+                args.finish();
+            }
         }
         self.context.tempo = settings.tempo;
         if frame.top {
