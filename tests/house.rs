@@ -37,7 +37,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("resvg::", "src/plot/png.rs"),
     ("svg::node", "src/plot/sheet.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
-    ("humantime::", "src/program/value.rs src/sim/faults.rs"),
+    ("humantime::", "src/program/duration.rs src/sim/faults.rs"),
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),
     ("unsafe ", "src/playback/os.rs"),

@@ -17,6 +17,7 @@
 mod support;
 
 mod board;
+mod bounds;
 mod capture;
 mod cli;
 mod codes;

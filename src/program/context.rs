@@ -142,8 +142,7 @@ impl<'s> Context<'s, '_> {
             return self.name(name, span);
         }
         if !self.may_exist(name) {
-            let names: Vec<_> = self.scope.names().collect();
-            let help = match suggest(name, names.iter().copied()) {
+            let help = match self.scope.near(name, false) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!(
                     "name the moment on a line above, `mark {name}`, or write a time: `at 1s …`; a mark in a `repeat` or `def` is known only there"
@@ -156,9 +155,7 @@ impl<'s> Context<'s, '_> {
     }
 
     fn unknown_name(&mut self, name: &str, span: Span) {
-        let names: Vec<_> = self.scope.names().collect();
-        let words = ["true", "false"];
-        let help = match suggest(name, names.iter().copied().chain(words)) {
+        let help = match self.scope.near(name, false) {
             Some(near) => format!("did you mean `{near}`?"),
             None if name.contains('-') => format!("for a difference write `({})`", name.replace('-', " - ")),
             None => match u8::from_str_radix(name, 16) {

@@ -1,7 +1,6 @@
 //! Lengths of time as scripts write them: `0.5s`, `1m30s`. Exact, however many digits there are.
 
 use super::time::Time;
-use super::value::UNITS;
 
 /// Why a text is not a length of time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +12,16 @@ pub(super) enum Wrong {
     /// It is longer than 292 years.
     TooLong,
 }
+
+/// The units of time from the longest to the shortest, with their nanoseconds.
+pub(super) const UNITS: [(&str, i64); 6] = [
+    ("h", 3_600_000_000_000),
+    ("min", 60_000_000_000),
+    ("m", 60_000_000_000),
+    ("s", 1_000_000_000),
+    ("ms", 1_000_000),
+    ("us", 1_000),
+];
 
 /// The most digits before and behind a point, as in the grammar.
 const MAX_DIGITS: usize = 15;
@@ -33,7 +42,7 @@ pub(super) fn read(text: &str) -> Result<Time, Wrong> {
     loop {
         let (number, behind) = split(rest, |byte| byte.is_ascii_digit() || byte == b'.');
         let (name, next) = split(behind, |byte| byte.is_ascii_alphabetic());
-        let nanos = UNITS.iter().find(|unit| unit.name == name).and_then(|unit| unit.nanos).ok_or(Wrong::NoTime)?;
+        let (_, nanos) = *UNITS.iter().find(|(unit, _)| *unit == name).ok_or(Wrong::NoTime)?;
         if nanos >= last {
             return Err(Wrong::Order);
         }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::calls::circles;
 use crate::diagnostic::Diagnostics;
 use crate::source::Source;
 use crate::syntax::{self, Def, Lost, Statement};
@@ -17,6 +18,8 @@ pub(super) struct Later<'s> {
 struct Whole<'s> {
     /// The `def`s at its top level, wherever they stand.
     defs: HashMap<&'s str, Arc<Def<'s>>>,
+    /// The circle of calls that each `def` is in: two in one circle call each other, on whatever way.
+    circles: HashMap<&'s str, usize>,
     lost: Lost<'s>,
 }
 
@@ -35,6 +38,12 @@ impl<'s> Later<'s> {
         self.whole().lost.may_hold(name)
     }
 
+    /// Whether two `def`s end up calling each other.
+    pub(super) fn call_each_other(&mut self, one: &str, other: &str) -> bool {
+        let circles = &self.whole().circles;
+        circles.get(one).is_some_and(|circle| circles.get(other) == Some(circle))
+    }
+
     fn whole(&mut self) -> &Whole<'s> {
         let source = self.source;
         self.whole.get_or_insert_with(|| Whole::read(source))
@@ -46,9 +55,11 @@ impl<'s> Whole<'s> {
         let Some(tree) = syntax::parse(source, &mut Diagnostics::default()) else { return Whole::default() };
         let parts = tree.body.lines.into_iter().flat_map(|line| line.parts);
         let defs = parts.filter_map(|part| match part.statement {
-            Statement::Def(def) => Some((def.name.text, def)),
+            Statement::Def(def) => Some(def),
             _ => None,
         });
-        Whole { defs: defs.collect(), lost: tree.lost }
+        let defs: Vec<Arc<Def<'s>>> = defs.collect();
+        let circles = circles(&defs);
+        Whole { defs: defs.into_iter().map(|def| (def.name.text, def)).collect(), circles, lost: tree.lost }
     }
 }

@@ -4,6 +4,7 @@
 //! and units are checked; what depends on the order in time (clashes, holding, refresh) belongs to the timeline.
 
 mod arguments;
+mod calls;
 mod commands;
 mod context;
 mod duration;

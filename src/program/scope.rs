@@ -1,8 +1,11 @@
 //! Names and what they stand for. `let`, parameters, `repeat … as`, `def` and marks share one name space.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
+use smallvec::SmallVec;
+
+use super::suggest::suggest;
 use super::value::{Quantity, UNITS};
 use crate::source::Span;
 use crate::syntax::{Block, Def, Expression, Name, NodeKind, Value, ValueKind};
@@ -26,6 +29,8 @@ pub(super) struct Binding<'s> {
 #[derive(Clone, Debug)]
 pub(super) struct Phrase<'s> {
     pub(super) def: Arc<Def<'s>>,
+    /// The place of each parameter.
+    pub(super) parameters: Arc<HashMap<&'s str, usize>>,
     /// How many of the top-level names stand above it.
     globals: usize,
     /// How many of the `def`s stand above it.
@@ -60,6 +65,8 @@ pub(super) struct Scope<'s> {
     /// Where each top-level name is among them. A name is given there once.
     global: BTreeMap<&'s str, usize>,
     locals: Vec<Binding<'s>>,
+    /// Where each name is among the locals, the newest last.
+    local: HashMap<&'s str, SmallVec<[usize; 2]>>,
     phrases: Vec<Phrase<'s>>,
     by_name: BTreeMap<&'s str, usize>,
     /// The `let`s of blocks that have ended, and whether anything ever used them.
@@ -72,6 +79,8 @@ pub(super) struct Scope<'s> {
     floor: usize,
     /// Whether this is the body of a phrase.
     in_phrase: bool,
+    /// How many names were compared with unknown ones.
+    compared: usize,
     /// Behind the newest of the locals that was used since this was reset.
     pub(super) newest: usize,
     /// How many top-level names and phrases are visible.
@@ -107,14 +116,11 @@ impl<'s> Scope<'s> {
 
     /// The value of a name.
     pub(super) fn value(&mut self, name: &str) -> Option<Quantity> {
-        let floor = self.floor;
-        let locals = self.locals.get_mut(floor..)?.iter_mut().enumerate();
-        let local = locals.rev().find(|(_, binding)| binding.name == name);
         let visible = if self.top { self.globals.len() } else { self.visible };
-        let found = match local {
-            Some((at, binding)) => {
-                self.newest = self.newest.max(floor + at + 1);
-                binding
+        let found = match self.local_since(self.floor, name) {
+            Some(at) => {
+                self.newest = self.newest.max(at + 1);
+                self.locals.get_mut(at)?
             }
             None => {
                 let at = self.global.get(name).copied().filter(|&at| at < visible)?;
@@ -123,6 +129,11 @@ impl<'s> Scope<'s> {
         };
         found.used = true;
         Some(found.value)
+    }
+
+    /// Where the newest of the locals with this name is, if it is not before `since`.
+    fn local_since(&self, since: usize, name: &str) -> Option<usize> {
+        self.local.get(name)?.last().copied().filter(|&at| at >= since)
     }
 
     /// Counts the name of a value as used.
@@ -146,8 +157,8 @@ impl<'s> Scope<'s> {
     /// Where this name was given in this very block, or, at the top level, to a phrase.
     pub(super) fn taken(&self, name: &str) -> Option<Span> {
         if !self.top {
-            let block = self.locals.get(self.block..).unwrap_or_default();
-            return block.iter().find(|binding| binding.name == name).map(|binding| binding.span);
+            let at = self.local_since(self.block, name)?;
+            return self.locals.get(at).map(|binding| binding.span);
         }
         let binding = || self.global.get(name).and_then(|&at| self.globals.get(at)).map(|binding| binding.span);
         let phrase = self.by_name.get(name).and_then(|&at| self.phrases.get(at)).map(|phrase| phrase.def.name.span);
@@ -157,7 +168,7 @@ impl<'s> Scope<'s> {
     /// Where a mark would hide this name: marks live as long as the pass or call that they stand in. A call does not see its
     /// caller's names, and may hide those at the top level.
     pub(super) fn hidden_by_mark(&self, name: &str) -> Option<Span> {
-        let local = self.locals.get(self.floor..)?.iter().find(|binding| binding.name == name);
+        let local = self.local_since(self.floor, name).and_then(|at| self.locals.get(at));
         let global = || self.global.get(name).and_then(|&at| self.globals.get(at)).filter(|_| !self.in_phrase);
         local.or_else(global).map(|binding| binding.span)
     }
@@ -172,15 +183,21 @@ impl<'s> Scope<'s> {
             self.globals.push(binding);
             self.visible = self.globals.len();
         } else {
-            self.locals.push(binding);
+            self.push_local(binding);
         }
     }
 
+    fn push_local(&mut self, binding: Binding<'s>) {
+        self.local.entry(binding.name).or_default().push(self.locals.len());
+        self.locals.push(binding);
+    }
+
     /// Adds a phrase. It sees the names and phrases above it.
-    pub(super) fn define(&mut self, def: &Arc<Def<'s>>) -> usize {
+    pub(super) fn define(&mut self, def: &Arc<Def<'s>>, parameters: HashMap<&'s str, usize>) -> usize {
         let above = self.phrases.len();
         let (globals, watched) = (self.globals.len(), self.main);
-        self.phrases.push(Phrase { def: Arc::clone(def), globals, above, used: false, watched });
+        let parameters = Arc::new(parameters);
+        self.phrases.push(Phrase { def: Arc::clone(def), parameters, globals, above, used: false, watched });
         self.by_name.insert(def.name.text, above);
         self.visible_phrases = self.phrases.len();
         above
@@ -204,9 +221,21 @@ impl<'s> Scope<'s> {
         self.top
     }
 
-    /// The names of the phrases that can be seen.
+    /// The names of the phrases that can be seen, in the order of letters.
     pub(super) fn phrase_names(&self) -> impl Iterator<Item = &'s str> {
-        self.phrases.iter().take(self.visible_phrases).map(|phrase| phrase.def.name.text)
+        self.by_name.iter().filter(|(_, at)| **at < self.visible_phrases).map(|(name, _)| *name)
+    }
+
+    /// The name that is meant by `word`, of values or of phrases. Of a script with very many names and mistakes, only the first
+    /// mistakes are compared with them all.
+    pub(super) fn near(&mut self, word: &str, phrases: bool) -> Option<&'s str> {
+        const MOST: usize = 500_000;
+        let count = if phrases { self.visible_phrases } else { self.locals.len() + self.globals.len() };
+        self.compared = self.compared.saturating_add(count);
+        if self.compared > MOST {
+            return None;
+        }
+        if phrases { suggest(word, self.phrase_names()) } else { suggest(word, self.names().chain(["true", "false"])) }
     }
 
     /// How many names of blocks there are now.
@@ -225,6 +254,10 @@ impl<'s> Scope<'s> {
     /// Ends a block: its names are forgotten, but marks are only local to a pass or a call (`forget_marks`).
     pub(super) fn close(&mut self, mark: Mark, forget_marks: bool) {
         let ended = self.locals.split_off(mark.locals);
+        for binding in &ended {
+            // Each goes with the newest of its name.
+            self.local.get_mut(binding.name).and_then(SmallVec::pop);
+        }
         for binding in ended.iter().filter(|binding| binding.watched) {
             let (_, used) = self.ended.entry(binding.span).or_insert((binding.name, false));
             *used |= binding.used;
@@ -241,7 +274,7 @@ impl<'s> Scope<'s> {
             }
             self.visible = self.globals.len();
         } else {
-            self.locals.extend(marks);
+            marks.for_each(|mark| self.push_local(mark));
         }
     }
 
@@ -284,22 +317,6 @@ impl<'s> Scope<'s> {
             .chain(ended)
             .chain(phrases.map(|phrase| (phrase.def.name.text, phrase.def.name.span)))
             .collect()
-    }
-}
-
-/// Every phrase that a block calls, however deep inside. The recursion is bounded by the depth of brackets.
-pub(super) fn calls<'b, 's>(block: &'b Block<'s>, found: &mut Vec<&'b Name<'s>>) {
-    use crate::syntax::Statement;
-    for part in block.lines.iter().flat_map(|line| &line.parts) {
-        match &part.statement {
-            Statement::Call(call) => found.push(&call.name),
-            Statement::Block(inner) => calls(inner, found),
-            Statement::Command(command) => command.block.iter().for_each(|inner| calls(inner, found)),
-            Statement::If(each) => {
-                each.arms.iter().map(|(_, block)| block).chain(&each.otherwise).for_each(|inner| calls(inner, found));
-            }
-            Statement::Let(_) | Statement::Def(_) => {}
-        }
     }
 }
 

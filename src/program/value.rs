@@ -96,20 +96,20 @@ pub struct Unit {
     pub name: &'static str,
     /// What it is.
     pub meaning: &'static str,
-    /// How many nanoseconds it is, if it is one of time.
-    pub(super) nanos: Option<i64>,
+    /// Whether it is one of time, which [`duration`](super::duration) reads.
+    is_time: bool,
     /// How a number of them is kept that is no time.
     make: fn(f64) -> Quantity,
 }
 
 /// Every unit, times from the longest to the shortest.
 pub const UNITS: &[Unit] = &[
-    time("h", "hours", 3_600_000_000_000),
-    time("min", "minutes", 60_000_000_000),
-    time("m", "minutes", 60_000_000_000),
-    time("s", "seconds", 1_000_000_000),
-    time("ms", "milliseconds", 1_000_000),
-    time("us", "microseconds", 1_000),
+    time("h", "hours"),
+    time("min", "minutes"),
+    time("m", "minutes"),
+    time("s", "seconds"),
+    time("ms", "milliseconds"),
+    time("us", "microseconds"),
     unit("deg", "degrees", Quantity::Degrees),
     unit("V", "volts", Quantity::Volts),
     unit("bpm", "beats a minute", Quantity::Tempo),
@@ -117,11 +117,11 @@ pub const UNITS: &[Unit] = &[
 ];
 
 const fn unit(name: &'static str, meaning: &'static str, make: fn(f64) -> Quantity) -> Unit {
-    Unit { name, meaning, nanos: None, make }
+    Unit { name, meaning, is_time: false, make }
 }
 
-const fn time(name: &'static str, meaning: &'static str, nanos: i64) -> Unit {
-    Unit { name, meaning, nanos: Some(nanos), make: Quantity::Number }
+const fn time(name: &'static str, meaning: &'static str) -> Unit {
+    Unit { name, meaning, is_time: true, make: Quantity::Number }
 }
 
 /// The unit that this word is or was meant for, where it stands behind a blank.
@@ -188,7 +188,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     if digits == "0" && name.starts_with('x') {
         return Err(odd(text, span));
     }
-    if let Some(unit) = UNITS.iter().find(|unit| unit.name == name && unit.nanos.is_none()) {
+    if let Some(unit) = UNITS.iter().find(|unit| unit.name == name && !unit.is_time) {
         return Ok((unit.make)(number));
     }
     let names = || UNITS.iter().map(|unit| unit.name);
@@ -277,5 +277,11 @@ mod tests {
         fn whole_numbers_are_those_of_the_standard_library(text in "[0-9]{1,15}") {
             prop_assert_eq!(float(&text), text.parse().ok());
         }
+    }
+
+    #[test]
+    fn units_of_time_are_those_that_are_read() {
+        let names: Vec<&str> = UNITS.iter().filter(|unit| unit.is_time).map(|unit| unit.name).collect();
+        assert_eq!(names, duration::UNITS.map(|(name, _)| name));
     }
 }

@@ -1,5 +1,6 @@
 //! The tree of a script: what stands where, with no meaning yet. Names and numbers are slices of the source.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::source::Span;
@@ -17,7 +18,7 @@ pub struct Ast<'s> {
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Lost<'s> {
     /// Names whose `let` or `def` could not be read.
-    pub names: Vec<&'s str>,
+    pub names: BTreeSet<&'s str>,
     /// Whether a `use` could not be read, so that any name may be meant to exist.
     pub any: bool,
 }
@@ -30,7 +31,7 @@ impl<'s> Lost<'s> {
 
     /// Whether this name may have been lost.
     pub(crate) fn may_hold(&self, name: &str) -> bool {
-        self.any || self.names.contains(&name)
+        self.any || self.names.contains(name)
     }
 
     /// Adds what was lost elsewhere.

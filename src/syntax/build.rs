@@ -21,14 +21,17 @@ pub(super) struct Builder<'s, 'd> {
     /// Where the text that pest has read begins in the source.
     offset: usize,
     lines: Vec<Line<'s>>,
-    lost: Lost<'s>,
+    /// Names whose `let` or `def` could not be read, or is being read.
+    lost: Vec<&'s str>,
+    /// Whether a `use` could not be read.
+    lost_any: bool,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn new(source: &'s Source, diagnostics: &'d mut Diagnostics) -> Self {
-        Builder { source, diagnostics, offset: 0, lines: Vec::new(), lost: Lost::default(), empty_at: None }
+        Builder { source, diagnostics, offset: 0, lines: Vec::new(), lost: Vec::new(), lost_any: false, empty_at: None }
     }
 
     /// Adds the lines of a part of the script that begins at `offset`.
@@ -50,7 +53,7 @@ impl<'s, 'd> Builder<'s, 'd> {
 
     /// What was added, and what was lost.
     pub(super) fn finish(self) -> (Vec<Line<'s>>, Lost<'s>) {
-        (self.lines, self.lost)
+        (self.lines, Lost { names: self.lost.into_iter().collect(), any: self.lost_any })
     }
 
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
@@ -201,13 +204,13 @@ impl<'s, 'd> Builder<'s, 'd> {
         let from = self.span(&pair);
         let mut parts = pair.into_inner().skip(1);
         let name = self.name(&parts.next()?);
-        self.lost.names.push(name.text);
+        self.lost.push(name.text);
         let value = self.expression(parts.next()?)?;
         if let Some(junk) = parts.next() {
             self.junk(&junk);
             return None;
         }
-        self.lost.names.pop();
+        self.lost.pop();
         let span = Span { end: value.span.end, ..from };
         Some(Statement::Let(Let { name, value, span }))
     }
@@ -216,8 +219,8 @@ impl<'s, 'd> Builder<'s, 'd> {
         let from = self.span(&pair);
         let mut parts = pair.into_inner().skip(1);
         let name = self.name(&parts.next()?);
-        self.lost.names.push(name.text);
-        let place = self.lost.names.len();
+        self.lost.push(name.text);
+        let place = self.lost.len();
         let mut parameters = Vec::new();
         let mut readable = true;
         for part in parts {
@@ -235,7 +238,7 @@ impl<'s, 'd> Builder<'s, 'd> {
                     let body = self.block(part);
                     let span = Span { end: body.span.start, ..from };
                     if readable {
-                        self.lost.names.remove(place - 1);
+                        self.lost.remove(place - 1);
                     }
                     let def = Def { name, parameters, body, span };
                     return readable.then(|| Statement::Def(Arc::new(def)));
@@ -283,7 +286,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         let head = self.name(&inner.next()?);
         if head.text == "use" && inner.peek().is_some_and(|first| !first.as_str().trim_start().starts_with('"')) {
             let name = self.source.slice(Span { start: head.span.end, ..whole }).trim().trim_matches(['\'', '`']);
-            self.lost.any = true;
+            self.lost_any = true;
             self.diagnostics.push(trouble::file_without_marks(name, whole));
             return None;
         }

@@ -80,6 +80,7 @@ pub(super) fn unroll<'s>(
         exhausted: false,
         too_long: false,
         times_known: is_readable,
+        searched: 0,
         unknown: HashSet::new(),
         failed: None,
         abort: None,
@@ -175,6 +176,8 @@ struct Unroll<'s, 'd> {
     too_long: bool,
     /// Whether no error so far can have moved the commands behind it.
     times_known: bool,
+    /// How many `def`s were looked at for circles of calls.
+    searched: usize,
     /// Words that nothing is called.
     unknown: HashSet<Span>,
     /// The first line that could not be run.

@@ -1,8 +1,9 @@
 //! Names and phrases: `let`, `def` and calls.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
+use super::super::calls::calls_of;
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::Quantity;
@@ -30,7 +31,9 @@ impl<'s> Unroll<'s, '_> {
         if free.is_some() {
             match value {
                 Some(value) => self.context.scope.bind(each.name, value, true),
-                None => self.context.lost.names.push(each.name.text),
+                None => {
+                    self.context.lost.names.insert(each.name.text);
+                }
             }
         }
         value?;
@@ -73,8 +76,9 @@ impl<'s> Unroll<'s, '_> {
             return None;
         }
         self.is_free(def.name)?;
+        let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
-            let twice = def.parameters.iter().take(at).any(|other| other.name.text == parameter.name.text);
+            let twice = parameters.insert(parameter.name.text, at).is_some();
             if twice || scope::is_reserved(parameter.name.text) || !scope::is_name(parameter.name.text) {
                 let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
                 let help = "give each parameter a name of its own, in small letters, that is no word of the language";
@@ -85,7 +89,7 @@ impl<'s> Unroll<'s, '_> {
         // Called or not, it uses the names that stand above it.
         scope::names_of_def(def, &mut |name| self.context.scope.touch_value(name));
         let weight = self.weight(&def.body);
-        let number = self.context.scope.define(def);
+        let number = self.context.scope.define(def, parameters);
         self.weights.resize(number + 1, Weight::default());
         if let Some(slot) = self.weights.get_mut(number) {
             *slot = weight;
@@ -99,7 +103,7 @@ impl<'s> Unroll<'s, '_> {
     /// A body may call only what stands above its `def`. What it calls in vain is reported here, called or not.
     pub(super) fn check_calls(&mut self, def: &Def<'s>) -> Option<()> {
         let mut found = Vec::new();
-        scope::calls(&def.body, &mut found);
+        calls_of(&def.body, &mut found);
         let mut fine = Some(());
         for call in found {
             let visible = call.text != def.name.text && self.context.scope.phrase(call.text).is_some();
@@ -133,11 +137,20 @@ impl<'s> Unroll<'s, '_> {
     /// How calls lead from `def` over `next` back to `def`, if they do.
     pub(super) fn cycle(&mut self, def: &Def<'s>, next: &Arc<Def<'s>>) -> Option<String> {
         const SHOWN: usize = 8;
+        const MOST_SEARCHED: usize = 500_000;
+        if !self.context.later.call_each_other(def.name.text, next.name.text) {
+            return None;
+        }
         // Paths are kept as the place each name was reached from, so that long chains stay cheap.
         let mut reached: Vec<(Arc<Def<'s>>, Option<usize>)> = vec![(Arc::clone(next), None)];
         let mut seen: HashSet<&str> = HashSet::from([next.name.text]);
         let mut at = 0;
         while let Some((current, _)) = reached.get(at) {
+            self.searched += 1;
+            // The first circles are shown whole; of very many long ones only where they begin.
+            if self.searched > MOST_SEARCHED {
+                return Some(format!("{} → {} → …", def.name.text, next.name.text));
+            }
             let current = Arc::clone(current);
             if current.name.text == def.name.text {
                 let mut path = vec![def.name.text];
@@ -155,7 +168,7 @@ impl<'s> Unroll<'s, '_> {
                 return Some(path.join(" → "));
             }
             let mut found = Vec::new();
-            scope::calls(&current.body, &mut found);
+            calls_of(&current.body, &mut found);
             for call in found {
                 if let Some(callee) = self.context.later.get(call.text)
                     && seen.insert(callee.name.text)
@@ -181,7 +194,7 @@ impl<'s> Unroll<'s, '_> {
         let mut next = 0;
         for given in &call.arguments {
             let at = match given.name {
-                Some(name) => parameters.iter().position(|parameter| parameter.name.text == name.text),
+                Some(name) => phrase.parameters.get(name.text).copied(),
                 None => Some(next),
             };
             next += usize::from(given.name.is_none());

@@ -74,8 +74,7 @@ impl<'s> Unroll<'s, '_> {
             );
             return;
         }
-        let names: Vec<_> = self.context.scope.phrase_names().collect();
-        let help = suggestion(word, &names);
+        let help = self.suggestion(word);
         self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
     }
 
@@ -101,8 +100,7 @@ impl<'s> Unroll<'s, '_> {
                 self.report(Code::Syntax, call.span, message, row.how());
             }
             _ => {
-                let names: Vec<_> = self.context.scope.phrase_names().collect();
-                let help = suggestion(name, &names);
+                let help = self.suggestion(name);
                 self.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
             }
         }
@@ -137,7 +135,7 @@ impl<'s> Unroll<'s, '_> {
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
             return "a name begins with a small letter: write `let depth = 300us`".to_owned();
         };
-        self.context.lost.names.push(name);
+        self.context.lost.names.insert(name);
         let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
         let value = value.map_or("300us", |span| self.sources.file(span).slice(span).trim());
         format!("write `let {name} = {}`", value.trim_start_matches(['=', ':']).trim())
@@ -153,45 +151,48 @@ fn runnable() -> impl Iterator<Item = &'static str> {
 /// How many phrases of a script are listed.
 const PHRASES: usize = 12;
 
-/// What to write instead of a word that nothing is called.
-fn suggestion(word: &str, phrases: &[&str]) -> String {
-    // What other languages call it.
-    let elsewhere = match word {
-        "sleep" | "delay" | "pause" => Some("wait 0.5s"),
-        "print" | "echo" | "log" => Some("say \"here I go\""),
-        "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
-        "beep" => Some("buzzer on for 200ms"),
-        "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
-        "var" | "const" => Some("let n = 3"),
-        "parallel" | "both" | "sync" => Some("together { … }"),
-        "elif" | "elseif" => Some("else if … { … }"),
-        "for" => Some("repeat 4 as i { … }"),
-        "while" | "loop" => Some("repeat 4 { … }"),
-        "import" | "include" => Some("use \"lib/phrases.motion\""),
-        "function" | "fn" => Some("def nod() { … }"),
-        _ => None,
-    };
-    if let Some(near) = suggest(word, phrases.iter().copied()) {
-        return format!("did you mean `{near}(…)`?");
-    }
-    if let Some(line) = elsewhere {
-        return format!("did you mean `{line}`?");
-    }
-    // `servo1 1500`
-    let (name, digits) =
-        word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
-    if !digits.is_empty() && commands::find(name).is_some() {
-        return format!("did you mean `{name} {digits}`?");
-    }
-    match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None if phrases.is_empty() => format!("the commands are {}", list(runnable())),
-        None => {
-            let mut phrases = phrases.to_vec();
-            phrases.sort_unstable();
-            let shown = list(phrases.iter().copied().take(PHRASES));
-            let more = if phrases.len() > PHRASES { " and others" } else { "" };
-            format!("the phrases of this script are {shown}{more}; the commands are {}", list(runnable()))
+impl Unroll<'_, '_> {
+    /// What to write instead of a word that nothing is called.
+    fn suggestion(&mut self, word: &str) -> String {
+        // What other languages call it.
+        let elsewhere = match word {
+            "sleep" | "delay" | "pause" => Some("wait 0.5s"),
+            "print" | "echo" | "log" => Some("say \"here I go\""),
+            "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
+            "beep" => Some("buzzer on for 200ms"),
+            "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
+            "var" | "const" => Some("let n = 3"),
+            "parallel" | "both" | "sync" => Some("together { … }"),
+            "elif" | "elseif" => Some("else if … { … }"),
+            "for" => Some("repeat 4 as i { … }"),
+            "while" | "loop" => Some("repeat 4 { … }"),
+            "import" | "include" => Some("use \"lib/phrases.motion\""),
+            "function" | "fn" => Some("def nod() { … }"),
+            _ => None,
+        };
+        if let Some(near) = self.context.scope.near(word, true) {
+            return format!("did you mean `{near}(…)`?");
+        }
+        if let Some(line) = elsewhere {
+            return format!("did you mean `{line}`?");
+        }
+        // `servo1 1500`
+        let (name, digits) =
+            word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
+        if !digits.is_empty() && commands::find(name).is_some() {
+            return format!("did you mean `{name} {digits}`?");
+        }
+        match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => {
+                let phrases: Vec<&str> = self.context.scope.phrase_names().take(PHRASES + 1).collect();
+                if phrases.is_empty() {
+                    return format!("the commands are {}", list(runnable()));
+                }
+                let shown = list(phrases.iter().copied().take(PHRASES));
+                let more = if phrases.len() > PHRASES { " and others" } else { "" };
+                format!("the phrases of this script are {shown}{more}; the commands are {}", list(runnable()))
+            }
         }
     }
 }

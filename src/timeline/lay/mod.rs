@@ -203,8 +203,9 @@ impl<'d> Lay<'d> {
             }
             // Of a hold too short to see, the start still comes before its end.
             ended.clear();
+            let starts = Starts::of(group);
             while ends.peek().is_some_and(|Reverse(end)| end.at_us == now) {
-                ended.extend(ends.pop().map(|Reverse(end)| end).filter(|end| !superseded(end, group)));
+                ended.extend(ends.pop().map(|Reverse(end)| end).filter(|end| !starts.supersede(end)));
             }
             let mut ended = ended.iter().peekable();
             for step in group {
@@ -468,16 +469,36 @@ fn is_raw_drive(command: &Command) -> bool {
     matches!(command, Command::Raw { .. }) && command.is_drive()
 }
 
-/// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A move
-/// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
-fn superseded(end: &End, group: &[Step]) -> bool {
-    let [thing, _] = things(&end.command);
-    let starts = |step: &Step| match &step.action {
-        Action::Send(command) => things(command)[0] == thing,
-        Action::Hold(held) => things(&held.0)[0] == thing,
-        Action::Go(_) | Action::Say(_) | Action::Expect(_) => false,
-    };
-    group.iter().any(|step| step.order != end.from.order && starts(step))
+/// The first two steps of one moment that start something else for the drive, and for the buzzer.
+#[derive(Default)]
+struct Starts([[Option<u32>; 2]; 2]);
+
+impl Starts {
+    fn of(group: &[Step]) -> Starts {
+        let mut starts = Starts::default();
+        for step in group {
+            let command = match &step.action {
+                Action::Send(command) => command,
+                Action::Hold(held) => &held.0,
+                Action::Go(_) | Action::Say(_) | Action::Expect(_) => continue,
+            };
+            if let [Some(thing), _] = things(command)
+                && let Some([first, second]) = starts.0.get_mut(thing)
+            {
+                *second = first.and(second.or(Some(step.order)));
+                first.get_or_insert(step.order);
+            }
+        }
+        starts
+    }
+
+    /// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A move
+    /// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
+    fn supersede(&self, end: &End) -> bool {
+        let [thing, _] = things(&end.command);
+        let starts = thing.and_then(|thing| self.0.get(thing));
+        starts.is_some_and(|starts| starts.iter().flatten().any(|order| *order != end.from.order))
+    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,89 @@
+//! Scripts of very many names and mistakes: what is looked up is found without going through all of them. With a search through all,
+//! each of these would take minutes.
+
+use std::fmt::Write as _;
+
+use motionseq::diagnostic::Code;
+use motionseq::program::Options;
+use motionseq::source::{Source, Sources};
+
+/// The codes of a script's errors and warnings, each once, and how many errors there are.
+fn check(text: String) -> (Vec<Code>, usize) {
+    let compiled = motionseq::compile(&Sources::from(Source::new("x.motion", text)), &Options::default());
+    let mut codes: Vec<Code> = compiled.diagnostics.sorted().iter().map(|diagnostic| diagnostic.code).collect();
+    codes.sort_unstable();
+    codes.dedup();
+    (codes, compiled.diagnostics.errors())
+}
+
+/// A text of so many parts, with something around them.
+fn parts(before: &str, count: usize, part: impl Fn(usize) -> String, behind: &str) -> String {
+    let mut text = before.to_owned();
+    for at in 0..count {
+        let _ = write!(text, "{}", part(at));
+    }
+    text + behind
+}
+
+#[test]
+fn names_of_one_block() {
+    const MANY: usize = 100_000;
+    for text in [
+        parts("{\n", MANY, |at| format!("let a{at} = {at}\nwait (a{at} * 1us / {MANY})\n"), "stop\n}\n"),
+        parts("{\n", MANY, |at| format!("mark a{at}\n"), "at a7 stop\n}\n"),
+        parts("stop\n", MANY, |at| format!("let a{at} = {at}\nwait (a{at} * 1us / {MANY})\n"), ""),
+        parts("stop\n", MANY, |at| format!("mark a{at}\n"), ""),
+        parts("stop\n{\n", MANY, |at| format!("{{\nmark a{at}\n}}\n"), "}\n"),
+    ] {
+        assert_eq!(check(text), (vec![], 0));
+    }
+}
+
+#[test]
+fn names_that_nothing_is_called() {
+    const MANY: usize = 40_000;
+    let lets = parts("", MANY, |at| format!("let name_{at} = {at}\n"), "");
+    let defs = parts("", MANY, |at| format!("def name_{at}() {{ stop }}\n"), "");
+    for (before, line) in [
+        (&lets, "servo 1 (nmae_{} + 1)\n"),
+        (&lets, "at nmae_{} stop\n"),
+        (&lets, "let other_{} = nmae_{}\n"),
+        (&lets, "servo 1 other_{}\n"),
+        (&defs, "nmae_{}()\n"),
+        (&defs, "nmae_{} 5\n"),
+        (&String::new(), "let other_{} = nothing_{}\n"),
+    ] {
+        let (codes, errors) = check(parts(before, MANY, |at| line.replace("{}", &at.to_string()), ""));
+        assert!(matches!(codes.as_slice(), [Code::UnknownName | Code::UnknownWord]), "{line}: {codes:?}");
+        assert_eq!(errors, MANY, "{line}");
+    }
+}
+
+#[test]
+fn chains_and_circles_of_defs() {
+    const MANY: usize = 60_000;
+    let first = "def f0() { stop }\n";
+    let above = parts(first, MANY, |at| format!("def f{}() {{ f{at}() }}\n", at + 1), "stop\n");
+    assert_eq!(check(above), (vec![Code::Unused], 0));
+    let below =
+        parts("", MANY, |at| format!("def f{at}() {{ f{}() }}\n", at + 1), &format!("def f{MANY}() {{ stop }}\n"));
+    assert_eq!(check(below), (vec![Code::UnknownName], MANY));
+    let circle = parts("", MANY, |at| format!("def f{at}() {{ f{}() }}\n", (at + 1) % MANY), "");
+    assert_eq!(check(circle), (vec![Code::Recursion], MANY - 1));
+}
+
+#[test]
+fn parameters() {
+    const MANY: usize = 300_000;
+    let head = parts("def f(", MANY, |at| format!("p{at} = 1,\n"), "last = 2) { servo 1 (1500 + last) }\n");
+    let call = parts("f(\n", MANY, |at| format!("p{at} = 2,\n"), "last = 3)\n");
+    assert_eq!(check(head.clone() + &call), (vec![], 0));
+    assert_eq!(check(head + "f()\n"), (vec![], 0));
+}
+
+#[test]
+fn holds_that_end_at_one_moment() {
+    const MANY: usize = 100_000;
+    let text = parts("together {\n", MANY, |_| "buzzer on for 1s\nat 1s say \"a\"\n".to_owned(), "}\n");
+    assert_eq!(check(text), (vec![Code::Clash], MANY));
+}
