@@ -27,7 +27,7 @@ fn parts(before: &str, count: usize, part: impl Fn(usize) -> String, behind: &st
 
 #[test]
 fn names_of_one_block() {
-    const MANY: usize = 100_000;
+    const MANY: usize = 60_000;
     for text in [
         parts("{\n", MANY, |at| format!("let a{at} = {at}\nwait (a{at} * 1us / {MANY})\n"), "stop\n}\n"),
         parts("{\n", MANY, |at| format!("mark a{at}\n"), "at a7 stop\n}\n"),
@@ -41,7 +41,7 @@ fn names_of_one_block() {
 
 #[test]
 fn names_that_nothing_is_called() {
-    const MANY: usize = 40_000;
+    const MANY: usize = 20_000;
     let lets = parts("", MANY, |at| format!("let name_{at} = {at}\n"), "");
     let defs = parts("", MANY, |at| format!("def name_{at}() {{ stop }}\n"), "");
     for (before, line) in [
@@ -61,7 +61,7 @@ fn names_that_nothing_is_called() {
 
 #[test]
 fn chains_and_circles_of_defs() {
-    const MANY: usize = 60_000;
+    const MANY: usize = 30_000;
     let first = "def f0() { stop }\n";
     let above = parts(first, MANY, |at| format!("def f{}() {{ f{at}() }}\n", at + 1), "stop\n");
     assert_eq!(check(above), (vec![Code::Unused], 0));
@@ -86,4 +86,13 @@ fn holds_that_end_at_one_moment() {
     const MANY: usize = 100_000;
     let text = parts("together {\n", MANY, |_| "buzzer on for 1s\nat 1s say \"a\"\n".to_owned(), "}\n");
     assert_eq!(check(text), (vec![Code::Clash], MANY));
+}
+
+/// A move that stays where it is sends nothing, so it counts by itself.
+#[test]
+fn moves_that_send_nothing() {
+    for passes in ["33000000", "(33000 * 1000)"] {
+        let text = format!("repeat {passes} {{ servo 1 1500 -> 1500 over 1us }}\n");
+        assert_eq!(check(text), (vec![Code::TooManyEvents], 1));
+    }
 }

@@ -266,6 +266,35 @@ fn times_of_options_are_read_as_those_of_scripts() {
     }
 }
 
+/// What a pass may leave behind besides frames, each far more often or longer than there is memory for; counted before it is unrolled
+/// where its number is written, and while it is unrolled where it is computed.
+#[test]
+fn what_a_pass_leaves_behind_is_bounded() {
+    let scratch = Scratch::new("left-behind");
+    let long = "x".repeat(60_000);
+    for line in [
+        "mark x".to_owned(),
+        format!("mark {long}"),
+        "say \"a\"".to_owned(),
+        format!("say \"{long}\""),
+        "expect voltage > 9V".to_owned(),
+        format!("expect voltage > 9V \"{long}\""),
+        "expect voltage > 9V within 1us".to_owned(),
+    ] {
+        for text in [
+            format!("repeat 33000000 {{\n{line}\nwait 2us\n}}\n"),
+            format!("repeat (33000 * 1000) as i {{\nif i >= 0 {{\n{line}\nwait 2us\n}}\n}}\n"),
+            format!("def f() {{\n{line}\nwait 2us\n}}\nrepeat (33000 * 1000) {{ f() }}\n"),
+        ] {
+            let file = scratch.file("left.motion", text.as_bytes());
+            let output = run_small(&["check", &file]);
+            let errors: String = stderr(&output).chars().take(500).collect();
+            assert_eq!(code(&output), 1, "{line:.40}: {errors}");
+            assert!(errors.starts_with("too-many-events"), "{line:.40}: {errors}");
+        }
+    }
+}
+
 #[test]
 fn a_result_that_cannot_be_written_is_told() {
     let full = || File::options().write(true).open("/dev/full").unwrap();

@@ -9,19 +9,37 @@ pub(super) struct Weight {
     pub(super) steps: u64,
     /// Commands to the board.
     pub(super) events: u64,
+    pub(super) moves: u64,
+    /// Bytes of what is neither: marks, lines to show, and what is expected.
+    pub(super) kept: u64,
 }
+
+/// What one mark, one line to show and one expectation take, on their whole way to the timeline, besides their texts.
+pub(super) const MARK: u64 = 160;
+pub(super) const SAY: u64 = 240;
+pub(super) const EXPECT: u64 = 400;
 
 impl Weight {
     pub(super) fn plus(self, other: Weight) -> Weight {
-        Weight { steps: self.steps.saturating_add(other.steps), events: self.events.saturating_add(other.events) }
+        self.with(other, u64::saturating_add)
     }
 
     fn lighter(self, other: Weight) -> Weight {
-        Weight { steps: self.steps.min(other.steps), events: self.events.min(other.events) }
+        self.with(other, u64::min)
     }
 
     pub(super) fn times(self, passes: u64) -> Weight {
-        Weight { steps: self.steps.saturating_mul(passes), events: self.events.saturating_mul(passes) }
+        let passes = Weight { steps: passes, events: passes, moves: passes, kept: passes };
+        self.with(passes, u64::saturating_mul)
+    }
+
+    fn with(self, other: Weight, each: impl Fn(u64, u64) -> u64) -> Weight {
+        Weight {
+            steps: each(self.steps, other.steps),
+            events: each(self.events, other.events),
+            moves: each(self.moves, other.moves),
+            kept: each(self.kept, other.kept),
+        }
     }
 }
 
@@ -29,7 +47,7 @@ impl Weight {
 pub(super) fn of_block(block: &Block<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let parts = block.lines.iter().flat_map(|line| &line.parts);
     let weights = parts.map(|part| of_statement(&part.statement, phrase));
-    weights.fold(Weight { steps: block.lines.len() as u64, events: 0 }, Weight::plus)
+    weights.fold(Weight { steps: block.lines.len() as u64, ..Weight::default() }, Weight::plus)
 }
 
 fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
@@ -49,7 +67,12 @@ fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> W
 fn of_command(command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let inside = command.block.as_ref().map(|block| of_block(block, phrase)).unwrap_or_default();
     match commands::find(command.head.text).map(|row| &row.build) {
-        Some(Build::Send(_)) => Weight { steps: 0, events: 1 },
+        Some(Build::Send(_)) => Weight { events: 1, ..Weight::default() },
+        Some(Build::Go(_)) => Weight { moves: 1, ..Weight::default() },
+        Some(Build::Mark) => kept(MARK, texts(command)),
+        // What a `say` shows may be shorter than what is written.
+        Some(Build::Say) => kept(SAY, 0),
+        Some(Build::Expect) => kept(EXPECT, texts(command)),
         Some(Build::Together) => inside,
         Some(Build::Repeat) => {
             let passes = command.arguments.first().and_then(|argument| match &argument.item {
@@ -57,8 +80,21 @@ fn of_command(command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight 
                 _ => None,
             });
             // At least its lines' own step for every pass.
-            inside.plus(Weight { steps: 1, events: 0 }).times(passes.unwrap_or(0))
+            inside.plus(Weight { steps: 1, ..Weight::default() }).times(passes.unwrap_or(0))
         }
         _ => Weight::default(),
     }
+}
+
+fn kept(bytes: u64, texts: u64) -> Weight {
+    Weight { kept: bytes.saturating_add(texts), ..Weight::default() }
+}
+
+/// Bytes of the words and texts behind a command, each at least half of what it was written with.
+fn texts(command: &Command<'_>) -> u64 {
+    let texts = command.arguments.iter().map(|argument| match &argument.item {
+        Item::One(Value { kind: ValueKind::Word(text) | ValueKind::Text(text), .. }) => text.len() as u64 / 2,
+        _ => 0,
+    });
+    texts.sum()
 }

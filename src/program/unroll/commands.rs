@@ -5,15 +5,13 @@ use super::super::commands::{self, Build};
 use super::super::motion::{Move, Shape};
 use super::super::time::Time;
 use super::super::value::Quantity;
+use super::super::weight::{self, Weight};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Unroll};
 use crate::board;
 use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::Command;
-
-/// The most bytes of `say` texts.
-const MAX_SAID: u64 = 64 << 20;
 
 impl<'s> Unroll<'s, '_> {
     #[expect(clippy::too_many_lines, reason = "a table of commands")]
@@ -96,11 +94,7 @@ impl<'s> Unroll<'s, '_> {
                 let text = say::say(value, args.context);
                 args.finish()?;
                 let text = text?;
-                self.said += text.len() as u64;
-                if self.said > MAX_SAID {
-                    self.exhausted = true;
-                    let help = "repeat less often, or say less";
-                    self.report(Code::TooManyEvents, command.span, "the script says more than 64 MiB of text", help);
+                if !self.keep(weight::SAY, text.len(), command.span) {
                     return None;
                 }
                 self.push(start, command.span, Action::Say(Box::new(text.into())));
@@ -112,6 +106,11 @@ impl<'s> Unroll<'s, '_> {
                 if self.in_abort {
                     let help = "leave it out: what is sent on abort cannot be ended early";
                     self.report(Code::Abort, command.span, "there is no `expect` in `on abort`", help);
+                    return None;
+                }
+                let length = expect.why.as_ref().map_or(0, String::len);
+                // The reason is there twice for a while.
+                if !self.keep(weight::EXPECT, 2 * length, command.span) {
                     return None;
                 }
                 let end = start.plus(expect.within.unwrap_or(Time::ZERO));
@@ -138,6 +137,9 @@ impl<'s> Unroll<'s, '_> {
                 self.is_free(name)?;
                 if let Some(first) = self.context.scope.hidden_by_mark(name.text) {
                     self.given_twice(name, first);
+                    return None;
+                }
+                if !self.keep(weight::MARK, name.text.len(), command.span) {
                     return None;
                 }
                 self.marks.push((name.text.to_owned(), start));
@@ -184,9 +186,18 @@ impl<'s> Unroll<'s, '_> {
         self.push(at, span, action);
     }
 
+    /// Whether something that sends nothing may be kept, with a text so long.
+    fn keep(&mut self, bytes: u64, text: usize, span: Span) -> bool {
+        let bytes = bytes.saturating_add(text as u64);
+        let is_allowed = self.allow_more(Weight { kept: bytes, ..Weight::default() }, span);
+        self.kept = self.kept.saturating_add(bytes);
+        is_allowed
+    }
+
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.context.traces.here();
         let order = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
+        self.moves += u64::from(matches!(action, Action::Go(_)));
         self.sent += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));
         self.steps.push(Step { at, span, trace, order, action });
     }

@@ -1,6 +1,7 @@
 //! Walks the tree and gives every command its time.
 
 mod blocks;
+mod bounds;
 mod commands;
 mod files;
 mod fixed;
@@ -23,7 +24,7 @@ use super::value::{Quantity, not_yet};
 use super::weight::Weight;
 use fixed::Fixed;
 
-use super::{Abort, MAX_STEPS, Options, Program, Settings, Step};
+use super::{Abort, Options, Program, Settings, Step};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Sources, Span};
 use crate::syntax::{
@@ -61,7 +62,8 @@ pub(super) fn unroll<'s>(
         given: Vec::new(),
         weights: Vec::new(),
         touched: HashSet::new(),
-        said: 0,
+        moves: 0,
+        kept: 0,
         counted: HashMap::new(),
         loaded: Vec::new(),
         loading: sources
@@ -153,8 +155,9 @@ struct Unroll<'s, 'd> {
     given: Vec<(&'static str, Span)>,
     /// The `if`s whose names were counted as used.
     touched: HashSet<Span>,
-    /// Bytes of `say` texts.
-    said: u64,
+    /// Moves so far, and bytes of what is kept besides steps that send something.
+    moves: u64,
+    kept: u64,
     /// The weights of blocks that were counted.
     counted: HashMap<Span, Weight>,
     /// The weight of each `def`, by its number in the scope.
@@ -277,29 +280,6 @@ impl<'s> Unroll<'s, '_> {
                 self.report(Code::TooLong, line.span, "the script reaches beyond 24 hours here", help);
             }
         }
-    }
-
-    /// Whether more may be run; where not, that is reported once.
-    fn within_bounds(&mut self, span: Span) -> bool {
-        self.allow_more(Weight::default(), span)
-    }
-
-    /// Whether so much more may be run; where not, that is reported, and nothing more is run.
-    fn allow_more(&mut self, more: Weight, span: Span) -> bool {
-        let done = Weight { steps: self.done, events: self.sent };
-        let weight = done.plus(more);
-        if weight.steps > MAX_STEPS {
-            let message = format!("the script takes more than {MAX_STEPS} steps to unroll");
-            self.report(Code::TooManySteps, span, message, "repeat less often");
-        } else if weight.events > self.max_events as u64 {
-            let message = format!("the script sends more than {} frames", self.max_events);
-            let help = "repeat less often, or allow more with `--max-events`";
-            self.report(Code::TooManyEvents, span, message, help);
-        } else {
-            return true;
-        }
-        self.exhausted = true;
-        false
     }
 
     /// Runs a line; `None` where something in it is wrong that may have moved what comes behind.
