@@ -320,3 +320,34 @@ fn latency_ends_with_what_to_do() {
     assert!(["good:", "use --realtime:", "this machine stalls:"].iter().any(|words| last.starts_with(words)), "{text}");
     assert_eq!(run(&["latency", "--for", "1ms"]).status.code(), Some(2));
 }
+
+/// As the same `repeat` would be.
+#[test]
+fn passes_are_checked_together() {
+    let flood = script("flood", &("raw 0x04 0x00  # allow: raw-frame\n".repeat(40) + "wait 10ms\n"));
+    let twice = script("twice", "servo 1 1000\nwait 1s\nservo 1 2000\n");
+    let two_servos = script("two-servos", "servos 1000 1500\nwait 1s\nservo 2 1600\n");
+    let drives = script("drives", "stop\nwait 1s\nrocker x=1\n");
+    for (path, words) in [
+        (&flood, "begins to leave"),
+        (&twice, "servo 1 is told two things at 1.000000 s"),
+        (&two_servos, "servo 2 is told two things at 1.000000 s"),
+        (&drives, "the drive is told two things at 1.000000 s"),
+    ] {
+        assert_eq!(run(&["render", path]).status.code(), Some(0), "{path}");
+        let output = run(&["render", path, "--loop", "100"]);
+        assert_eq!((output.status.code(), stdout(&output)), (Some(1), String::new()), "{path}");
+        assert!(stderr(&output).contains(words), "{path}: {}", stderr(&output));
+    }
+    for (name, text) in [
+        ("hold", "rocker x=1 for 1s\n"),
+        ("move", "servo 1 1000 -> 1500 over 1s\n"),
+        ("wait", "servo 1 1000\nwait 1s\n"),
+        ("other", "servo 1 1000\nwait 1s\nservo 2 1500\n"),
+        ("left", "stop\nwait 100ms\nrocker x=1\nwait 100ms\n"),
+    ] {
+        let path = script(name, text);
+        let output = run(&["render", &path, "--loop", "10"]);
+        assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
+    }
+}

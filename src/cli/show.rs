@@ -8,7 +8,7 @@ use motionseq::diagnostic::Diagnostics;
 use motionseq::program::{Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::Sources;
-use motionseq::timeline::{Part, Timeline, part, passes, state_after};
+use motionseq::timeline::{Part, Timeline, check_passes, part, passes, state_after};
 
 use super::exit::Exit;
 use super::news::ScriptTime;
@@ -91,6 +91,9 @@ pub(super) fn time(text: &str) -> Result<Time, String> {
     time.ok_or_else(|| "write a time such as 500ms, 1.5s or 1m30s".into())
 }
 
+/// How many frames of a run without end are checked together.
+const MANY: usize = 200_000;
+
 /// A script as it is shown: what comes first, and what comes again and again behind it.
 pub(super) struct Staged {
     pub(super) timeline: Timeline,
@@ -116,13 +119,23 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         let sources = Sources::from(read(file, screen)?);
         let compiled = options.compile_at(&sources, screen, self.speed, warnings);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
-        match self.stage(&whole, options.max_events) {
+        let mut diagnostics = compiled.diagnostics.clone();
+        match self.stage(&whole, options.max_events, &mut diagnostics) {
             Ok((timeline, again, first_us)) => {
+                // What one pass has was shown already.
+                let shown = compiled.diagnostics.sorted();
+                let mut found = Diagnostics::default();
+                let new = diagnostics.sorted().into_iter().filter(|one| !shown.contains(one));
+                new.for_each(|one| found.push(one.clone()));
+                screen.diagnostics(&sources, &found, warnings, false);
+                if found.has_errors() {
+                    return Err(Exit::Script);
+                }
                 let moment = |text: &Option<String>| text.as_deref().and_then(|text| self.moment(text, &whole).ok());
                 let from_us = moment(&self.from).unwrap_or(0);
                 let part_us = moment(&self.to).unwrap_or(whole.end_us).min(whole.end_us).saturating_sub(from_us);
                 let script = ScriptTime { from_us, lead_us: first_us.saturating_sub(part_us), speed: self.speed };
-                Ok((sources, Staged { timeline, again, first_us, script, diagnostics: compiled.diagnostics }))
+                Ok((sources, Staged { timeline, again, first_us, script, diagnostics }))
             }
             Err(why) => {
                 screen.error(&why);
@@ -140,8 +153,14 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         Asked { from: self.from.clone(), to: self.to.clone(), speed: self.speed.factor(), passes }
     }
 
-    /// What comes first, for a run without end what comes again and again, and how long the first pass takes.
-    fn stage(&self, whole: &Timeline, max_events: usize) -> Result<(Timeline, Option<Timeline>, u64), String> {
+    /// What comes first, for a run without end what comes again and again, and how long the first pass takes. What is wrong with
+    /// several passes goes to `diagnostics`.
+    fn stage(
+        &self,
+        whole: &Timeline,
+        max_events: usize,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<(Timeline, Option<Timeline>, u64), String> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
         let from_us = moment(&self.from)?.unwrap_or(0);
         let to_us = moment(&self.to)?;
@@ -160,9 +179,11 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         match self.passes.into() {
             Count::Times(1) => Ok((first, None, first_us)),
             Count::Times(times) => {
-                let timeline = passes(&first, &again(), times, max_events).ok_or_else(|| {
+                let again = again();
+                let timeline = passes(&first, &again, times, max_events).ok_or_else(|| {
                     format!("{times} passes are more than 24 hours or {max_events} frames: write fewer")
                 })?;
+                check_passes(&first, &again, &timeline, diagnostics);
                 Ok((timeline, None, first_us))
             }
             Count::Forever => {
@@ -170,6 +191,11 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                 if again.end_us == 0 {
                     return Err("this takes no time, and cannot go on forever".to_owned());
                 }
+                // What the line cannot carry grows from pass to pass.
+                let enough = MANY / again.events().len().max(1);
+                let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
+                let all = passes(&first, &again, enough, usize::MAX);
+                check_passes(&first, &again, all.as_ref().unwrap_or(&first), diagnostics);
                 Ok((first, Some(again), first_us))
             }
         }

@@ -20,7 +20,7 @@ use crate::source::{Lines, Sources, Span};
 
 pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
-pub use part::{Part, part, passes, state_after};
+pub use part::{Part, check_passes, part, passes, state_after};
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_aborted, write_snapshot};
 pub use tween::Tween;
 

@@ -6,7 +6,7 @@
 //! not, if the instant is written first.
 
 use super::listing::Seconds;
-use super::{THINGS, thing_name, things_of};
+use super::{Event, Kind, THINGS, Timeline, thing_name, things, things_of};
 use crate::board::{Command, Mode};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Step, TraceId, Traces};
@@ -81,6 +81,40 @@ pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnosti
             }
         }
     }
+}
+
+/// Reports a thing that is told something at the very end of one pass and again at the start of the next one, as it would be in a
+/// `repeat`.
+pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut Diagnostics) {
+    let last = before.events().iter().rev().take_while(|event| event.at_us == before.end_us);
+    let last: Vec<&Event> = last.filter(|event| is_instant(event, before)).collect();
+    if last.is_empty() {
+        return;
+    }
+    let first = behind.events().iter().take_while(|event| event.at_us == 0);
+    for second in first.filter(|event| event.kind == Kind::Command) {
+        let shared = |first: &Event| {
+            let told = things(&first.command);
+            things(&second.command).into_iter().flatten().find(|thing| told.contains(&Some(*thing)))
+        };
+        if let Some((thing, first)) = last.iter().find_map(|first| Some((shared(first)?, *first))) {
+            let occupied = |event: &Event| Occupied {
+                start: before.end_us,
+                end: before.end_us,
+                order: 0,
+                instant: true,
+                span: event.span,
+                trace: event.trace,
+            };
+            diagnostics.push(before.traces.attach(clash(thing, occupied(first), occupied(second)), first.trace));
+        }
+    }
+}
+
+/// Whether an event is a command that takes no time: not the target of a move, and not the end of a hold, which begins before it.
+fn is_instant(event: &Event, timeline: &Timeline) -> bool {
+    let same = |other: &&Event| (other.span, other.trace) == (event.span, event.trace);
+    event.kind == Kind::Command && timeline.events().iter().find(same).is_some_and(|first| first.at_us == event.at_us)
 }
 
 fn move_mode(span: Span) -> Diagnostic {

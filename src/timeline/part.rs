@@ -4,7 +4,9 @@
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
 use super::{Bars, Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track};
+use super::{order, wire};
 use crate::board::{Command, PulseWidth, ServoIndex, State};
+use crate::diagnostic::Diagnostics;
 use crate::program::{Ease, TraceId};
 use crate::source::Span;
 
@@ -119,6 +121,14 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     }
     all.end_us = end_us;
     Some(all)
+}
+
+/// Reports what is wrong with several passes and not with one: what the line cannot carry, and a thing that is told something at the end
+/// of one pass and again at the start of the next. `all` are these passes, or enough of those without end.
+pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnostics: &mut Diagnostics) {
+    order::check_seam(first, again, diagnostics);
+    order::check_seam(again, again, diagnostics);
+    wire::check(all, diagnostics);
 }
 
 fn auto(at_us: u64, command: Command, span: Span, trace: TraceId) -> Event {
