@@ -95,4 +95,7 @@ fn moves_that_send_nothing() {
         let text = format!("repeat {passes} {{ servo 1 1500 -> 1500 over 1us }}\n");
         assert_eq!(check(text), (vec![Code::TooManyEvents], 1));
     }
+    // What takes no time is no move, and a frame each.
+    let text = "repeat 1200000 { servo 1 1500\nwait 5ms }\nrepeat 400000 { rocker x=1 for 5ms\nwait 5ms }\n";
+    assert_eq!(check(text.to_owned()), (vec![], 0));
 }

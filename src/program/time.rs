@@ -273,7 +273,7 @@ mod tests {
         for result in [
             far.checked_plus(nano),
             back.checked_minus(nano),
-            far.checked_plus(nano.scaled(1, 3).unwrap()),
+            far.checked_plus(nano.scaled(2, 3).unwrap()),
             far.scaled(2, 1),
             back.scaled(2, 1),
             far.by_number(1.000_001),

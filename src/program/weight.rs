@@ -67,8 +67,8 @@ fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> W
 fn of_command(command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let inside = command.block.as_ref().map(|block| of_block(block, phrase)).unwrap_or_default();
     match commands::find(command.head.text).map(|row| &row.build) {
-        Some(Build::Send(_)) => Weight { events: 1, ..Weight::default() },
-        Some(Build::Go(_)) => Weight { moves: 1, ..Weight::default() },
+        Some(Build::Go(_)) if takes_time(command) => Weight { moves: 1, ..Weight::default() },
+        Some(Build::Send(_) | Build::Go(_)) => Weight { events: 1, ..Weight::default() },
         Some(Build::Mark) => kept(MARK, texts(command)),
         // What a `say` shows may be shorter than what is written.
         Some(Build::Say) => kept(SAY, 0),
@@ -97,4 +97,10 @@ fn texts(command: &Command<'_>) -> u64 {
         _ => 0,
     });
     texts.sum()
+}
+
+/// Whether a command is a move: a word of its own, `over`, says how long it takes.
+fn takes_time(command: &Command<'_>) -> bool {
+    let is_over = |item: &Item<'_>| matches!(item, Item::One(Value { kind: ValueKind::Word("over"), .. }));
+    command.arguments.iter().any(|argument| is_over(&argument.item))
 }
