@@ -137,7 +137,8 @@ fn a_run_that_ends_early_has_its_stop_and_its_reason_in_the_log() {
 
 #[test]
 fn each_pass_of_a_loop_is_in_the_log() {
-    let (messages, said, code) = played("loop", "mark go\nservo 1 1500\nat 0.2s servo 1 1600\n", &["--loop", "2"]);
+    let (messages, said, code) =
+        played("loop", "mark go\nservo 1 1500\nat 0.2s servo 1 1600\nwait 100ms\n", &["--loop", "2"]);
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(of(&messages, "/frames").len(), 4);
     assert_eq!(texts(&messages, "/marks", "name").len(), 2);

@@ -105,7 +105,7 @@ fn every_signal_stops_the_robot() {
         let far = FarEnd::new();
         // In a session of its own, so that there is no terminal on which somebody could end a pause.
         let mut command = std::process::Command::new("setsid");
-        command.args([env!("CARGO_BIN_EXE_motionseq"), "play", &long, "--max-late", "5s", "--port", &far.path]);
+        command.args([crate::support::program(), "play", &long, "--max-late", "5s", "--port", &far.path]);
         let child = command.stdin(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let mut received = far.first();
         kill_process(Pid::from_child(&child), signal).unwrap();
@@ -394,7 +394,7 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
 fn faults_of_the_virtual_board_end_a_run_as_real_ones_do() {
     let path = script("faulty", "rocker y=10 for 2s\n");
     for (fault, code, words) in [
-        ("unplug@500ms", 3, "the port hung up"),
+        ("unplug@510ms", 3, "the port hung up"),
         ("drop=50%", 0, "did not reach it"),
         ("battery=6.5V", 0, "sent 41 frames"),
     ] {

@@ -145,10 +145,12 @@ fn the_end_of_a_pseudo_terminal_where_the_board_would_be_is_no_port() {
 
 /// Starts the program as another one does that has ignored or blocked some signals.
 fn start_from(parent: &str, args: &[&str]) -> std::process::Child {
-    let code = format!("import os,signal,sys\n{parent}\nos.execv(sys.argv[1],sys.argv[1:])");
-    let player = motionseq(args);
+    let code = format!(
+        "import os,signal,sys\n[signal.signal(s,signal.SIG_DFL) for s in (signal.SIGHUP,signal.SIGINT,signal.SIGQUIT)]\n\
+         {parent}\nos.execvp(sys.argv[1],sys.argv[1:])"
+    );
     let mut command = Command::new("python3");
-    command.args(["-c", &code]).arg(player.get_program()).args(player.get_args());
+    command.args(["-c", &code, env!("CARGO_BIN_EXE_motionseq")]).args(args).args(["--max-late", "5s"]);
     command.current_dir(env!("CARGO_MANIFEST_DIR")).env_remove("MOTIONSEQ_PORT");
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }

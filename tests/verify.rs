@@ -237,7 +237,7 @@ fn links_that_go_round_and_folders_without_scripts_are_told() {
     assert_eq!((code(&output), stderr(&output).as_str()), (1, "error: there is no *.motion in .\n"));
     let output = empty.run(&["test", "nothere"]);
     assert_eq!((code(&output), stderr(&output).as_str()), (1, "1 script: 0 passed, 1 failed\n"));
-    assert!(stdout(&output).contains("nothere: unreadable: No such file"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("nothere: unreadable: there is nothing with this name"), "{}", stdout(&output));
     // What begins with a dot is not looked into.
     let output = empty.file(".git/x.motion", "nonsense").run(&["test"]);
     assert!(stderr(&output).contains("there is no *.motion"));

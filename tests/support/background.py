@@ -9,6 +9,8 @@ terminal, far = os.openpty()
 if os.fork() == 0:
     os.setsid()
     fcntl.ioctl(far, termios.TIOCSCTTY, 0)
+    for ignored in signal.SIGHUP, signal.SIGINT, signal.SIGQUIT:
+        signal.signal(ignored, signal.SIG_DFL)
     os.close(terminal)
     player = subprocess.Popen(sys.argv[1:], stdin=far, stderr=subprocess.PIPE, preexec_fn=os.setpgrp)
     # It plays when it says where.

@@ -8,13 +8,14 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 use motionseq::timeline::write_listing;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT};
 
 /// A script's listing and its messages, as they are pinned.
 pub(crate) fn listing_and_messages(path: &Path) -> String {
@@ -56,9 +57,24 @@ pub(crate) fn messages(sources: &Sources, diagnostics: &Diagnostics) -> String {
     text
 }
 
+/// The path of the program. A shell lets what it runs in the background ignore Ctrl-C, and so would the program: where this process
+/// ignores such a signal, it catches it instead, which what it starts does not inherit.
+pub(crate) fn program() -> &'static str {
+    static CAUGHT: OnceLock<()> = OnceLock::new();
+    CAUGHT.get_or_init(|| {
+        let status = fs::read_to_string("/proc/self/status").unwrap();
+        let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap();
+        let ignored = u64::from_str_radix(ignored.trim(), 16).unwrap();
+        for signal in [SIGHUP, SIGINT, SIGQUIT].into_iter().filter(|signal| ignored & 1 << (signal - 1) != 0) {
+            signal_hook::flag::register(signal, Arc::default()).unwrap();
+        }
+    });
+    env!("CARGO_BIN_EXE_motionseq")
+}
+
 /// The built program, run from the project's root, without what a user may have set.
 pub(crate) fn motionseq(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_motionseq"));
+    let mut command = Command::new(program());
     command.args(args);
     // A shared machine can stall for longer than a robot may wait; where lateness is the subject, the test says its own.
     if args.first() == Some(&"play") && !args.contains(&"--max-late") {

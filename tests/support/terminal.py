@@ -21,6 +21,8 @@ pid = os.fork()
 if pid == 0:
     os.setsid()
     fcntl.ioctl(far, termios.TIOCSCTTY, 0)
+    for ignored in signal.SIGHUP, signal.SIGINT, signal.SIGQUIT:
+        signal.signal(ignored, signal.SIG_DFL)
     for descriptor in range(3):
         os.dup2(far, descriptor)
     os.close(terminal)
