@@ -4,11 +4,12 @@ use std::io::{self, Read, Write};
 use std::process::Stdio;
 
 use crate::support::{motionseq, rendered, run, stderr, stdout};
+use motionseq::board::MovePacking;
 use motionseq::capture::{DecodeError, Decoded, NoTiming, Timing, decode};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = decode(bytes, None, &mut out).unwrap();
+    let decoded = decode(bytes, None, MovePacking::Newest, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 
@@ -114,7 +115,7 @@ fn a_file_of_times_says_when_bytes_came() {
     let bytes = [0xFF, 0xFE, 4, 1, 1, 6, 0xFF, 0xFE, 4, 1, 0, 5];
     let shown = |timing: Timing, bytes: &[u8]| {
         let mut out = Vec::new();
-        decode(bytes, Some(timing), &mut out).unwrap();
+        decode(bytes, Some(timing), MovePacking::Newest, &mut out).unwrap();
         let text = String::from_utf8(out).unwrap();
         text.lines().map(|line| line.split('\t').next().unwrap().to_owned()).collect::<Vec<_>>()
     };
@@ -141,7 +142,7 @@ fn however_a_stream_is_cut_into_reads_it_says_the_same() {
     let whole = listing(&bytes);
     for size in [1, 2, 3, 7, 13, 4_096] {
         let mut out = Vec::new();
-        let decoded = decode(Pieces(&bytes, size), None, &mut out).unwrap();
+        let decoded = decode(Pieces(&bytes, size), None, MovePacking::Newest, &mut out).unwrap();
         assert!((String::from_utf8(out).unwrap(), decoded) == whole, "in pieces of {size}");
     }
 }
@@ -169,7 +170,7 @@ fn a_listing_that_cannot_be_written_ends_at_once() {
         }
     }
     let frames = [0xFF, 0xFE, 0x04, 0x01, 0x01, 0x06];
-    assert!(matches!(decode(Endless(frames, 0), None, &mut Full), Err(DecodeError::Write(_))));
+    assert!(matches!(decode(Endless(frames, 0), None, MovePacking::Newest, &mut Full), Err(DecodeError::Write(_))));
 }
 
 #[test]
@@ -244,4 +245,37 @@ fn ports_lists_what_is_there() {
     for line in stdout(&output).lines() {
         assert!(line.split('\t').count() >= 2 && std::fs::exists(line.split('\t').next().unwrap()).unwrap(), "{line}");
     }
+}
+
+#[test]
+fn a_move_of_an_older_driver_is_told_and_read_as_asked_for() {
+    // Bits 0, 1 and 2 where x, y and z are not negative: 10 0 0; 300 1000 0; -5 5 -45; and 0 0 0 with a bit too many.
+    let frames = [
+        "FF FE 03 08 04 00 0A 00 00 00 00 07 20",
+        "FF FE 03 08 04 01 2C 03 E8 00 00 07 2E",
+        "FF FE 03 08 04 00 05 00 05 00 2D 02 48",
+        "FF FE 03 08 04 00 00 00 00 00 00 0F 1E",
+    ];
+    let path = std::env::temp_dir().join(format!("motionseq-older-{}.txt", std::process::id()));
+    std::fs::write(&path, frames.join("\n")).unwrap();
+    let path = path.to_str().unwrap();
+    let output = run(&["decode", path]);
+    let commands =
+        |text: &str| text.lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect::<Vec<_>>();
+    let listing = stdout(&output);
+    assert!(listing.lines().next().unwrap().contains("a move, as older copies of the driver pack it"), "{listing}");
+    // These could be of either, and are read as the newest packs them: mirrored.
+    assert_eq!(commands(&listing)[1..3], ["move x=-300 y=-1000 z=0", "move x=5 y=-5 z=-45"]);
+    assert_eq!(stderr(&output).matches("cannot always be told apart").count(), 1, "{}", stderr(&output));
+    let output = run(&["decode", path, "--older-move"]);
+    let listing = stdout(&output);
+    assert_eq!(commands(&listing)[..3], ["move x=10 y=0 z=0", "move x=300 y=1000 z=0", "move x=-5 y=5 z=-45"]);
+    assert!(listing.lines().nth(3).unwrap().contains("unknown"), "{listing}");
+    // A script sends what was meant, as the newest driver packs it.
+    let script = format!("{path}.motion");
+    let output = run(&["decode", path, "--older-move", "-o", &script]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = std::fs::read_to_string(&script).unwrap();
+    assert!(text.contains("move x=300 y=1000 z=0"), "{text}");
+    let _ = (std::fs::remove_file(path), std::fs::remove_file(&script));
 }

@@ -222,3 +222,22 @@ fn reports_come_as_often_as_asked_for() {
     let output = run(&["board", "--link", "/tmp/never", "--report-every", "1ms"]);
     assert_eq!(output.status.code(), Some(2));
 }
+
+#[test]
+fn a_board_reads_a_move_as_it_is_told_to() {
+    for (more, way) in [(&[][..], "3.0 cm to the left"), (&["--older-move"], "3.0 cm to the right")] {
+        let mut host = Host::start("older", more);
+        let mut port = host.open();
+        port.write_all(&[0xFF, 0xFE, 1, 9, 1, 200, 150, 20, 0, 20, 12, 2, 5, 0xA4]).unwrap();
+        // 3 to the right and 4 forward, in the older packing.
+        port.write_all(&[0xFF, 0xFE, 3, 8, 4, 0, 3, 0, 4, 0, 0, 7, 0x1D]).unwrap();
+        host.says("cannot always be told apart");
+        // A nominal move takes its time: twelve reports of the board.
+        port.write_all(&Said::Request(Query::REPORT_START).to_frame()).unwrap();
+        port.read_exact(&mut [0; 14 * 12]).unwrap();
+        drop(port);
+        host.says("the port is closed");
+        let (_, said) = host.end();
+        assert!(said.contains(way), "{said}");
+    }
+}

@@ -8,7 +8,7 @@ use std::process::Command as Client;
 use crate::support::host::{Host, frames, has, link, rocker, stop};
 use crate::support::{messages, run, stderr};
 use motionseq::board::{
-    Command, DEFAULT_BAUD, Displacement, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
+    Command, DEFAULT_BAUD, Displacement, MovePacking, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
 };
 use motionseq::capture::{DRIVE_TOLERANCE, SERVO_TOLERANCE, Scribe, TimedDecoder, transcribe};
 use motionseq::program::{Ease, Options};
@@ -26,7 +26,7 @@ fn compiled(text: &str) -> Timeline {
 
 /// Frames at times in microseconds, as a recording; settled every 400 ms, as `record` does it.
 fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
-    let mut scribe = Scribe::new(exact, DEFAULT_BAUD);
+    let mut scribe = Scribe::new(exact, DEFAULT_BAUD, MovePacking::Newest);
     let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
     let (mut text, mut settled_us, mut last_us) = (String::new(), 0, 0);
     for (at_us, frame) in frames {
@@ -53,7 +53,7 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
 fn transcribed(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
     let bytes: Vec<u8> = frames.iter().flat_map(|(_, frame)| frame.clone()).collect();
     let mut out = Vec::new();
-    transcribe(&bytes[..], None, exact, &mut out).unwrap();
+    transcribe(&bytes[..], None, exact, MovePacking::Newest, &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -480,7 +480,7 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
 
 #[test]
 fn what_would_harm_or_mislead_is_left_out_and_said() {
-    let mut scribe = Scribe::new(false, DEFAULT_BAUD);
+    let mut scribe = Scribe::new(false, DEFAULT_BAUD, MovePacking::Newest);
     let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
     let tilt = [0xFF, 0xFE, 2, 4, 0x05, 0xDC, 0x09, 0xC4, 0xB4];
     let unknown = [0xFF, 0xFE, 0x40, 1, 5, 0x46];

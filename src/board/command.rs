@@ -158,6 +158,20 @@ pub enum NotACommand {
     /// The values are fine, but the frame is not the one that carries them (a wrong direction byte, say).
     #[error("the bytes are not those that carry this command")]
     Inconsistent,
+    /// A `move` whose direction only [`MovePacking::Older`] explains.
+    #[error("a move, as older copies of the driver pack it; --older-move reads it")]
+    OlderMove,
+}
+
+/// How the direction of a `move` is packed. Copies of the maker's driver differ, and which one the firmware of a board expects is
+/// unknown; we send the newest, and read what is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MovePacking {
+    /// A negative x sets bit 2, a negative y bit 1, and a z that is not negative bit 0.
+    #[default]
+    Newest,
+    /// Bits 0, 1 and 2 for x, y and z, each set where the value is not negative.
+    Older,
 }
 
 mod function {
@@ -288,6 +302,36 @@ impl Command {
     pub fn decode(frame: Frame<'_>) -> Result<Command, NotACommand> {
         let command = Self::read(frame)?;
         if command.to_frame() == frame.bytes() { Ok(command) } else { Err(NotACommand::Inconsistent) }
+    }
+
+    /// Reads a frame of a program whose driver packs the direction of a `move` in one of two ways.
+    pub fn decode_as(frame: Frame<'_>, packing: MovePacking) -> Result<Command, NotACommand> {
+        match (Self::older_move(frame), packing) {
+            (Some(older), MovePacking::Older) => older,
+            (Some(Ok(_)), MovePacking::Newest) => Self::decode(frame).map_err(|_| NotACommand::OlderMove),
+            _ => Self::decode(frame),
+        }
+    }
+
+    /// A `move` in the older packing; `None` for any other frame.
+    fn older_move(frame: Frame<'_>) -> Option<Result<Command, NotACommand>> {
+        let (function::DRIVE, &[kind::MOVE, xh, xl, yh, yl, zh, zl, signs]) = (frame.function(), frame.payload())
+        else {
+            return None;
+        };
+        let axis = |bytes: [u8; 2], bit: u8| {
+            let is_negative = signs & bit == 0;
+            let value = Displacement::from_wire(bytes, is_negative)?;
+            // Zero is not negative.
+            if is_negative && bytes == [0, 0] { Err(NotACommand::Inconsistent) } else { Ok(value) }
+        };
+        let read = || {
+            if signs > 0b111 {
+                return Err(NotACommand::Inconsistent);
+            }
+            Ok(Command::Move { x: axis([xh, xl], 1)?, y: axis([yh, yl], 2)?, z: axis([zh, zl], 4)? })
+        };
+        Some(read())
     }
 
     /// Reads a frame that is known to be whole, whatever it says: what is no command becomes [`Command::Raw`].

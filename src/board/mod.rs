@@ -15,7 +15,7 @@ mod number;
 mod report;
 mod state;
 
-pub use command::{Command, Gains, MOST_ZEROS, Mode, NotACommand, Query, zeros_behind_flush};
+pub use command::{Command, Gains, MOST_ZEROS, Mode, MovePacking, NotACommand, Query, zeros_behind_flush};
 pub use decoder::{Decoder, Item, Skip};
 pub use frame::{Frame, FrameError, HEADER, Hex, MAX_FRAME, MAX_PAYLOAD, Payload};
 pub use number::{Displacement, OutOfRange, PulseWidth, Ranged, ServoIndex, Speed, TiltPulseWidth, TurnRate};

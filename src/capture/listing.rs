@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::Decoded;
-use crate::board::{Command, Frame, Hex, Item, Skip};
+use crate::board::{Command, Frame, Hex, Item, MovePacking, Skip};
 
 /// The most bytes of a run that are shown where they belong to no frame.
 const SHOWN: usize = 16;
@@ -18,6 +18,7 @@ pub struct Listing<W> {
     out: W,
     /// What was written so far.
     pub decoded: Decoded,
+    packing: MovePacking,
     run: Option<Run>,
     failed: Option<io::Error>,
 }
@@ -32,9 +33,9 @@ struct Run {
 }
 
 impl<W: Write> Listing<W> {
-    /// One without any line yet.
-    pub fn new(out: W) -> Self {
-        Listing { out, decoded: Decoded::default(), run: None, failed: None }
+    /// One without any line yet, of a program that packs a `move` so.
+    pub fn new(out: W, packing: MovePacking) -> Self {
+        Listing { out, decoded: Decoded::default(), packing, run: None, failed: None }
     }
 
     /// Takes what a decoder has found; `at` is what stands first in its line.
@@ -66,8 +67,11 @@ impl<W: Write> Listing<W> {
 
     fn frame(&mut self, at: impl Display, frame: Frame<'_>) {
         self.decoded.frames += 1;
-        let written = match Command::decode(frame) {
-            Ok(command) => writeln!(self.out, "{at}\t{frame}\t{command}"),
+        let written = match Command::decode_as(frame, self.packing) {
+            Ok(command) => {
+                self.decoded.moves += u64::from(matches!(command, Command::Move { .. }));
+                writeln!(self.out, "{at}\t{frame}\t{command}")
+            }
             Err(why) => {
                 self.decoded.unknown += 1;
                 writeln!(self.out, "{at}\t{frame}\t{}\tunknown: {why}", Command::decode_or_raw(frame))
@@ -105,15 +109,16 @@ impl<W: Write> Listing<W> {
 }
 
 /// Writes one JSON object: when, in microseconds, and the frame with its command, or the bytes that are none, with what is wrong.
-pub fn write_json(at_us: u64, item: Item<'_>, out: &mut impl Write) -> io::Result<()> {
+pub fn write_json(at_us: u64, item: Item<'_>, packing: MovePacking, out: &mut impl Write) -> io::Result<()> {
     let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat();
     let object = match item {
         Item::Frame(frame) => {
-            let wrong = Command::decode(frame).err().map(|why| why.to_string());
+            let read = Command::decode_as(frame, packing);
+            let wrong = read.as_ref().err().map(ToString::to_string);
             Found {
                 t_us: at_us,
                 frame: Some(hex(frame.bytes())),
-                command: Some(Command::decode_or_raw(frame).to_string()),
+                command: Some(read.unwrap_or_else(|_| Command::raw(frame)).to_string()),
                 skipped: None,
                 wrong,
             }

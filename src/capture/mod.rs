@@ -11,7 +11,7 @@ mod timing;
 
 use std::io::{self, Read, Write};
 
-use crate::board::{Command, DEFAULT_BAUD, Decoder, Item};
+use crate::board::{Command, DEFAULT_BAUD, Decoder, Item, MovePacking};
 use crate::timeline::Seconds;
 pub use known::{DRIVE_TOLERANCE, SERVO_TOLERANCE};
 pub use listing::{Listing, write_json};
@@ -37,17 +37,21 @@ pub struct Decoded {
     pub not_hex: u64,
     /// Whether such a text ends with half a byte.
     pub half_byte: bool,
+    /// Displacements, of which the two ways to pack them cannot always be told apart.
+    pub moves: u64,
     /// Whether there were times.
     pub is_timed: bool,
 }
 
 impl Decoded {
-    fn count(&mut self, item: Item<'_>) {
+    fn count(&mut self, item: Item<'_>, packing: MovePacking) {
         match item {
             Item::Frame(frame) => {
                 self.bytes += frame.bytes().len() as u64;
                 self.frames += 1;
-                self.unknown += u64::from(Command::decode(frame).is_err());
+                let read = Command::decode_as(frame, packing);
+                self.unknown += u64::from(read.is_err());
+                self.moves += u64::from(matches!(read, Ok(Command::Move { .. })));
             }
             Item::Skipped { bytes, .. } => {
                 self.bytes += bytes.len() as u64;
@@ -73,8 +77,13 @@ pub enum DecodeError {
 /// where there are times; the bytes in hex; what they are.
 ///
 /// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
-pub fn decode(input: impl Read, timing: Option<Timing>, out: &mut impl Write) -> Result<Decoded, DecodeError> {
-    let mut listing = Listing::new(out);
+pub fn decode(
+    input: impl Read,
+    timing: Option<Timing>,
+    packing: MovePacking,
+    out: &mut impl Write,
+) -> Result<Decoded, DecodeError> {
+    let mut listing = Listing::new(out, packing);
     let mut decoder = Decoder::new();
     let mut timed: Option<TimedDecoder> = None;
     let read = pieces(input, timing, |at, bytes| {
@@ -104,15 +113,16 @@ pub fn transcribe(
     input: impl Read,
     timing: Option<Timing>,
     exact: bool,
+    packing: MovePacking,
     out: &mut impl Write,
 ) -> Result<Decoded, DecodeError> {
-    let mut scribe = Scribe::new(exact, DEFAULT_BAUD);
+    let mut scribe = Scribe::new(exact, DEFAULT_BAUD, packing);
     let mut frames = TimedDecoder::new(DEFAULT_BAUD);
     let mut decoded = Decoded::default();
     let mut script = String::new();
     let mut now_us = 0;
     let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at_us: u64, item: Item<'_>| {
-        decoded.count(item);
+        decoded.count(item, packing);
         scribe.settle(at_us);
         scribe.take(at_us, item);
         now_us = at_us;

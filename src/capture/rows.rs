@@ -5,7 +5,7 @@ use std::fmt;
 
 use super::fold::{Axes, Point};
 use super::known::{Known, Thing};
-use crate::board::{Command, Frame, Hex, Mode, NotACommand, Skip};
+use crate::board::{Command, Frame, Hex, Mode, MovePacking, NotACommand, Skip};
 
 /// Without a drive frame for so long, in microseconds, a drive counts as stopped, as on the virtual board. What the board does when frames
 /// stop is unknown.
@@ -198,8 +198,8 @@ pub(super) fn runs(rows: &[Row]) -> Vec<Run> {
     runs
 }
 
-pub(super) fn of_frame(frame: Frame<'_>) -> Came {
-    match Command::decode(frame) {
+pub(super) fn of_frame(frame: Frame<'_>, packing: MovePacking) -> Came {
+    match Command::decode_as(frame, packing) {
         Ok(command) => Came::Command(command),
         Err(why) => Came::Unknown(Command::raw(frame), why),
     }

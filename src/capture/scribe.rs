@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::fold::{Course, Easings};
 use super::known::{Known, Thing};
 use super::rows::{Came, Row, Run, SHOWN, STILL_US, Time, of_frame, rows, runs};
-use crate::board::{Command, DEFAULT_BAUD, Item, TiltPulseWidth};
+use crate::board::{Command, DEFAULT_BAUD, Item, MovePacking, TiltPulseWidth};
 use crate::program::Ease;
 
 /// What the head of a script says of the tilt servo, and what it says instead where a line drives it further: as long as the other, so that
@@ -21,6 +21,7 @@ const WAITING: usize = 4096;
 /// Plainly, every frame is a line. Folded, what a hold covers is left out, and a run of values that follows an easing is one line.
 pub struct Scribe {
     exact: bool,
+    packing: MovePacking,
     easings: Easings,
     text: String,
     /// Which time of the stream is time 0 of the script, in microseconds: that of the first frame.
@@ -46,7 +47,7 @@ struct Tilt {
 
 impl Scribe {
     /// A script without any line yet; `exact` keeps every frame. The line has so many bits a second.
-    pub fn new(exact: bool, baud: u32) -> Self {
+    pub fn new(exact: bool, baud: u32, packing: MovePacking) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
         text += if exact {
             ": every frame, as it came."
@@ -60,6 +61,7 @@ impl Scribe {
         }
         Scribe {
             exact,
+            packing,
             easings: Easings::new(),
             text,
             begin_us: None,
@@ -94,7 +96,7 @@ impl Scribe {
         let came = match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let came = of_frame(frame);
+                let came = of_frame(frame, self.packing);
                 if matches!(&came, Came::Command(Command::Servo { index, pulse }) if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX)
                 {
                     self.widen_tilt();

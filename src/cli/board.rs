@@ -10,6 +10,7 @@ use motionseq::playback::Signals;
 use motionseq::serve::{End, ServeError, Server};
 use motionseq::sim::{Faults, Settings, VirtualBoard, volts};
 
+use super::Reading;
 use super::ending::board_summary;
 use super::exit::Exit;
 use super::log::Log;
@@ -44,6 +45,8 @@ pub(super) struct Board {
     /// Write all that happens to this MCAP file, too: frames, state, pose, telemetry; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 /// Reads the voltage of a battery.
@@ -68,17 +71,18 @@ impl Board {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let mut door = Door::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), None, screen)?;
+        let log = Log::open(self.log.as_deref(), None, self.reading.packing(), screen)?;
         let signals = begin(screen)?;
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
         let faults = self.fault.clone().unwrap_or_default();
         let board = VirtualBoard::new(Settings {
             battery: self.battery,
             report_us: self.report_every,
+            packing: self.reading.packing(),
             faults,
             ..Settings::default()
         });
-        let watcher = Watcher::start(*screen, Some(self.format), self.baud, false);
+        let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.packing(), false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
         Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)
     }

@@ -9,9 +9,11 @@ use motionseq::capture::{DecodeError, Decoded, Timing, decode, transcribe};
 
 use motionseq::source::{Replacement, Source};
 
+use super::Reading;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, plural};
+use super::watcher::two_packings;
 
 /// Show the frames in a stream of bytes, or of hex digits, or make a script of them
 #[derive(Debug, Args)]
@@ -32,6 +34,8 @@ pub(super) struct Decode {
     exact: bool,
     #[command(flatten)]
     force: Force,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 impl Decode {
@@ -68,14 +72,21 @@ impl Decode {
             Some(file) => Box::new(file),
         };
         let mut out = BufWriter::with_capacity(64 * 1024, out);
-        let decoded =
-            if is_script { transcribe(input, timing, self.exact, &mut out) } else { decode(input, timing, &mut out) };
+        let packing = self.reading.packing();
+        let decoded = if is_script {
+            transcribe(input, timing, self.exact, packing, &mut out)
+        } else {
+            decode(input, timing, packing, &mut out)
+        };
         let flushed = out.flush();
         drop(out);
         let flushed = flushed.and_then(|()| file.map_or(Ok(()), Replacement::finish));
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);
+                if decoded.moves > 0 {
+                    screen.note(&two_packings(packing));
+                }
                 if is_script && !decoded.is_timed {
                     screen.note("there are no times in it: the script sends it as fast as the line carries it");
                 }

@@ -36,6 +36,7 @@ use std::thread;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use motionseq::Compiled;
+use motionseq::board::MovePacking;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::Speed;
 use motionseq::report::Repository;
@@ -120,6 +121,20 @@ struct Options {
 enum Deny {
     /// Every warning counts as an error
     Warnings,
+}
+
+/// How the bytes of another program are read.
+#[derive(Clone, Copy, Debug, Args)]
+struct Reading {
+    /// Read a `move` as older copies of the maker's driver pack its direction
+    #[arg(long)]
+    older_move: bool,
+}
+
+impl Reading {
+    fn packing(self) -> MovePacking {
+        if self.older_move { MovePacking::Older } else { MovePacking::Newest }
+    }
 }
 
 fn name_and_value(text: &str) -> Result<(String, String), String> {

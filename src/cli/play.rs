@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use clap::Args;
-use motionseq::board::zeros_behind_flush;
+use motionseq::board::{MovePacking, zeros_behind_flush};
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
 use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
 use motionseq::program::Time;
@@ -150,9 +150,10 @@ impl Play {
         }
         let log = match log {
             None => None,
-            Some((path, file)) => {
-                Some((Log::start(file, path, *screen).map_err(|error| refused(path, &error))?, sources.clone()))
-            }
+            Some((path, file)) => Some((
+                Log::start(file, path, MovePacking::Newest, *screen).map_err(|error| refused(path, &error))?,
+                sources.clone(),
+            )),
         };
 
         let timeline = Arc::new(timeline);

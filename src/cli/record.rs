@@ -11,6 +11,7 @@ use motionseq::playback::{Guard, Signals, Stop, Ward};
 use motionseq::serve::{End, Passed, ServeError, Server};
 use motionseq::sim::{Faults, Settings, VirtualBoard};
 
+use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
 use super::ending::PATIENCE;
 use super::exit::Exit;
@@ -61,6 +62,8 @@ pub(super) struct Record {
     /// Pass bytes on to a real board without the process that stops the robot if this one is killed or hangs
     #[arg(long, requires = "port")]
     no_guard: bool,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 /// For how long what passes bytes on may be silent before its guard kills it and stops the robot, in nanoseconds.
@@ -92,11 +95,12 @@ impl Record {
         let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
         let port = port.transpose()?;
         let mut door = Door::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), file.as_ref(), screen)?;
+        let log = Log::open(self.log.as_deref(), file.as_ref(), self.reading.packing(), screen)?;
         let signals = board::begin(screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
-        let tape = Tape::start(file, self.exact, self.baud, *screen).map_err(failed)?;
-        let watcher = Watcher::start(*screen, self.format, self.baud, port.is_some()).map_err(failed)?;
+        let tape = Tape::start(file, self.exact, self.baud, self.reading.packing(), *screen).map_err(failed)?;
+        let watcher =
+            Watcher::start(*screen, self.format, self.baud, self.reading.packing(), port.is_some()).map_err(failed)?;
         let watcher = watcher.with_tape(tape).with_log(log);
         let begun = |what: &str| {
             screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
@@ -107,6 +111,7 @@ impl Record {
                 let board = VirtualBoard::new(Settings {
                     battery: self.battery,
                     report_us: self.report_every,
+                    packing: self.reading.packing(),
                     faults,
                     ..Settings::default()
                 });

@@ -6,6 +6,7 @@ use std::os::unix::fs::FileExt as _;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, Instant};
 
+use motionseq::board::MovePacking;
 use motionseq::capture::{Scribe, TimedDecoder};
 use motionseq::link::Happened;
 use motionseq::program::Time;
@@ -49,11 +50,17 @@ pub(super) struct Kept {
 
 impl Tape {
     /// Starts a recording into a file, or into standard output.
-    pub(super) fn start(file: Option<File>, exact: bool, baud: u32, screen: Screen) -> io::Result<Self> {
+    pub(super) fn start(
+        file: Option<File>,
+        exact: bool,
+        baud: u32,
+        packing: MovePacking,
+        screen: Screen,
+    ) -> io::Result<Self> {
         let (pieces, to_write) = mpsc::sync_channel(ROOM);
         let (keep, kept) = mpsc::channel();
         let out = Out::new(file)?;
-        let mut scribe = Scribe::new(exact, baud);
+        let mut scribe = Scribe::new(exact, baud, packing);
         if !out.is_file {
             // What is written to a pipe cannot be amended.
             scribe.widen_tilt();

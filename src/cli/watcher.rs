@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
 use std::time::Duration;
 
 use clap::ValueEnum;
-use motionseq::board::{Command, Item, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
+use motionseq::board::{Command, Item, MovePacking, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
 use motionseq::capture::{Listing, TimedDecoder};
 use motionseq::link::{Happened, LineSettings};
 use motionseq::sim::{Pose, VirtualBoard};
@@ -96,20 +96,23 @@ struct Display {
     wrong: u64,
     run: Option<Skip>,
     baud: u32,
+    /// How a `move` is read, and whether one has come.
+    packing: MovePacking,
+    has_moved: bool,
 }
 
 /// Standard output, in one of two forms.
 enum Shown {
     Listing(Listing<BufWriter<io::Stdout>>),
-    Jsonl(BufWriter<io::Stdout>),
+    Jsonl(BufWriter<io::Stdout>, MovePacking),
 }
 
 impl Shown {
-    fn new(format: Format) -> Self {
+    fn new(format: Format, packing: MovePacking) -> Self {
         let out = BufWriter::new(io::stdout());
         match format {
-            Format::Listing => Shown::Listing(Listing::new(out)),
-            Format::Jsonl => Shown::Jsonl(out),
+            Format::Listing => Shown::Listing(Listing::new(out, packing)),
+            Format::Jsonl => Shown::Jsonl(out, packing),
         }
     }
 
@@ -119,7 +122,7 @@ impl Shown {
                 listing.take(Seconds(now_us), item);
                 Ok(())
             }
-            Shown::Jsonl(out) => motionseq::capture::write_json(now_us, item, out),
+            Shown::Jsonl(out, packing) => motionseq::capture::write_json(now_us, item, *packing, out),
         }
     }
 
@@ -129,7 +132,7 @@ impl Shown {
                 listing.flush();
                 listing.failure()
             }
-            Shown::Jsonl(out) => out.flush(),
+            Shown::Jsonl(out, _) => out.flush(),
         }
     }
 
@@ -142,12 +145,20 @@ impl Shown {
 
 impl Watcher {
     /// Starts to watch; shows frames on standard output, or not.
-    pub(super) fn start(screen: Screen, shown: Option<Format>, baud: u32, is_tap: bool) -> io::Result<Self> {
+    pub(super) fn start(
+        screen: Screen,
+        shown: Option<Format>,
+        baud: u32,
+        packing: MovePacking,
+        is_tap: bool,
+    ) -> io::Result<Self> {
         let (show, sights) = mpsc::sync_channel(ROOM);
         let (tell, end) = mpsc::channel();
         let display = Display {
             screen,
-            shown: shown.map(Shown::new),
+            shown: shown.map(|format| Shown::new(format, packing)),
+            packing,
+            has_moved: false,
             decoder: TimedDecoder::new(baud),
             state: State::default(),
             report: None,
@@ -357,15 +368,20 @@ impl Display {
     }
 
     fn came(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        let Display { decoder, shown, state, wrong, run, is_fresh, .. } = self;
+        let Display { decoder, shown, state, wrong, run, is_fresh, packing, has_moved, screen, .. } = self;
         let mut taken = Ok(());
         decoder.feed(at, bytes, |at_us, item| {
             *is_fresh = true;
             match item {
                 Item::Frame(frame) => {
                     *run = None;
-                    *wrong += u64::from(Command::decode(frame).is_err());
-                    state.apply(&Command::decode_or_raw(frame));
+                    let read = Command::decode_as(frame, *packing);
+                    *wrong += u64::from(read.is_err());
+                    let command = read.unwrap_or_else(|_| Command::raw(frame));
+                    if matches!(command, Command::Move { .. }) && !std::mem::replace(has_moved, true) {
+                        screen.note(&two_packings(*packing));
+                    }
+                    state.apply(&command);
                 }
                 // Bytes in a row count once, as they are one line of the listing.
                 Item::Skipped { why, .. } => {
@@ -416,6 +432,15 @@ impl Display {
         parts.extend(servos(state));
         parts
     }
+}
+
+/// What must be said of the first `move` of a stream.
+pub(super) fn two_packings(packing: MovePacking) -> String {
+    let other = match packing {
+        MovePacking::Newest => "older copies of the driver pack it otherwise: --older-move reads those",
+        MovePacking::Older => "it is read as older copies of the driver pack it",
+    };
+    format!("a `move` came; {other}. The two cannot always be told apart, and which one a board expects is unknown")
 }
 
 /// Logs what happens at a board.

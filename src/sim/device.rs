@@ -2,7 +2,7 @@
 
 use super::motion::{Body, Geometry};
 use super::{Fault, Received};
-use crate::board::{Command, Hundredths, Item, Query, Report};
+use crate::board::{Command, Hundredths, Item, MovePacking, Query, Report};
 
 /// By how many volts the battery sags at full speed, and how many it loses then in a second.
 const SAG: f64 = 0.45;
@@ -22,6 +22,8 @@ pub(super) struct Device {
     pub(super) silence_us: Option<u64>,
     /// Microseconds between two reports.
     pub(super) every_us: u64,
+    /// How the direction of a `move` is read.
+    pub(super) packing: MovePacking,
     /// The time, in microseconds since it was switched on.
     now_us: u64,
     /// When the last drive frame came.
@@ -42,6 +44,7 @@ impl Device {
             body: Body::new(geometry),
             silence_us: None,
             every_us: 1,
+            packing: MovePacking::default(),
             now_us: 0,
             fed_us: 0,
             report_us: None,
@@ -111,7 +114,7 @@ impl Device {
             Item::Frame(frame) => {
                 let at = self.received.bytes;
                 self.received.bytes += frame.bytes().len() as u64;
-                match Command::decode(frame) {
+                match Command::decode_as(frame, self.packing) {
                     Ok(command) => self.obey(&command),
                     Err(error) => {
                         self.received.not_understood += 1;

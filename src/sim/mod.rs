@@ -8,7 +8,7 @@ mod device;
 mod faults;
 mod motion;
 
-use crate::board::{Decoder, Hundredths, Item, NotACommand, Report, Skip, State};
+use crate::board::{Decoder, Hundredths, Item, MovePacking, NotACommand, Report, Skip, State};
 use device::Device;
 use faults::Dice;
 
@@ -26,6 +26,8 @@ pub struct Settings {
     pub silence_us: Option<u64>,
     /// Microseconds between two reports.
     pub report_us: u64,
+    /// How the direction of a `move` is read.
+    pub packing: MovePacking,
     /// What goes wrong.
     pub faults: Faults,
 }
@@ -37,6 +39,7 @@ impl Default for Settings {
             battery: Hundredths(1_200),
             silence_us: Some(500_000),
             report_us: 100_000,
+            packing: MovePacking::default(),
             faults: Faults::default(),
         }
     }
@@ -90,9 +93,10 @@ pub enum Fault {
 impl VirtualBoard {
     /// A board that is switched on at time 0.
     pub fn new(settings: Settings) -> Self {
-        let Settings { geometry, battery, silence_us, report_us, faults } = settings;
+        let Settings { geometry, battery, silence_us, report_us, packing, faults } = settings;
         let mut device = Device::new(geometry);
         (device.battery, device.silence_us, device.every_us) = (battery, silence_us, report_us.max(1));
+        device.packing = packing;
         let mut board = VirtualBoard {
             device,
             decoder: Decoder::new(),

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
-use motionseq::board::{Command, Hex, Hundredths, Item, Report, ServoIndex, State};
+use motionseq::board::{Command, Hex, Hundredths, Item, MovePacking, Report, ServoIndex, State};
 use motionseq::capture::TimedDecoder;
 use motionseq::sim::Pose;
 use serde::Serialize;
@@ -17,6 +17,8 @@ use super::{Entry, Level};
 
 /// A log under way. It is made in memory, piece by piece; whoever has it takes the pieces to a file.
 pub(super) struct Book {
+    /// How a `move` is read.
+    packing: MovePacking,
     writer: Writer<NoSeek<Pieces>>,
     pieces: Pieces,
     /// The channel of each topic that has messages, with how many there are.
@@ -155,7 +157,7 @@ struct Timestamp {
 }
 
 impl Book {
-    pub(super) fn new() -> io::Result<Self> {
+    pub(super) fn new(packing: MovePacking) -> io::Result<Self> {
         let pieces = Pieces::default();
         let options = WriteOptions::new()
             .library(concat!("motionseq ", env!("CARGO_PKG_VERSION")))
@@ -165,6 +167,7 @@ impl Book {
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(pieces.clone())).map_err(io::Error::other)?;
         Ok(Book {
+            packing,
             writer,
             pieces,
             channels: BTreeMap::new(),
@@ -215,8 +218,8 @@ impl Book {
 
     /// Frames of the line to the board, and what the board then is.
     fn bytes(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        let mut found = Vec::new();
-        self.decoder.feed(at, bytes, |at_us, item| found.push(read(at_us, item)));
+        let (packing, mut found) = (self.packing, Vec::new());
+        self.decoder.feed(at, bytes, |at_us, item| found.push(read(at_us, item, packing)));
         found.into_iter().try_for_each(|found| self.found(found))
     }
 
@@ -268,8 +271,8 @@ impl Book {
 
     /// The last piece, with which the log is whole.
     pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
-        let mut found = Vec::new();
-        self.decoder.finish(|at_us, item| found.push(read(at_us, item)));
+        let (packing, mut found) = (self.packing, Vec::new());
+        self.decoder.finish(|at_us, item| found.push(read(at_us, item, packing)));
         found.into_iter().try_for_each(|found| self.found(found))?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
@@ -284,11 +287,12 @@ struct Found {
     wrong: Option<String>,
 }
 
-fn read(t_us: u64, item: Item<'_>) -> Found {
+fn read(t_us: u64, item: Item<'_>, packing: MovePacking) -> Found {
     match item {
         Item::Frame(frame) => {
-            let wrong = Command::decode(frame).err().map(|why| why.to_string());
-            Found { t_us, hex: frame.to_string(), command: Some(Command::decode_or_raw(frame)), wrong }
+            let read = Command::decode_as(frame, packing);
+            let wrong = read.as_ref().err().map(ToString::to_string);
+            Found { t_us, hex: frame.to_string(), command: Some(read.unwrap_or_else(|_| Command::raw(frame))), wrong }
         }
         Item::Skipped { bytes, why, .. } => {
             Found { t_us, hex: Hex(bytes).to_string(), command: None, wrong: why.is_wrong().then(|| why.to_string()) }

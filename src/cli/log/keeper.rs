@@ -7,6 +7,8 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
+use motionseq::board::MovePacking;
+
 use super::book::Book;
 use super::{Entry, Screen};
 
@@ -24,10 +26,16 @@ const MOST_PENDING: usize = 16 << 20;
 pub(super) const WHY_NOT: Option<&str> = None;
 
 /// Writes until nothing comes any more; says why the log is not whole, if it is not.
-pub(super) fn keep(file: File, path: PathBuf, screen: Screen, entries: &Receiver<(u64, Entry)>) -> Option<String> {
+pub(super) fn keep(
+    file: File,
+    path: PathBuf,
+    packing: MovePacking,
+    screen: Screen,
+    entries: &Receiver<(u64, Entry)>,
+) -> Option<String> {
     let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
     let mut keeper = Keeper { file, is_file, at: 0, path, screen, pending: Vec::new(), failing: None, is_over: false };
-    match keeper.write_all(entries) {
+    match keeper.write_all(entries, packing) {
         Ok(()) => keeper.failing,
         Err(error) => Some(error.to_string()),
     }
@@ -51,8 +59,8 @@ struct Keeper {
 }
 
 impl Keeper {
-    fn write_all(&mut self, entries: &Receiver<(u64, Entry)>) -> io::Result<()> {
-        let mut book = Book::new()?;
+    fn write_all(&mut self, entries: &Receiver<(u64, Entry)>, packing: MovePacking) -> io::Result<()> {
+        let mut book = Book::new(packing)?;
         let mut written = Instant::now();
         loop {
             match entries.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {

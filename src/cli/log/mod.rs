@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, SystemTime};
 
-use motionseq::board::{Command, Report};
+use motionseq::board::{Command, MovePacking, Report};
 use motionseq::playback::now;
 use motionseq::sim::Pose;
 
@@ -72,18 +72,23 @@ pub(super) enum Level {
 
 impl Log {
     /// Starts a log into a file that was asked for, beside another result, or says why it cannot.
-    pub(super) fn open(path: Option<&Path>, beside: Option<&File>, screen: &Screen) -> Result<Option<Self>, Exit> {
+    pub(super) fn open(
+        path: Option<&Path>,
+        beside: Option<&File>,
+        packing: MovePacking,
+        screen: &Screen,
+    ) -> Result<Option<Self>, Exit> {
         let Some(path) = path else { return Ok(None) };
         let file = output::create(path, &Inputs::default()).and_then(|created| match beside {
             Some(other) if output::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
             _ => Ok(created.file),
         });
-        let started = file.and_then(|file| Log::start(file, path, *screen));
+        let started = file.and_then(|file| Log::start(file, path, packing, *screen));
         started.map(Some).map_err(|error| output::exit(Err(error), Some(path), screen))
     }
 
     /// Starts a log into a file, and throws away what stood there; it begins now.
-    pub(super) fn start(file: File, path: &Path, screen: Screen) -> io::Result<Self> {
+    pub(super) fn start(file: File, path: &Path, packing: MovePacking, screen: Screen) -> io::Result<Self> {
         if let Some(why_not) = keeper::WHY_NOT {
             return Err(io::Error::other(why_not));
         }
@@ -92,7 +97,7 @@ impl Log {
         let (keep, kept) = mpsc::channel();
         let name = path.to_owned();
         start_thread("log", move || {
-            let _ = keep.send(keeper::keep(file, name, screen, &to_write));
+            let _ = keep.send(keeper::keep(file, name, packing, screen, &to_write));
         })?;
         let mut log = Log { path: path.to_owned(), screen, entries, kept, begin: 0, lost: 0 };
         log.begin(now());
