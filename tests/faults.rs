@@ -415,7 +415,7 @@ fn a_reader_as_fast_as_the_line_gets_every_byte_through_short_writes() {
 #[test]
 fn of_two_players_that_race_a_hundred_times_exactly_one_wins() {
     // Nothing that may be dropped on a machine that stalls.
-    let short = script("race", "refresh off\nrocker x=10 for 100ms\n");
+    let short = script("race", "refresh off\nrocker x=10 for 300ms\n");
     at_once(100, |_| {
         let far = FarEnd::new();
         let players = [(); 2].map(|()| start(&["play", &short, "--port", &far.path]));
