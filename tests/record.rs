@@ -13,7 +13,7 @@ use motionseq::board::{
 use motionseq::capture::{DRIVE_TOLERANCE, SERVO_TOLERANCE, Scribe, TimedDecoder, transcribe};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Event, Kind, Timeline};
+use motionseq::timeline::{Kind, Timeline};
 use proptest::prelude::*;
 use rustix::process::Signal;
 
@@ -24,14 +24,14 @@ fn compiled(text: &str) -> Timeline {
     compiled.timeline.unwrap_or_else(|| panic!("{}\n{text}", messages(&sources, &compiled.diagnostics)))
 }
 
-/// Frames at times in microseconds, as a recording; settled every 400 ms, as `record` does it.
+/// Frames at times in microseconds, as a recording; settled every 300 ms, as `record` does it.
 fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
     let mut scribe = Scribe::new(exact, DEFAULT_BAUD, MovePacking::Newest);
     let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
     let (mut text, mut settled_us, mut last_us) = (String::new(), 0, 0);
     for (at_us, frame) in frames {
-        while settled_us + 400_000 < *at_us {
-            settled_us += 400_000;
+        while settled_us + 300_000 < *at_us {
+            settled_us += 300_000;
             scribe.settle(settled_us);
             text += &scribe.settled();
             amend(&mut scribe, &mut text);
@@ -239,15 +239,36 @@ fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
     frames
 }
 
-/// What an event gives a lane.
-fn given(event: &Event, lane: Lane) -> Option<[i32; 3]> {
-    match (&event.command, lane) {
+/// What a command gives a lane.
+fn given(command: &Command, lane: Lane) -> Option<[i32; 3]> {
+    match (command, lane) {
         (Command::Servo { index, pulse }, Lane::Servo(of)) if index.get() == of => Some([pulse.get(), 0, 0]),
         (Command::Servos { pan, .. }, Lane::Servo(1)) => Some([pan.get(), 0, 0]),
         (Command::Servos { tilt, .. }, Lane::Servo(2)) => Some([tilt.get(), 0, 0]),
         (Command::Rocker { x, y, z }, Lane::Rocker) => Some([x.get(), y.get(), z.get()]),
         _ => None,
     }
+}
+
+/// Microseconds between two samples of a move.
+const SAMPLE_US: u64 = 20_000;
+
+/// The least and the most of each value that was held from a time to another.
+fn held(values: &[(u64, [i32; 3])], from_us: u64, to_us: u64) -> Option<([i32; 3], [i32; 3])> {
+    let first = values.partition_point(|(at_us, _)| *at_us <= from_us).saturating_sub(1);
+    let end = values.partition_point(|(at_us, _)| *at_us <= to_us);
+    let all = values.get(first..end)?.iter().map(|(_, values)| *values);
+    let both = |one: [i32; 3], two: [i32; 3], of: fn(i32, i32) -> i32| [0, 1, 2].map(|axis| of(one[axis], two[axis]));
+    all.map(|values| (values, values)).reduce(|one, two| (both(one.0, two.0, i32::min), both(one.1, two.1, i32::max)))
+}
+
+/// Stops a drive that got no frame for half a second, as a board does.
+fn starve(sent: &mut Vec<(u64, [i32; 3])>, end_us: u64) {
+    let next = sent.iter().skip(1).map(|(at_us, _)| *at_us).chain([end_us]);
+    let fed = sent.clone().into_iter().zip(next.collect::<Vec<_>>());
+    let stops = fed.filter(|((at_us, values), next_us)| *values != [0; 3] && at_us + 500_000 < *next_us);
+    sent.extend(stops.map(|((at_us, _), _)| (at_us + 500_000, [0; 3])).collect::<Vec<_>>());
+    sent.sort_by_key(|(at_us, _)| *at_us);
 }
 
 proptest! {
@@ -262,45 +283,31 @@ proptest! {
         let folded = compiled(&text);
         let received = on_the_line(&frames);
         let begin_us = received[0].0;
-        for (index, (_, lane, values)) in program.iter().enumerate() {
-            // Both servos in one frame are two things here.
-            let parts = match lane {
-                Lane::Servos => vec![(Lane::Servo(1), [values[0], 0, 0]), (Lane::Servo(2), [values[1], 0, 0])],
-                _ => vec![(*lane, *values)],
+        let end_us = received.last().unwrap().0 - begin_us;
+        for lane in [Lane::Servo(1), Lane::Servo(2), Lane::Servo(3), Lane::Rocker] {
+            let tolerance = if lane == Lane::Rocker { DRIVE_TOLERANCE } else { SERVO_TOLERANCE };
+            let sent = program.iter().zip(&received).filter_map(|((_, of, values), (at_us, _))| {
+                Some((at_us - begin_us, given(&of.command(*values), lane)?))
+            });
+            let mut sent: Vec<(u64, [i32; 3])> = sent.collect();
+            if lane == Lane::Rocker {
+                starve(&mut sent, end_us);
+            }
+            let events = folded.events().iter().filter(|event| event.kind != Kind::Refresh);
+            let again: Vec<_> = events.filter_map(|event| Some((event.at_us, given(&event.command, lane)?))).collect();
+            let Some((first_us, _)) = sent.first().copied() else {
+                prop_assert!(again.is_empty(), "{lane:?} was never given anything\n{text}");
+                continue;
             };
-            let at_us = received[index].0 - begin_us;
-            for (lane, values) in parts {
-                let tolerance = if lane == Lane::Rocker { DRIVE_TOLERANCE } else { SERVO_TOLERANCE };
-                let events = folded.events().iter().filter(|event| event.kind != Kind::Refresh).filter_map(|event| Some((event, given(event, lane)?)));
-                // All that holds within a millisecond, and where a move is on, what comes next.
-                let (mut least, mut most) = ([i32::MAX; 3], [i32::MIN; 3]);
-                let mut before = None;
-                let mut take = |values: [i32; 3]| for axis in 0..3 {
-                    least[axis] = least[axis].min(values[axis]);
-                    most[axis] = most[axis].max(values[axis]);
-                };
-                for (event, values) in events {
-                    if event.at_us + 1_000 <= at_us {
-                        before = Some(values);
-                    } else {
-                        let moves = event.kind == Kind::Sample;
-                        if event.at_us <= at_us + 1_000 || moves {
-                            take(values);
-                        }
-                        if event.at_us > at_us + 1_000 {
-                            break;
-                        }
-                    }
-                }
-                if let Some(before) = before {
-                    take(before);
-                }
-                for axis in 0..3 {
-                    prop_assert!(
-                        (least[axis] - tolerance..=most[axis] + tolerance).contains(&values[axis]),
-                        "{lane:?} was given {values:?} at {at_us}, and is between {least:?} and {most:?}\n{text}"
-                    );
-                }
+            for at_us in (first_us..=end_us).step_by(1_000) {
+                let [here, there] = [&sent, &again].map(|values| held(values, at_us, at_us));
+                let [soon_here, soon_there] = [&sent, &again].map(|values| held(values, at_us.saturating_sub(1_000), at_us + SAMPLE_US + 1_000));
+                let is_near = [(here, soon_there), (there, soon_here)].into_iter().any(|(one, other)| {
+                    one.zip(other).is_some_and(|((one, _), (least, most))| {
+                        (0..3).all(|axis| (least[axis] - tolerance..=most[axis] + tolerance).contains(&one[axis]))
+                    })
+                });
+                prop_assert!(is_near, "{lane:?} at {at_us} us was {soon_here:?} and is {soon_there:?}\n{text}");
             }
         }
     }
@@ -578,4 +585,59 @@ fn a_recording_under_way_gets_the_limit_that_it_needs() {
     assert_eq!(text.lines().nth(1), Some("limit servo 2 500..2500"), "{text}");
     assert_eq!(commands(&text), ["servo 1 1500", "servo 2 2000"]);
     compiled(&text);
+}
+
+/// What a thing is given: a value at a time in microseconds.
+fn servo(at_us: u64, pulse: i32) -> (u64, Command) {
+    (at_us, Lane::Servo(1).command([pulse, 0, 0]))
+}
+
+#[test]
+fn a_recording_does_not_move_while_the_program_stands_still() {
+    // Out of stillness, the first value of a ramp is a jump.
+    let ramp =
+        |begin_us: u64, from: i32| (0..=20).map(move |step| servo(begin_us + step * 20_000, from + step as i32 * 5));
+    let jump: Vec<_> = [servo(0, 1_500)].into_iter().chain(ramp(2_000_000, 1_900)).collect();
+    let repeated = (0..100).map(|step| servo(step * 20_000, 1_500)).chain(ramp(2_000_000, 1_900)).collect();
+    for sent in [jump, repeated] {
+        let text = folded(&sent);
+        let lines: Vec<&str> = text.lines().skip(1).collect();
+        assert_eq!(lines, ["at 0s servo 1 1500", "at 2s servo 1 1900 -> 2000 over 0.4s"]);
+    }
+    // A curve stands still for 90 ms, in its middle.
+    let pause = |step: u64| step * 20_000 + if step > 10 { 70_000 } else { 0 };
+    let sent: Vec<_> = (0..=20).map(|step| servo(pause(step), 1_000 + step as i32 * 40)).collect();
+    let again = compiled(&folded(&sent));
+    let events: Vec<_> =
+        again.events().iter().filter_map(|event| Some((event.at_us, given(&event.command, Lane::Servo(1))?))).collect();
+    let (least, most) = held(&events, 200_000, 260_000).unwrap();
+    assert!(1_395 <= least[0] && most[0] <= 1_405, "{events:?}");
+}
+
+#[test]
+fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
+    // Tens of thousands of frames as fast as the line carries them, of which the moves are looked for in blocks of thousands.
+    let mut random = 7_u32;
+    let mut random = move |most: u32| {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        i32::try_from((random >> 8) % most).unwrap()
+    };
+    let shapes: [&mut dyn FnMut(i32) -> i32; 5] = [
+        &mut |step| 1_500 + step % 2,
+        &mut |step| 1_500 + step % 2 + if step % 1_000 == 999 { 100 } else { 0 },
+        &mut |step| 1_000 + step / 40,
+        &mut |_| 1_500 + random(14),
+        &mut |step| 1_000 + step * 37 % 900,
+    ];
+    for shape in shapes {
+        let sent: Vec<_> = (0..20_000).map(|step| servo(u64::try_from(step).unwrap() * 800, shape(step))).collect();
+        let frames: Vec<_> = sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect();
+        let mut scribe = Scribe::new(false, DEFAULT_BAUD);
+        let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
+        for (at_us, frame) in &frames {
+            decoder.feed(at_us * 1_000, frame, |at_us, item| scribe.take(at_us, item));
+        }
+        scribe.finish(20_000 * 800);
+        assert!(scribe.settled().lines().count() <= 20_001);
+    }
 }

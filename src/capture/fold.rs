@@ -1,27 +1,9 @@
 //! Runs of values that follow an easing, found as moves.
 
+use std::ops::Range;
+
+use super::curve::{Axes, Curve, Point, QUEUE_US, Room, SAMPLE_US, float};
 use crate::program::Ease;
-
-/// Values of the axes of one thing; those that it does not have are 0.
-pub(super) type Axes = [i32; 4];
-
-/// A value that a thing was given at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Point {
-    /// Microseconds.
-    pub(super) at_us: u64,
-    pub(super) axes: Axes,
-    /// Whether it is the value that the thing had already.
-    pub(super) repeats: bool,
-}
-
-/// What a thing may be given, and how far a move may be from what it was given, at a time within a millisecond.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
-    /// The smallest and the largest value of each axis.
-    pub(super) ranges: [(i32, i32); 4],
-    pub(super) tolerance: i32,
-}
 
 /// Points of one thing in a row.
 #[derive(Debug)]
@@ -74,42 +56,96 @@ pub(super) struct Fold {
 
 /// The fewest values that a move stands for.
 const FEWEST: usize = 4;
-/// How much earlier or later a value may have been meant, in microseconds: those of several things wait for each other on the line.
-const QUEUE_US: u64 = 1_000;
-/// Microseconds between two samples of a move, at the rate that a script has.
-const SAMPLE_US: u64 = 20_000;
 /// A move lasts at least so long, in microseconds.
 const SHORTEST_US: u64 = 4 * SAMPLE_US;
 /// How many sampling intervals before its first value that changes a move may have begun.
 const AHEAD: u64 = 64;
 /// In how many parts an easing is looked up, and how much of the way the table may be wrong.
-const PARTS: usize = 1024;
+const PARTS: u64 = 1024;
 const SLACK: f64 = 0.02;
+/// Where the slack is so much of the way, every easing looks the same, and a straight line is enough.
+const ALIKE: f64 = 0.5;
 /// Of a move, a part of so many may be left to the next one where it fits better without, and so many points at least.
 const SPARE: usize = 8;
 const SPARE_POINTS: usize = 4;
+/// So many points hardly tell where between two of them a move ends.
+const MANY: usize = 16;
+/// No other move can be clearly nearer than one whose mean square is so small: values are rounded.
+const EXACT: f64 = 0.1;
+/// How much is looked at to find the moves in a course, for each of its points. What is looked at is a move to one end by all easings;
+/// a point or a sample of one move counts twice.
+const EFFORT: usize = 112;
+/// And so much more for a whole course.
+const MORE: usize = 2048;
+/// Of what is left of it, from one beginning a part of so many is looked at, and so much at least.
+const SHARE: usize = 32;
+const LEAST: usize = 64;
 
-/// Every easing, the straight one first, with a table of it.
-pub(super) struct Easings(Vec<(Ease, Vec<f64>)>);
+/// Every easing, the straight one first, and for each part of the time, how far all of them are.
+pub(super) struct Easings {
+    all: Vec<Ease>,
+    far: Vec<[f64; EASINGS]>,
+    /// How far any of them has been until then.
+    most: Vec<f64>,
+}
+
+/// At least as many as there are; the others are nowhere.
+const EASINGS: usize = 32;
+
+/// Where a move begins: when, in microseconds, the values there, and the point that it begins at, if at one.
+#[derive(Clone, Copy)]
+struct Begin {
+    at_us: u64,
+    axes: Axes,
+    first: Option<usize>,
+    /// The first point that a sample may come before.
+    led: usize,
+}
+
+/// Of each easing, whether a move may have it.
+type Plausible = [bool; EASINGS];
+
+/// A part of the time, of [`PARTS`], and how far a move is then.
+struct Probe {
+    part: usize,
+    far: f64,
+}
 
 impl Easings {
     pub(super) fn new() -> Self {
-        let easings = Ease::names().into_iter().filter_map(|name| Ease::named(&name));
-        #[expect(clippy::cast_precision_loss, reason = "small")]
-        let table = |ease: Ease| (0..=PARTS).map(|part| ease.at(part as f64 / PARTS as f64)).collect();
-        Easings(easings.map(|ease| (ease, table(ease))).collect())
+        let all: Vec<Ease> = Ease::names().into_iter().filter_map(|name| Ease::named(&name)).collect();
+        let far = |part: u64| {
+            let mut far = [f64::NAN; EASINGS];
+            for (far, ease) in far.iter_mut().zip(&all) {
+                *far = ease.at(float(part) / float(PARTS));
+            }
+            far
+        };
+        let far: Vec<_> = (0..=PARTS).map(far).collect();
+        let until = |most: &mut f64, far: &[f64; EASINGS]| {
+            *most = far.iter().fold(*most, |most, far| most.max(far.abs()));
+            Some(*most)
+        };
+        Easings { most: far.iter().scan(0.0, until).collect(), far, all }
     }
 
     /// The moves in a course, in their order; what is in none of them is no part of a move. `before` is the value that the thing had before,
     /// and since when; the points may begin with some that repeat it.
     pub(super) fn folds(&self, course: &Course<'_>, before: Option<(u64, Axes)>) -> Vec<Fold> {
-        let ahead = before.and_then(|before| self.begins_ahead(course, before));
+        let axes = |of: fn(i32, i32) -> i32| {
+            let all = course.points.iter().map(|point| point.axes).chain(before.map(|(_, axes)| axes));
+            all.reduce(|one, other| std::array::from_fn(|axis| of(value(one, axis), value(other, axis))))
+                .unwrap_or_default()
+        };
+        let left = EFFORT * course.points.len() + MORE;
+        let mut search = Search { easings: self, course, least: axes(i32::min), most: axes(i32::max), left, doubt: 0 };
+        let ahead = before.and_then(|before| search.begins_ahead(before));
         let mut from = ahead.map_or(0, |fold| fold.last);
         let mut folds: Vec<Fold> = ahead.into_iter().collect();
         while let Some(point) = course.points.get(from) {
             // A move that has ended behind its last value holds the next one up.
-            let begin_us = folds.last().filter(|fold| fold.last == from).map_or(point.at_us, |fold| fold.to_us);
-            match self.longest(course, from, (begin_us, point.axes), Some(from)) {
+            let at_us = folds.last().filter(|fold| fold.last == from).map_or(point.at_us, |fold| fold.to_us);
+            match search.longest(from, Begin { at_us, axes: point.axes, first: Some(from), led: from }) {
                 Some(fold) => {
                     folds.push(fold);
                     from = fold.last;
@@ -120,15 +156,49 @@ impl Easings {
         folds
     }
 
+    /// The easings that are as far as the probes say, but for so much.
+    fn plausible(&self, probes: impl Iterator<Item = Probe>, slack: f64) -> Plausible {
+        let mut may = [true; EASINGS];
+        for Probe { part, far } in probes {
+            for (may, at) in may.iter_mut().zip(self.far.get(part).into_iter().flatten()) {
+                *may &= (at - far).abs() <= slack;
+            }
+            if !may.contains(&true) {
+                break;
+            }
+        }
+        if slack >= ALIKE {
+            may.iter_mut().skip(1).for_each(|may| *may = false);
+        }
+        may
+    }
+}
+
+/// A search for the moves in a course.
+struct Search<'s> {
+    easings: &'s Easings,
+    course: &'s Course<'s>,
+    /// The least and the most that each axis is given.
+    least: Axes,
+    most: Axes,
+    /// How much may still be looked at.
+    left: usize,
+    /// The point that the last move was too far from: it is the first to be looked at of the next one.
+    doubt: usize,
+}
+
+impl Search<'_> {
     /// The longest move that begins before the first value that changes, at a moment when nothing was sent: its first samples were left out
     /// where they changed nothing, or repeat the value.
-    fn begins_ahead(&self, course: &Course<'_>, (since_us, axes): (u64, Axes)) -> Option<Fold> {
-        let change = course.points.iter().find(|point| !point.repeats)?;
-        let begins = (1..=AHEAD).map_while(|steps| change.at_us.checked_sub(steps.checked_mul(course.step_us)?));
+    fn begins_ahead(&mut self, (since_us, axes): (u64, Axes)) -> Option<Fold> {
+        let Course { points, step_us, .. } = *self.course;
+        let still = points.iter().position(|point| !point.repeats)?;
+        let change = points.get(still)?;
+        let begins = (1..=AHEAD).map_while(|steps| change.at_us.checked_sub(steps.checked_mul(step_us)?));
         let begins = begins.take_while(|begin_us| *begin_us >= since_us);
-        let folds = begins.filter_map(|begin_us| {
-            let from = course.points.iter().position(|point| point.at_us > begin_us)?;
-            self.longest(course, from, (begin_us, axes), None)
+        let folds = begins.filter_map(|at_us| {
+            let from = points.iter().position(|point| point.at_us > at_us)?;
+            self.longest(from, Begin { at_us, axes, first: None, led: still + 1 })
         });
         let folds: Vec<Fold> = folds.collect();
         let longest = folds.iter().map(|fold| fold.last).max()?;
@@ -137,119 +207,121 @@ impl Easings {
     }
 
     /// The longest move from a moment, over the points from `from` on.
-    fn longest(
-        &self,
-        course: &Course<'_>,
-        from: usize,
-        (begin_us, begin): (u64, Axes),
-        first: Option<usize>,
-    ) -> Option<Fold> {
-        let Course { points, .. } = course;
-        let rest = points.get(from..)?;
-        let mut best: Option<Fold> = None;
-        let mut changes = rest.iter().skip(usize::from(first.is_some())).filter(|point| !point.repeats).count();
-        for last in (from..points.len()).rev().filter(|at| Some(*at) != first) {
+    fn longest(&mut self, from: usize, begin: Begin) -> Option<Fold> {
+        let points = self.course.points;
+        let allowed = (self.left / SHARE).max(LEAST);
+        let (mut work, mut best) = (0, None::<Fold>);
+        let from_points = from + usize::from(begin.first.is_some());
+        let reach = self.reach(from_points, begin).min(from.saturating_add(allowed));
+        let mut changes = points.get(from_points..reach)?.iter().filter(|point| !point.repeats).count();
+        for last in (from_points..reach).rev() {
             let Some(end) = points.get(last).filter(|end| !end.repeats) else { continue };
-            let is_spared = best.is_none_or(|best| last + spare(best.last - from) >= best.last);
-            if changes < FEWEST || !is_spared {
+            let is_spared = best.is_none_or(|best| last + spare(best.last - from) >= best.last && best.error > EXACT);
+            if changes < FEWEST || !is_spared || work > allowed {
                 break;
             }
             changes -= 1;
-            let within = points.get(from + usize::from(first.is_some())..=last)?;
-            for to_us in course.ends(last, end.at_us).filter(|_| end.axes != begin) {
-                if let Some((ease, error)) = self.fitting(within, (begin_us, begin), (to_us, end.axes), course.room)
+            for to_us in self.course.ends(last, end.at_us).filter(|_| end.axes != begin.axes) {
+                let range = from_points..last + 1;
+                let Some(plausible) = self.plausible(range.clone(), begin, (to_us, end.axes)) else { continue };
+                work += 1;
+                // Of many points, an end that is a little later changes little.
+                if range.len() > MANY && !plausible.contains(&true) {
+                    break;
+                }
+                if let Some((ease, error)) = self.fitting(range, begin, (to_us, end.axes), plausible, &mut work)
                     && best.is_none_or(|best| error < best.error / 2.0)
                 {
-                    best = Some(Fold { from_us: begin_us, from: begin, first, last, to_us, ease, error });
+                    let Begin { at_us: from_us, axes: from, first, .. } = begin;
+                    best = Some(Fold { from_us, from, first, last, to_us, ease, error });
                 }
+            }
+        }
+        self.left = self.left.saturating_sub(work);
+        best
+    }
+
+    /// Up to where a move may last that is at the first value that changes in time: the further that is, the sooner the move ends.
+    fn reach(&self, from: usize, begin: Begin) -> usize {
+        let points = self.course.points;
+        let Some(change) = points.iter().skip(from).find(|point| !point.repeats) else { return 0 };
+        let far = |axis: usize| {
+            let begin = value(begin.axes, axis);
+            let way = (value(self.most, axis) - begin).max(begin - value(self.least, axis));
+            let jump = (value(change.axes, axis) - begin).abs() - self.course.room.tolerance - 1;
+            f64::from(jump) / f64::from(way.max(1))
+        };
+        let far = (0..4).map(far).fold(0.0, f64::max);
+        // The table may be wrong by a part.
+        let part = self.easings.most.partition_point(|most| *most < far).saturating_sub(1) as u64;
+        let passed_us = change.at_us.saturating_sub(begin.at_us).saturating_add(SAMPLE_US + QUEUE_US);
+        let Some(longest_us) = passed_us.saturating_mul(PARTS).checked_div(part) else { return points.len() };
+        points.partition_point(|point| point.at_us <= begin.at_us.saturating_add(longest_us))
+    }
+
+    /// The easing that all points of a range follow, and follow best, and how far they are from it: the mean square.
+    #[expect(clippy::too_many_arguments, reason = "a move, what it may be, and what it takes to find out")]
+    fn fitting(
+        &mut self,
+        range: Range<usize>,
+        begin: Begin,
+        (end_us, end): (u64, Axes),
+        plausible: Plausible,
+        work: &mut usize,
+    ) -> Option<(Ease, f64)> {
+        let points = self.course.points.get(range.clone())?;
+        let room = &self.course.room;
+        let mut best: Option<(Ease, f64)> = None;
+        for (&ease, _) in self.easings.all.iter().zip(plausible).filter(|(_, may)| *may) {
+            let curve = Curve { begin_us: begin.at_us, begin: begin.axes, end_us, end, ease };
+            let doubt = self.doubt.checked_sub(range.start).and_then(|doubt| points.get(doubt));
+            *work += 2;
+            if doubt.is_some_and(|doubt| !curve.follows(doubt, room)) {
+                continue;
+            }
+            match curve.error(points, begin.led.saturating_sub(range.start), room, work) {
+                Err(at) => self.doubt = range.start + at,
+                // A straight line, or else the gentlest curve, unless another one is clearly meant.
+                Ok(error) if best.is_none_or(|(_, least)| error < least / 2.0) => best = Some((ease, error)),
+                Ok(_) => {}
             }
         }
         best
     }
 
-    /// The easing that all points follow, and follow best, and how far they are from it: the mean square.
-    fn fitting(
-        &self,
-        points: &[Point],
-        (begin_us, begin): (u64, Axes),
-        (to_us, to): (u64, Axes),
-        room: Room,
-    ) -> Option<(Ease, f64)> {
-        let duration = to_us.checked_sub(begin_us).filter(|duration| *duration >= SHORTEST_US)?;
-        let part = |at_us: u64| float(at_us.saturating_sub(begin_us)) / float(duration);
+    /// The easings that some of the points seem to follow, and that do not show before the first value that changes. `None` where the move
+    /// is too short.
+    fn plausible(&self, range: Range<usize>, begin: Begin, (end_us, end): (u64, Axes)) -> Option<Plausible> {
+        let points = self.course.points.get(range)?;
+        let duration = end_us.checked_sub(begin.at_us).filter(|duration| *duration >= SHORTEST_US)?;
         // The axis with the longest way says the most.
-        let way = |axis: usize| to.get(axis).zip(begin.get(axis)).map_or(0, |(end, begin)| end - begin);
+        let way = |axis: usize| end.get(axis).zip(begin.axes.get(axis)).map_or(0, |(end, begin)| end - begin);
         let axis = (0..4).max_by_key(|axis| way(*axis).abs())?;
-        let (way, start) = (f64::from(way(axis)), f64::from(*begin.get(axis)?));
-        let slack = (f64::from(room.tolerance) + 1.0) / way.abs() + SLACK;
-        let probes = [2, 1, 3].map(|quarter| points.get(points.len() * quarter / 4));
-        let probes = probes.map(|point| {
-            let point = point?;
-            let part = part(point.at_us);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to PARTS")]
-            let place = libm::round(part * float(PARTS as u64)) as usize;
-            Some((place, (f64::from(*point.axes.get(axis)?) - start) / way))
+        let (way, start) = (f64::from(way(axis)), f64::from(*begin.axes.get(axis)?));
+        let slack = (f64::from(self.course.room.tolerance) + 1.0) / way.abs() + SLACK;
+        let scale = float(PARTS) / float(duration);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to PARTS")]
+        let part = |passed_us: u64| (float(passed_us) * scale + 0.5) as usize;
+        let quarters = [2, 1, 3].into_iter().filter_map(|quarter| {
+            let point = points.get(points.len() * quarter / 4)?;
+            let far = (f64::from(*point.axes.get(axis)?) - start) / way;
+            Some(Probe { part: part(point.at_us.saturating_sub(begin.at_us)), far })
         });
-        let may_fit = |table: &[f64]| {
-            probes.iter().flatten().all(|(place, far)| table.get(*place).is_some_and(|at| (at - far).abs() <= slack))
-        };
-        let error = |ease: Ease| {
-            let mut squares = 0.0;
-            for point in points {
-                let (at_us, within) = (point.at_us, f64::from(room.tolerance));
-                let far = ease.at(part(at_us));
-                let at = |us: u64| ease.at(part(us.clamp(begin_us, to_us)));
-                let [earlier, later] = [at_us.saturating_sub(QUEUE_US), at_us + QUEUE_US].map(at);
-                // What the script will send before and after it, so that a swing between two samples is none.
-                let after_us = at_us.saturating_sub(begin_us);
-                let before = after_us.saturating_sub(QUEUE_US) / SAMPLE_US;
-                let on = (after_us + QUEUE_US) / SAMPLE_US;
-                let [before, on, after] = [before, on, on + 1].map(|sample| at(begin_us + sample * SAMPLE_US));
-                for (axis, sent) in point.axes.iter().enumerate() {
-                    let sent = f64::from(*sent);
-                    let value = between(begin, to, axis, far);
-                    let is_near = |fars: [f64; 4]| {
-                        let values = fars.map(|far| libm::round(between(begin, to, axis, far)));
-                        let least = values.iter().copied().fold(f64::MAX, f64::min);
-                        let most = values.iter().copied().fold(f64::MIN, f64::max);
-                        (least - within..=most + within).contains(&sent)
-                    };
-                    if !is_near([earlier, far, far, later]) || !is_near([before, on, on, after]) {
-                        return None;
-                    }
-                    squares += (value - sent) * (value - sent);
-                }
-            }
-            Some(squares / float(points.len() as u64))
-        };
-        let keeps_range = |ease: Ease| {
-            let samples = (0..).map(|sample| begin_us + sample * SAMPLE_US).take_while(|at_us| *at_us < to_us);
-            samples.map(|at_us| ease.at(part(at_us))).all(|far| {
-                room.ranges.iter().enumerate().all(|(axis, (least, most))| {
-                    let value = libm::round(between(begin, to, axis, far));
-                    (f64::from(*least)..=f64::from(*most)).contains(&value)
-                })
-            })
-        };
-        let easings = self.0.iter().filter(|(_, table)| may_fit(table)).map(|(ease, _)| *ease);
-        let fitting = easings.filter_map(|ease| Some((ease, error(ease)?))).filter(|(ease, _)| keeps_range(*ease));
-        // A straight line, or else the gentlest curve, unless another one is clearly meant.
-        fitting.reduce(|best, other| if other.1 < best.1 / 2.0 { other } else { best })
+        // The last sample before that value.
+        let change = begin.led.checked_sub(1).filter(|_| begin.first.is_none());
+        let change = change.and_then(|change| self.course.points.get(change));
+        let passed = change.and_then(|change| change.at_us.checked_sub(begin.at_us + QUEUE_US + 1));
+        let still = passed.map(|us| Probe { part: part(us / SAMPLE_US * SAMPLE_US), far: 0.0 });
+        Some(self.easings.plausible(still.into_iter().chain(quarters), slack))
     }
 }
 
-/// The value of an axis after a part of the way, before it is rounded.
-fn between(begin: Axes, end: Axes, axis: usize, far: f64) -> f64 {
-    let of = |axes: Axes| f64::from(axes.get(axis).copied().unwrap_or_default());
-    of(begin) + (of(end) - of(begin)) * far
+/// The value of an axis.
+fn value(of: Axes, axis: usize) -> i32 {
+    of.get(axis).copied().unwrap_or_default()
 }
 
 /// How many of so many points may be left to the next move.
 fn spare(points: usize) -> usize {
     (points / SPARE).max(SPARE_POINTS)
-}
-
-#[expect(clippy::cast_precision_loss, reason = "times of a day in microseconds, and less")]
-fn float(number: u64) -> f64 {
-    number as f64
 }

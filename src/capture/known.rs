@@ -1,11 +1,12 @@
 //! What a script that is being written has said so far.
 
-use super::fold::{Axes, Room};
+use super::curve::{Axes, Room};
 use crate::board::{Command, Mode, PulseWidth, Speed, TiltPulseWidth, TurnRate};
 
-/// How far a folded move of a servo may be from a value that was sent, within a millisecond of its time, in microseconds of pulse width.
+/// How far a folded move of a servo may be from what it was held at, at any time, in microseconds of pulse width. A move has a sample every
+/// 20 ms, and may be so much earlier or later than the program.
 pub const SERVO_TOLERANCE: i32 = 5;
-/// How far a folded move of the drive may be from a value that was sent, within a millisecond of its time, in its unit.
+/// The same of the drive, in its unit.
 pub const DRIVE_TOLERANCE: i32 = 1;
 
 /// What the script has said so far.

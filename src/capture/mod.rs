@@ -1,5 +1,6 @@
 //! Bytes that another program sent, read back: as a listing or as a script, whatever is wrong with them.
 
+mod curve;
 mod fold;
 mod known;
 mod listing;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use super::fold::{Axes, Point};
+use super::curve::{Axes, Point};
 use super::known::{Known, Thing};
 use crate::board::{Command, Frame, Hex, Mode, MovePacking, NotACommand, Skip};
 

@@ -14,7 +14,7 @@ const TILT: &str = " Servo 2 is at most 1950.";
 const WIDE_TILT: &str = "\nlimit servo 2 500..2500\n";
 
 /// What may wait to be written, at most.
-const WAITING: usize = 4096;
+const WAITING: usize = 2048;
 
 /// Makes a script of frames and their times. What is written is settled: the text only grows.
 ///

@@ -18,7 +18,7 @@ use super::start_thread;
 /// What may wait to be written down, in pieces.
 const ROOM: usize = 64 * 1024;
 /// How often the file is brought up to date.
-const UPDATE: Duration = Duration::from_millis(400);
+const UPDATE: Duration = Duration::from_millis(300);
 /// How long the end waits for a file that takes nothing.
 const PATIENCE: Duration = Duration::from_secs(3);
 /// How often the time is told where nothing else happens, in microseconds.

@@ -1,0 +1,156 @@
+//! A move, compared with what was sent at every moment of it.
+
+use crate::program::Ease;
+
+/// How much earlier or later a value may have been meant, in microseconds: those of several things wait for each other on the line.
+pub(super) const QUEUE_US: u64 = 1_000;
+/// Microseconds between two samples of a move, at the rate that a script has.
+pub(super) const SAMPLE_US: u64 = 20_000;
+
+/// Values of the axes of one thing; those that it does not have are 0.
+pub(super) type Axes = [i32; 4];
+
+/// A value that a thing was given at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Point {
+    /// Microseconds.
+    pub(super) at_us: u64,
+    pub(super) axes: Axes,
+    /// Whether it is the value that the thing had already.
+    pub(super) repeats: bool,
+}
+
+/// What a thing may be given, and how far a move may be from what it was given, at any time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// The smallest and the largest value of each axis.
+    pub(super) ranges: [(i32, i32); 4],
+    pub(super) tolerance: i32,
+}
+
+/// Values of the axes before they are rounded.
+type Values = [f64; 4];
+
+/// A move: when it begins and ends, in microseconds, the values there, and how it gets from one to the other.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Curve {
+    pub(super) begin_us: u64,
+    pub(super) begin: Axes,
+    pub(super) end_us: u64,
+    pub(super) end: Axes,
+    pub(super) ease: Ease,
+}
+
+impl Curve {
+    /// How far it is from the points: the mean square. Fails where it is further from what was held than the tolerance, with the next point. A
+    /// sample may come up to one sampling interval before the value that it leads to, if that is `led` or a later point. Adds what it took to
+    /// `work`.
+    pub(super) fn error(&self, points: &[Point], led: usize, room: &Room, work: &mut usize) -> Result<f64, usize> {
+        let mut squares = 0.0;
+        let mut next = 0;
+        let mut now = self.begin.map(f64::from);
+        for (until_us, after) in self.samples() {
+            *work += 2;
+            while let Some(point) = points.get(next).filter(|point| point.at_us < until_us) {
+                *work += 2;
+                let sent = point.axes.map(f64::from);
+                let far = self.at(point.at_us);
+                if !is_near(sent, &[now, after], room) || !self.is_near(far, point, room) {
+                    return Err(next);
+                }
+                squares += far.iter().zip(sent).map(|(far, sent)| (far - sent) * (far - sent)).sum::<f64>();
+                next += 1;
+            }
+            let around = points.split_at_checked(next).unwrap_or((points, &[]));
+            if !room.holds(after) || !self.is_held(around, led.saturating_sub(next), (until_us, after), room) {
+                return Err(next);
+            }
+            now = after;
+        }
+        let rest = points.get(next..).unwrap_or_default();
+        if rest.iter().any(|point| point.axes != self.end) {
+            return Err(next);
+        }
+        Ok(squares / count(points.len()))
+    }
+
+    /// Its samples but for the one at its beginning, as a script sends them, with their times. The last one is its end.
+    fn samples(&self) -> impl Iterator<Item = (u64, Values)> {
+        let times = (1..).map(|sample| self.begin_us.saturating_add(sample * SAMPLE_US));
+        let samples = times.take_while(|at_us| *at_us < self.end_us);
+        samples.map(|at_us| (at_us, self.at(at_us).map(libm::round))).chain([(self.end_us, self.end.map(f64::from))])
+    }
+
+    /// Whether a sample is near what is held when it is sent, of the points before it and the others.
+    fn is_held(
+        &self,
+        (earlier, later): (&[Point], &[Point]),
+        led: usize,
+        (at_us, sample): (u64, Values),
+        room: &Room,
+    ) -> bool {
+        let values = |point: &Point| point.axes.map(f64::from);
+        let begin = self.begin.map(f64::from);
+        let held = earlier.last().map_or(begin, values);
+        let soon = later.iter().take_while(|point| point.at_us <= at_us.saturating_add(QUEUE_US)).count();
+        let leads = |point: &Point| point.at_us <= at_us.saturating_add(SAMPLE_US + QUEUE_US);
+        let soon = soon + usize::from(soon >= led && later.get(soon).is_some_and(leads));
+        let around: Vec<Values> = std::iter::once(held).chain(later.iter().take(soon).map(values)).collect();
+        is_near(sample, &around, room)
+    }
+
+    /// Whether a point is near the curve within a millisecond.
+    pub(super) fn follows(&self, point: &Point, room: &Room) -> bool {
+        self.is_near(self.at(point.at_us), point, room)
+    }
+
+    /// The same, where it is at the time of the point.
+    fn is_near(&self, now: Values, point: &Point, room: &Room) -> bool {
+        let (sent, now) = (point.axes.map(f64::from), now.map(libm::round));
+        is_near(sent, &[now], room) || {
+            let at = |at_us: u64| self.at(at_us).map(libm::round);
+            let [earlier, later] = [point.at_us.saturating_sub(QUEUE_US), point.at_us.saturating_add(QUEUE_US)].map(at);
+            is_near(sent, &[earlier, now, later], room)
+        }
+    }
+
+    /// Where it is at a time.
+    fn at(&self, at_us: u64) -> Values {
+        let passed = at_us.clamp(self.begin_us, self.end_us) - self.begin_us;
+        let far = self.ease.at(float(passed) / float((self.end_us - self.begin_us).max(1)));
+        let mut values = self.begin.map(f64::from);
+        for (value, end) in values.iter_mut().zip(self.end) {
+            *value += (f64::from(end) - *value) * far;
+        }
+        values
+    }
+}
+
+/// Whether each value is within the tolerance of those of the others.
+fn is_near(values: Values, others: &[Values], room: &Room) -> bool {
+    let tolerance = f64::from(room.tolerance);
+    values.iter().enumerate().all(|(axis, value)| {
+        let others = others.iter().filter_map(|values| values.get(axis).copied());
+        let (least, most) =
+            others.fold((f64::MAX, f64::MIN), |(least, most), other| (least.min(other), most.max(other)));
+        (least - tolerance..=most + tolerance).contains(value)
+    })
+}
+
+impl Room {
+    /// Whether the thing may be given these values.
+    fn holds(&self, values: Values) -> bool {
+        let ranges = self.ranges.iter().zip(values);
+        ranges.into_iter().all(|((least, most), value)| (f64::from(*least)..=f64::from(*most)).contains(&value))
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "times of a day in microseconds, and less")]
+pub(super) fn float(number: u64) -> f64 {
+    number as f64
+}
+
+#[expect(clippy::cast_precision_loss, reason = "as many as wait to be written, at most")]
+pub(super) fn count(number: usize) -> f64 {
+    number as f64
+}
