@@ -632,7 +632,7 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
     for shape in shapes {
         let sent: Vec<_> = (0..20_000).map(|step| servo(u64::try_from(step).unwrap() * 800, shape(step))).collect();
         let frames: Vec<_> = sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect();
-        let mut scribe = Scribe::new(false, DEFAULT_BAUD);
+        let mut scribe = Scribe::new(false, DEFAULT_BAUD, MovePacking::Newest);
         let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
         for (at_us, frame) in &frames {
             decoder.feed(at_us * 1_000, frame, |at_us, item| scribe.take(at_us, item));

@@ -198,15 +198,19 @@ fn zeros_of(rest: &[u8]) -> usize {
     rest.iter().take_while(|byte| **byte == 0).count()
 }
 
-/// Where the frame of a command starts inside what claims to be a longer frame, if a whole one does.
+/// Where the frame of a command starts inside what claims to be a longer frame, if a whole one does: the one that ends first, so that it
+/// is the same one however the stream is cut into reads.
 fn command_inside(claimed: &[u8]) -> Option<usize> {
-    (1..claimed.len()).find(|at| {
-        let rest = claimed.get(*at..).unwrap_or_default();
-        let [first, second, function, length, ..] = *rest else { return false };
-        [first, second] == HEADER
+    let ends = (1..claimed.len()).filter_map(|at| {
+        let rest = claimed.get(at..).unwrap_or_default();
+        let [first, second, function, length, ..] = *rest else { return None };
+        let whole = OVERHEAD + usize::from(length);
+        let is_command = [first, second] == HEADER
             && known_lengths(function).is_some_and(|lengths| lengths.contains(&length))
-            && rest.get(..OVERHEAD + usize::from(length)).is_some_and(|frame| Frame::new(frame).is_ok())
-    })
+            && rest.get(..whole).is_some_and(|frame| Frame::new(frame).is_ok());
+        is_command.then_some((at + whole, at))
+    });
+    ends.min().map(|(_, at)| at)
 }
 
 /// How many bytes to skip until the next one that can start a frame; at least one.
