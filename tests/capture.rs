@@ -4,12 +4,11 @@ use std::io::{self, Read, Write};
 use std::process::Stdio;
 
 use crate::support::{motionseq, rendered, run, stderr, stdout};
-use motionseq::board::MovePacking;
-use motionseq::capture::{DecodeError, Decoded, NoTiming, Timing, decode};
+use motionseq::capture::{DecodeError, Decoded, NoTiming, Reading, Timing, decode};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = decode(bytes, None, MovePacking::Newest, &mut out).unwrap();
+    let decoded = decode(bytes, Reading::default(), &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 
@@ -115,7 +114,7 @@ fn a_file_of_times_says_when_bytes_came() {
     let bytes = [0xFF, 0xFE, 4, 1, 1, 6, 0xFF, 0xFE, 4, 1, 0, 5];
     let shown = |timing: Timing, bytes: &[u8]| {
         let mut out = Vec::new();
-        decode(bytes, Some(timing), MovePacking::Newest, &mut out).unwrap();
+        decode(bytes, Reading { timing: Some(timing), ..Reading::default() }, &mut out).unwrap();
         let text = String::from_utf8(out).unwrap();
         text.lines().map(|line| line.split('\t').next().unwrap().to_owned()).collect::<Vec<_>>()
     };
@@ -142,8 +141,36 @@ fn however_a_stream_is_cut_into_reads_it_says_the_same() {
     let whole = listing(&bytes);
     for size in [1, 2, 3, 7, 13, 4_096] {
         let mut out = Vec::new();
-        let decoded = decode(Pieces(&bytes, size), None, MovePacking::Newest, &mut out).unwrap();
+        let decoded = decode(Pieces(&bytes, size), Reading::default(), &mut out).unwrap();
         assert!((String::from_utf8(out).unwrap(), decoded) == whole, "in pieces of {size}");
+    }
+}
+
+#[test]
+fn a_text_is_a_text_however_little_the_first_read_gives() {
+    let texts = [
+        "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
+        "# motionseq frames 2\n# x\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n# end\t0.500000\tframes\t1\tbaud\t9600\n",
+        "{\"t_us\":500000,\"frame\":\"FFFE04010106\"}\n",
+        " (0.500000) can0 123#FFFE04010106\n",
+        "00000000: fffe 0401 0106 fffe 0401 0005            ............\n",
+        "0xFF 0xFE 4 1 1 6",
+        "\n\n",
+    ];
+    for text in texts {
+        let whole = listing(text.as_bytes());
+        for size in 1..text.len() {
+            let mut out = Vec::new();
+            let decoded = decode(Pieces(text.as_bytes(), size), Reading::default(), &mut out).unwrap();
+            assert_eq!((String::from_utf8(out).unwrap(), decoded), whole, "{text:?} in pieces of {size}");
+        }
+    }
+    let capture = b"Script started on 2026-11-24 12:00:00+00:00\n\xFF\xFE\x04\x01\x01\x06";
+    for size in 1..capture.len() {
+        let mut out = Vec::new();
+        let reading = Reading { timing: Some(Timing::read("0.5 6\n", None).unwrap()), ..Reading::default() };
+        decode(Pieces(capture, size), reading, &mut out).unwrap();
+        assert_eq!(String::from_utf8(out).unwrap(), "0.500000\tFF FE 04 01 01 06\tbuzzer on\n", "in pieces of {size}");
     }
 }
 
@@ -170,7 +197,7 @@ fn a_listing_that_cannot_be_written_ends_at_once() {
         }
     }
     let frames = [0xFF, 0xFE, 0x04, 0x01, 0x01, 0x06];
-    assert!(matches!(decode(Endless(frames, 0), None, MovePacking::Newest, &mut Full), Err(DecodeError::Write(_))));
+    assert!(matches!(decode(Endless(frames, 0), Reading::default(), &mut Full), Err(DecodeError::Write(_))));
 }
 
 #[test]

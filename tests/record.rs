@@ -10,10 +10,12 @@ use crate::support::{messages, run, stderr};
 use motionseq::board::{
     Command, DEFAULT_BAUD, Displacement, MovePacking, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
 };
-use motionseq::capture::{DRIVE_TOLERANCE, SERVO_TOLERANCE, Scribe, TimedDecoder, transcribe};
+use motionseq::capture::{
+    DRIVE_TOLERANCE, Decoded, Reading, SERVO_TOLERANCE, Scribe, TimedDecoder, decode, transcribe,
+};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Kind, Timeline};
+use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
 use proptest::prelude::*;
 use rustix::process::Signal;
 
@@ -53,7 +55,7 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
 fn transcribed(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
     let bytes: Vec<u8> = frames.iter().flat_map(|(_, frame)| frame.clone()).collect();
     let mut out = Vec::new();
-    transcribe(&bytes[..], None, exact, MovePacking::Newest, &mut out).unwrap();
+    transcribe(&bytes[..], Reading::default(), exact, &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -640,4 +642,51 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
         scribe.finish(20_000 * 800);
         assert!(scribe.settled().lines().count() <= 20_001);
     }
+}
+
+/// A capture, as a script and what was read.
+fn script_of(capture: &[u8], exact: bool, baud: Option<u32>) -> (String, Decoded) {
+    let mut out = Vec::new();
+    let decoded = transcribe(capture, Reading { baud, ..Reading::default() }, exact, &mut out).unwrap();
+    (String::from_utf8(out).unwrap(), decoded)
+}
+
+#[test]
+fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
+    for (baud, gap_us) in [(9_600, 20_000), (115_200, 2_000), (1_000_000, 200)] {
+        let lines =
+            (0..200).map(|line| format!("at {}us servo {} {}\n", (line + 1) * gap_us, line % 4 + 1, 1_000 + line));
+        let script = compiled(
+            &(format!("baud {baud}\nservos 1500 1500\nbuzzer on\nrequest voltage\n") + &lines.collect::<String>()),
+        );
+        let (mut listing, mut snapshot) = (Vec::new(), Vec::new());
+        write_listing(script.events(), &mut listing).unwrap();
+        write_snapshot("x.motion", &script, &mut snapshot).unwrap();
+        for (capture, given) in [(&listing, Some(baud)), (&snapshot, None)] {
+            let (text, _) = script_of(capture, true, given);
+            let again = compiled(&text);
+            assert_eq!((again.baud, sent(&again)), (baud, sent(&script)), "{text}");
+            compiled(&script_of(capture, false, given).0);
+        }
+    }
+    // One thing gets one value at one time.
+    let coarse =
+        "0.0\tFF FE 02 03 01 05 DC E7\n0.0\tFF FE 02 03 01 05 DD E8\n0.0\tFF FE 04 01 01 06\n0.0\tFF FE 04 01 00 05\n";
+    let (text, _) = script_of(coarse.as_bytes(), false, None);
+    assert_eq!(sent(&compiled(&text)).into_iter().map(|(at_us, _)| at_us).collect::<Vec<_>>(), [0, 1, 1, 2], "{text}");
+}
+
+#[test]
+fn what_a_snapshot_sends_only_where_a_run_ends_early_is_no_part_of_a_script() {
+    let script = compiled("servo 1 1500\nwait 1s\nservo 1 1600\non abort { servo 1 1000; buzzer on for 100ms }");
+    assert_eq!(script.abort().len(), 3);
+    let mut snapshot = Vec::new();
+    write_snapshot("x.motion", &script, &mut snapshot).unwrap();
+    for exact in [false, true] {
+        let (text, decoded) = script_of(&snapshot, exact, None);
+        assert_eq!((sent(&compiled(&text)), decoded.frames, decoded.aborts), (sent(&script), 2, 3), "{text}");
+    }
+    let mut listing = Vec::new();
+    let decoded = decode(&snapshot[..], Reading::default(), &mut listing).unwrap();
+    assert_eq!((decoded.frames, decoded.aborts), (2, 3));
 }

@@ -3,8 +3,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::board::{Command, Decoder, Item, MovePacking};
-use motionseq::capture::{decode, transcribe};
+use motionseq::board::{Command, Decoder, Item};
+use motionseq::capture::{Reading, decode, transcribe};
 use motionseq::diagnostic::Code;
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
@@ -43,11 +43,11 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
         assert_eq!(&command.to_frame(), frame);
     }
     let mut listing = Vec::new();
-    decode(bytes.as_slice(), None, MovePacking::Newest, &mut listing).expect("nothing in a stream is fatal");
+    decode(bytes.as_slice(), Reading::default(), &mut listing).expect("nothing in a stream is fatal");
     assert!(String::from_utf8(listing).is_ok());
     for exact in [false, true] {
         let mut script = Vec::new();
-        transcribe(bytes.as_slice(), None, exact, MovePacking::Newest, &mut script).expect("nothing in a stream is fatal");
+        transcribe(bytes.as_slice(), Reading::default(), exact, &mut script).expect("nothing in a stream is fatal");
         let script = String::from_utf8(script).expect("a script is text");
         let sources = Sources::from(Source::new("x.motion", script.as_str()));
         let compiled = motionseq::compile(&sources, &Options::default());

@@ -26,6 +26,8 @@ pub(super) struct Room {
     /// The smallest and the largest value of each axis.
     pub(super) ranges: [(i32, i32); 4],
     pub(super) tolerance: i32,
+    /// Whether a move may not send more frames than it replaces.
+    pub(super) is_scarce: bool,
 }
 
 /// Values of the axes before they are rounded.
@@ -49,16 +51,18 @@ impl Curve {
         let mut squares = 0.0;
         let mut next = 0;
         let mut now = self.begin.map(f64::from);
+        let mut sent = 0;
         for (until_us, after) in self.samples() {
             *work += 2;
+            sent += usize::from(now != after);
             while let Some(point) = points.get(next).filter(|point| point.at_us < until_us) {
                 *work += 2;
-                let sent = point.axes.map(f64::from);
+                let values = point.axes.map(f64::from);
                 let far = self.at(point.at_us);
-                if !is_near(sent, &[now, after], room) || !self.is_near(far, point, room) {
+                if !is_near(values, &[now, after], room) || !self.is_near(far, point, room) {
                     return Err(next);
                 }
-                squares += far.iter().zip(sent).map(|(far, sent)| (far - sent) * (far - sent)).sum::<f64>();
+                squares += far.iter().zip(values).map(|(far, value)| (far - value) * (far - value)).sum::<f64>();
                 next += 1;
             }
             let around = points.split_at_checked(next).unwrap_or((points, &[]));
@@ -68,7 +72,8 @@ impl Curve {
             now = after;
         }
         let rest = points.get(next..).unwrap_or_default();
-        if rest.iter().any(|point| point.axes != self.end) {
+        let is_spared = !room.is_scarce || sent <= points.len();
+        if !is_spared || rest.iter().any(|point| point.axes != self.end) {
             return Err(next);
         }
         Ok(squares / count(points.len()))

@@ -141,18 +141,24 @@ impl Thing {
             Thing::Servo(2) if !is_tilt_wide => Room {
                 ranges: [(TiltPulseWidth::MIN, TiltPulseWidth::MAX), still, still, still],
                 tolerance: SERVO_TOLERANCE,
+                is_scarce: false,
             },
-            Thing::Servo(_) => Room { ranges: [pulse, still, still, still], tolerance: SERVO_TOLERANCE },
+            Thing::Servo(_) => {
+                Room { ranges: [pulse, still, still, still], tolerance: SERVO_TOLERANCE, is_scarce: false }
+            }
             Thing::Servos => Room {
                 ranges: [pulse, (TiltPulseWidth::MIN, TiltPulseWidth::MAX), still, still],
                 tolerance: SERVO_TOLERANCE,
+                is_scarce: false,
             },
             Thing::Rocker => {
                 let turn = (TurnRate::MIN, TurnRate::MAX);
-                Room { ranges: [speed, speed, turn, still], tolerance: DRIVE_TOLERANCE }
+                Room { ranges: [speed, speed, turn, still], tolerance: DRIVE_TOLERANCE, is_scarce: false }
             }
-            Thing::Wheels => Room { ranges: [speed; 4], tolerance: DRIVE_TOLERANCE },
-            Thing::YawHold => Room { ranges: [speed, speed, still, still], tolerance: DRIVE_TOLERANCE },
+            Thing::Wheels => Room { ranges: [speed; 4], tolerance: DRIVE_TOLERANCE, is_scarce: false },
+            Thing::YawHold => {
+                Room { ranges: [speed, speed, still, still], tolerance: DRIVE_TOLERANCE, is_scarce: false }
+            }
         }
     }
 

@@ -22,6 +22,10 @@ pub use timed::TimedDecoder;
 pub use timing::{NoTiming, Timing};
 
 const CHUNK: usize = 64 * 1024;
+/// The speeds that a script may have.
+const BAUDS: std::ops::RangeInclusive<u32> = 1_200..=4_000_000;
+/// How the line begins that `script` writes before what it captures.
+const STARTED: &[u8] = b"Script started on ";
 
 /// What a stream held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -40,8 +44,21 @@ pub struct Decoded {
     pub half_byte: bool,
     /// Displacements, of which the two ways to pack them cannot always be told apart.
     pub moves: u64,
+    /// Frames of a snapshot that are only sent where something ends a run early; they are left out.
+    pub aborts: u64,
     /// Whether there were times.
     pub is_timed: bool,
+}
+
+/// How a capture is read.
+#[derive(Clone, Debug, Default)]
+pub struct Reading {
+    /// When its bytes came, where that was written down beside it.
+    pub timing: Option<Timing>,
+    /// The speed of the line, in bits a second. Otherwise it is that which a snapshot says, or [`DEFAULT_BAUD`].
+    pub baud: Option<u32>,
+    /// How a displacement is packed.
+    pub packing: MovePacking,
 }
 
 impl Decoded {
@@ -78,21 +95,16 @@ pub enum DecodeError {
 /// where there are times; the bytes in hex; what they are.
 ///
 /// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
-pub fn decode(
-    input: impl Read,
-    timing: Option<Timing>,
-    packing: MovePacking,
-    out: &mut impl Write,
-) -> Result<Decoded, DecodeError> {
-    let mut listing = Listing::new(out, packing);
+pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Result<Decoded, DecodeError> {
+    let mut listing = Listing::new(out, reading.packing);
     let mut decoder = Decoder::new();
     let mut timed: Option<TimedDecoder> = None;
-    let read = pieces(input, timing, |at, bytes| {
+    let read = pieces(input, reading.timing, |at, bytes| {
         match (&mut timed, at) {
             (None, None) => decoder.feed(bytes, |item| listing.take(listing.decoded.bytes, item)),
             (timed, at) => {
                 // The times that stand there, not those of the line.
-                let timed = timed.get_or_insert_with(|| TimedDecoder::new(u32::MAX));
+                let timed = timed.get_or_insert_with(TimedDecoder::of_times);
                 timed.feed(at.unwrap_or_default(), bytes, |at_us, item| listing.take(Seconds(at_us), item));
             }
         }
@@ -107,52 +119,103 @@ pub fn decode(
     Ok(Decoded { is_timed: timed.is_some(), ..read.joined(listing.decoded) })
 }
 
-/// Reads the same, and writes it as a script. What has no times counts as sent without a pause, as fast as a line of 115,200 baud carries it.
+/// Reads the same, and writes it as a script. What has no times counts as sent without a pause, as fast as the line carries it; and so do bytes
+/// of a file of times that came at once. Times in a text count as they stand there.
 ///
 /// Keeps the script until it is whole, because its first lines depend on all of it.
 pub fn transcribe(
     input: impl Read,
-    timing: Option<Timing>,
+    reading: Reading,
     exact: bool,
-    packing: MovePacking,
     out: &mut impl Write,
 ) -> Result<Decoded, DecodeError> {
-    let mut scribe = Scribe::new(exact, DEFAULT_BAUD, packing);
-    let mut frames = TimedDecoder::new(DEFAULT_BAUD);
+    let Reading { timing, baud, packing } = reading;
+    let line = baud.unwrap_or(DEFAULT_BAUD);
+    let mut scribe = Scribe::new(exact, line, packing);
+    let is_beside = timing.is_some();
+    let mut frames: Option<TimedDecoder> = None;
     let mut decoded = Decoded::default();
     let mut script = String::new();
-    let mut now_us = 0;
+    let mut now = Now::default();
     let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at_us: u64, item: Item<'_>| {
         decoded.count(item, packing);
+        let at_us = now.of(at_us, item);
         scribe.settle(at_us);
         scribe.take(at_us, item);
-        now_us = at_us;
     };
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
+        let frames = frames.get_or_insert_with(|| {
+            if at.is_none() || is_beside {
+                return TimedDecoder::new(line);
+            }
+            if baud.is_none() {
+                scribe.save_line();
+            }
+            TimedDecoder::of_times()
+        });
         frames.feed(at.unwrap_or_default(), bytes, |at_us, item| take(&mut scribe, &mut decoded, at_us, item));
         script += &scribe.settled();
         Ok(())
     })?;
-    frames.finish(|at_us, item| take(&mut scribe, &mut decoded, at_us, item));
-    scribe.finish(now_us);
+    if let Some(frames) = &mut frames {
+        frames.finish(|at_us, item| take(&mut scribe, &mut decoded, at_us, item));
+    }
+    scribe.finish(now.us);
     script += &scribe.settled();
     if let Some((at, text)) = scribe.amendment() {
         script.replace_range(at..at + text.len(), text);
+    }
+    if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != DEFAULT_BAUD && BAUDS.contains(line))) {
+        // Behind the first line, which is a comment.
+        let (head, rest) = script.split_once('\n').unwrap_or((&script, ""));
+        script = format!("{head}\nbaud {line}\n{rest}");
     }
     out.write_all(script.as_bytes()).map_err(DecodeError::Write)?;
     Ok(read.joined(decoded))
 }
 
+/// The time, and what was sent then. A script does not give one thing two values at one time, as texts with coarse times do.
+#[derive(Default)]
+struct Now {
+    us: u64,
+    sent: Vec<Command>,
+}
+
+impl Now {
+    /// The time of an item, in microseconds: later than a frame before it that is about the same thing.
+    fn of(&mut self, at_us: u64, item: Item<'_>) -> u64 {
+        let command = match item {
+            Item::Frame(frame) => Some(Command::decode_or_raw(frame)),
+            Item::Skipped { .. } => None,
+        };
+        let clashes = |one: &Command, other: &Command| {
+            one.overtakes(other) || other.overtakes(one) || one.is_buzzer() && other.is_buzzer()
+        };
+        let is_later = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
+        let at_us = at_us.max(self.us.saturating_add(u64::from(is_later)));
+        if at_us > self.us {
+            self.sent.clear();
+        }
+        self.us = at_us;
+        self.sent.extend(command);
+        at_us
+    }
+}
+
 /// What was read beside the bytes of a stream.
+#[derive(Default)]
 struct Beside {
     not_hex: u64,
     half_byte: bool,
+    aborts: u64,
+    baud: Option<u32>,
 }
 
 impl Beside {
     fn joined(self, decoded: Decoded) -> Decoded {
-        Decoded { not_hex: self.not_hex, half_byte: self.half_byte, ..decoded }
+        let Beside { not_hex, half_byte, aborts, .. } = self;
+        Decoded { not_hex, half_byte, aborts, ..decoded }
     }
 }
 
@@ -163,23 +226,10 @@ fn pieces(
     mut sink: impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
 ) -> Result<Beside, DecodeError> {
     let mut buffer = vec![0; CHUNK];
-    let mut text: Option<Text> = None;
-    let mut is_first = true;
+    let head = head(&mut input, &mut buffer, timing.is_some())?;
+    let mut block = captured(buffer.get(..head).unwrap_or_default(), timing.is_some()).unwrap_or_default();
+    let mut text = Text::of(block);
     loop {
-        let count = match input.read(&mut buffer) {
-            Ok(0) => break,
-            Ok(count) => count,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => return Err(DecodeError::Read(error)),
-        };
-        let mut block = buffer.get(..count).unwrap_or_default();
-        if std::mem::take(&mut is_first) {
-            if timing.is_some() && block.starts_with(b"Script started on ") {
-                // scriptreplay does not count that line either.
-                block = block.splitn(2, |byte| *byte == b'\n').nth(1).unwrap_or_default();
-            }
-            text = Text::of(block);
-        }
         let mut failed = Ok(());
         let mut give = |at: Option<u64>, bytes: &[u8]| {
             if failed.is_ok() {
@@ -194,8 +244,45 @@ fn pieces(
             None => give(None, block),
         }
         failed.map_err(DecodeError::Write)?;
+        let count = read(&mut input, &mut buffer)?;
+        if count == 0 {
+            break;
+        }
+        block = buffer.get(..count).unwrap_or_default();
     }
-    let Some(mut text) = text else { return Ok(Beside { not_hex: 0, half_byte: false }) };
+    let Some(mut text) = text else { return Ok(Beside::default()) };
     text.finish(&mut sink).map_err(DecodeError::Write)?;
-    Ok(Beside { not_hex: text.strangers(), half_byte: text.is_half() })
+    let (not_hex, half_byte) = (text.strangers(), text.is_half());
+    Ok(Beside { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
+}
+
+/// Reads until it is decided what the stream is, and says how much that is: what a pipe gives at first may be less than a line.
+fn head(input: &mut impl Read, buffer: &mut [u8], is_timed: bool) -> Result<usize, DecodeError> {
+    let mut count = 0;
+    loop {
+        let more = read(input, buffer.get_mut(count..).unwrap_or_default())?;
+        count += more;
+        let block = buffer.get(..count).unwrap_or_default();
+        if more == 0 || captured(block, is_timed).is_some_and(Text::is_decided) {
+            return Ok(count);
+        }
+    }
+}
+
+/// What of the first block was captured: `script` writes a line before it, which scriptreplay does not count either. `None` inside that line.
+fn captured(block: &[u8], is_timed: bool) -> Option<&[u8]> {
+    if is_timed && block.starts_with(STARTED) {
+        return block.splitn(2, |byte| *byte == b'\n').nth(1);
+    }
+    (!is_timed || block.is_empty() || !STARTED.starts_with(block)).then_some(block)
+}
+
+/// Reads what there is, and nothing only at the end.
+fn read(input: &mut impl Read, buffer: &mut [u8]) -> Result<usize, DecodeError> {
+    loop {
+        match input.read(buffer) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            read => return read.map_err(DecodeError::Read),
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::curve::Room;
 use super::fold::{Course, Easings};
 use super::known::{Known, Thing};
 use super::rows::{Came, Row, Run, SHOWN, STILL_US, Time, of_frame, rows, runs};
@@ -12,6 +13,9 @@ use crate::program::Ease;
 /// it can be replaced in a file that grows.
 const TILT: &str = " Servo 2 is at most 1950.";
 const WIDE_TILT: &str = "\nlimit servo 2 500..2500\n";
+
+/// A line of so many bits a second carries the samples of all moves at once, which are less than 2,500 bytes a second.
+const AMPLE: u32 = 38_400;
 
 /// What may wait to be written, at most.
 const WAITING: usize = 2048;
@@ -32,6 +36,8 @@ pub struct Scribe {
     /// The time of the last line, in microseconds of the stream.
     settled_us: u64,
     tilt: Tilt,
+    /// Whether the line may be too slow for the samples of moves.
+    is_scarce: bool,
 }
 
 /// What the head says of the tilt servo.
@@ -70,7 +76,13 @@ impl Scribe {
             frames: 0,
             settled_us: 0,
             tilt,
+            is_scarce: baud < AMPLE,
         }
+    }
+
+    /// Never sends more frames than have come: the line may be slow.
+    pub(super) fn save_line(&mut self) {
+        self.is_scarce = true;
     }
 
     /// Lets servo 2 go beyond the range of a tilt servo, as the board does.
@@ -225,8 +237,8 @@ impl Scribe {
     /// takes. Says when the last of them ends; none begins before `free_us`.
     fn fold(&self, run: &Run, free_us: u64, rows: &mut [Row], lines: &mut Vec<(u64, usize, String)>) -> Option<u64> {
         let before = run.before.map(|(since_us, axes)| (since_us.max(free_us), axes));
-        let folds =
-            self.easings.folds(&Course::new(&run.points, run.until_us, run.thing.room(self.tilt.is_wide)), before);
+        let room = Room { is_scarce: self.is_scarce, ..run.thing.room(self.tilt.is_wide) };
+        let folds = self.easings.folds(&Course::new(&run.points, run.until_us, room), before);
         let ends_us = folds.last().map(|fold| fold.to_us);
         let mut ended = None;
         for fold in folds {

@@ -6,6 +6,7 @@ use std::io;
 use serde::Deserialize;
 
 use super::timing::nanos;
+use crate::timeline::Snapshot;
 
 /// A later time is one since 1970, in nanoseconds.
 const SINCE_1970: u64 = 100_000_000 * 1_000_000_000;
@@ -30,6 +31,11 @@ pub(super) struct Text {
     repeats: bool,
     repeated: usize,
     strangers: u64,
+    /// What is only sent where something ends a run early, in a snapshot, is not part of the run: whether that has begun, and its lines.
+    is_abort: bool,
+    aborts: u64,
+    /// The speed of the line, in bits a second, where a snapshot says it.
+    baud: Option<u32>,
     /// The time of the last line that had one, and what times count from, in nanoseconds.
     at: Option<u64>,
     base: Option<u64>,
@@ -38,11 +44,17 @@ pub(super) struct Text {
 }
 
 impl Text {
+    /// Whether a stream that begins with this block says already whether it is such text: a line that is no comment is whole, or it cannot be
+    /// any.
+    pub(super) fn is_decided(block: &[u8]) -> bool {
+        let whole = block.iter().rposition(|&byte| byte == b'\n').and_then(|end| block.get(..end)).unwrap_or_default();
+        block.len() >= LINE
+            || !block.iter().all(is_text)
+            || whole.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).any(is_told)
+    }
+
     /// Whether a stream that begins with this block is such text: no frame consists of these characters alone.
     pub(super) fn of(block: &[u8]) -> Option<Self> {
-        // Beyond ASCII there may be what a listing shortens with; no text holds the bytes that begin a frame.
-        let is_text =
-            |byte: &u8| (b' '..=b'~').contains(byte) || byte.is_ascii_whitespace() || (0x80..0xF5).contains(byte);
         let first = block.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).find(|line| is_told(line));
         let begins_with_hex = first.is_none_or(|line| {
             let (mut probe, mut bytes) = (Text::default(), Vec::new());
@@ -91,6 +103,13 @@ impl Text {
         sink: &mut impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
     ) -> io::Result<()> {
         let line = std::mem::take(&mut self.line);
+        self.comment(line.trim_ascii());
+        if self.is_abort {
+            self.aborts += u64::from(is_told(line.trim_ascii()));
+            self.line = line;
+            self.line.clear();
+            return Ok(());
+        }
         let logged = Logged::of(&line);
         if let Some(at) = logged.as_ref().and_then(|logged| logged.at) {
             if !bytes.is_empty() {
@@ -108,6 +127,13 @@ impl Text {
         self.line = line;
         self.line.clear();
         Ok(())
+    }
+
+    /// Reads what a snapshot says beside its frames.
+    fn comment(&mut self, line: &[u8]) {
+        let Some(line) = std::str::from_utf8(line).ok().filter(|line| line.starts_with('#')) else { return };
+        self.is_abort |= Snapshot::begins_abort(line);
+        self.baud = Snapshot::baud(line).or(self.baud);
     }
 
     fn take_line(&mut self, line: &[u8], bytes: &mut Vec<u8>) {
@@ -194,6 +220,16 @@ impl Text {
         }
     }
 
+    /// How many frames of a snapshot are only sent where something ends a run early; they are left out.
+    pub(super) fn aborts(&self) -> u64 {
+        self.aborts
+    }
+
+    /// The speed of the line, where a snapshot says it.
+    pub(super) fn baud(&self) -> Option<u32> {
+        self.baud
+    }
+
     /// How many characters were no digits.
     pub(super) fn strangers(&self) -> u64 {
         self.strangers
@@ -203,6 +239,11 @@ impl Text {
     pub(super) fn is_half(&self) -> bool {
         self.half.is_some()
     }
+}
+
+/// Whether a byte may be part of a text. Beyond ASCII there may be what a listing shortens with; no text holds the bytes that begin a frame.
+fn is_text(byte: &u8) -> bool {
+    (b' '..=b'~').contains(byte) || byte.is_ascii_whitespace() || (0x80..0xF5).contains(byte)
 }
 
 /// Whether a line is bytes with blanks between them, some of one digit.

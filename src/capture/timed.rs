@@ -26,14 +26,16 @@ pub struct TimedDecoder {
 impl TimedDecoder {
     /// A decoder of a line of so many bits a second.
     pub fn new(baud: u32) -> Self {
-        TimedDecoder {
-            decoder: Decoder::new(),
-            nanos_a_byte: BITS_A_BYTE * 1_000_000_000 / u64::from(baud.max(1)),
-            busy_until: 0,
-            pieces: VecDeque::new(),
-            fed: 0,
-            told: 0,
-        }
+        Self::with(BITS_A_BYTE * 1_000_000_000 / u64::from(baud.max(1)))
+    }
+
+    /// A decoder of bytes that come with the times at which each began, however fast the line was.
+    pub fn of_times() -> Self {
+        Self::with(0)
+    }
+
+    fn with(nanos_a_byte: u64) -> Self {
+        TimedDecoder { decoder: Decoder::new(), nanos_a_byte, busy_until: 0, pieces: VecDeque::new(), fed: 0, told: 0 }
     }
 
     /// Takes bytes that came at a time, in nanoseconds, and hands what is complete to `sink`, each with the time of its first byte, in

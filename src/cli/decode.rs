@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use motionseq::capture::{DecodeError, Decoded, Timing, decode, transcribe};
+use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, transcribe};
 
 use motionseq::source::{Replacement, Source};
 
@@ -29,6 +29,9 @@ pub(super) struct Decode {
     /// When the bytes came: lines of a delay in seconds and a number of bytes, as `script --log-timing` writes them
     #[arg(long, value_name = "FILE")]
     timing: Option<PathBuf>,
+    /// Speed of the line in bits a second, for a script; that of a snapshot is known [default: 115200]
+    #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
+    baud: Option<u32>,
     /// Keep every frame in a script
     #[arg(long)]
     exact: bool,
@@ -44,6 +47,10 @@ impl Decode {
         let is_script = self.output.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "motion"));
         if self.exact && !is_script {
             screen.error("--exact is about a script: write one with `-o NAME.motion`");
+            return Exit::Usage;
+        }
+        if self.baud.is_some() && !is_script {
+            screen.error("--baud is about a script: write one with `-o NAME.motion`");
             return Exit::Usage;
         }
         let timing = match &self.timing {
@@ -71,13 +78,11 @@ impl Decode {
             None => Box::new(io::stdout().lock()),
             Some(file) => Box::new(file),
         };
-        let mut out = BufWriter::with_capacity(64 * 1024, out);
         let packing = self.reading.packing();
-        let decoded = if is_script {
-            transcribe(input, timing, self.exact, packing, &mut out)
-        } else {
-            decode(input, timing, packing, &mut out)
-        };
+        let reading = capture::Reading { timing, baud: self.baud, packing };
+        let mut out = BufWriter::with_capacity(64 * 1024, out);
+        let decoded =
+            if is_script { transcribe(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
         let flushed = out.flush();
         drop(out);
         let flushed = flushed.and_then(|()| file.map_or(Ok(()), Replacement::finish));
@@ -123,6 +128,7 @@ fn summary(decoded: Decoded, screen: &Screen) {
         (decoded.unknown, count(decoded.unknown, "frame") + " no command"),
         (decoded.skipped, count(decoded.skipped, "byte") + " skipped"),
         (decoded.not_hex, count(decoded.not_hex, "character") + " passed over, being no hex digit"),
+        (decoded.aborts, count(decoded.aborts, "frame") + " of `on abort` left out"),
         (u64::from(decoded.half_byte), "one hex digit left alone at the end".to_owned()),
     ];
     let found = format!("{} in {}", count(decoded.frames, "frame"), count(decoded.bytes, "byte"));

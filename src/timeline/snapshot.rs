@@ -50,6 +50,16 @@ pub struct More {
 }
 
 impl Snapshot {
+    /// Whether what follows a line of a snapshot is only sent where something ends a run early.
+    pub fn begins_abort(line: &str) -> bool {
+        line == ABORT
+    }
+
+    /// The speed of the line, in bits a second, where a line of a snapshot says it.
+    pub fn baud(line: &str) -> Option<u32> {
+        read_end(line.strip_prefix(END)?).map(|(.., baud)| baud)
+    }
+
     /// What a timeline sends.
     pub fn of(timeline: &Timeline) -> Self {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();

@@ -173,7 +173,7 @@ impl Book {
             channels: BTreeMap::new(),
             begin: 0,
             // The times at which the bytes came are told; a line's are not added.
-            decoder: TimedDecoder::new(u32::MAX),
+            decoder: TimedDecoder::of_times(),
             state: State::default(),
             shown: None,
         })
