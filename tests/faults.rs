@@ -62,6 +62,24 @@ fn closing_line(text: &str) -> &str {
     line
 }
 
+/// A container that was entered from outside knows neither the session nor the group of what runs in it.
+#[test]
+fn a_player_whose_session_nobody_knows_still_has_its_guard() {
+    let in_a_namespace = ["--pid", "--fork", "--mount-proc", "--kill-child"];
+    if !Command::new("unshare").args(in_a_namespace).arg("true").output().is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: namespaces may not be made here");
+        return;
+    }
+    let far = FarEnd::new();
+    let short = script("namespace", "rocker x=10\nwait 50ms\nstop\n");
+    let mut player = Command::new("unshare");
+    player.args(in_a_namespace).arg(env!("CARGO_BIN_EXE_motionseq")).args(["play", &short, "--port", &far.path]);
+    let output = player.stdin(Stdio::null()).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("guard"), "{}", stderr(&output));
+    assert_at_rest(&bytes(&far.rest()));
+}
+
 #[test]
 fn two_hundred_killed_players_leave_two_hundred_robots_stopped() {
     let long = script("killed", DRIVING);

@@ -4,7 +4,7 @@
 //! whatever its timeout says (measured: 64 KiB with a timeout of 100 ms blocked until the other end closed).
 
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 use std::time::Duration;
 
@@ -108,8 +108,7 @@ impl Serial {
         if rustix::pty::ptsname(&port, Vec::new()).is_ok() {
             return Err(OpenError::Nobody);
         }
-        // Only a process's own terminal tells it the session.
-        if rustix::termios::tcgetsid(&port).is_ok() {
+        if is_own_terminal(&port) {
             return Err(OpenError::OwnTerminal);
         }
         lock(&port, FlockOperation::NonBlockingLockExclusive)?;
@@ -144,6 +143,14 @@ impl Drop for Serial {
     fn drop(&mut self) {
         let _ = rustix::termios::ioctl_tiocnxcl(&self.port);
     }
+}
+
+/// Whether this terminal is the one of this process: no other tells a process its session, which is zero where the namespace of the
+/// process does not know it.
+#[expect(unsafe_code, reason = "rustix cannot tell of a session that its namespace does not know")]
+fn is_own_terminal(port: &OwnedFd) -> bool {
+    // SAFETY: the descriptor is open.
+    unsafe { libc::tcgetsid(port.as_raw_fd()) >= 0 }
 }
 
 fn lock(port: &OwnedFd, operation: FlockOperation) -> Result<(), OpenError> {

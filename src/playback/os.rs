@@ -266,8 +266,7 @@ impl Terminal {
             let state = rustix::termios::tcgetattr(&terminal).ok()?;
             Some((terminal, state))
         });
-        let session = rustix::process::getsid(None).map_or(0, |session| session.as_raw_nonzero().get());
-        Terminal { before, session, group: own_group() }
+        Terminal { before, session: own_session(), group: own_group() }
     }
 
     /// Brings it back, where it is exactly as a player makes it that takes single keys: where it never did, or where another program has
@@ -450,6 +449,13 @@ fn stop_this_process() {
 fn own_group() -> i32 {
     // SAFETY: it takes nothing and cannot fail.
     unsafe { libc::getpgrp() }
+}
+
+/// The session of this process. Zero, too, where its namespace does not know it, as in a container that was entered from outside.
+#[expect(unsafe_code, reason = "rustix cannot tell of a session that its namespace does not know")]
+fn own_session() -> i32 {
+    // SAFETY: it takes a number, and cannot fail for this process.
+    unsafe { libc::getsid(0) }
 }
 
 /// `SCHED_FIFO` for this thread, and for none that it starts.
