@@ -345,9 +345,45 @@ fn passes_are_checked_together() {
         ("wait", "servo 1 1000\nwait 1s\n"),
         ("other", "servo 1 1000\nwait 1s\nservo 2 1500\n"),
         ("left", "stop\nwait 100ms\nrocker x=1\nwait 100ms\n"),
+        ("hold-at-the-seam", "rocker x=1 for 1s\nrocker x=2 for 1s\nwait 1s\nstop\n"),
     ] {
         let path = script(name, text);
         let output = run(&["render", &path, "--loop", "10"]);
         assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
+        let repeated = script(&format!("{name}-repeated"), &format!("repeat 10 {{\n{text}}}\n"));
+        let output = run(&["check", &repeated]);
+        assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
     }
+}
+
+/// A command that the next pass replaces before the servo can have arrived is the same warning as in a `repeat`.
+#[test]
+fn servos_that_the_next_pass_sends_elsewhere() {
+    let far = "servo 1 500\nwait 1s\nservo 1 2500\nwait 10ms\n";
+    let moved = "servo 1 1000 -> 2000 over 1s\nservo 1 2000 -> 1000 over 1s\n";
+    let jumps = "servo 1 1000 -> 2000 over 1s\nwait 1s\nservo 1 1500\nwait 20ms\n";
+    let arrives = "servo 1 500\nwait 1s\nservo 1 2500\nwait 500ms\n";
+    for (name, text, words) in [
+        ("far", far, Some("servo 1 needs about 363 ms from 500 to 2500 µs, and its next command comes after 10 ms")),
+        ("jumps", jumps, Some("servo 1 needs about 90 ms from 2000 to 1500 µs, and its next command comes after 20 ms")),
+        ("moved", moved, None),
+        ("arrives", arrives, None),
+    ] {
+        let once = script(name, text);
+        let repeated = script(&format!("{name}-repeated"), &format!("repeat 10 {{\n{text}}}\n"));
+        for (args, words) in [
+            (&["render", &once][..], None),
+            (&["render", &once, "--loop", "10"][..], words),
+            (&["check", &repeated], words),
+        ] {
+            let output = run(args);
+            let found = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ").replace(" │ ", " ");
+            assert_eq!(output.status.code(), Some(0), "{args:?}: {found}");
+            assert_eq!(found.matches("servo-speed").count() > 0, words.is_some(), "{args:?}: {found}");
+            assert!(words.is_none_or(|words| found.contains(words)), "{args:?}: {found}");
+        }
+    }
+    // A move that is cut is still no jump.
+    let output = run(&["render", &script("cut", moved), "--loop", "10", "--from", "500ms"]);
+    assert_eq!((output.status.code(), stderr(&output).contains("servo-speed")), (Some(0), false));
 }

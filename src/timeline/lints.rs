@@ -18,9 +18,8 @@ const STEP: u64 = 100;
 const TRIES: usize = 16;
 
 /// Reports servos that cannot get where they are sent before their next command, once for each time that one falls behind.
-/// `speeds` are those of the four servos, in µs of pulse width a second.
-pub(super) fn servo_speed(timeline: &Timeline, speeds: [u32; 4], diagnostics: &mut Diagnostics) {
-    let servos = servos(timeline, speeds.map(u64::from));
+pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
+    let servos = servos(timeline, timeline.servo_speeds.map(u64::from));
     if servos.iter().all(|servo| servo.late.is_empty()) {
         return;
     }
@@ -147,7 +146,8 @@ impl Servo {
             going.begins |= matches!(part, Part::First(_));
             return;
         }
-        let begins = going.begins || !matches!(part, Part::Further);
+        // Of a part of a timeline, it is not known which steps begin a move.
+        let begins = going.begins || !matches!(part, Part::Further | Part::Stray);
         // Two commands at one time are reported as a clash.
         if begins && event.at_us > going.since_us {
             let late = going.late(self.speed, event);

@@ -45,6 +45,8 @@ pub struct Timeline {
     pub traces: Traces,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
+    /// How fast the four servos are taken to turn, in µs of pulse width a second.
+    pub servo_speeds: [u32; 4],
     /// How the script counts in bars, if it does.
     pub bars: Option<Bars>,
 }
@@ -80,6 +82,8 @@ pub struct Event {
     pub command: Command,
     /// Where it comes from.
     pub kind: Kind,
+    /// Whether it is a command of the script that takes no time: neither a step of a move nor the start or the end of a `for`.
+    pub is_instant: bool,
     /// The command in the script that it belongs to.
     pub span: Span,
     /// The calls and passes that led to that command.
@@ -224,10 +228,9 @@ impl Event {
 /// reported.
 pub fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     order(&mut program, diagnostics);
-    let speeds = program.settings.servo_speeds;
     let timeline = lay::lay(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
-    lints::servo_speed(&timeline, speeds, diagnostics);
+    lints::servo_speed(&timeline, diagnostics);
     timeline
 }
 

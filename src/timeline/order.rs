@@ -6,7 +6,7 @@
 //! not, if the instant is written first.
 
 use super::listing::Seconds;
-use super::{Event, Kind, THINGS, Timeline, thing_name, things, things_of};
+use super::{Event, THINGS, Timeline, thing_name, things, things_of};
 use crate::board::{Command, Mode};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Step, TraceId, Traces};
@@ -87,12 +87,12 @@ pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnosti
 /// `repeat`.
 pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut Diagnostics) {
     let last = before.events().iter().rev().take_while(|event| event.at_us == before.end_us);
-    let last: Vec<&Event> = last.filter(|event| is_instant(event, before)).collect();
+    let last: Vec<&Event> = last.filter(|event| event.is_instant).collect();
     if last.is_empty() {
         return;
     }
     let first = behind.events().iter().take_while(|event| event.at_us == 0);
-    for second in first.filter(|event| event.kind == Kind::Command) {
+    for second in first.filter(|event| event.is_instant) {
         let shared = |first: &Event| {
             let told = things(&first.command);
             things(&second.command).into_iter().flatten().find(|thing| told.contains(&Some(*thing)))
@@ -109,12 +109,6 @@ pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut
             diagnostics.push(before.traces.attach(clash(thing, occupied(first), occupied(second)), first.trace));
         }
     }
-}
-
-/// Whether an event is a command that takes no time: not the target of a move, and not the end of a hold, which begins before it.
-fn is_instant(event: &Event, timeline: &Timeline) -> bool {
-    let same = |other: &&Event| (other.span, other.trace) == (event.span, event.trace);
-    event.kind == Kind::Command && timeline.events().iter().find(same).is_some_and(|first| first.at_us == event.at_us)
 }
 
 fn move_mode(span: Span) -> Diagnostic {

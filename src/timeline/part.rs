@@ -3,8 +3,8 @@
 //! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track};
-use super::{order, wire};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track, Tween};
+use super::{lints, order, wire};
 use crate::board::{Command, PulseWidth, ServoIndex, State};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Ease, TraceId};
@@ -108,7 +108,12 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
         if let Some(track) = all.tracks.first_mut() {
             let events = again.events().iter();
             track.events.extend(events.map(|event| Event { at_us: event.at_us + by_us, ..event.clone() }));
-            track.tweens.clear();
+            let tweens = again.tweens().iter();
+            track.tweens.extend(tweens.map(|tween| Tween {
+                at_us: tween.at_us + by_us,
+                end_us: tween.end_us + by_us,
+                ..tween.clone()
+            }));
         }
         let expects = again.expects.iter();
         all.expects.extend(expects.map(|expect| Expectation {
@@ -123,16 +128,18 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     Some(all)
 }
 
-/// Reports what is wrong with several passes and not with one: what the line cannot carry, and a thing that is told something at the end
-/// of one pass and again at the start of the next. `all` are these passes, or enough of those without end.
+/// Reports what is wrong with several passes and not with one: what the line cannot carry, a thing that is told something at the end
+/// of one pass and again at the start of the next, and a servo that the next pass sends elsewhere before it can have arrived. `all` are
+/// these passes, or enough of those without end.
 pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnostics: &mut Diagnostics) {
     order::check_seam(first, again, diagnostics);
     order::check_seam(again, again, diagnostics);
     wire::check(all, diagnostics);
+    lints::servo_speed(all, diagnostics);
 }
 
 fn auto(at_us: u64, command: Command, span: Span, trace: TraceId) -> Event {
-    Event { at_us, command, kind: Kind::Auto, span, trace }
+    Event { at_us, command, kind: Kind::Auto, is_instant: false, span, trace }
 }
 
 /// A part that grows.
@@ -172,7 +179,7 @@ impl Cut {
 
     fn push(&mut self, at_us: u64, command: Command, kind: Kind, place: usize) {
         let (span, trace) = self.marks.get(place).copied().flatten().unwrap_or_default();
-        self.events.push(Event { at_us, command, kind, span, trace });
+        self.events.push(Event { at_us, command, kind, is_instant: false, span, trace });
     }
 
     /// Brings the board to the state of the start; gives how long that takes.

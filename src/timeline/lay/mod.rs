@@ -37,6 +37,7 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
         limits: settings.limits,
+        servo_speeds: settings.servo_speeds,
     }
 }
 
@@ -83,6 +84,10 @@ struct From {
 impl From {
     fn step(step: &Step) -> From {
         From { order: step.order, span: step.span, trace: step.trace }
+    }
+
+    fn event(self, at_us: u64, command: Command, kind: Kind) -> Event {
+        Event { at_us, command, kind, is_instant: false, span: self.span, trace: self.trace }
     }
 }
 
@@ -300,8 +305,7 @@ impl<'d> Lay<'d> {
 
     fn emit(&mut self, at: Time, command: Command, kind: Kind, from: From) {
         if self.has_room(1, from) {
-            let event = Event { at_us: at.micros(), command, kind, span: from.span, trace: from.trace };
-            self.events.push((event, from.order));
+            self.events.push((from.event(at.micros(), command, kind), from.order));
         }
     }
 
@@ -340,9 +344,7 @@ impl<'d> Lay<'d> {
             return;
         }
         for at_us in (1..=count).map(at_us) {
-            let event =
-                Event { at_us, command: command.clone(), kind: Kind::Refresh, span: from.span, trace: from.trace };
-            self.refreshes.push(event);
+            self.refreshes.push(from.event(at_us, command.clone(), Kind::Refresh));
         }
     }
 
@@ -440,13 +442,13 @@ impl<'d> Lay<'d> {
 
 /// The event that a step is, if it is one, with its place in script order.
 fn plain_event(step: Step) -> Option<(Event, u32)> {
-    let Step { at, span, trace, order, action } = step;
-    let command = match action {
-        Action::Send(command) => command,
-        Action::Hold(held) => held.0,
+    let from = From::step(&step);
+    let (command, is_instant) = match step.action {
+        Action::Send(command) => (command, true),
+        Action::Hold(held) => (held.0, false),
         Action::Go(_) | Action::Say(_) | Action::Expect(_) => return None,
     };
-    Some((Event { at_us: at.micros(), command, kind: Kind::Command, span, trace }, order))
+    Some((Event { is_instant, ..from.event(step.at.micros(), command, Kind::Command) }, from.order))
 }
 
 /// The whole part of a number above zero, held where it is far too large.
