@@ -2,6 +2,7 @@
 //! each of these would take minutes.
 
 use std::fmt::Write as _;
+use std::process::Command;
 
 use motionseq::diagnostic::Code;
 use motionseq::program::Options;
@@ -98,4 +99,31 @@ fn moves_that_send_nothing() {
     // What takes no time is no move, and a frame each.
     let text = "repeat 1200000 { servo 1 1500\nwait 5ms }\nrepeat 400000 { rocker x=1 for 5ms\nwait 5ms }\n";
     assert_eq!(check(text.to_owned()), (vec![], 0));
+}
+
+/// A line of a block takes as little memory as one outside of all blocks: at most 200 bytes.
+#[test]
+fn memory_of_the_lines_of_a_block() {
+    const PAIRS: usize = 250_000;
+    const LINE: usize = 200;
+    // The program, its stacks, and what the allocator sets aside for a thread.
+    const ITSELF: usize = 256 << 20;
+    let lines = |before: &str, behind: &str| {
+        parts(before, PAIRS, |at| format!("servo 1 {}\nwait 1ms  # {at}\n", 1_000 + at % 1_000), behind)
+    };
+    for (name, text) in [
+        ("repeat", lines("repeat 2 {\n", "}\n")),
+        ("def", lines("def f() {\n", "}\nf()\n")),
+        ("if", lines("if 1 > 0 {\n", "} else {\nstop\n}\n")),
+        ("deep", lines("repeat 1 {\ntogether {\nstop\n{\n", "}\n}\n}\n")),
+    ] {
+        let path = std::env::temp_dir().join(format!("motionseq-memory-{name}-{}.motion", std::process::id()));
+        std::fs::write(&path, &text).unwrap();
+        let shell = format!("ulimit -v {}; exec \"$0\" check \"$1\"", (ITSELF + 2 * PAIRS * LINE) >> 10);
+        let mut shell_command = Command::new("sh");
+        let output = shell_command.args(["-c", &shell, env!("CARGO_BIN_EXE_motionseq")]).arg(&path).output().unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{name}: {}", said.chars().take(2_000).collect::<String>());
+    }
 }

@@ -365,7 +365,11 @@ fn servos_that_the_next_pass_sends_elsewhere() {
     let arrives = "servo 1 500\nwait 1s\nservo 1 2500\nwait 500ms\n";
     for (name, text, words) in [
         ("far", far, Some("servo 1 needs about 363 ms from 500 to 2500 µs, and its next command comes after 10 ms")),
-        ("jumps", jumps, Some("servo 1 needs about 90 ms from 2000 to 1500 µs, and its next command comes after 20 ms")),
+        (
+            "jumps",
+            jumps,
+            Some("servo 1 needs about 90 ms from 2000 to 1500 µs, and its next command comes after 20 ms"),
+        ),
         ("moved", moved, None),
         ("arrives", arrives, None),
     ] {

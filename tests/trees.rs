@@ -25,7 +25,8 @@ fn trees() {
 /// One line for each line of the script, in brackets the text that it covers; parts and blocks further in.
 fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
     let indent = "  ".repeat(depth);
-    for Line { start, parts, span } in &block.lines {
+    for line in block.lines() {
+        let Line { start, parts, span } = &*line;
         let start = match start {
             None => String::new(),
             Some(Start::After(after)) => format!(" after {}", value(after)),

@@ -6,20 +6,22 @@ use std::sync::Arc;
 use crate::syntax::{Block, Def, Name, Statement};
 
 /// Every phrase that a block calls, however deep inside. The recursion is bounded by the depth of brackets.
-pub(super) fn calls_of<'b, 's>(block: &'b Block<'s>, found: &mut Vec<&'b Name<'s>>) {
-    for part in block.lines.iter().flat_map(|line| &line.parts) {
-        match &part.statement {
-            Statement::Call(call) => found.push(&call.name),
-            Statement::Block(inner) => calls_of(inner, found),
-            Statement::Command(command) => command.block.iter().for_each(|inner| calls_of(inner, found)),
-            Statement::If(each) => {
-                each.arms
-                    .iter()
-                    .map(|(_, block)| block)
-                    .chain(&each.otherwise)
-                    .for_each(|inner| calls_of(inner, found));
+pub(super) fn calls_of<'s>(block: &Block<'s>, found: &mut Vec<Name<'s>>) {
+    for line in block.lines() {
+        for part in &line.parts {
+            match &part.statement {
+                Statement::Call(call) => found.push(call.name),
+                Statement::Block(inner) => calls_of(inner, found),
+                Statement::Command(command) => command.block.iter().for_each(|inner| calls_of(inner, found)),
+                Statement::If(each) => {
+                    each.arms
+                        .iter()
+                        .map(|(_, block)| block)
+                        .chain(&each.otherwise)
+                        .for_each(|inner| calls_of(inner, found));
+                }
+                Statement::Let(_) | Statement::Def(_) => {}
             }
-            Statement::Let(_) | Statement::Def(_) => {}
         }
     }
 }

@@ -53,12 +53,13 @@ impl<'s> Later<'s> {
 impl<'s> Whole<'s> {
     fn read(source: &'s Source) -> Self {
         let Some(tree) = syntax::parse(source, &mut Diagnostics::default()) else { return Whole::default() };
-        let parts = tree.body.lines.into_iter().flat_map(|line| line.parts);
-        let defs = parts.filter_map(|part| match part.statement {
-            Statement::Def(def) => Some(def),
-            _ => None,
-        });
-        let defs: Vec<Arc<Def<'s>>> = defs.collect();
+        let mut defs: Vec<Arc<Def<'s>>> = Vec::new();
+        for line in tree.body.lines() {
+            defs.extend(line.parts.iter().filter_map(|part| match &part.statement {
+                Statement::Def(def) => Some(Arc::clone(def)),
+                _ => None,
+            }));
+        }
         let circles = circles(&defs);
         Whole { defs: defs.into_iter().map(|def| (def.name.text, def)).collect(), circles, lost: tree.lost }
     }

@@ -323,7 +323,7 @@ impl<'s> Scope<'s> {
 /// Every name that a block uses, whether it is run or not. The recursion is bounded by the depth of brackets.
 pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
     use crate::syntax::{Item, Origin, Start, Statement};
-    for line in &block.lines {
+    for line in block.lines() {
         match &line.start {
             Some(Start::After(value)) => names_of(value, found),
             Some(Start::At(moment)) => {

@@ -45,9 +45,11 @@ impl Weight {
 
 /// The weight of a block; `phrase` knows the weight of a `def`. The recursion is bounded by the depth of brackets.
 pub(super) fn of_block(block: &Block<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
-    let parts = block.lines.iter().flat_map(|line| &line.parts);
-    let weights = parts.map(|part| of_statement(&part.statement, phrase));
-    weights.fold(Weight { steps: block.lines.len() as u64, ..Weight::default() }, Weight::plus)
+    let mut weight = Weight { steps: block.count() as u64, ..Weight::default() };
+    for line in block.lines() {
+        weight = line.parts.iter().map(|part| of_statement(&part.statement, phrase)).fold(weight, Weight::plus);
+    }
+    weight
 }
 
 fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {

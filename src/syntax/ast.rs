@@ -1,8 +1,10 @@
 //! The tree of a script: what stands where, with no meaning yet. Names and numbers are slices of the source.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use super::flat;
 use crate::source::Span;
 
 /// A whole script.
@@ -42,16 +44,82 @@ impl<'s> Lost<'s> {
 }
 
 /// Lines that run one after the other.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Block<'s> {
-    /// The lines, in the order written.
-    pub lines: Vec<Line<'s>>,
+    lines: Vec<Kept<'s>>,
     /// From the opening to the closing brace.
     pub span: Span,
 }
 
+/// A line as a block keeps it. The tree of a flat line takes twenty times the memory of its place, and is read again in no time.
+#[derive(Clone, Debug)]
+pub(super) enum Kept<'s> {
+    Flat(&'s str, u32),
+    Tree(Box<Line<'s>>),
+}
+
+/// A line of a block.
+#[derive(Clone, Copy, Debug)]
+pub enum LineRef<'b, 's> {
+    /// The text of a flat line, from its first to its last part, and the offset of its first byte.
+    Flat(&'s str, u32),
+    /// Any other line.
+    Tree(&'b Line<'s>),
+}
+
+impl<'b, 's> LineRef<'b, 's> {
+    /// From the first to the last part.
+    pub fn span(self) -> Span {
+        match self {
+            LineRef::Flat(text, at) => Span::new(at as usize, at as usize + text.len()),
+            LineRef::Tree(line) => line.span,
+        }
+    }
+
+    /// Its tree.
+    pub fn read(self) -> Cow<'b, Line<'s>> {
+        match self {
+            LineRef::Flat(text, at) => Cow::Owned(flat::again(text, at)),
+            LineRef::Tree(line) => Cow::Borrowed(line),
+        }
+    }
+}
+
+impl<'s> Block<'s> {
+    pub(super) fn new(mut lines: Vec<Kept<'s>>, span: Span) -> Self {
+        lines.shrink_to_fit();
+        Block { lines, span }
+    }
+
+    /// How many lines there are.
+    pub fn count(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// The lines, in the order written.
+    pub fn places(&self) -> impl Iterator<Item = LineRef<'_, 's>> {
+        self.lines.iter().map(|line| match line {
+            Kept::Flat(text, at) => LineRef::Flat(text, *at),
+            Kept::Tree(line) => LineRef::Tree(line),
+        })
+    }
+
+    /// The trees of the lines, in the order written.
+    pub fn lines(&self) -> impl Iterator<Item = Cow<'_, Line<'s>>> {
+        self.places().map(LineRef::read)
+    }
+}
+
+impl PartialEq for Block<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        self.span == other.span && self.lines().eq(other.lines())
+    }
+}
+
+impl Eq for Block<'_> {}
+
 /// One line: parts joined by `;` that start together.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line<'s> {
     /// `at T` or `+D`, which covers the whole line.
     pub start: Option<Start<'s>>,
@@ -62,7 +130,7 @@ pub struct Line<'s> {
 }
 
 /// When a line starts.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Start<'s> {
     /// `at T`: at a moment, whatever came before.
     At(Moment<'s>),
@@ -71,7 +139,7 @@ pub enum Start<'s> {
 }
 
 /// The moment of an `at`: where it counts from, and times added or taken away.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moment<'s> {
     /// What it counts from.
     pub origin: Origin<'s>,
@@ -92,7 +160,7 @@ impl<'s> Moment<'s> {
 }
 
 /// What a moment counts from.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin<'s> {
     /// A time from the start of the block, or a mark's name.
     Value(Value<'s>),
@@ -101,7 +169,7 @@ pub enum Origin<'s> {
 }
 
 /// One statement of a line.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part<'s> {
     /// The robots it is said to; empty for all.
     pub robots: Vec<Name<'s>>,
@@ -110,7 +178,7 @@ pub struct Part<'s> {
 }
 
 /// What is done.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Statement<'s> {
     /// Words and arguments, perhaps with a block.
     Command(Command<'s>),
@@ -141,7 +209,7 @@ impl Statement<'_> {
 }
 
 /// `NAME(1, b = 2)`.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Call<'s> {
     /// What is called.
     pub name: Name<'s>,
@@ -152,7 +220,7 @@ pub struct Call<'s> {
 }
 
 /// One argument of a call.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Given<'s> {
     /// The name in `NAME = VALUE`.
     pub name: Option<Name<'s>>,
@@ -161,7 +229,7 @@ pub struct Given<'s> {
 }
 
 /// `let NAME = VALUE`.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Let<'s> {
     /// The name.
     pub name: Name<'s>,
@@ -172,7 +240,7 @@ pub struct Let<'s> {
 }
 
 /// `def NAME(a, b = 5) { … }`.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Def<'s> {
     /// The name.
     pub name: Name<'s>,
@@ -185,7 +253,7 @@ pub struct Def<'s> {
 }
 
 /// A parameter of a `def`.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter<'s> {
     /// Its name.
     pub name: Name<'s>,
@@ -194,7 +262,7 @@ pub struct Parameter<'s> {
 }
 
 /// `if … { … } else if … { … } else { … }`.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct If<'s> {
     /// Conditions and their blocks, in order.
     pub arms: Vec<(Expression<'s>, Block<'s>)>,
@@ -205,7 +273,7 @@ pub struct If<'s> {
 }
 
 /// A word, its arguments, perhaps a block.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Command<'s> {
     /// The first word.
     pub head: Name<'s>,
@@ -227,7 +295,7 @@ pub struct Name<'s> {
 }
 
 /// One argument.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Argument<'s> {
     /// The name in `NAME=ARG`.
     pub name: Option<Name<'s>>,
@@ -256,7 +324,7 @@ impl Argument<'_> {
 }
 
 /// The values of an argument.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Item<'s> {
     /// One value.
     One(Value<'s>),
@@ -271,7 +339,7 @@ pub enum Item<'s> {
 }
 
 /// One value.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Value<'s> {
     /// Whether a minus stands right before it.
     pub negative: bool,
@@ -282,7 +350,7 @@ pub struct Value<'s> {
 }
 
 /// What a value is, before it has a meaning.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ValueKind<'s> {
     /// A number with its unit.
     Number(NumberShape, &'s str),
@@ -296,7 +364,7 @@ pub enum ValueKind<'s> {
 
 /// A calculation, in the order in which it is done: operands before their operator. Flat, so that nothing that walks it can
 /// run out of stack.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Expression<'s> {
     /// Its parts; the last one gives the result.
     pub nodes: Vec<Node<'s>>,
@@ -305,7 +373,7 @@ pub struct Expression<'s> {
 }
 
 /// One step of a calculation.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Node<'s> {
     /// What is done.
     pub kind: NodeKind<'s>,

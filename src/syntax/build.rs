@@ -7,19 +7,22 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Lost, Moment, Name, Node, NodeKind,
-    NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
+    Argument, Block, Call, Command, Def, Expression, Given, If, Item, Kept, Let, Line, Lost, Moment, Name, Node,
+    NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 use super::grammar::Rule;
+use super::reading::{Level, Text};
+use super::scan::Outline;
 use super::trouble;
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
 pub(super) struct Builder<'s, 'd> {
     pub(super) source: &'s Source,
+    text: &'d Text<'s>,
+    /// The text that pest has read.
+    outline: &'d Outline<'d>,
     pub(super) diagnostics: &'d mut Diagnostics,
-    /// Where the text that pest has read begins in the source.
-    offset: usize,
     lines: Vec<Line<'s>>,
     /// Names whose `let` or `def` could not be read, or is being read.
     lost: Vec<&'s str>,
@@ -30,13 +33,13 @@ pub(super) struct Builder<'s, 'd> {
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
-    pub(super) fn new(source: &'s Source, diagnostics: &'d mut Diagnostics) -> Self {
-        Builder { source, diagnostics, offset: 0, lines: Vec::new(), lost: Vec::new(), lost_any: false, empty_at: None }
+    pub(super) fn new(text: &'d Text<'s>, outline: &'d Outline<'d>, diagnostics: &'d mut Diagnostics) -> Self {
+        let (lines, lost) = (Vec::new(), Vec::new());
+        Builder { source: text.source, text, outline, diagnostics, lines, lost, lost_any: false, empty_at: None }
     }
 
-    /// Adds the lines of a part of the script that begins at `offset`.
-    pub(super) fn add(&mut self, offset: usize, pairs: Pairs<'_, Rule>) {
-        self.offset = self.source.base() as usize + offset;
+    /// Adds the lines that pest has read.
+    pub(super) fn add(&mut self, pairs: Pairs<'_, Rule>) {
         for pair in pairs.flat_map(Pair::into_inner) {
             if pair.as_rule() == Rule::line {
                 let line = self.line(pair);
@@ -46,9 +49,14 @@ impl<'s, 'd> Builder<'s, 'd> {
     }
 
     /// A part that the grammar cannot read at all, which a script that passed the scan should never have.
-    pub(super) fn unreadable(&mut self, offset: usize, error: &pest::error::Error<Rule>) {
+    pub(super) fn unreadable(&mut self, error: &pest::error::Error<Rule>) {
         let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
-        self.diagnostics.push(trouble::beyond_the_grammar(self.source.base() as usize + offset + at));
+        self.diagnostics.push(trouble::beyond_the_grammar(self.place(at)));
+    }
+
+    /// The place in the source of one in the text that pest has read.
+    fn place(&self, at: usize) -> usize {
+        self.source.base() as usize + self.outline.place(at)
     }
 
     /// What was added, and what was lost.
@@ -59,8 +67,8 @@ impl<'s, 'd> Builder<'s, 'd> {
     /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
     /// swallowed a comment, so their places are put together from their children.
     pub(super) fn span(&self, pair: &Pair<'_, Rule>) -> Span {
-        let start = self.offset + pair.as_span().start();
-        Span::new(start, start + pair.as_str().trim_end().len())
+        let start = pair.as_span().start();
+        Span::new(self.place(start), self.place(start + pair.as_str().trim_end().len()))
     }
 
     pub(super) fn name(&self, pair: &Pair<'_, Rule>) -> Name<'s> {
@@ -71,8 +79,24 @@ impl<'s, 'd> Builder<'s, 'd> {
     /// The recursion over blocks is bounded by the depth of brackets, which the scan has checked.
     fn block(&mut self, pair: Pair<'_, Rule>) -> Block<'s> {
         let span = self.span(&pair);
-        let lines = pair.into_inner().filter_map(|line| self.line(line)).collect();
-        Block { lines, span }
+        let brace = self.outline.place(pair.as_span().start());
+        let lines = match self.text.scanned.block(brace) {
+            Some(inside) => self.long_block(Level::new(inside.clone())),
+            None => {
+                pair.into_inner().filter_map(|line| self.line(line)).map(|line| Kept::Tree(Box::new(line))).collect()
+            }
+        };
+        Block::new(lines, span)
+    }
+
+    /// The lines of a block that pest has not seen.
+    fn long_block(&mut self, mut level: Level<'s>) -> Vec<Kept<'s>> {
+        let mut lost = Lost::default();
+        let lines = std::iter::from_fn(|| level.next(self.text, self.diagnostics, &mut lost));
+        let lines = lines.map(|line| line.kept(self.source)).collect();
+        self.lost.extend(lost.names);
+        self.lost_any |= lost.any;
+        lines
     }
 
     fn line(&mut self, pair: Pair<'_, Rule>) -> Option<Line<'s>> {
@@ -490,7 +514,7 @@ impl<'s, 'd> Builder<'s, 'd> {
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
         // The place has no width; show the `;` behind it, or else the one before it.
         let base = self.source.base() as usize;
-        let at = self.offset - base + pair.as_span().start();
+        let at = self.outline.place(pair.as_span().start());
         let (before, behind) = self.source.text().split_at_checked(at).unwrap_or_default();
         let blanks = behind.len() - behind.trim_start_matches([' ', '\t']).len();
         let at = if behind.get(blanks..).is_some_and(|rest| rest.starts_with(';')) {

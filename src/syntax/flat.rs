@@ -20,6 +20,16 @@ pub(super) fn line(text: &str, offset: usize) -> Result<Option<Line<'_>>, NotFla
     Reader { text, at: 0, offset }.line()
 }
 
+/// Reads a flat line again, from its first to its last part.
+pub(super) fn again(text: &str, at: u32) -> Line<'_> {
+    line(text, at as usize).ok().flatten().unwrap_or_else(|| {
+        // It was read before; were it not read again, it must not pass in silence.
+        let span = Span::new(at as usize, at as usize + text.len());
+        let command = Command { head: Name { text, span }, arguments: Vec::new(), block: None, span };
+        Line { start: None, parts: vec![Part { robots: Vec::new(), statement: Statement::Command(command) }], span }
+    })
+}
+
 /// A line that is left to the rules of the whole language.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct NotFlat;
@@ -240,12 +250,15 @@ fn is_word(byte: u8) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::borrow::Cow;
+
     use pest::Parser as _;
     use proptest::prelude::*;
 
     use super::super::ast::Ast;
     use super::super::build::Builder;
     use super::super::grammar::{Grammar, Rule};
+    use super::super::reading::Text;
     use super::super::{parse, scan};
     use crate::diagnostic::{Diagnostic, Diagnostics};
     use crate::source::Source;
@@ -365,16 +378,18 @@ mod tests {
             let mut found = Diagnostics::default();
             let tree = parse(&source, &mut found);
             let mut expected = Diagnostics::default();
-            let grammar = scan::scan(&source, &mut expected).map(|scanned| {
-                let mut builder = Builder::new(&source, &mut expected);
-                let text = scanned.text(0..text.len());
-                match Grammar::parse(Rule::script, text) {
-                    Ok(pairs) => builder.add(0, pairs),
-                    Err(error) => builder.unreadable(0, &error),
+            let grammar = scan::scan(&source, &mut expected).map(|mut scanned| {
+                scanned.blocks.clear();
+                let text = Text { source: &source, scanned };
+                let outline = text.scanned.outline(text.scanned.whole().range);
+                let mut builder = Builder::new(&text, &outline, &mut expected);
+                match Grammar::parse(Rule::script, &outline.text) {
+                    Ok(pairs) => builder.add(pairs),
+                    Err(error) => builder.unreadable(&error),
                 }
                 builder.finish()
             });
-            let tree = tree.map(|Ast { body, lost }| (body.lines, lost));
+            let tree = tree.map(|Ast { body, lost }| (body.lines().map(Cow::into_owned).collect(), lost));
             prop_assert_eq!(tree, grammar);
             let sorted = |all: &Diagnostics| all.sorted().into_iter().cloned().collect::<Vec<Diagnostic>>();
             prop_assert_eq!(sorted(&found), sorted(&expected));

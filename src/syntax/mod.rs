@@ -16,8 +16,8 @@ mod trouble;
 
 pub(crate) use ahead::{Lines, read_ahead};
 pub use ast::{
-    Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, Lost, Moment, Name, Node,
-    NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
+    Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, LineRef, Lost, Moment,
+    Name, Node, NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 pub use print::format;
 pub use reading::Reading;
@@ -39,9 +39,9 @@ mod grammar {
 pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Ast<'s>> {
     let mut reading = read(source, diagnostics)?;
     let mut lost = Lost::default();
-    let lines = std::iter::from_fn(|| reading.next(diagnostics, &mut lost)).collect();
+    let lines = std::iter::from_fn(|| reading.next_kept(diagnostics, &mut lost)).collect();
     let base = source.base() as usize;
-    let body = Block { lines, span: Span::new(base, base + source.text().len()) };
+    let body = Block::new(lines, Span::new(base, base + source.text().len()));
     Some(Ast { body, lost })
 }
 

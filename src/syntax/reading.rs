@@ -1,13 +1,13 @@
-//! A script line by line: flat lines by hand, all others by the grammar.
+//! A script line by line: flat lines by hand, all others by the grammar, and so the lines of long blocks.
 
 use pest::Parser as _;
 use pest::iterators::Pair;
 
-use super::ast::{Line, Lost};
+use super::ast::{Kept, Line, Lost};
 use super::build::Builder;
 use super::flat::{self, NotFlat};
 use super::grammar::{Grammar, Rule};
-use super::scan::Scanned;
+use super::scan::{Inside, Scanned};
 use crate::diagnostic::Diagnostics;
 use crate::source::Source;
 
@@ -16,8 +16,19 @@ const FEW: usize = 4 * 1024;
 
 /// A script that is being read.
 pub struct Reading<'s> {
-    source: &'s Source,
-    scanned: Scanned<'s>,
+    text: Text<'s>,
+    level: Level<'s>,
+}
+
+/// A text and what the scan has found in it.
+pub(super) struct Text<'s> {
+    pub(super) source: &'s Source,
+    pub(super) scanned: Scanned<'s>,
+}
+
+/// How far the script, or a long block of it, is read.
+pub(super) struct Level<'s> {
+    inside: Inside,
     /// How far it is read.
     at: usize,
     /// Where the piece ends that is being read.
@@ -28,43 +39,82 @@ pub struct Reading<'s> {
     lines: std::vec::IntoIter<Line<'s>>,
 }
 
+/// A line, by who has read it.
+pub(super) enum Read<'s> {
+    ByHand(Line<'s>),
+    ByGrammar(Line<'s>),
+}
+
+impl<'s> Read<'s> {
+    /// As a block keeps it.
+    pub(super) fn kept(self, source: &'s Source) -> Kept<'s> {
+        match self {
+            Read::ByHand(line) => Kept::Flat(source.slice(line.span), line.span.start),
+            Read::ByGrammar(line) => Kept::Tree(Box::new(line)),
+        }
+    }
+}
+
 impl<'s> Reading<'s> {
     pub(super) fn new(source: &'s Source, scanned: Scanned<'s>) -> Self {
-        let (ends, lines) = (Vec::new().into_iter(), Vec::new().into_iter());
-        Reading { source, scanned, at: 0, end: 0, ends, lines }
+        let level = Level::new(scanned.whole());
+        Reading { text: Text { source, scanned }, level }
     }
 
     /// How long the script is, in bytes.
     pub(super) fn length(&self) -> usize {
-        self.source.text().len()
+        self.text.source.text().len()
     }
 
     /// The next line, with its blocks. What cannot be read is reported and left out.
     pub fn next(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Line<'s>> {
+        let (Read::ByHand(line) | Read::ByGrammar(line)) = self.level.next(&self.text, diagnostics, lost)?;
+        Some(line)
+    }
+
+    /// The next line, as a block keeps it.
+    pub(super) fn next_kept(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Kept<'s>> {
+        Some(self.level.next(&self.text, diagnostics, lost)?.kept(self.text.source))
+    }
+}
+
+impl<'s> Level<'s> {
+    pub(super) fn new(inside: Inside) -> Self {
+        let at = inside.range.start;
+        Level { inside, at, end: at, ends: Vec::new().into_iter(), lines: Vec::new().into_iter() }
+    }
+
+    /// The next line, with its blocks. What cannot be read is reported and left out.
+    pub(super) fn next(
+        &mut self,
+        text: &Text<'s>,
+        diagnostics: &mut Diagnostics,
+        lost: &mut Lost<'s>,
+    ) -> Option<Read<'s>> {
         loop {
             if let Some(line) = self.lines.next() {
-                return Some(line);
+                return Some(Read::ByGrammar(line));
             }
-            if self.at == self.end && !self.next_piece() {
+            if self.at == self.end && !self.next_piece(text) {
                 return None;
             }
-            match self.flat_line() {
-                Ok(Some(line)) => return Some(line),
+            match self.flat_line(text) {
+                Ok(Some(line)) => return Some(Read::ByHand(line)),
                 Ok(None) => {}
-                Err(NotFlat) => self.other_line(diagnostics, lost),
+                Err(NotFlat) => self.other_line(text, diagnostics, lost),
             }
         }
     }
 
     /// Goes on to the next piece; `false` where there is none.
-    fn next_piece(&mut self) -> bool {
-        self.end = self.scanned.piece(self.at);
+    fn next_piece(&mut self, text: &Text<'_>) -> bool {
+        self.end = text.scanned.piece(self.at, &self.inside);
         self.at < self.end
     }
 
     /// Cuts the next few lines. A piece is long where empty lines and comments follow each other, and a token is longer than they are.
-    fn cut(&mut self) {
-        let rest = self.scanned.text(self.at..self.end);
+    fn cut(&mut self, text: &Text<'_>) {
+        let rest = text.scanned.text(self.at..self.end);
         let most = rest.floor_char_boundary(FEW);
         let end = rest.bytes().skip(most).position(|byte| byte == b'\n').map_or(rest.len(), |at| most + at + 1);
         let few = rest.get(..end).unwrap_or_default();
@@ -74,37 +124,37 @@ impl<'s> Reading<'s> {
     }
 
     /// Reads a flat line, which may be empty.
-    fn flat_line(&mut self) -> Result<Option<Line<'s>>, NotFlat> {
+    fn flat_line(&mut self, text: &Text<'s>) -> Result<Option<Line<'s>>, NotFlat> {
         if self.ends.as_slice().is_empty() {
-            self.cut();
+            self.cut(text);
         }
         let end = self.ends.next().ok_or(NotFlat)?;
         // The same bytes as the grammar has seen, of the source itself.
-        let text = self.source.text().get(self.at..end).ok_or(NotFlat)?;
-        let line = flat::line(text, self.source.base() as usize + self.at)?;
+        let line = text.source.text().get(self.at..end).ok_or(NotFlat)?;
+        let line = flat::line(line, text.source.base() as usize + self.at)?;
         self.at = end;
         Ok(line)
     }
 
     /// Reads one line of the whole language; where that is not possible, all that is left of the piece.
-    fn other_line(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) {
-        let text = self.scanned.text(self.at..self.end);
-        let mut builder = Builder::new(self.source, diagnostics);
-        let length = match Grammar::parse(Rule::one_line, text).or_else(|_| Grammar::parse(Rule::script, text)) {
+    fn other_line(&mut self, text: &Text<'s>, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) {
+        let outline = text.scanned.outline(self.at..self.end);
+        let mut builder = Builder::new(text, &outline, diagnostics);
+        let parsed = Grammar::parse(Rule::one_line, &outline.text);
+        self.at = match parsed.or_else(|_| Grammar::parse(Rule::script, &outline.text)) {
             Ok(pairs) => {
-                let length = pairs.clone().next().map_or(text.len(), |pair| pair.as_span().end());
-                builder.add(self.at, pairs);
-                length
+                let end = pairs.clone().next().map_or(self.end, |pair| outline.place(pair.as_span().end()));
+                builder.add(pairs);
+                end
             }
             Err(error) => {
-                builder.unreadable(self.at, &error);
-                text.len()
+                builder.unreadable(&error);
+                self.end
             }
         };
         let (lines, names) = builder.finish();
         self.lines = lines.into_iter();
         lost.add(names);
-        self.at += length;
         // It ends where a line ends, perhaps further down.
         while self.ends.as_slice().first().is_some_and(|end| *end <= self.at) {
             self.ends.next();

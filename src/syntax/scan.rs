@@ -15,26 +15,84 @@ const MAX_ALLOWED: usize = 64;
 pub const MAX_LINE: usize = 64 * 1024;
 
 /// The least bytes of a piece that the grammar reads at once. What pest keeps of a text is many times as long as the text,
-/// so a long script is read in pieces, small enough that the allocator keeps the memory for the next one.
-const PIECE: usize = 4 * 1024;
+/// so a long script, and a long block, is read in pieces, small enough that the allocator keeps the memory for the next one.
+const PIECE: usize = if cfg!(test) { 24 } else { 4 * 1024 };
 
 /// The text as the grammar reads it, of the same length.
 pub(super) struct Scanned<'s> {
     text: Cow<'s, str>,
-    /// Ends of lines, outside of all brackets, where the text may be cut into pieces.
-    cuts: Vec<usize>,
+    /// Ends of lines, outside of all `( )`, where what is between two brackets, or the whole text, may be cut into pieces. Each with the
+    /// number of brackets around it.
+    cuts: Vec<(usize, usize)>,
+    /// The long blocks: those with a cut inside, in the order in which they begin.
+    pub(super) blocks: Vec<Inside>,
+}
+
+/// What is between the braces of a long block.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Inside {
+    pub(super) range: Range<usize>,
+    /// How many brackets are around it.
+    pub(super) depth: usize,
 }
 
 impl Scanned<'_> {
+    /// All of it.
+    pub(super) fn whole(&self) -> Inside {
+        Inside { range: 0..self.text.len(), depth: 0 }
+    }
+
     /// Where the piece ends that begins at `start`.
-    pub(super) fn piece(&self, start: usize) -> usize {
-        let next = self.cuts.partition_point(|&cut| cut <= start);
-        self.cuts.get(next).copied().unwrap_or(self.text.len())
+    pub(super) fn piece(&self, start: usize, inside: &Inside) -> usize {
+        let next = self.cuts.partition_point(|&(cut, _)| cut <= start);
+        let cuts = self.cuts.iter().skip(next).take_while(|(cut, _)| *cut < inside.range.end);
+        cuts.filter(|(_, depth)| *depth == inside.depth).map(|(cut, _)| *cut).next().unwrap_or(inside.range.end)
     }
 
     /// A part of the text.
     pub(super) fn text(&self, range: Range<usize>) -> &str {
         self.text.get(range).unwrap_or_default()
+    }
+
+    /// The long block whose opening brace is at this place.
+    pub(super) fn block(&self, brace: usize) -> Option<&Inside> {
+        let at = self.blocks.binary_search_by_key(&(brace + 1), |block| block.range.start).ok()?;
+        self.blocks.get(at)
+    }
+
+    /// A part of the text for the grammar, without what is inside of its long blocks: what pest keeps of a text is hundreds of times as long
+    /// as the text.
+    pub(super) fn outline(&self, range: Range<usize>) -> Outline<'_> {
+        let first = self.blocks.partition_point(|block| block.range.start <= range.start);
+        let blocks = self.blocks.iter().skip(first).take_while(|block| block.range.end < range.end);
+        let (mut text, mut gaps, mut done) = (String::new(), Vec::new(), range.start);
+        for Inside { range: inside, .. } in blocks {
+            if inside.start >= done {
+                text.push_str(self.text(done..inside.start));
+                done = inside.end;
+                gaps.push((text.len(), done - text.len()));
+            }
+        }
+        let rest = self.text(done..range.end);
+        let text = if gaps.is_empty() { Cow::Borrowed(rest) } else { Cow::Owned(text + rest) };
+        Outline { text, start: range.start, gaps }
+    }
+}
+
+/// A part of a text without what is inside of its long blocks.
+pub(super) struct Outline<'t> {
+    pub(super) text: Cow<'t, str>,
+    /// Where it begins in the whole text.
+    start: usize,
+    /// Where something is left out, and how much further in the whole text that is which follows.
+    gaps: Vec<(usize, usize)>,
+}
+
+impl Outline<'_> {
+    /// The place in the whole text.
+    pub(super) fn place(&self, at: usize) -> usize {
+        let before = self.gaps.partition_point(|(gap, _)| *gap < at).checked_sub(1);
+        at + before.and_then(|gap| self.gaps.get(gap)).map_or(self.start, |(_, further)| *further)
     }
 }
 
@@ -50,26 +108,32 @@ pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Opt
         parens: 0,
         blanks: Vec::new(),
         cuts: Vec::new(),
+        piece: 0,
+        blocks: Vec::new(),
         beyond_reading: false,
         diagnostics,
     };
     scan.run();
-    let Scan { mut blanks, cuts, beyond_reading, .. } = scan;
+    let Scan { mut blanks, cuts, mut blocks, beyond_reading, .. } = scan;
     blanks.sort_unstable();
-    (!beyond_reading).then(|| Scanned { text: blank_out(text, &blanks), cuts })
+    blocks.sort_unstable_by_key(|block| block.range.start);
+    (!beyond_reading).then(|| Scanned { text: blank_out(text, &blanks), cuts, blocks })
 }
 
 struct Scan<'s, 'd> {
     text: &'s str,
     /// The offset of the text's first byte.
     base: usize,
-    /// Brackets that are open, with their offsets.
-    open: Vec<(u8, usize)>,
+    /// Brackets that are open, with their offsets, and where the piece begins that each is in.
+    open: Vec<(u8, usize, usize)>,
     /// How many of them are `(`.
     parens: usize,
     /// Ranges that the grammar sees as blanks, the last byte of each as this one.
     blanks: Vec<(usize, usize, char)>,
-    cuts: Vec<usize>,
+    cuts: Vec<(usize, usize)>,
+    /// Where the piece begins.
+    piece: usize,
+    blocks: Vec<Inside>,
     beyond_reading: bool,
     diagnostics: &'d mut Diagnostics,
 }
@@ -122,7 +186,7 @@ impl<'s> Scan<'s, '_> {
             self.line_too_long(line);
             return;
         }
-        while let Some((bracket, from)) = self.open.pop() {
+        while let Some((bracket, from, _)) = self.open.pop() {
             self.unclosed(bracket, from, None);
         }
     }
@@ -146,16 +210,16 @@ impl<'s> Scan<'s, '_> {
         ));
     }
 
-    /// Behind a line break outside of all brackets: a piece that is long enough ends here, unless the next line is empty, or a
+    /// Behind a line break outside of all `( )`: a piece that is long enough ends here, unless the next line is empty, or a
     /// comment, behind which an `else` may stand, or an `else`, which belongs to the block before.
     fn line_ended(&mut self, at: usize) {
-        let last = self.cuts.last().copied().unwrap_or(0);
-        if at - last < PIECE || !self.open.is_empty() {
+        if at - self.piece < PIECE || self.parens > 0 {
             return;
         }
         let next = self.text.get(at..).unwrap_or_default().trim_start_matches([' ', '\t']);
         if !next.starts_with(['#', '\r', '\n']) && !next.starts_with("else") {
-            self.cuts.push(at);
+            self.cuts.push((at, self.open.len()));
+            self.piece = at;
         }
     }
 
@@ -271,7 +335,8 @@ impl<'s> Scan<'s, '_> {
             ));
             return None;
         }
-        self.open.push((bracket, at));
+        self.open.push((bracket, at, self.piece));
+        self.piece = at + 1;
         if bracket == b'(' {
             self.parens += 1;
         }
@@ -280,7 +345,7 @@ impl<'s> Scan<'s, '_> {
 
     fn closed(&mut self, bracket: u8, at: usize) -> usize {
         let opening = if bracket == b')' { b'(' } else { b'{' };
-        let Some(partner) = self.open.iter().rposition(|&(open, _)| open == opening) else {
+        let Some(partner) = self.open.iter().rposition(|&(open, ..)| open == opening) else {
             self.blanks.push((at, at + 1, ' '));
             let name = char::from(bracket);
             self.report(Diagnostic::new(
@@ -292,15 +357,21 @@ impl<'s> Scan<'s, '_> {
             return at + 1;
         };
         // What was opened behind the partner was never closed.
-        for (inner, from) in self.open.split_off(partner + 1) {
+        for (inner, from, _) in self.open.split_off(partner + 1) {
             self.unclosed(inner, from, Some(at));
             if inner == b'(' {
                 self.parens -= 1;
             }
         }
-        self.open.pop();
         if bracket == b')' {
             self.parens -= 1;
+        }
+        let depth = self.open.len();
+        if let Some((_, from, piece)) = self.open.pop() {
+            if self.parens == 0 && self.cuts.last().is_some_and(|(cut, _)| *cut > from) {
+                self.blocks.push(Inside { range: from + 1..at, depth });
+            }
+            self.piece = piece;
         }
         at + 1
     }

@@ -87,7 +87,8 @@ impl<'s> Unroll<'s, '_> {
         depth: usize,
     ) -> Option<Time> {
         let mut now = start;
-        let mut fixed = Some(Fixed::new(self.context.scope.locals()));
+        // What is done only once is not worth keeping.
+        let mut fixed = (count > 1).then(|| Fixed::new(self.context.scope.locals()));
         for pass in 0..count {
             self.done += 1;
             let mark = self.context.scope.open();

@@ -17,7 +17,7 @@ impl<'s> Unroll<'s, '_> {
             let Some(tree) = syntax::parse(source, self.context.diagnostics) else { continue };
             let span = tree.body.span;
             let end = span.range().start + source.text().trim_end().len();
-            let part = tree.body.lines.into_iter().next().and_then(|line| line.parts.into_iter().next());
+            let part = tree.body.lines().next().and_then(|line| line.into_owned().parts.into_iter().next());
             match part.map(|part| part.statement) {
                 // Nothing stands behind the value, not even a comment.
                 Some(Statement::Let(each)) if each.span.range().end == end => {
@@ -105,7 +105,7 @@ impl<'s> Unroll<'s, '_> {
         let main = std::mem::replace(&mut self.context.scope.main, false);
         let later = std::mem::replace(&mut self.context.later, Later::new(source));
         let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
-        for line in &tree.body.lines {
+        for line in tree.body.lines() {
             for part in &line.parts {
                 let allowed = match &part.statement {
                     Statement::Let(_) | Statement::Def(_) => true,
@@ -130,7 +130,7 @@ impl<'s> Unroll<'s, '_> {
         }
         let is_fine = self.context.diagnostics.errors() == errors;
         if is_fine {
-            self.lines(&tree.body.lines, &mut frame, 0);
+            self.lines(tree.body.places(), &mut frame, 0);
         }
         self.context.later = later;
         self.context.scope.main = main;

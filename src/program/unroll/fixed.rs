@@ -6,7 +6,7 @@ use super::super::commands::{self, Build};
 use super::super::time::Time;
 use super::{Frame, Unroll};
 use crate::source::Span;
-use crate::syntax::{Line, Part, Start, Statement};
+use crate::syntax::{Line, LineRef, Part, Start, Statement};
 
 /// What the lines of one `repeat` do in every pass.
 pub(super) struct Fixed {
@@ -50,11 +50,17 @@ impl Fixed {
 
 impl<'s> Unroll<'s, '_> {
     /// Runs a line, which may be known from a pass before.
-    pub(super) fn line_again(&mut self, place: usize, line: &Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
-        let Some(fixed) = &frame.fixed else { return self.line(line, frame, depth) };
+    pub(super) fn line_again(
+        &mut self,
+        place: usize,
+        line: LineRef<'_, 's>,
+        frame: &mut Frame,
+        depth: usize,
+    ) -> Option<()> {
+        let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame, depth) };
         // A pass is no `together`.
         let from = frame.now;
-        if let Some(done) = fixed.done(place, line.span) {
+        if let Some(done) = fixed.done(place, line.span()) {
             let start = from.plus(done.delay);
             let end = start.plus(done.lasted);
             if let Some((span, action)) = &done.step {
@@ -65,13 +71,14 @@ impl<'s> Unroll<'s, '_> {
             frame.latest = frame.latest.max(end);
             return Some(());
         }
-        if !may_be_fixed(line) {
-            return self.line(line, frame, depth);
+        let line = line.read();
+        if !may_be_fixed(&line) {
+            return self.line(&line, frame, depth);
         }
         let outer = fixed.outer;
         let before = self.steps.len();
         (self.context.varies, self.context.scope.newest) = (false, 0);
-        self.line(line, frame, depth)?;
+        self.line(&line, frame, depth)?;
         if self.context.varies || self.context.scope.newest > outer {
             return Some(());
         }

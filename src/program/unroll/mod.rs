@@ -28,7 +28,7 @@ use super::{Abort, Options, Program, Settings, Step};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Sources, Span};
 use crate::syntax::{
-    Block, Expression, If, Line, Lines, Lost, Moment, Origin, Part, Start, Statement, Value, ValueKind,
+    Block, Expression, If, Line, LineRef, Lines, Lost, Moment, Origin, Part, Start, Statement, Value, ValueKind,
 };
 
 /// How many steps of a script that has an error are looked through.
@@ -98,7 +98,7 @@ pub(super) fn unroll<'s>(
         // What could not be read may have moved anything.
         unroll.times_known &= unroll.context.diagnostics.errors() == errors;
         let Some(line) = line else { break };
-        unroll.lines(std::slice::from_ref(line), &mut frame, 0);
+        unroll.lines(std::iter::once(LineRef::Tree(line)), &mut frame, 0);
     }
     unroll.finish(frame.latest)
 }
@@ -247,7 +247,7 @@ impl<'s> Unroll<'s, '_> {
     fn body(&mut self, block: &Block<'s>, mut frame: Frame, depth: usize) -> Frame {
         let tempo = self.context.tempo;
         if depth < MAX_DEPTH {
-            self.lines(&block.lines, &mut frame, depth + 1);
+            self.lines(block.places(), &mut frame, depth + 1);
         } else {
             let help = "call fewer phrases inside each other";
             self.report(
@@ -262,22 +262,25 @@ impl<'s> Unroll<'s, '_> {
         frame
     }
 
-    fn lines(&mut self, lines: &[Line<'s>], frame: &mut Frame, depth: usize) {
-        for (place, line) in lines.iter().enumerate() {
+    fn lines<'b>(&mut self, lines: impl Iterator<Item = LineRef<'b, 's>>, frame: &mut Frame, depth: usize)
+    where
+        's: 'b,
+    {
+        for (place, line) in lines.enumerate() {
             self.done += 1;
             // Behind an error only more errors are looked for, and not for ever.
             self.exhausted |= self.done > ENOUGH && self.context.diagnostics.has_errors();
-            if self.exhausted || !self.within_bounds(line.span) {
+            if self.exhausted || !self.within_bounds(line.span()) {
                 return;
             }
             if self.line_again(place, line, frame, depth).is_none() {
                 self.times_known = false;
-                self.failed.get_or_insert(line.span);
+                self.failed.get_or_insert(line.span());
             }
             if frame.latest > Time::LONGEST && !self.too_long {
                 self.too_long = true;
                 let help = "make it shorter; a script is at most 24 hours long";
-                self.report(Code::TooLong, line.span, "the script reaches beyond 24 hours here", help);
+                self.report(Code::TooLong, line.span(), "the script reaches beyond 24 hours here", help);
             }
         }
     }
@@ -340,7 +343,7 @@ impl<'s> Unroll<'s, '_> {
         }
         if let Some(block) = taken {
             let names = self.context.scope.locals();
-            self.lines(&block.lines, frame, depth);
+            self.lines(block.places(), frame, depth);
             // What it has named may hide, in this pass only, what lines behind it use.
             if self.context.scope.locals() > names {
                 frame.fixed = None;

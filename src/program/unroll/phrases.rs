@@ -128,7 +128,7 @@ impl<'s> Unroll<'s, '_> {
                         );
                     }
                 },
-                None => self.unknown_call(*call),
+                None => self.unknown_call(call),
             }
         }
         fine
@@ -137,7 +137,7 @@ impl<'s> Unroll<'s, '_> {
     /// How calls lead from `def` over `next` back to `def`, if they do.
     pub(super) fn cycle(&mut self, def: &Def<'s>, next: &Arc<Def<'s>>) -> Option<String> {
         const SHOWN: usize = 8;
-        const MOST_SEARCHED: usize = 500_000;
+        const MOST_SEARCHED: usize = 100_000;
         if !self.context.later.call_each_other(def.name.text, next.name.text) {
             return None;
         }

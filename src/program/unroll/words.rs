@@ -18,26 +18,28 @@ impl<'s> Unroll<'s, '_> {
     /// Looks at the words of a block that may never run: what nothing is called is a mistake there too. The recursion is
     /// bounded by the depth of brackets.
     pub(super) fn check_words(&mut self, block: &Block<'s>) {
-        for part in block.lines.iter().flat_map(|line| &line.parts) {
-            match &part.statement {
-                Statement::Command(command) => {
-                    if commands::find(command.head.text).is_none() {
-                        self.unknown(command);
+        for line in block.lines() {
+            for part in &line.parts {
+                match &part.statement {
+                    Statement::Command(command) => {
+                        if commands::find(command.head.text).is_none() {
+                            self.unknown(command);
+                        }
+                        if let Some(inner) = &command.block {
+                            self.check_words(inner);
+                        }
                     }
-                    if let Some(inner) = &command.block {
-                        self.check_words(inner);
+                    Statement::Block(inner) => self.check_words(inner),
+                    Statement::If(each) => {
+                        for inner in each.arms.iter().map(|(_, inner)| inner).chain(&each.otherwise) {
+                            self.check_words(inner);
+                        }
                     }
-                }
-                Statement::Block(inner) => self.check_words(inner),
-                Statement::If(each) => {
-                    for inner in each.arms.iter().map(|(_, inner)| inner).chain(&each.otherwise) {
-                        self.check_words(inner);
+                    Statement::Call(call) if !self.in_phrase && self.context.scope.phrase(call.name.text).is_none() => {
+                        self.unknown_call(Name { span: call.span, ..call.name });
                     }
+                    Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
                 }
-                Statement::Call(call) if !self.in_phrase && self.context.scope.phrase(call.name.text).is_none() => {
-                    self.unknown_call(Name { span: call.span, ..call.name });
-                }
-                Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
             }
         }
     }
