@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 pub struct Ease {
     direction: Direction,
     /// Index in [`CURVES`].
-    curve: usize,
+    curve: u8,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,7 +103,7 @@ impl Ease {
         let (direction, curve) = [("in-out-", Direction::InOut), ("in-", Direction::In), ("out-", Direction::Out)]
             .into_iter()
             .find_map(|(prefix, direction)| Some((direction, name.strip_prefix(prefix)?)))?;
-        let curve = CURVES.iter().position(|row| row.name == curve)?;
+        let curve = u8::try_from(CURVES.iter().position(|row| row.name == curve)?).ok()?;
         Some(Ease { direction, curve })
     }
 
@@ -123,12 +123,12 @@ impl Ease {
             Direction::Out => "out-",
             Direction::InOut => "in-out-",
         };
-        format!("{prefix}{}", CURVES.get(self.curve).map_or("", |curve| curve.name))
+        format!("{prefix}{}", CURVES.get(usize::from(self.curve)).map_or("", |curve| curve.name))
     }
 
     /// How far it is, from 0 to 1 and for some curves beyond, after this part of the time.
     pub fn at(self, part: f64) -> f64 {
-        let Some(curve) = CURVES.get(self.curve) else {
+        let Some(curve) = CURVES.get(usize::from(self.curve)) else {
             return part;
         };
         match self.direction {

@@ -1,10 +1,11 @@
 //! Commands that may go somewhere over a time: which values they have, and the frame for each set of values.
 
+use smallvec::SmallVec;
+
 use super::ease::Ease;
 use super::time::Time;
 use super::value::round;
 use crate::board::{Command, Ranged, ServoIndex};
-use crate::source::Span;
 
 /// Which command it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,8 +36,8 @@ pub struct Glide {
 pub struct Motion {
     /// Which command.
     pub shape: Shape,
-    /// Its values, in the places of those that the shape has.
-    glides: [Glide; 4],
+    /// Its values, as many as the shape has; most moves are those of one servo, and there may be a million.
+    glides: SmallVec<[Glide; 1]>,
 }
 
 /// A command that goes somewhere over a time.
@@ -48,8 +49,6 @@ pub struct Move {
     pub over: Time,
     /// How it gets there.
     pub ease: Ease,
-    /// Where its values stand in the script.
-    pub span: Span,
 }
 
 impl Shape {
@@ -91,14 +90,12 @@ fn ranged<const MIN: i32, const MAX: i32>(value: f64, at: usize) -> Result<Range
 impl Motion {
     /// A command with these values.
     pub(super) fn new<const N: usize>(shape: Shape, values: [Glide; N]) -> Self {
-        let mut glides = [Glide::default(); 4];
-        glides.iter_mut().zip(values).for_each(|(place, value)| *place = value);
-        Motion { shape, glides }
+        Motion { shape, glides: values.into_iter().collect() }
     }
 
     /// Its values, as many as the shape has.
     pub fn values(&self) -> &[Glide] {
-        self.glides.get(..self.shape.names().len()).unwrap_or_default()
+        &self.glides
     }
 
     /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.
@@ -130,6 +127,7 @@ impl Motion {
 
     /// The command that it arrives at.
     pub fn target(&self) -> Option<Command> {
-        self.shape.command(&self.glides.map(|glide| glide.to)).ok()
+        let targets: SmallVec<[f64; 4]> = self.glides.iter().map(|glide| glide.to).collect();
+        self.shape.command(&targets).ok()
     }
 }

@@ -3,7 +3,7 @@
 use crate::diagnostic::Diagnostic;
 use crate::source::Span;
 
-/// A place in the tree of calls; 0 is the script itself.
+/// A place in the tree of calls: behind where its call or pass begins among the bytes that are kept; 0 is the script itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraceId(u32);
 
@@ -23,7 +23,9 @@ const SHOWN: usize = 4;
 /// The calls and passes of a script that led to anything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Traces {
-    all: Vec<Trace>,
+    /// One behind the other, each as four numbers of as few bytes as they need, because there may be some for each of millions of events: how
+    /// far it is behind the one that it is within, where it stands, how long that is, and its pass.
+    all: Vec<u8>,
     /// The way to where the script is now; what leads to nothing is never kept.
     path: Vec<(Span, u32, Option<TraceId>)>,
 }
@@ -34,8 +36,11 @@ impl Traces {
         let mut within = TraceId::default();
         for (span, pass, id) in &mut self.path {
             within = *id.get_or_insert_with(|| {
-                self.all.push(Trace { within, span: *span, pass: *pass });
-                TraceId(u32::try_from(self.all.len()).unwrap_or(0))
+                let id = u32::try_from(self.all.len() + 1).unwrap_or(0);
+                for number in [id - within.0, span.start, span.end - span.start, *pass] {
+                    put(number, &mut self.all);
+                }
+                TraceId(id)
             });
         }
         within
@@ -79,7 +84,60 @@ impl Traces {
         std::iter::successors(first, |trace| self.get(trace.within)).map(|trace| (trace.span, trace.pass))
     }
 
-    fn get(&self, at: TraceId) -> Option<&Trace> {
-        self.all.get(usize::try_from(at.0).ok()?.checked_sub(1)?)
+    fn get(&self, TraceId(at): TraceId) -> Option<Trace> {
+        let mut bytes = self.all.get(usize::try_from(at).ok()?.checked_sub(1)?..)?;
+        let [behind, start, length, pass] = [(); 4].map(|()| take(&mut bytes));
+        let span = Span { start: start?, end: start?.checked_add(length?)? };
+        Some(Trace { within: TraceId(at.checked_sub(behind?)?), span, pass: pass? })
+    }
+}
+
+/// Appends a number: seven bits a byte, the lowest first; the highest bit says that more follow.
+fn put(mut number: u32, bytes: &mut Vec<u8>) {
+    loop {
+        let [low, ..] = number.to_le_bytes();
+        number >>= 7;
+        if number == 0 {
+            return bytes.push(low);
+        }
+        bytes.push(low | 0x80);
+    }
+}
+
+/// Takes the next number.
+fn take(bytes: &mut &[u8]) -> Option<u32> {
+    let mut number = 0;
+    for shift in (0..32).step_by(7) {
+        let (&byte, rest) = bytes.split_first()?;
+        *bytes = rest;
+        number |= u32::from(byte & 0x7F) << shift;
+        if byte & 0x80 == 0 {
+            return Some(number);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_led_to_a_step_is_known_again() {
+        let mut traces = Traces::default();
+        let call = Span { start: 0, end: 3 };
+        let far = Span { start: u32::MAX - 1, end: u32::MAX };
+        traces.enter(far, u32::MAX);
+        traces.enter(call, 0);
+        let inner = traces.here();
+        traces.leave();
+        let outer = traces.here();
+        traces.enter(call, 128);
+        let other = traces.here();
+        let chain = |leaf| traces.chain(leaf).collect::<Vec<_>>();
+        assert_eq!(chain(inner), [(call, 0), (far, u32::MAX)]);
+        assert_eq!(chain(outer), [(far, u32::MAX)]);
+        assert_eq!(chain(other), [(call, 128), (far, u32::MAX)]);
+        assert_eq!(chain(TraceId::default()), []);
     }
 }

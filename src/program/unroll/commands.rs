@@ -61,7 +61,7 @@ impl<'s> Unroll<'s, '_> {
                     Lasting::Over(over, ease) => {
                         let span = command.span;
                         if self.no_drive_in_abort(matches!(motion.shape, Shape::Servo(_) | Shape::Servos), span) {
-                            self.push(start, span, Action::Go(Box::new(Move { motion, over, ease, span })));
+                            self.push(start, span, Action::Go(Box::new(Move { motion, over, ease })));
                         }
                     }
                     _ if motion.has_start() => {

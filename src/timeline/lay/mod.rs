@@ -506,12 +506,14 @@ impl Starts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::Move;
 
     /// A million of them are there at once, and the second becomes the third in the same memory.
     #[test]
     fn what_there_are_millions_of_is_small() {
         assert_eq!(size_of::<Command>(), 16);
         assert_eq!(size_of::<Step>(), 48);
+        assert!(size_of::<Event>() <= 40 && size_of::<Move>() <= 88 && size_of::<Tween>() <= 32);
         assert!(size_of::<(Event, u32)>() <= size_of::<Step>() && align_of::<(Event, u32)>() == align_of::<Step>());
     }
 }
