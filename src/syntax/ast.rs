@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::flat;
 use crate::source::Span;
 
 /// A whole script.
@@ -67,20 +66,12 @@ pub enum LineRef<'b, 's> {
     Tree(&'b Line<'s>),
 }
 
-impl<'b, 's> LineRef<'b, 's> {
+impl LineRef<'_, '_> {
     /// From the first to the last part.
     pub fn span(self) -> Span {
         match self {
             LineRef::Flat(text, at) => Span::new(at as usize, at as usize + text.len()),
             LineRef::Tree(line) => line.span,
-        }
-    }
-
-    /// Its tree.
-    pub fn read(self) -> Cow<'b, Line<'s>> {
-        match self {
-            LineRef::Flat(text, at) => Cow::Owned(flat::again(text, at)),
-            LineRef::Tree(line) => Cow::Borrowed(line),
         }
     }
 }

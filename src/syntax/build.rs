@@ -11,31 +11,30 @@ use super::ast::{
     NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 use super::grammar::Rule;
-use super::reading::{Level, Text};
-use super::scan::Outline;
+use super::scan::{Outline, Scanned};
 use super::trouble;
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
 pub(super) struct Builder<'s, 'd> {
     pub(super) source: &'s Source,
-    text: &'d Text<'s>,
+    pub(super) scanned: &'d Scanned<'s>,
     /// The text that pest has read.
     outline: &'d Outline<'d>,
     pub(super) diagnostics: &'d mut Diagnostics,
     lines: Vec<Line<'s>>,
     /// Names whose `let` or `def` could not be read, or is being read.
-    lost: Vec<&'s str>,
+    pub(super) lost: Vec<&'s str>,
     /// Whether a `use` could not be read.
-    lost_any: bool,
+    pub(super) lost_any: bool,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
-    pub(super) fn new(text: &'d Text<'s>, outline: &'d Outline<'d>, diagnostics: &'d mut Diagnostics) -> Self {
+    pub(super) fn new(scanned: &'d Scanned<'s>, outline: &'d Outline<'d>, diagnostics: &'d mut Diagnostics) -> Self {
         let (lines, lost) = (Vec::new(), Vec::new());
-        Builder { source: text.source, text, outline, diagnostics, lines, lost, lost_any: false, empty_at: None }
+        Builder { source: scanned.source, scanned, outline, diagnostics, lines, lost, lost_any: false, empty_at: None }
     }
 
     /// Adds the lines that pest has read.
@@ -80,23 +79,13 @@ impl<'s, 'd> Builder<'s, 'd> {
     fn block(&mut self, pair: Pair<'_, Rule>) -> Block<'s> {
         let span = self.span(&pair);
         let brace = self.outline.place(pair.as_span().start());
-        let lines = match self.text.scanned.block(brace) {
-            Some(inside) => self.long_block(Level::new(inside.clone())),
+        let lines = match self.scanned.block(brace) {
+            Some(inside) => self.long_block(inside),
             None => {
                 pair.into_inner().filter_map(|line| self.line(line)).map(|line| Kept::Tree(Box::new(line))).collect()
             }
         };
         Block::new(lines, span)
-    }
-
-    /// The lines of a block that pest has not seen.
-    fn long_block(&mut self, mut level: Level<'s>) -> Vec<Kept<'s>> {
-        let mut lost = Lost::default();
-        let lines = std::iter::from_fn(|| level.next(self.text, self.diagnostics, &mut lost));
-        let lines = lines.map(|line| line.kept(self.source)).collect();
-        self.lost.extend(lost.names);
-        self.lost_any |= lost.any;
-        lines
     }
 
     fn line(&mut self, pair: Pair<'_, Rule>) -> Option<Line<'s>> {

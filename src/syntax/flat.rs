@@ -4,8 +4,10 @@
 //! What is read here is read exactly as those rules would read it; whatever is not plainly flat is left to them, with all of
 //! its mistakes. A property test at the end of this file holds that.
 
+use std::borrow::Cow;
+
 use super::ast::{
-    Argument, Command, Item, Line, Moment, Name, NumberShape, Origin, Part, Start, Statement, Value, ValueKind,
+    Argument, Command, Item, Line, LineRef, Moment, Name, NumberShape, Origin, Part, Start, Statement, Value, ValueKind,
 };
 use crate::source::Span;
 
@@ -20,14 +22,20 @@ pub(super) fn line(text: &str, offset: usize) -> Result<Option<Line<'_>>, NotFla
     Reader { text, at: 0, offset }.line()
 }
 
-/// Reads a flat line again, from its first to its last part.
-pub(super) fn again(text: &str, at: u32) -> Line<'_> {
-    line(text, at as usize).ok().flatten().unwrap_or_else(|| {
-        // It was read before; were it not read again, it must not pass in silence.
-        let span = Span::new(at as usize, at as usize + text.len());
-        let command = Command { head: Name { text, span }, arguments: Vec::new(), block: None, span };
-        Line { start: None, parts: vec![Part { robots: Vec::new(), statement: Statement::Command(command) }], span }
-    })
+impl<'b, 's> LineRef<'b, 's> {
+    /// Its tree.
+    pub fn read(self) -> Cow<'b, Line<'s>> {
+        let (text, at) = match self {
+            LineRef::Flat(text, at) => (text, at as usize),
+            LineRef::Tree(line) => return Cow::Borrowed(line),
+        };
+        Cow::Owned(line(text, at).ok().flatten().unwrap_or_else(|| {
+            // It was read before; were it not read again, it must not pass in silence.
+            let span = self.span();
+            let command = Command { head: Name { text, span }, arguments: Vec::new(), block: None, span };
+            Line { start: None, parts: vec![Part { robots: Vec::new(), statement: Statement::Command(command) }], span }
+        }))
+    }
 }
 
 /// A line that is left to the rules of the whole language.
@@ -258,7 +266,6 @@ mod tests {
     use super::super::ast::Ast;
     use super::super::build::Builder;
     use super::super::grammar::{Grammar, Rule};
-    use super::super::reading::Text;
     use super::super::{parse, scan};
     use crate::diagnostic::{Diagnostic, Diagnostics};
     use crate::source::Source;
@@ -380,9 +387,8 @@ mod tests {
             let mut expected = Diagnostics::default();
             let grammar = scan::scan(&source, &mut expected).map(|mut scanned| {
                 scanned.blocks.clear();
-                let text = Text { source: &source, scanned };
-                let outline = text.scanned.outline(text.scanned.whole().range);
-                let mut builder = Builder::new(&text, &outline, &mut expected);
+                let outline = scanned.outline(scanned.whole().range);
+                let mut builder = Builder::new(&scanned, &outline, &mut expected);
                 match Grammar::parse(Rule::script, &outline.text) {
                     Ok(pairs) => builder.add(pairs),
                     Err(error) => builder.unreadable(&error),

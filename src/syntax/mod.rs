@@ -47,5 +47,5 @@ pub fn parse<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<As
 
 /// Begins to read a script line by line, so that the tree of a long one is never there as a whole. `None` as for [`parse`].
 pub fn read<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Reading<'s>> {
-    scan::scan(source, diagnostics).map(|scanned| Reading::new(source, scanned))
+    scan::scan(source, diagnostics).map(Reading::new)
 }

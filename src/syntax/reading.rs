@@ -16,18 +16,12 @@ const FEW: usize = 4 * 1024;
 
 /// A script that is being read.
 pub struct Reading<'s> {
-    text: Text<'s>,
+    scanned: Scanned<'s>,
     level: Level<'s>,
 }
 
-/// A text and what the scan has found in it.
-pub(super) struct Text<'s> {
-    pub(super) source: &'s Source,
-    pub(super) scanned: Scanned<'s>,
-}
-
 /// How far the script, or a long block of it, is read.
-pub(super) struct Level<'s> {
+struct Level<'s> {
     inside: Inside,
     /// How far it is read.
     at: usize,
@@ -40,14 +34,14 @@ pub(super) struct Level<'s> {
 }
 
 /// A line, by who has read it.
-pub(super) enum Read<'s> {
+enum Read<'s> {
     ByHand(Line<'s>),
     ByGrammar(Line<'s>),
 }
 
 impl<'s> Read<'s> {
     /// As a block keeps it.
-    pub(super) fn kept(self, source: &'s Source) -> Kept<'s> {
+    fn kept(self, source: &'s Source) -> Kept<'s> {
         match self {
             Read::ByHand(line) => Kept::Flat(source.slice(line.span), line.span.start),
             Read::ByGrammar(line) => Kept::Tree(Box::new(line)),
@@ -56,65 +50,73 @@ impl<'s> Read<'s> {
 }
 
 impl<'s> Reading<'s> {
-    pub(super) fn new(source: &'s Source, scanned: Scanned<'s>) -> Self {
+    pub(super) fn new(scanned: Scanned<'s>) -> Self {
         let level = Level::new(scanned.whole());
-        Reading { text: Text { source, scanned }, level }
+        Reading { scanned, level }
     }
 
     /// How long the script is, in bytes.
     pub(super) fn length(&self) -> usize {
-        self.text.source.text().len()
+        self.scanned.source.text().len()
     }
 
     /// The next line, with its blocks. What cannot be read is reported and left out.
     pub fn next(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Line<'s>> {
-        let (Read::ByHand(line) | Read::ByGrammar(line)) = self.level.next(&self.text, diagnostics, lost)?;
+        let (Read::ByHand(line) | Read::ByGrammar(line)) = self.level.next(&self.scanned, diagnostics, lost)?;
         Some(line)
     }
 
     /// The next line, as a block keeps it.
     pub(super) fn next_kept(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Kept<'s>> {
-        Some(self.level.next(&self.text, diagnostics, lost)?.kept(self.text.source))
+        Some(self.level.next(&self.scanned, diagnostics, lost)?.kept(self.scanned.source))
+    }
+}
+
+impl<'s> Builder<'s, '_> {
+    /// The lines of a block that pest has not seen.
+    pub(super) fn long_block(&mut self, inside: &Inside) -> Vec<Kept<'s>> {
+        let mut level = Level::new(inside.clone());
+        let mut lost = Lost::default();
+        let lines = std::iter::from_fn(|| level.next(self.scanned, self.diagnostics, &mut lost));
+        let lines = lines.map(|line| line.kept(self.source)).collect();
+        self.lost.extend(lost.names);
+        self.lost_any |= lost.any;
+        lines
     }
 }
 
 impl<'s> Level<'s> {
-    pub(super) fn new(inside: Inside) -> Self {
+    fn new(inside: Inside) -> Self {
         let at = inside.range.start;
         Level { inside, at, end: at, ends: Vec::new().into_iter(), lines: Vec::new().into_iter() }
     }
 
     /// The next line, with its blocks. What cannot be read is reported and left out.
-    pub(super) fn next(
-        &mut self,
-        text: &Text<'s>,
-        diagnostics: &mut Diagnostics,
-        lost: &mut Lost<'s>,
-    ) -> Option<Read<'s>> {
+    fn next(&mut self, scanned: &Scanned<'s>, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Read<'s>> {
         loop {
             if let Some(line) = self.lines.next() {
                 return Some(Read::ByGrammar(line));
             }
-            if self.at == self.end && !self.next_piece(text) {
+            if self.at == self.end && !self.next_piece(scanned) {
                 return None;
             }
-            match self.flat_line(text) {
+            match self.flat_line(scanned) {
                 Ok(Some(line)) => return Some(Read::ByHand(line)),
                 Ok(None) => {}
-                Err(NotFlat) => self.other_line(text, diagnostics, lost),
+                Err(NotFlat) => self.other_line(scanned, diagnostics, lost),
             }
         }
     }
 
     /// Goes on to the next piece; `false` where there is none.
-    fn next_piece(&mut self, text: &Text<'_>) -> bool {
-        self.end = text.scanned.piece(self.at, &self.inside);
+    fn next_piece(&mut self, scanned: &Scanned<'_>) -> bool {
+        self.end = scanned.piece(self.at, &self.inside);
         self.at < self.end
     }
 
     /// Cuts the next few lines. A piece is long where empty lines and comments follow each other, and a token is longer than they are.
-    fn cut(&mut self, text: &Text<'_>) {
-        let rest = text.scanned.text(self.at..self.end);
+    fn cut(&mut self, scanned: &Scanned<'_>) {
+        let rest = scanned.text(self.at..self.end);
         let most = rest.floor_char_boundary(FEW);
         let end = rest.bytes().skip(most).position(|byte| byte == b'\n').map_or(rest.len(), |at| most + at + 1);
         let few = rest.get(..end).unwrap_or_default();
@@ -124,22 +126,22 @@ impl<'s> Level<'s> {
     }
 
     /// Reads a flat line, which may be empty.
-    fn flat_line(&mut self, text: &Text<'s>) -> Result<Option<Line<'s>>, NotFlat> {
+    fn flat_line(&mut self, scanned: &Scanned<'s>) -> Result<Option<Line<'s>>, NotFlat> {
         if self.ends.as_slice().is_empty() {
-            self.cut(text);
+            self.cut(scanned);
         }
         let end = self.ends.next().ok_or(NotFlat)?;
         // The same bytes as the grammar has seen, of the source itself.
-        let line = text.source.text().get(self.at..end).ok_or(NotFlat)?;
-        let line = flat::line(line, text.source.base() as usize + self.at)?;
+        let line = scanned.source.text().get(self.at..end).ok_or(NotFlat)?;
+        let line = flat::line(line, scanned.source.base() as usize + self.at)?;
         self.at = end;
         Ok(line)
     }
 
     /// Reads one line of the whole language; where that is not possible, all that is left of the piece.
-    fn other_line(&mut self, text: &Text<'s>, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) {
-        let outline = text.scanned.outline(self.at..self.end);
-        let mut builder = Builder::new(text, &outline, diagnostics);
+    fn other_line(&mut self, scanned: &Scanned<'s>, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) {
+        let outline = scanned.outline(self.at..self.end);
+        let mut builder = Builder::new(scanned, &outline, diagnostics);
         let parsed = Grammar::parse(Rule::one_line, &outline.text);
         self.at = match parsed.or_else(|_| Grammar::parse(Rule::script, &outline.text)) {
             Ok(pairs) => {

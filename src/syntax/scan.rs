@@ -18,8 +18,9 @@ pub const MAX_LINE: usize = 64 * 1024;
 /// so a long script, and a long block, is read in pieces, small enough that the allocator keeps the memory for the next one.
 const PIECE: usize = if cfg!(test) { 24 } else { 4 * 1024 };
 
-/// The text as the grammar reads it, of the same length.
+/// The text as the grammar reads it, of the same length as that of its source.
 pub(super) struct Scanned<'s> {
+    pub(super) source: &'s Source,
     text: Cow<'s, str>,
     /// Ends of lines, outside of all `( )`, where what is between two brackets, or the whole text, may be cut into pieces. Each with the
     /// number of brackets around it.
@@ -117,7 +118,7 @@ pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Opt
     let Scan { mut blanks, cuts, mut blocks, beyond_reading, .. } = scan;
     blanks.sort_unstable();
     blocks.sort_unstable_by_key(|block| block.range.start);
-    (!beyond_reading).then(|| Scanned { text: blank_out(text, &blanks), cuts, blocks })
+    (!beyond_reading).then(|| Scanned { source, text: blank_out(text, &blanks), cuts, blocks })
 }
 
 struct Scan<'s, 'd> {

@@ -426,8 +426,15 @@ impl<'d> Lay<'d> {
         let key = |(event, order): &(Event, u32)| {
             (event.at_us, event.rank(), if event.kind == Kind::Closing { 0 } else { *order })
         };
-        let mut events: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
-        events.extend(self.events);
+        let mut plain: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
+        // The longer of the two stays where it is.
+        let mut events = self.events;
+        if plain.len() < events.len() {
+            events.splice(0..0, plain);
+        } else {
+            plain.append(&mut events);
+            events = plain;
+        }
         if !events.is_sorted_by_key(key) {
             events.sort_by_key(key);
         }
