@@ -207,8 +207,6 @@ def check_use(program, text, dice):
     end = begin
     while end < len(lines) and lines[end].startswith(("let ", "def ")):
         end = ends.get(end, end) + 1
-        while end < len(lines) and lines[end].startswith("  "):
-            end += 1  # a line that was broken inside parentheses
     if any(line.strip().startswith(("tempo", "meter")) for line in lines[begin:end]):
         return None  # not compiled yet: `tempo` and `meter` in a used file are refused even first in a block
     name = f"used{dice.randint(0, 10**9)}.motion"
@@ -270,6 +268,12 @@ def check_parentheses(program, text, _):
         re.sub(r"(?<= )(\d{3,4})(?= |;|$)", r"(\1)", line) if line.strip().startswith("servo") else line for line in text.splitlines()
     ]
     return difference(program.render(text), program.render("\n".join(changed) + "\n"))
+
+
+def check_breaks(program, text, _):
+    """A line may break inside parentheses."""
+    changed = re.sub(r"\(([^()\"\n]*) ([-+*/%]) ", r"(\1\n  \2\n ", text)
+    return difference(without_lines(program.render(text)), without_lines(program.render(changed)))
 
 
 def check_formats(program, text, _):

@@ -13,6 +13,7 @@ class Generator:
         self.names = []  # pairs of a kind (`time`, `pulse`, `speed`, `flag`, `mark`) and a name
         self.phrases = []  # pairs of a name and its parameters
         self.wild = dice.random() < 0.15  # whether values may be out of range
+        self.coarse = dice.random() < 0.45  # whether times and values are few, so that many coincide
 
     def chance(self, share):
         return self.dice.random() < share
@@ -30,6 +31,8 @@ class Generator:
     def time(self, long=1.0):
         """An argument that is a time above zero, mostly below two seconds."""
         count = self.dice.randint
+        if self.coarse and self.chance(0.9):
+            return self.one("100ms", "100ms", "200ms", "200ms", "300ms", "0.4s", "1 beat", "0.25 beats")
         choices = [f"{count(1, 30) * 20}ms", f"{count(1, 15) / 10}s", f"{count(1, 3)} beats", f"{count(1, 20) / 8} beats"]
         choices += [f"{count(1000, 900000)}us", "1 bar", "1 beat", "1s250ms", f"(1 beat - {count(1, 100)}ms)", f"{count(21, 999)}ms"]
         choices += [f"({count(1, 9)} * 1 beat / {count(2, 7)})", f"random({count(1, 50)}ms, {count(60, 900)}ms)", f"(0.7s % {count(2, 5)}00ms + 1ms)"]
@@ -43,13 +46,15 @@ class Generator:
         """An argument that is a number of this range, as a number or as a calculation."""
         if self.wild and self.chance(0.05):
             return str(self.one(low - 1, high + 1, high * 2))
+        if self.coarse and self.chance(0.8):
+            return str(self.one(0, 0, low // 2, high // 2, high // 4) if low < 0 else (low + high) // 2)
         number = self.dice.randint(low, high)
         form = self.dice.random()
         if form < 0.6:
             return str(number)
         other = self.dice.randint(1, 9)
         forms = [f"({number - other} + {other})", f"min({number}, {high})", f"{number}.4", f"({number * other} / {other})"]
-        forms += [f"({other} -\n  {other - number})", f"({other} - {other - number})", f"round({number}.3)", f"pick({number}, {low}, {high})", f"max({number},{low})"]
+        forms += [f"({other} - {other - number})", f"round({number}.3)", f"pick({number}, {low}, {high})", f"max({number},{low})"]
         forms += [f"random({min(low, number)}, {number})", f"nth({other % 3}, {number}, {low}, {high})", f"floor({number}.9)"]
         forms += [f"({number}.5 % 1 + {low} + {(number - low) // 2})", f"(sqrt({other * other}) * {number} / {other})"]
         if low < 0:
@@ -58,6 +63,8 @@ class Generator:
 
     def pulse(self, high=2500):
         low = 500
+        if self.coarse and self.chance(0.8):
+            return self.one("1000", "1500", "1505", "90deg")
         number = self.dice.randint(low, high) if self.chance(0.5) else self.dice.randint(10, 19) * 100
         if self.wild and self.chance(0.05):
             return self.one("499", "2501", "2.6ms", "181deg", "1951", "-500")
@@ -137,14 +144,15 @@ class Generator:
     def things(self, count):
         """Different things, each of which one command can use."""
         things = ["drive", "buzzer", *(["both", 3] if self.chance(0.3) else [1, 2, 3, 4])] + (["other"] if self.chance(0.4) else [])
-        return self.dice.sample(things, min(count, len(things)))
+        chosen = self.dice.sample(things, min(count, len(things)))
+        return chosen if "drive" in chosen or self.chance(0.7) else ["drive"] + chosen[1:]
 
     def start(self):
         marks = self.known("mark")
         if marks and self.chance(0.3):
             return f"at {self.dice.choice(marks)} {self.one('', f'+ {self.time()} ', f'- {self.time()} ')}"
         changed = self.one("", "", f"+ {self.time()} ")
-        moment = self.one(f"{self.dice.randint(0, 60) / 10}s", f"bar {self.dice.randint(1, 4)}", f"bar 2 beat {self.dice.randint(1, 3)}")
+        moment = self.one(f"{self.dice.randint(0, 15 if self.coarse else 60) / 10}s", f"bar {self.dice.randint(1, 4)}", f"bar 2 beat {self.dice.randint(1, 3)}")
         return f"at {moment} {changed}"
 
     def body(self, size, depth, things=None):
@@ -252,6 +260,8 @@ class Generator:
             chunks.append(self.let() if self.chance(0.5) else self.phrase())
         if self.chance(0.6):
             chunks.append([self.one("servos 1500 1500", "servos 1200 1300; stop", "stop")])
+        if self.chance(0.3):
+            chunks.append(["pid position speed=200,150 position=20,0,20 yaw=12,2,5"])
         if self.chance(0.05):
             chunks.append(["on abort { servos 1500 1500; buzzer on for 200ms }"])
         size = len(chunks) + self.dice.choice([1, 2, 3, 5, 8, 12, 20])
@@ -262,10 +272,6 @@ class Generator:
 
 def joined(chunks):
     return "".join(line + "\n" for chunk in chunks for line in chunk)
-
-
-def count_lines(chunk):
-    return sum(1 + line.count("\n") for line in chunk)
 
 
 def random_script(dice):
@@ -285,7 +291,7 @@ def random_script(dice):
         except Refused as refused:
             last = 0
             for place, chunk in enumerate(chunks):
-                last += count_lines(chunk)
+                last += len(chunk)
                 if refused.line <= last:
                     break
             del chunks[place]
