@@ -5,9 +5,12 @@ import math
 import re
 from fractions import Fraction
 
-from .reader import Node, Parser, Refused, Undecided
+from .reader import BEATS, COMMANDS, SETTINGS, Node, Parser, Refused, Undecided
 from .schedule import DRIVES, Schedule
-from .values import SplitMix64, calculate, decimal, exact, fail_unit, half_away, of_kind, read_number, whole
+from .values import TIME_UNITS, SplitMix64, calculate, decimal, exact, fail_unit, half_away, of_kind, read_number, whole
+
+
+RESERVED = {*TIME_UNITS, *COMMANDS, *SETTINGS, *BEATS, "deg", "hz", "bpm", "if", "else", "let", "wait", "at", "repeat", "mark", "say", "use"}
 
 
 class Scope:
@@ -22,7 +25,7 @@ class Scope:
         return scope.names[name] if scope else None
 
     def define(self, name, value):
-        if name in self.names:
+        if name in self.names or name in RESERVED:
             raise Refused("name")
         self.names[name] = value
 
@@ -135,9 +138,9 @@ class Evaluator:
             return ("", getattr(math, name)(math.radians(number) if kind == "deg" else of_kind(values[0], "")))
         raise Refused("unknown-name")
 
-    def duration(self, tree, place, is_move=False):
+    def duration(self, tree, place, is_above_zero=False):
         span = of_kind(self.value(tree, place), "time")
-        if span < 0 or is_move and span == 0:
+        if span < 0 or is_above_zero and span == 0:
             raise Refused("out-of-range")
         return span
 
@@ -246,6 +249,8 @@ class Evaluator:
         _, base, changes = time
         if base[0] == "bar":
             bar, beat = (whole(self.value(tree, place), 1) for tree in base[1:])
+            if beat > place.meter:
+                raise Refused("out-of-range")
             moment = place.base + ((bar - 1) * place.meter + beat - 1) * place.beat
         else:
             kind, moment = self.value(base, place)
@@ -306,7 +311,7 @@ class Evaluator:
 
     def run_repeat(self, node, place, start):
         count = whole(self.value(node.arguments[0], place))
-        every = self.duration(node.time[1], place) if node.time else None
+        every = self.duration(node.time[1], place, is_above_zero=True) if node.time else None
         if count > 20_000:
             raise Undecided("a long script")
         for number in range(count):
@@ -412,7 +417,7 @@ class Evaluator:
         allowed = "servo servos rocker yawhold wheels" if action.over else "rocker yawhold wheels buzzer"
         if action.verb not in allowed.split() or action.verb == "buzzer" and action.index == 0:
             raise Refused("arguments")
-        action.lasts = self.duration(tree, place, is_move=True)
+        action.lasts = self.duration(tree, place, is_above_zero=True)
 
     def axis(self, pair, place, read):
         origin, target = (None if tree is None else read(self.value(tree, place)) for tree in pair)

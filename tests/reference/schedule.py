@@ -108,7 +108,7 @@ class Schedule:
         if self.end > 3_600:
             raise Undecided("a long script")
         self.check_clashes()
-        starts = {(resource, action.at) for action in self.actions if not action.over for resource in self.resources(action)}
+        starts = {(resource, micros(action.at)) for action in self.actions if not action.over for resource in self.resources(action)}
         events = []
         for action in self.actions:
             events.append((micros(action.at), action.order, 0, action.at, action))
@@ -117,9 +117,10 @@ class Schedule:
                 for step in range(1, steps + 2):
                     at = action.at + (step / self.script.rate if step <= steps else action.lasts)
                     events.append((micros(at), action.order, step, at, action))
-            elif action.lasts is not None and (self.resources(action)[0], action.at + action.lasts) not in starts:
+            elif action.lasts is not None:
                 at = action.at + action.lasts
-                events.append((micros(at), action.order, 1, at, action))
+                if (self.resources(action)[0], micros(at)) not in starts:
+                    events.append((micros(at), action.order, 1, at, action))
         if len(events) > 100_000:
             raise Undecided("a long script")
         for _, _, step, self.now, action in sorted(events, key=lambda event: event[:3]):
@@ -137,28 +138,27 @@ class Schedule:
         return {"servo": [action.index], "servos": [1, 2], "buzzer": ["buzzer"]}.get(action.verb, [])
 
     def check_clashes(self):
+        """Refuses what overlaps. Moments are the same if they are the same microsecond."""
         things = {}
         for action in self.actions:
             for resource in self.resources(action):
-                things.setdefault(resource, []).append(action)
-        for actions in things.values():
-            actions.sort(key=lambda action: action.at)
-            for place, first in enumerate(actions):
-                for second in actions[place + 1 :]:
-                    if second.at > first.at + (first.lasts or 0):
+                until = micros(action.at + (action.lasts or 0))
+                things.setdefault(resource, []).append((micros(action.at), until, action.lasts is None, action.order, action))
+        for spans in things.values():
+            spans.sort(key=lambda span: span[:4])
+            for place, first in enumerate(spans):
+                for second in spans[place + 1 :]:
+                    if second[0] > first[1]:
                         break
-                    if self.is_clash(first, second):
-                        raise Refused("clash", max(first, second, key=lambda action: action.order).node.line)
+                    if self.is_clash(*first[:4], *second[:4]):
+                        raise Refused("clash", max(first, second, key=lambda span: span[3])[4].node.line)
 
     @staticmethod
-    def is_clash(first, second):
+    def is_clash(start, until, is_instant, order, second_start, _, is_second_instant, second_order):
         """Whether two actions on one thing clash; the first does not start later."""
-        if first.at == second.at:
-            if (first.lasts is None) == (second.lasts is None):
-                return True
-            instant, other = (first, second) if first.lasts is None else (second, first)
-            return instant.order > other.order
-        return second.at < first.at + first.lasts or second.order < first.order
+        if start == second_start:
+            return is_instant == is_second_instant or (order > second_order) == is_instant
+        return second_start < until or second_order < order
 
     def event(self, action, step):
         if action.over:
@@ -207,16 +207,18 @@ class Schedule:
         part = step / (self.script.rate * action.lasts)
         is_target = part >= 1
         share = 1.0 if is_target else eased(action.node.ease, float(part))
-        is_settled = re.search("linear|quad|cubic|quart|quint|back|bounce", action.node.ease) or step == 0 or is_target
+        is_settled = bool(re.search("linear|quad|cubic|quart|quint|back|bounce", action.node.ease))
         values = []
         for start, (_, target) in zip(action.starts, action.axes):
             values.append(target if is_target else start if step == 0 else start + (target - start) * share)
-        values = self.checked(action, values, is_settled)
+        # How a value with a long fraction was computed decides too.
+        is_settled &= all(value % 0.125 == 0 for value in [*action.starts, *(target for _, target in action.axes)])
+        values = self.checked(action, values, is_settled or step == 0 or is_target)
         if action.verb in DRIVES:
             if drive_frame(action.verb, values) != self.drive_frame:
                 self.send_drive(action, values, "sample")
             else:
-                self.drive = (action.verb, values)
+                self.drive = ("stop" if self.drive_frame == STOP else action.verb, values)
         elif any(self.pulses.get(index) != value for index, value in zip(self.resources(action), values)):
             self.send_servos(action, values, "sample")
 
@@ -256,7 +258,8 @@ class Schedule:
         holds = verb == "yawhold" or verb in ("rocker", "wheels") and any(values)
         self.emit(action, data, kind, holds)
         self.drives.append(self.sent[-1])
-        self.drive, self.drive_frame = (verb, values), data
+        # A rocker at zero is a stop.
+        self.drive, self.drive_frame = ("stop" if data == STOP else verb, values), data
 
     def send_servos(self, action, values, kind):
         payload = words(*values) if action.verb == "servos" else [action.index, *words(*values)]
