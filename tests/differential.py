@@ -13,6 +13,7 @@ Not covered: several robots, gates (`wait until`, `wait go`), boards other than 
 
 import argparse
 import concurrent.futures
+import functools
 import json
 import os
 import random
@@ -34,7 +35,7 @@ class Program:
     """The program under test, with a folder of its own."""
 
     def __init__(self, path, folder):
-        self.path, self.folder = path, folder
+        self.path, self.folder, self.rendered = path, folder, {}
 
     def run(self, *arguments, text=""):
         command = [self.path, *arguments]
@@ -45,7 +46,12 @@ class Program:
 
     def render(self, text, *options):
         """The frames as `evaluate` returns them, or the code of the first error as a string."""
-        is_fine, out, errors = self.run("render", "-q", "--format", "jsonl", *options, "-", text=text)
+        if "use " in text or (text, options) not in self.rendered:
+            self.rendered[text, options] = self.read(*self.run("render", "-q", "--format", "jsonl", *options, "-", text=text))
+        return self.rendered[text, options]
+
+    @staticmethod
+    def read(is_fine, out, errors):
         if not is_fine:
             return errors.split("\n", 1)[0]
         rows = (json.loads(line) for line in out.splitlines())
@@ -74,6 +80,7 @@ def without_lines(frames):
     return frames if isinstance(frames, str) else [sent[:3] for sent in frames]
 
 
+@functools.lru_cache(maxsize=4)
 def evaluated(text, speed=1):
     try:
         return evaluate(text, speed=speed)

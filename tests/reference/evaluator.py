@@ -158,20 +158,27 @@ class Evaluator:
         return end
 
     def check_calls(self, lines):
-        """Refuses calls of phrases that no file defines, also where nothing runs."""
-        calls, phrases, files = [], set(), list(lines)
-        for line in files:
+        """Refuses calls of unknown phrases and recursion, also where nothing runs."""
+        calls, bodies, files = [], {None: set()}, [(line, None) for line in lines]
+        for line, phrase in files:
             for node in line.items or []:
-                files += (node.items or []) + (node.otherwise or [])
                 if node.kind == "call":
                     calls.append(node)
+                    bodies[phrase].add(node.name)
                 elif node.kind == "def":
-                    phrases.add(node.name)
+                    bodies[node.name] = set()
                 elif node.kind == "use" and node.name in self.files:
-                    files += Parser(self.files[node.name]).lines(is_block=False)
+                    files += [(line, None) for line in Parser(self.files[node.name]).lines(is_block=False)]
+                inner = node.name if node.kind == "def" else phrase
+                files += [(line, inner) for line in (node.items or []) + (node.otherwise or [])]
         for call in calls:
-            if call.name not in phrases:
+            if call.name not in bodies:
                 raise Refused("unknown-word", call.line)
+        for phrase, reached in bodies.items():
+            for _ in bodies:
+                reached = reached.union(*(bodies[name] for name in reached))
+            if phrase in reached:
+                raise Refused("recursion")
 
     def at_line(self, line, function, *arguments):
         """Calls a function; what it refuses without a line is in this one."""
@@ -392,11 +399,12 @@ class Evaluator:
 
     def run_expect(self, node, place, start):
         unit = {"voltage": "V", "pitch": "deg", "roll": "deg", "yaw": "deg"}.get(node.name)
-        for tree in node.arguments:
-            of_kind(self.value(tree, place), unit)
+        values = [of_kind(self.value(tree, place), unit) for tree in node.arguments]
+        if values != sorted(values):
+            raise Refused("out-of-range")
         if place.is_abort:
             raise Refused("abort")
-        self.expects.append(node.line)
+        self.expects.append((start, node.line))
         return exact(start + self.duration(node.time[1], place)) if node.time else start
 
     def run_command(self, node, place, start):
@@ -428,6 +436,8 @@ class Evaluator:
         kind, number = value
         if kind == "time":
             return float(number * 10**6)
+        if kind == "deg" and not 0 <= number <= 180:
+            raise Refused("out-of-range")
         return 500 + number * 2000 / 180 if kind == "deg" else of_kind(value, "")
 
     @staticmethod

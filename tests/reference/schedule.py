@@ -282,9 +282,10 @@ class Schedule:
             self.sent.append(Sent(self.end, 3, STOP, "closing", self.raw.node.line if self.raw else self.drives[-1].line))
         if self.raw or self.buzzer and self.buzzer.index:
             self.sent.append(Sent(self.end, 3, BUZZER_OFF, "closing", (self.raw or self.buzzer).node.line))
-        if self.script.expects:
-            self.sent.append(Sent(Fraction(0), 0, frame(5, [0]), "auto", min(self.script.expects)))
-            self.sent.append(Sent(self.end, 4, frame(5, [9]), "auto", max(self.script.expects)))
+        expects = sorted(self.script.expects, key=lambda expect: expect[0])
+        if expects:
+            self.sent.append(Sent(Fraction(0), 0, frame(5, [0]), "auto", expects[0][1]))
+            self.sent.append(Sent(self.end, 4, frame(5, [9]), "auto", expects[-1][1]))
 
     def check_line(self, sent):
         """Frames that are due together queue; one that leaves more than 50 ms late is an error."""

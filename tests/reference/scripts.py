@@ -180,8 +180,10 @@ class Generator:
             return [self.one("", "", "", f"+{self.time()} ") + self.call()]
         if form < 0.84:
             return self.repeat(depth, things)
-        if form < 0.92 and things is None:
+        if form < 0.9 and things is None:
             return self.together(depth)
+        if form < 0.93 and things is None:
+            return self.touching()
         size = self.dice.randint(1, 3)
         if form < 0.96:
             tempo = ["  " + self.one("tempo 90bpm", "meter 3/4", "tempo 97bpm")] if self.chance(0.4) else []
@@ -218,10 +220,25 @@ class Generator:
         for thing in self.things(self.dice.randint(2, 4)):
             if self.chance(0.5):
                 prefix = self.one("", "", f"+{self.time()} ", self.start() if self.chance(0.2) else "")
-                lines.append("  " + prefix + self.commands([thing])[0])
+                line = "  " + prefix + self.commands([thing])[0]
+                lines += ["  if 1 < 2 {", "  " + line, "  }"] if self.chance(0.2) else [line]
             else:
                 lines += ["  {"] + ["  " + line for line in self.body(self.dice.randint(1, 3), depth + 1, [thing])] + ["  }"]
         return ["together {"] + lines + ["}"]
+
+    def touching(self):
+        """Commands of one thing at times on a grid, where ends touch starts; not in order of time."""
+        thing = self.one("drive", "drive", 1, 2, "both", "buzzer")
+        lines = []
+        for start in self.dice.sample(range(0, 9), self.dice.randint(2, 4)):
+            command = self.commands([thing])[0] if self.chance(0.85) else self.one("raw 3 0", "raw 2 1")
+            for word in (" for ", " over "):
+                if word in command:
+                    head, _, tail = command.partition(word)
+                    ease = " ease" + tail.split(" ease", 1)[1] if " ease" in tail else ""
+                    command = f"{head}{word}{self.one(100, 200, 300)}ms{ease}"
+            lines.append(f"  at {start / 10}s {command}")
+        return ["{"] + lines + ["}"]
 
     def phrase(self):
         name, names = self.new_name("p"), list(self.names)
@@ -251,6 +268,8 @@ class Generator:
         settings = [f"tempo {self.one(60, 90, 97, 113, 120, 133.3)}bpm", f"meter {self.one('3/4', '4/4', '7/8')}", f"rate {self.one(50, 25, 7, 30, 100, 200, 12.5)}hz"]
         settings += [f"refresh {self.one('20ms', '33ms', '100ms', 'off', '1s', '10ms', '12.5ms')}", f"baud {self.one(9600, 57600, 115200)}", f"seed {count(0, 9999)}"]
         settings += [f"limit servo 2 {self.one('900..1700', '500..2500')}", "limit servo 1 600..2400", "limit rocker x -20..20", "limit wheels -20..20"]
+        if self.chance(0.08):  # more frames than the line carries, or nearly
+            return [["baud 9600"], [f"rate {self.one(50, 100, 200)}hz"], [f"refresh {self.one(10, 15, 20, 50)}ms"]]
         return [[setting] for setting in settings if self.chance(0.12)]
 
     def chunks(self):
@@ -281,14 +300,15 @@ def random_script(dice):
     if dice.random() < 0.05:
         chunks.insert(dice.randint(0, len(chunks)), generator.broken())
         return joined(chunks)
-    keeps = dice.random() < 0.06
-    while not keeps:
+    while True:
         try:
             evaluate(joined(chunks))
             break
         except Undecided:
             break
         except Refused as refused:
+            if dice.random() < 0.05:
+                break
             last = 0
             for place, chunk in enumerate(chunks):
                 last += len(chunk)

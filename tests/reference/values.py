@@ -78,7 +78,7 @@ def calculate(sign, left, right):
         return ("time", exact(a / decimal(b))) if kind == "time" else finite(kind, a / b)
     if {kind, other} == {"moment", "time"} and sign in "+-" and kind == "moment":
         return ("moment", exact(a + b if sign == "+" else a - b))
-    if kind != other or kind == "truth":
+    if kind != other or kind == "truth" and sign != "==":
         raise Refused("unit")
     if sign in ("<", "<=", ">", ">=", "=="):
         return ("truth", {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b}[sign])
