@@ -46,7 +46,7 @@ class Place:
     base: Fraction
     beat: Fraction
     meter: int
-    together: bool = False
+    together: Fraction = None  # in a `together`, where each of its statements starts
     is_abort: bool = False
 
 
@@ -67,6 +67,7 @@ class Action:
 
 
 REQUESTS = "report-start encoder-1 encoder-2 encoder-3 encoder-4 voltage pitch roll yaw report-stop".split()
+LIMITED = {"servo": (1, 2, 3, 4), "rocker": "xyz", "yawhold": "xy", "wheels": (0,)}
 GAINS = {"speed": 2, "position": 3, "yaw": 3}
 
 
@@ -77,7 +78,7 @@ class Evaluator:
         self.files, self.used = files, set()
         self.actions, self.dice, self.expects, self.depth, self.steps = [], SplitMix64(0), [], 0, 0
         self.rate, self.refresh, self.baud, self.limits = Fraction(50), Fraction(1, 20), 115200, {("servo", 2): (500, 1950)}
-        self.has_abort = False
+        self.has_abort, self.limited = False, set()
 
     # Values.
 
@@ -192,8 +193,12 @@ class Evaluator:
         if node.name == "limit":
             return self.limit(node, place)
         values = [] if node.arguments == [("name", "off")] else [self.value(tree, place) for tree in node.arguments]
+        if values and values[0][1] == 0 and node.name in ("tempo", "meter"):
+            raise Refused("out-of-range")
         if node.name == "tempo":
             place.beat = exact(60 / decimal(of_kind(values[0], "bpm")))
+        elif node.name == "meter" and len(values) != 2:
+            raise Refused("arguments")
         elif node.name == "meter":
             place.meter = whole(values[0], 1)
         elif node.name == "rate":
@@ -217,8 +222,13 @@ class Evaluator:
         if verb != "wheels":
             of = rest.pop(0)
             of = whole(self.value(of, place), 1, 4) if verb == "servo" else of[1]
-        if rest[0] == ("name", "speed"):
+        if rest[:1] == [("name", "speed")]:
             return
+        if verb not in LIMITED or of not in LIMITED[verb] or len(rest) != 2:
+            raise Refused("arguments")
+        if (verb, of) in self.limited:
+            raise Refused("setting-place")
+        self.limited.add((verb, of))
         low, high = (of_kind(self.value(tree, place), "") for tree in rest)
         hardest = (500, 2500) if verb == "servo" else (-200, 200) if of == "z" else (-25, 25)
         if not hardest[0] <= low <= high <= hardest[1]:
@@ -237,18 +247,18 @@ class Evaluator:
         return cursor, finish
 
     def line(self, line, place, cursor):
-        start = place.base if place.together else cursor
+        start = cursor if place.together is None else place.together
         if line.time:
             start = self.start(line.time, place, start)
             if start < place.base:
                 raise Refused("start-time")
         if line.items[0].kind == "if":
             taken = self.branch(line.items[0], place)
-            inner = dataclasses.replace(place, base=start) if place.together else place
+            inner = place if place.together is None else dataclasses.replace(place, together=start)
             after, ended = self.lines(taken, inner, start)
-            return (cursor if place.together else after), ended
+            return (after if place.together is None else cursor), ended
         ended = max(self.at_line(item.line, self.item, item, place, start) for item in line.items)
-        return (cursor if place.together else ended), ended
+        return (ended if place.together is None else cursor), ended
 
     def start(self, time, place, start):
         if time[0] == "+":
@@ -265,12 +275,14 @@ class Evaluator:
                 raise Refused("unit")
             moment += place.base if kind == "time" else 0
         for sign, change in changes:
-            change = self.duration(change, place)
+            change = of_kind(self.value(change, place), "time")
             moment += change if sign == "+" else -change
         return exact(moment)
 
     def branch(self, node, place):
         if of_kind(self.value(node.arguments[0], place), "truth"):
+            if node.settings:
+                raise Refused("setting-place")
             return node.items
         return node.otherwise or []
 
@@ -279,7 +291,9 @@ class Evaluator:
         self.depth += 1
         if self.depth > 200:
             raise Undecided("a deep script")
-        inner = dataclasses.replace(place, scope=scope or Scope(place.scope), base=start, together=together)
+        inner = dataclasses.replace(place, scope=scope or Scope(place.scope), base=start, together=start if together else None)
+        if len({setting.name for setting in node.settings}) < len(node.settings):
+            raise Refused("setting-place")
         for setting in node.settings:
             if setting.name not in ("tempo", "meter"):
                 raise Refused("setting-place", setting.line)
@@ -303,6 +317,8 @@ class Evaluator:
         return exact(start + self.duration(node.time[1], place))
 
     def run_mark(self, node, place, start):
+        if place.is_abort:
+            raise Refused("abort")
         place.scope.mark(node.name, start)
         return start
 
@@ -405,14 +421,16 @@ class Evaluator:
         if place.is_abort:
             raise Refused("abort")
         self.expects.append((start, node.line))
-        return exact(start + self.duration(node.time[1], place)) if node.time else start
+        return exact(start + self.duration(node.time[1], place, is_above_zero=True)) if node.time else start
 
     def run_command(self, node, place, start):
         action = Action(len(self.actions), start, node, node.name)
         getattr(self, "read_" + node.name, self.read_drive)(action, place)
         if node.time:
             self.read_time(action, place)
-        if place.is_abort and node.name in DRIVES:
+        if node.ease and not action.over or node.name != "pid" and any(len(values) > 1 for values in node.named.values()):
+            raise Refused("arguments")
+        if place.is_abort and (node.name in DRIVES or node.name == "raw" and action.index == 3):
             raise Refused("abort")
         if not action.over and any(origin is not None for origin, _ in action.axes or []):
             raise Refused("arguments")

@@ -47,7 +47,7 @@ class Node:
     arguments: list = None
     named: dict = None
     time: tuple = None  # `for`, `over`, `every`, `within`, `at` or `+`, and what follows
-    ease: str = "linear"
+    ease: str = None
     otherwise: object = None
     settings: list = None
 
@@ -145,8 +145,8 @@ class Parser:
                 named[name] = self.expression()
             else:
                 arguments.append(self.expression())
-            if not self.take(","):
-                break
+            if not self.take(",") and not self.has(")") or self.has(")") and self.tokens[self.at - 1].text == ",":
+                self.fail()
         self.close()
         return arguments, named
 
@@ -298,15 +298,14 @@ class Parser:
 
     def read_expect(self, node):
         node.name = self.of_kind("name").text
-        sign = self.next().text
+        sign = (self.take("<", "<=", ">", ">=", "==", "in") or self.fail("arguments")).text
         node.arguments = [self.argument()]
         if sign == "in":
             self.expect("..")
             node.arguments.append(self.argument())
-        if self.take("within"):
-            node.time = ("within", self.argument())
-        if self.peek().kind == "string":
-            self.next()
+        while self.has("within") or self.peek().kind == "string":
+            if self.next().text == "within":
+                node.time = ("within", self.argument())
         return node
 
     def read_wait(self, node):
@@ -356,8 +355,8 @@ class Parser:
         while not self.has(")"):
             name = self.of_kind("name").text
             node.arguments.append((name, self.expression() if self.take("=") else None))
-            if not self.take(","):
-                break
+            if not self.take(",") and not self.has(")") or self.has(")") and self.tokens[self.at - 1].text == ",":
+                self.fail()
         self.close()
         return self.with_block(node)
 

@@ -201,13 +201,13 @@ class Schedule:
             action.starts = [origin if origin is not None else last for (origin, _), last in zip(action.axes, known)]
             if None in action.starts:
                 raise Refused("unknown-start")
-            eased(action.node.ease, 0.0)
+            eased(action.node.ease or "linear", 0.0)
             if all(origin is None for origin, _ in action.axes):
                 return
         part = step / (self.script.rate * action.lasts)
         is_target = part >= 1
-        share = 1.0 if is_target else eased(action.node.ease, float(part))
-        is_settled = bool(re.search("linear|quad|cubic|quart|quint|back|bounce", action.node.ease))
+        share = 1.0 if is_target else eased(action.node.ease or "linear", float(part))
+        is_settled = bool(re.search("linear|quad|cubic|quart|quint|back|bounce", action.node.ease or "linear"))
         values = []
         for start, (_, target) in zip(action.starts, action.axes):
             values.append(target if is_target else start if step == 0 else start + (target - start) * share)

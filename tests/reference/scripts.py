@@ -190,7 +190,9 @@ class Generator:
             return ["{"] + tempo + self.body(size, depth, things) + ["}"]
         condition = self.one("1 < 2", "3 == 1 or 2.5 >= 2", "not 1 == 1", "1 beat > 600ms and 1 < 2", "7 % 4 == 3", "true")
         otherwise = self.one(["}"], ["} else {"] + self.body(1, depth, things) + ["}"], ["}", "else if 2 > 1 {"] + self.body(1, depth, things) + ["}"])
-        return [f"if {condition} {{"] + self.body(size, depth, things) + otherwise
+        # In a `together`, the program loses the delay of an `if`; elsewhere it may have one.
+        prefix = self.one("", "", f"+{self.time()} ", self.start()) if things is None else ""
+        return [f"{prefix}if {condition} {{"] + self.body(size, depth, things) + otherwise
 
     def let(self):
         kind, name = self.one("time", "pulse", "speed"), self.new_name("v")

@@ -110,7 +110,7 @@ def of_kind(value, *kinds):
     return value[1] if value[0] in kinds else fail_unit()
 
 
-def whole(value, low=0, high=10**9):
+def whole(value, low=0, high=2**31 - 1):
     number = of_kind(value, "")
     if number != math.floor(number):
         raise Refused("not-whole")
