@@ -39,7 +39,9 @@ class Program:
 
     def run(self, *arguments, text=""):
         command = [self.path, *arguments]
-        done = subprocess.run(command, input=text.encode(), capture_output=True, cwd=self.folder, timeout=120, check=False)
+        done = subprocess.run(
+            command, input=text.encode(), capture_output=True, cwd=self.folder, timeout=120, check=False
+        )
         if done.returncode not in (0, 1):
             raise Broken(f"exit code {done.returncode} of {' '.join(arguments)}: {done.stderr.decode()[-300:]}")
         return done.returncode == 0, done.stdout, done.stderr.decode()
@@ -47,7 +49,9 @@ class Program:
     def render(self, text, *options):
         """The frames as `evaluate` returns them, or the code of the first error as a string."""
         if "use " in text or (text, options) not in self.rendered:
-            self.rendered[text, options] = self.read(*self.run("render", "-q", "--format", "jsonl", *options, "-", text=text))
+            self.rendered[text, options] = self.read(
+                *self.run("render", "-q", "--format", "jsonl", *options, "-", text=text)
+            )
         return self.rendered[text, options]
 
     @staticmethod
@@ -105,7 +109,9 @@ def inside_together(lines, number):
     while around and re.match(r"\s*(if|else|\})", lines[around[-1]]):
         around.pop()
     around.sort()
-    return any("together" in lines[first] for first in around[-1:]) or any(re.match(r"\s*(if|\})", lines[first]) for first in around)
+    return any("together" in lines[first] for first in around[-1:]) or any(
+        re.match(r"\s*(if|\})", lines[first]) for first in around
+    )
 
 
 def check_evaluator(program, text, _):
@@ -125,6 +131,22 @@ def check_fmt(program, text, _):
     once = once.decode()
     twice = program.run("fmt", "-", text=once)[1].decode()
     return "formatting twice changes more" if once != twice else difference(program.render(text), program.render(once))
+
+
+def check_spaces(program, text, dice):
+    """Other spaces send the same, on the same lines."""
+
+    def respaced(line):
+        if '"' in line:
+            return line
+        line = re.sub(r" *-> *", lambda _: dice.choice(["->", " -> ", " ->", "->  "]), line)
+        line = re.sub(r"(?<![<>=]) *= *(?!=)", lambda _: dice.choice(["=", " = ", "= ", "\t="]), line)
+        line = re.sub(r" *; *", lambda _: dice.choice([";", " ; ", "; ", "\t;  "]), line)
+        line = re.sub(r" (?!beats?\b|bars?\b)", lambda _: dice.choice([" ", " ", "  ", "\t"]), line)
+        return dice.choice(["", "  ", "\t"]) + line.strip() + dice.choice(["", " "])
+
+    changed = "".join(respaced(line) + "\n" for line in text.splitlines())
+    return difference(program.render(text), program.render(changed)) or check_fmt(program, changed, dice)
 
 
 def check_comment(program, text, dice):
@@ -159,7 +181,10 @@ def check_inline(program, text, _):
             name, value = given.split(" = ", 1) if re.match(r"\w+ = ", given) else (list(values)[place], given)
             values[name] = value
         # Arguments come before defaults, as their random numbers do.
-        given = [part.split(" = ")[0] if re.match(r"\w+ = ", part) else list(values)[place] for place, part in enumerate(split(call[3]))]
+        given = [
+            part.split(" = ")[0] if re.match(r"\w+ = ", part) else list(values)[place]
+            for place, part in enumerate(split(call[3]))
+        ]
         order = given + [name for name in values if name not in given]
         result += [call[1] + "repeat 1 {", *(f"let {name} = {values[name]}" for name in order), *body, "}"]
     changed = "\n".join(result) + "\n"
@@ -186,7 +211,9 @@ def check_unroll(program, text, _):
         if not head or inside_together(lines, first) or lines[first + 1].strip().startswith(("tempo", "meter")):
             continue
         count, name, body = int(head[2]), head[3], lines[first + 1 : last]
-        passes = [["repeat 1 {"] + ([f"let {name} = {number}"] if name else []) + body + ["}"] for number in range(count)]
+        passes = [
+            ["repeat 1 {"] + ([f"let {name} = {number}"] if name else []) + body + ["}"] for number in range(count)
+        ]
         changed = lines[:first] + [line for one in passes for line in one] + lines[last + 1 :]
         found = program.render("\n".join(changed) + "\n")
         return difference(without_lines(program.render(text)), without_lines(found))
@@ -201,7 +228,9 @@ def check_wrapped(program, text, dice):
     begin = max([ends.get(number, number) + 1 for number in top], default=0)
     if any(not line.startswith(("let ", "def ", " ", "}", *SETTINGS)) for line in lines[:begin]):
         return None
-    head, foot = dice.choice([("{", "}"), ("together {\n{", "}\n}"), ("repeat 1 {", "}"), ("if 1 == 1 {", "}"), ("def all() {", "}\nall()")])
+    head, foot = dice.choice(
+        [("{", "}"), ("together {\n{", "}\n}"), ("repeat 1 {", "}"), ("if 1 == 1 {", "}"), ("def all() {", "}\nall()")]
+    )
     changed = "\n".join(lines[:begin] + [head] + lines[begin:] + [foot]) + "\n"
     return difference(without_lines(program.render(text)), without_lines(program.render(changed)))
 
@@ -247,7 +276,11 @@ def check_parts(program, text, dice):
     cut = max(1, dice.choice([dice.choice(moments), dice.randint(0, max(moments))]))
     before, after = program.render(text, "--to", f"{cut}us"), program.render(text, "--from", f"{cut}us")
     if isinstance(before, str) or isinstance(after, str):
-        return None if "wire-full" in (before, after) else f"a part is refused: {before if isinstance(before, str) else after}"
+        return (
+            None
+            if "wire-full" in (before, after)
+            else f"a part is refused: {before if isinstance(before, str) else after}"
+        )
     kept = lambda frames: [sent for sent in frames if sent[2] not in ("auto", "closing")]
     wanted = kept([sent for sent in whole if sent[0] < cut])
     found = difference(wanted, kept(before))
@@ -272,7 +305,8 @@ def check_loop(program, text, _):
 def check_parentheses(program, text, _):
     """A number in parentheses is the same number, however the line is read."""
     changed = [
-        re.sub(r"(?<= )(\d{3,4})(?= |;|$)", r"(\1)", line) if line.strip().startswith("servo") else line for line in text.splitlines()
+        re.sub(r"(?<= )(\d{3,4})(?= |;|$)", r"(\1)", line) if line.strip().startswith("servo") else line
+        for line in text.splitlines()
     ]
     return difference(program.render(text), program.render("\n".join(changed) + "\n"))
 
@@ -294,7 +328,9 @@ def check_formats(program, text, _):
     if program.run("render", "-q", "--format", "bin", "-", text=text)[1].hex().upper() != "".join(frames):
         return "bin differs from jsonl"
     rows = [line.split("\t") for line in program.run("render", "-q", "-", text=text)[1].decode().splitlines()]
-    if [(row[0], row[1].replace(" ", "")) for row in rows] != [(f"{at // 10**6}.{at % 10**6:06}", data) for at, data, *_ in wanted]:
+    if [(row[0], row[1].replace(" ", "")) for row in rows] != [
+        (f"{at // 10**6}.{at % 10**6:06}", data) for at, data, *_ in wanted
+    ]:
         return "listing differs from jsonl"
     if any(row[2].startswith("raw") for row in rows):
         return None
@@ -303,7 +339,9 @@ def check_formats(program, text, _):
     return None if decoded == [row[1:3] for row in rows] else "decode differs from the listing"
 
 
-CHECKS = {name.removeprefix("check_"): function for name, function in list(globals().items()) if name.startswith("check_")}
+CHECKS = {
+    name.removeprefix("check_"): function for name, function in list(globals().items()) if name.startswith("check_")
+}
 ALWAYS, OFTEN = ["evaluator"], 3  # checks for every script, and how many of the others
 
 
@@ -324,7 +362,9 @@ def reduced(text, is_failing):
     while found:
         found = False
         blocks = blocks_of(lines)
-        tries = [set(range(first, last + 1)) for first, last in sorted(blocks)] + [{first, last} for first, last in blocks]
+        tries = [set(range(first, last + 1)) for first, last in sorted(blocks)] + [
+            {first, last} for first, last in blocks
+        ]
         size = len(lines) // 2
         while size:
             tries += [set(range(first, first + size)) for first in range(0, len(lines), size)]
@@ -361,7 +401,9 @@ def run_seed(path, seed):
 def main():
     parser = argparse.ArgumentParser(description="Compare motionseq with an independent evaluator, on random scripts.")
     parser.add_argument("--program", default="target/debug/motionseq", help="the program under test")
-    parser.add_argument("--seed", type=int, default=None, help="of the first script; each further one has the next number")
+    parser.add_argument(
+        "--seed", type=int, default=None, help="of the first script; each further one has the next number"
+    )
     parser.add_argument("--seconds", type=float, help="start no script after this time")
     parser.add_argument("--programs", type=int, help="how many scripts")
     parser.add_argument("--keep", metavar="DIR", help="write the scripts that fail to this folder")

@@ -7,10 +7,37 @@ from fractions import Fraction
 
 from .reader import BEATS, COMMANDS, SETTINGS, Node, Parser, Refused, Undecided
 from .schedule import DRIVES, Schedule
-from .values import TIME_UNITS, SplitMix64, calculate, decimal, exact, fail_unit, half_away, of_kind, read_number, whole
+from .values import (
+    TIME_UNITS,
+    SplitMix64,
+    calculate,
+    decimal,
+    exact,
+    fail_unit,
+    half_away,
+    of_kind,
+    read_number,
+    whole,
+)
 
-
-RESERVED = {*TIME_UNITS, *COMMANDS, *SETTINGS, *BEATS, "deg", "hz", "bpm", "if", "else", "let", "wait", "at", "repeat", "mark", "say", "use"}
+RESERVED = {
+    *TIME_UNITS,
+    *COMMANDS,
+    *SETTINGS,
+    *BEATS,
+    "deg",
+    "hz",
+    "bpm",
+    "if",
+    "else",
+    "let",
+    "wait",
+    "at",
+    "repeat",
+    "mark",
+    "say",
+    "use",
+}
 
 
 class Scope:
@@ -77,7 +104,12 @@ class Evaluator:
     def __init__(self, files):
         self.files, self.used = files, set()
         self.actions, self.dice, self.expects, self.depth, self.steps = [], SplitMix64(0), [], 0, 0
-        self.rate, self.refresh, self.baud, self.limits = Fraction(50), Fraction(1, 20), 115200, {("servo", 2): (500, 1950)}
+        self.rate, self.refresh, self.baud, self.limits = (
+            Fraction(50),
+            Fraction(1, 20),
+            115200,
+            {("servo", 2): (500, 1950)},
+        )
         self.has_abort, self.limited = False, set()
 
     # Values.
@@ -291,7 +323,9 @@ class Evaluator:
         self.depth += 1
         if self.depth > 200:
             raise Undecided("a deep script")
-        inner = dataclasses.replace(place, scope=scope or Scope(place.scope), base=start, together=start if together else None)
+        inner = dataclasses.replace(
+            place, scope=scope or Scope(place.scope), base=start, together=start if together else None
+        )
         if len({setting.name for setting in node.settings}) < len(node.settings):
             raise Refused("setting-place")
         for setting in node.settings:
@@ -428,7 +462,12 @@ class Evaluator:
         getattr(self, "read_" + node.name, self.read_drive)(action, place)
         if node.time:
             self.read_time(action, place)
-        if node.ease and not action.over or node.name != "pid" and any(len(values) > 1 for values in node.named.values()):
+        if (
+            node.ease
+            and not action.over
+            or node.name != "pid"
+            and any(len(values) > 1 for values in node.named.values())
+        ):
             raise Refused("arguments")
         if place.is_abort and (node.name in DRIVES or node.name == "raw" and action.index == 3):
             raise Refused("abort")

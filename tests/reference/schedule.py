@@ -108,7 +108,12 @@ class Schedule:
         if self.end > 3_600:
             raise Undecided("a long script")
         self.check_clashes()
-        starts = {(resource, micros(action.at)) for action in self.actions if not action.over for resource in self.resources(action)}
+        starts = {
+            (resource, micros(action.at))
+            for action in self.actions
+            if not action.over
+            for resource in self.resources(action)
+        }
         events = []
         for action in self.actions:
             events.append((micros(action.at), action.order, 0, action.at, action))
@@ -143,7 +148,9 @@ class Schedule:
         for action in self.actions:
             for resource in self.resources(action):
                 until = micros(action.at + (action.lasts or 0))
-                things.setdefault(resource, []).append((micros(action.at), until, action.lasts is None, action.order, action))
+                things.setdefault(resource, []).append(
+                    (micros(action.at), until, action.lasts is None, action.order, action)
+                )
         for spans in things.values():
             spans.sort(key=lambda span: span[:4])
             for place, first in enumerate(spans):
@@ -279,7 +286,9 @@ class Schedule:
     def add_closing(self):
         is_driving = self.drives and self.drives[-1].holds
         if self.raw or is_driving:
-            self.sent.append(Sent(self.end, 3, STOP, "closing", self.raw.node.line if self.raw else self.drives[-1].line))
+            self.sent.append(
+                Sent(self.end, 3, STOP, "closing", self.raw.node.line if self.raw else self.drives[-1].line)
+            )
         if self.raw or self.buzzer and self.buzzer.index:
             self.sent.append(Sent(self.end, 3, BUZZER_OFF, "closing", (self.raw or self.buzzer).node.line))
         expects = sorted(self.script.expects, key=lambda expect: expect[0])

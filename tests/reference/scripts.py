@@ -33,10 +33,30 @@ class Generator:
         count = self.dice.randint
         if self.coarse and self.chance(0.9):
             return self.one("100ms", "100ms", "200ms", "200ms", "300ms", "0.4s", "1 beat", "0.25 beats")
-        choices = [f"{count(1, 30) * 20}ms", f"{count(1, 15) / 10}s", f"{count(1, 3)} beats", f"{count(1, 20) / 8} beats"]
-        choices += [f"{count(1000, 900000)}us", "1 bar", "1 beat", "1s250ms", f"(1 beat - {count(1, 100)}ms)", f"{count(21, 999)}ms"]
-        choices += [f"({count(1, 9)} * 1 beat / {count(2, 7)})", f"random({count(1, 50)}ms, {count(60, 900)}ms)", f"(0.7s % {count(2, 5)}00ms + 1ms)"]
-        choices += [f"max(1 beat, {count(1, 900)}ms)", f"(1s * {count(1, 99) / 100})", f"choose(3 % 2 == {count(0, 2)}, 1 beat, 200ms)"]
+        choices = [
+            f"{count(1, 30) * 20}ms",
+            f"{count(1, 15) / 10}s",
+            f"{count(1, 3)} beats",
+            f"{count(1, 20) / 8} beats",
+        ]
+        choices += [
+            f"{count(1000, 900000)}us",
+            "1 bar",
+            "1 beat",
+            "1s250ms",
+            f"(1 beat - {count(1, 100)}ms)",
+            f"{count(21, 999)}ms",
+        ]
+        choices += [
+            f"({count(1, 9)} * 1 beat / {count(2, 7)})",
+            f"random({count(1, 50)}ms, {count(60, 900)}ms)",
+            f"(0.7s % {count(2, 5)}00ms + 1ms)",
+        ]
+        choices += [
+            f"max(1 beat, {count(1, 900)}ms)",
+            f"(1s * {count(1, 99) / 100})",
+            f"choose(3 % 2 == {count(0, 2)}, 1 beat, 200ms)",
+        ]
         marks = self.known("mark")
         if len(marks) > 1:
             choices += [f"({marks[-1]} - {marks[0]} + 1ms)"] * 3
@@ -53,9 +73,23 @@ class Generator:
         if form < 0.6:
             return str(number)
         other = self.dice.randint(1, 9)
-        forms = [f"({number - other} + {other})", f"min({number}, {high})", f"{number}.4", f"({number * other} / {other})"]
-        forms += [f"({other} - {other - number})", f"round({number}.3)", f"pick({number}, {low}, {high})", f"max({number},{low})"]
-        forms += [f"random({min(low, number)}, {number})", f"nth({other % 3}, {number}, {low}, {high})", f"floor({number}.9)"]
+        forms = [
+            f"({number - other} + {other})",
+            f"min({number}, {high})",
+            f"{number}.4",
+            f"({number * other} / {other})",
+        ]
+        forms += [
+            f"({other} - {other - number})",
+            f"round({number}.3)",
+            f"pick({number}, {low}, {high})",
+            f"max({number},{low})",
+        ]
+        forms += [
+            f"random({min(low, number)}, {number})",
+            f"nth({other % 3}, {number}, {low}, {high})",
+            f"floor({number}.9)",
+        ]
         forms += [f"({number}.5 % 1 + {low} + {(number - low) // 2})", f"(sqrt({other * other}) * {number} / {other})"]
         if low < 0:
             forms += [f"-{abs(number)}", f"-({abs(number)})", f"abs({number})", f"({number} * sin({other * 10}deg))"]
@@ -68,19 +102,77 @@ class Generator:
         number = self.dice.randint(low, high) if self.chance(0.5) else self.dice.randint(10, 19) * 100
         if self.wild and self.chance(0.05):
             return self.one("499", "2501", "2.6ms", "181deg", "1951", "-500")
-        forms = [str(number)] * 6 + [f"{number}us", f"{self.dice.randint(0, 130)}deg", f"{number / 1000}ms", f"({number}us - 0.4us)"]
-        forms += [f"({self.dice.randint(1, 12)} * 10deg)", self.whole(low, high), f"random({low}, {number})", f"pick({number}us, 1500us)"]
+        forms = [str(number)] * 6 + [
+            f"{number}us",
+            f"{self.dice.randint(0, 130)}deg",
+            f"{number / 1000}ms",
+            f"({number}us - 0.4us)",
+        ]
+        forms += [
+            f"({self.dice.randint(1, 12)} * 10deg)",
+            self.whole(low, high),
+            f"random({low}, {number})",
+            f"pick({number}us, 1500us)",
+        ]
         return self.dice.choice(forms + self.known("pulse") * 4)
 
     def broken(self):
         """A statement that must be refused, wherever it is."""
         known = self.known("time") + self.known("pulse") + self.known("speed")
-        choices = ["servo 5 1500", "servo 0 1500", "servo 1.5 1500", "wait 5", "rocker q=1", "rocker x=1 x=2", "servo 1 1500; wait 1s", "servo 1"]
-        choices += ["rocker x=1 for 1s over 1s", "tempo 100bpm", "unknown()", "at 1s at 2s stop", "repeat 2.5 { stop }", "stop for 1s", "servo 1 2 3"]
-        choices += ["move x=1 for 1s", "buzzer off for 1s", "raw 256", "request all", "servo 1 1000 -> 2000", "servo 1 (1500 + 1s)", "wait (1 / 0 * 1s)"]
-        choices += ["wait -1s", "servo 1 unknown", "if 1 { stop }", "buzzer", "wheels 1 2 3", "let wait = 1", "stop;", "repeat -1 { stop }", "rocker x=26"]
-        choices += ["servo 1 1000 -> 1200 over 1s ease in-wobble", "servo 1 1000 -> 1200 over 0s", "servo 1 2ms -> 2.6ms over 1s", "expect voltage > 3deg"]
-        choices += ["yawhold z=1", "+1s +1s stop", "at 1s - 2s stop", "wait 1s; stop", "let x = 1s + 2", "servos 1500 1951", "limit servo 1 600..700"]
+        choices = [
+            "servo 5 1500",
+            "servo 0 1500",
+            "servo 1.5 1500",
+            "wait 5",
+            "rocker q=1",
+            "rocker x=1 x=2",
+            "servo 1 1500; wait 1s",
+            "servo 1",
+        ]
+        choices += [
+            "rocker x=1 for 1s over 1s",
+            "tempo 100bpm",
+            "unknown()",
+            "at 1s at 2s stop",
+            "repeat 2.5 { stop }",
+            "stop for 1s",
+            "servo 1 2 3",
+        ]
+        choices += [
+            "move x=1 for 1s",
+            "buzzer off for 1s",
+            "raw 256",
+            "request all",
+            "servo 1 1000 -> 2000",
+            "servo 1 (1500 + 1s)",
+            "wait (1 / 0 * 1s)",
+        ]
+        choices += [
+            "wait -1s",
+            "servo 1 unknown",
+            "if 1 { stop }",
+            "buzzer",
+            "wheels 1 2 3",
+            "let wait = 1",
+            "stop;",
+            "repeat -1 { stop }",
+            "rocker x=26",
+        ]
+        choices += [
+            "servo 1 1000 -> 1200 over 1s ease in-wobble",
+            "servo 1 1000 -> 1200 over 0s",
+            "servo 1 2ms -> 2.6ms over 1s",
+            "expect voltage > 3deg",
+        ]
+        choices += [
+            "yawhold z=1",
+            "+1s +1s stop",
+            "at 1s - 2s stop",
+            "wait 1s; stop",
+            "let x = 1s + 2",
+            "servos 1500 1951",
+            "limit servo 1 600..700",
+        ]
         choices += [f"let {name} = 1\nlet {name} = 2" for name in known[-1:] if name.isalnum()]
         return self.dice.choice(choices).split("\n")
 
@@ -114,7 +206,12 @@ class Generator:
         axes = self.dice.sample(DRIVES[verb], self.dice.randint(1, len(DRIVES[verb])))
         reach = lambda axis: 65535 if verb == "move" else 150 if axis == "z" else 24
         equals = self.one("=", "=", " = ")
-        return " ".join([verb] + [f"{axis}{equals}{self.arrowed(is_move, lambda: self.speed(reach(axis)))}" for axis in axes]) + after
+        return (
+            " ".join(
+                [verb] + [f"{axis}{equals}{self.arrowed(is_move, lambda: self.speed(reach(axis)))}" for axis in axes]
+            )
+            + after
+        )
 
     def servo(self, number):
         after, is_move = self.timing(False, True)
@@ -130,9 +227,16 @@ class Generator:
     def other(self):
         gains = lambda count: ",".join(self.whole(0, 250) for _ in range(count))
         mode = self.one("speed", "position")
-        choices = [f"pid {mode} speed={gains(2)} position={gains(3)} yaw={gains(3)}", f"request {self.dice.choice(REQUESTS)}", 'say "now"']
+        choices = [
+            f"pid {mode} speed={gains(2)} position={gains(3)} yaw={gains(3)}",
+            f"request {self.dice.choice(REQUESTS)}",
+            'say "now"',
+        ]
         function = self.one("0x04", "4", "3", "0x03", "2", "200")
-        choices += [f"raw {function} {self.whole(0, 255)} 0xFF", f'say "{{{self.names[-1][1]}}}"' if self.names else "stop"]
+        choices += [
+            f"raw {function} {self.whole(0, 255)} 0xFF",
+            f'say "{{{self.names[-1][1]}}}"' if self.names else "stop",
+        ]
         choices += [self.one("expect voltage > 10V", "expect yaw in -5deg..5deg", "expect pitch < 3deg within 300ms")]
         return self.dice.choice(choices)
 
@@ -143,7 +247,9 @@ class Generator:
 
     def things(self, count):
         """Different things, each of which one command can use."""
-        things = ["drive", "buzzer", *(["both", 3] if self.chance(0.3) else [1, 2, 3, 4])] + (["other"] if self.chance(0.4) else [])
+        things = ["drive", "buzzer", *(["both", 3] if self.chance(0.3) else [1, 2, 3, 4])] + (
+            ["other"] if self.chance(0.4) else []
+        )
         chosen = self.dice.sample(things, min(count, len(things)))
         return chosen if "drive" in chosen or self.chance(0.7) else ["drive"] + chosen[1:]
 
@@ -152,7 +258,11 @@ class Generator:
         if marks and self.chance(0.3):
             return f"at {self.dice.choice(marks)} {self.one('', f'+ {self.time()} ', f'- {self.time()} ')}"
         changed = self.one("", "", f"+ {self.time()} ")
-        moment = self.one(f"{self.dice.randint(0, 15 if self.coarse else 60) / 10}s", f"bar {self.dice.randint(1, 4)}", f"bar 2 beat {self.dice.randint(1, 3)}")
+        moment = self.one(
+            f"{self.dice.randint(0, 15 if self.coarse else 60) / 10}s",
+            f"bar {self.dice.randint(1, 4)}",
+            f"bar 2 beat {self.dice.randint(1, 3)}",
+        )
         return f"at {moment} {changed}"
 
     def body(self, size, depth, things=None):
@@ -167,7 +277,9 @@ class Generator:
         if form < 0.42 or depth > 3:
             commands = self.commands(self.dice.sample(things, 1) if things else self.things(self.one(1, 1, 2, 3)))
             prefix = self.one(*[""] * 9, f"+{self.time()} ", self.start()) if things is None else ""
-            return [prefix + self.one("; ", ";", " ; ").join(commands)] + ([f"wait {self.time()}"] if self.chance(0.6) else [])
+            return [prefix + self.one("; ", ";", " ; ").join(commands)] + (
+                [f"wait {self.time()}"] if self.chance(0.6) else []
+            )
         if form < 0.55:
             return [f"wait {self.time()}"]
         if form < 0.62:
@@ -188,8 +300,14 @@ class Generator:
         if form < 0.96:
             tempo = ["  " + self.one("tempo 90bpm", "meter 3/4", "tempo 97bpm")] if self.chance(0.4) else []
             return ["{"] + tempo + self.body(size, depth, things) + ["}"]
-        condition = self.one("1 < 2", "3 == 1 or 2.5 >= 2", "not 1 == 1", "1 beat > 600ms and 1 < 2", "7 % 4 == 3", "true")
-        otherwise = self.one(["}"], ["} else {"] + self.body(1, depth, things) + ["}"], ["}", "else if 2 > 1 {"] + self.body(1, depth, things) + ["}"])
+        condition = self.one(
+            "1 < 2", "3 == 1 or 2.5 >= 2", "not 1 == 1", "1 beat > 600ms and 1 < 2", "7 % 4 == 3", "true"
+        )
+        otherwise = self.one(
+            ["}"],
+            ["} else {"] + self.body(1, depth, things) + ["}"],
+            ["}", "else if 2 > 1 {"] + self.body(1, depth, things) + ["}"],
+        )
         # In a `together`, the program loses the delay of an `if`; elsewhere it may have one.
         prefix = self.one("", "", f"+{self.time()} ", self.start()) if things is None else ""
         return [f"{prefix}if {condition} {{"] + self.body(size, depth, things) + otherwise
@@ -225,7 +343,9 @@ class Generator:
                 line = "  " + prefix + self.commands([thing])[0]
                 lines += ["  if 1 < 2 {", "  " + line, "  }"] if self.chance(0.2) else [line]
             else:
-                lines += ["  {"] + ["  " + line for line in self.body(self.dice.randint(1, 3), depth + 1, [thing])] + ["  }"]
+                lines += (
+                    ["  {"] + ["  " + line for line in self.body(self.dice.randint(1, 3), depth + 1, [thing])] + ["  }"]
+                )
         return ["together {"] + lines + ["}"]
 
     def touching(self):
@@ -261,15 +381,33 @@ class Generator:
         arguments = []
         for kind, parameter, default in parameters:
             if default is None or self.chance(0.5):
-                is_named = arguments and "=" in arguments[-1] or self.chance(0.3) or len(arguments) < parameters.index((kind, parameter, default))
+                is_named = (
+                    arguments
+                    and "=" in arguments[-1]
+                    or self.chance(0.3)
+                    or len(arguments) < parameters.index((kind, parameter, default))
+                )
                 arguments.append(f"{parameter} = {self.value(kind)}" if is_named else self.value(kind))
         return f"{name}({', '.join(arguments)})"
 
     def head(self):
         count = self.dice.randint
-        settings = [f"tempo {self.one(60, 90, 97, 113, 120, 133.3)}bpm", f"meter {self.one('3/4', '4/4', '7/8')}", f"rate {self.one(50, 25, 7, 30, 100, 200, 12.5)}hz"]
-        settings += [f"refresh {self.one('20ms', '33ms', '100ms', 'off', '1s', '10ms', '12.5ms')}", f"baud {self.one(9600, 57600, 115200)}", f"seed {count(0, 9999)}"]
-        settings += [f"limit servo 2 {self.one('900..1700', '500..2500')}", "limit servo 1 600..2400", "limit rocker x -20..20", "limit wheels -20..20"]
+        settings = [
+            f"tempo {self.one(60, 90, 97, 113, 120, 133.3)}bpm",
+            f"meter {self.one('3/4', '4/4', '7/8')}",
+            f"rate {self.one(50, 25, 7, 30, 100, 200, 12.5)}hz",
+        ]
+        settings += [
+            f"refresh {self.one('20ms', '33ms', '100ms', 'off', '1s', '10ms', '12.5ms')}",
+            f"baud {self.one(9600, 57600, 115200)}",
+            f"seed {count(0, 9999)}",
+        ]
+        settings += [
+            f"limit servo 2 {self.one('900..1700', '500..2500')}",
+            "limit servo 1 600..2400",
+            "limit rocker x -20..20",
+            "limit wheels -20..20",
+        ]
         if self.chance(0.08):  # more frames than the line carries, or nearly
             return [["baud 9600"], [f"rate {self.one(50, 100, 200)}hz"], [f"refresh {self.one(10, 15, 20, 50)}ms"]]
         return [[setting] for setting in settings if self.chance(0.12)]
