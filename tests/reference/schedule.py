@@ -299,8 +299,8 @@ class Schedule:
     def check_line(self, sent):
         """Frames that are due together queue; one that leaves more than 50 ms late is an error."""
         baud, free = self.script.baud, 0
-        for sent in sent:
-            due = micros(sent.at) * baud
+        for one in sent:
+            due = micros(one.at) * baud
             if free > due + 50_000 * baud:
-                raise Refused("wire-full", sent.line)
-            free = max(free, due) + len(sent.frame) // 2 * 10 * 10**6
+                raise Refused("wire-full", one.line)
+            free = max(free, due) + len(one.frame) // 2 * 10 * 10**6

@@ -10,7 +10,7 @@ class Generator:
 
     def __init__(self, dice):
         self.dice, self.count = dice, 0
-        self.names = []  # pairs of a kind (`time`, `pulse`, `speed`, `flag`, `mark`) and a name
+        self.names = []  # pairs of a kind (`time`, `pulse`, `speed`, `mark`) and a name
         self.phrases = []  # pairs of a name and its parameters
         self.wild = dice.random() < 0.15  # whether values may be out of range
         self.coarse = dice.random() < 0.45  # whether times and values are few, so that many coincide
@@ -28,7 +28,7 @@ class Generator:
     def known(self, kind):
         return [name for of, name in self.names if of == kind]
 
-    def time(self, long=1.0):
+    def time(self):
         """An argument that is a time above zero, mostly below two seconds."""
         count = self.dice.randint
         if self.coarse and self.chance(0.9):
@@ -117,7 +117,7 @@ class Generator:
         return self.dice.choice(forms + self.known("pulse") * 4)
 
     def broken(self):
-        """A statement that must be refused, wherever it is."""
+        """A statement that must be refused nearly everywhere."""
         known = self.known("time") + self.known("pulse") + self.known("speed")
         choices = [
             "servo 5 1500",
