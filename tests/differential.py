@@ -214,7 +214,7 @@ def check_unroll(program, text, _):
     """The passes of a `repeat`, written one after the other, send the same."""
     lines = text.splitlines()
     for first, last in blocks_of(lines):
-        head = re.match(r"(\s*)repeat (\d) (?:as (\w+) )?\{$", lines[first])
+        head = re.match(r"(\s*)repeat ([1-9]) (?:as (\w+) )?\{$", lines[first])
         if not head or inside_together(lines, first) or lines[first + 1].strip().startswith(("tempo", "meter")):
             continue
         count, name, body = int(head[2]), head[3], lines[first + 1 : last]

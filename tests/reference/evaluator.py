@@ -110,7 +110,7 @@ class Evaluator:
             115200,
             {("servo", 2): (500, 1950)},
         )
-        self.has_abort, self.limited = False, set()
+        self.has_abort, self.given = False, set()
 
     # Values.
 
@@ -224,6 +224,9 @@ class Evaluator:
     def setting(self, node, place):
         if node.name == "limit":
             return self.limit(node, place)
+        if place.scope.parent is None and node.name in self.given:
+            raise Refused("setting-place")
+        self.given.add(node.name)
         values = [] if node.arguments == [("name", "off")] else [self.value(tree, place) for tree in node.arguments]
         if values and values[0][1] == 0 and node.name in ("tempo", "meter"):
             raise Refused("out-of-range")
@@ -258,9 +261,9 @@ class Evaluator:
             return
         if verb not in LIMITED or of not in LIMITED[verb] or len(rest) != 2:
             raise Refused("arguments")
-        if (verb, of) in self.limited:
+        if (verb, of) in self.given:
             raise Refused("setting-place")
-        self.limited.add((verb, of))
+        self.given.add((verb, of))
         low, high = (of_kind(self.value(tree, place), "") for tree in rest)
         hardest = (500, 2500) if verb == "servo" else (-200, 200) if of == "z" else (-25, 25)
         if not hardest[0] <= low <= high <= hardest[1]:
