@@ -233,7 +233,7 @@ def check_wrapped(program, text, dice):
     top = [number for number, line in enumerate(lines) if line.startswith(("def ", "on ", *SETTINGS))]
     ends = {first: last for first, last in blocks_of(lines)}
     begin = max([ends.get(number, number) + 1 for number in top], default=0)
-    if any(not line.startswith(("let ", "def ", " ", "}", *SETTINGS)) for line in lines[:begin]):
+    if begin == len(lines) or any(not line.startswith(("let ", "def ", " ", "}", *SETTINGS)) for line in lines[:begin]):
         return None
     head, foot = dice.choice(
         [("{", "}"), ("together {\n{", "}\n}"), ("repeat 1 {", "}"), ("if 1 == 1 {", "}"), ("def all() {", "}\nall()")]
