@@ -52,8 +52,12 @@ impl Link for Stamped {
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     if args.first().is_some_and(|word| word == GUARD) {
-        let ward =
-            Ward { max_late: args[2].parse().unwrap(), zeros: args[3].parse().unwrap(), realtime: args[4] == "true" };
+        let ward = Ward {
+            max_late: args[2].parse().unwrap(),
+            zeros: args[3].parse().unwrap(),
+            realtime: args[4] == "true",
+            stop: motionseq::playback::frames(&args[5]).unwrap(),
+        };
         guard(args[1].parse().unwrap(), ward).unwrap();
         return;
     }
@@ -79,8 +83,17 @@ fn main() {
     let guard = (!has("--no-guard")).then(|| {
         let mut program = Command::new("/proc/self/exe");
         program.arg(GUARD);
-        Guard::start(program, port.descriptor(), Ward { max_late: MAX_LATE, zeros: 12, realtime: has("--realtime") })
-            .unwrap()
+        Guard::start(
+            program,
+            port.descriptor(),
+            &Ward {
+                max_late: MAX_LATE,
+                zeros: 12,
+                realtime: has("--realtime"),
+                stop: motionseq::playback::Stops::of(&timeline.board, &[]).frames,
+            },
+        )
+        .unwrap()
     });
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
     let mut rig = Rig {

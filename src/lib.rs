@@ -5,7 +5,7 @@
 //! - [`source`] holds a script's text, [`diagnostic`] what is wrong with it.
 //! - [`syntax`] reads text into a tree; [`program`] gives its words meaning and its commands exact times; [`timeline`] lays
 //!   them out as sorted frames in whole microseconds.
-//! - [`board`] is the wire: typed commands and their frames. It knows neither times nor ports.
+//! - [`board`] is what can be said to a board, as a table, and the frames that carry it. It knows neither times nor ports.
 //!
 //! ```
 //! use motionseq::source::Source;
@@ -16,8 +16,9 @@
 //!
 //! let first = &timeline.events()[0];
 //! assert_eq!(first.at_us, 500_000);
-//! assert_eq!(first.command.to_string(), "servo 1 1500");
-//! assert_eq!(first.command.to_frame(), [0xFF, 0xFE, 0x02, 0x03, 0x01, 0x05, 0xDC, 0xE7]);
+//! let board = &timeline.board;
+//! assert_eq!(board.show(&first.command).to_string(), "servo 1 1500");
+//! assert_eq!(board.to_frame(&first.command), [0xFF, 0xFE, 0x02, 0x03, 0x01, 0x05, 0xDC, 0xE7]);
 //! ```
 
 #[cfg(not(target_os = "linux"))]

@@ -1,5 +1,6 @@
 //! The wire: what the vendor's driver sends, both ways, and what a damaged stream still gives.
 
+use crate::support::board::{OnBoard, board, decoded as read};
 use motionseq::board::{
     Command, Decoder, Frame, FrameError, Hundredths, Item, NotACommand, Report, ReportDecoder, ReportItem,
 };
@@ -38,12 +39,12 @@ fn every_vector_passes_both_ways() {
     let vectors = vectors();
     assert_eq!(vectors.len(), 295);
     for (text, bytes) in vectors {
-        let frame = Frame::new(&bytes).unwrap();
-        let decoded = Command::decode(frame).unwrap();
+        let frame = Frame::new(board(), &bytes).unwrap();
+        let decoded = board().decode(frame.bytes()).unwrap();
         assert_eq!(decoded.to_frame(), bytes, "{text} encodes");
         // The canonical notation calls an all-zero rocker `stop`.
         let notation = if text == "rocker x=0 y=0 z=0" { "stop" } else { text };
-        assert_eq!(decoded.to_string(), notation, "the frame decodes");
+        assert_eq!(decoded.said(), notation, "the frame decodes");
         assert_eq!(compiled(text), decoded, "{text} compiles");
     }
 }
@@ -54,9 +55,8 @@ static ROCKER: [u8; 13] = [0xFF, 0xFE, 0x03, 0x08, 0x01, 0x00, 0x0A, 0x00, 0x00,
 
 #[test]
 fn a_frame_is_taken_apart() {
-    let frame = Frame::new(&ROCKER).unwrap();
-    assert_eq!(frame.function(), 0x03);
-    assert_eq!(frame.payload(), &ROCKER[4..12]);
+    let frame = Frame::new(board(), &ROCKER).unwrap();
+    assert_eq!(frame.bytes(), ROCKER);
     assert_eq!(frame.to_string(), "FF FE 03 08 01 00 0A 00 00 00 32 01 49");
 }
 
@@ -69,11 +69,11 @@ fn a_frame_is_put_together() {
 fn a_frame_that_is_none_says_why() {
     let mut wrong = ROCKER;
     wrong[12] = 0x48;
-    assert_eq!(Frame::new(&wrong), Err(FrameError::Checksum { expected: 0x49, found: 0x48 }));
-    assert_eq!(Frame::new(&ROCKER[..12]), Err(FrameError::Length));
-    assert_eq!(Frame::new(&ROCKER[1..]), Err(FrameError::NoHeader));
-    assert_eq!(Frame::new(&[0xFF, 0xFE]), Err(FrameError::Length));
-    assert_eq!(Frame::new(&[]), Err(FrameError::NoHeader));
+    assert_eq!(Frame::new(board(), &wrong), Err(FrameError::Checksum { expected: 0x49, found: 0x48 }));
+    assert_eq!(Frame::new(board(), &ROCKER[..12]), Err(FrameError::Length));
+    assert_eq!(Frame::new(board(), &ROCKER[1..]), Err(FrameError::NoHeader));
+    assert_eq!(Frame::new(board(), &[0xFF, 0xFE]), Err(FrameError::Length));
+    assert_eq!(Frame::new(board(), &[]), Err(FrameError::NoHeader));
 }
 
 /// A frame around a payload, with the right checksum.
@@ -87,7 +87,7 @@ fn framed(function: u8, payload: &[u8]) -> Vec<u8> {
 
 #[test]
 fn what_no_correct_client_sends_is_refused() {
-    let decode = |function, payload: &[u8]| Command::decode(Frame::new(&framed(function, payload)).unwrap());
+    let decode = |function, payload: &[u8]| board().decode(&framed(function, payload));
     // Out of range: a servo at 499, a tilt at 1951, a wheel at 26.
     assert!(matches!(decode(0x02, &[1, 0x01, 0xF3]), Err(NotACommand::OutOfRange(_))));
     assert!(matches!(decode(0x02, &[0x05, 0xDC, 0x07, 0x9F]), Err(NotACommand::OutOfRange(_))));
@@ -108,7 +108,7 @@ fn what_no_correct_client_sends_is_refused() {
 /// Everything a decoder says of a stream, however it is cut: frames as hex, skipped bytes with their place.
 fn decoded(chunks: &[&[u8]]) -> Vec<String> {
     let mut found = Vec::new();
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(board());
     let mut take = |item: Item<'_>| {
         found.push(match item {
             Item::Frame(frame) => frame.to_string(),
@@ -152,7 +152,7 @@ fn the_decoder_finds_the_frame_behind_a_bad_checksum() {
 fn a_length_that_no_command_has_holds_nothing_up() {
     // A stop must not wait for 255 bytes that never come.
     let stream = [&[0xFF, 0xFE, 0x03, 0xFF][..], &ROCKER].concat();
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(board());
     let mut frames = 0;
     decoder.feed(&stream, |item| frames += usize::from(matches!(item, Item::Frame(_))));
     assert_eq!(frames, 1);
@@ -170,7 +170,7 @@ fn a_stream_that_ends_inside_a_frame_is_cut() {
 /// The frames of a stream, and the places of every byte that was skipped.
 fn found(chunks: &[&[u8]]) -> (Vec<Vec<u8>>, Vec<u64>) {
     let (mut frames, mut skipped) = (Vec::new(), Vec::new());
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(board());
     let mut take = |item: Item<'_>| match item {
         Item::Frame(frame) => frames.push(frame.bytes().to_vec()),
         Item::Skipped { at, bytes, .. } => skipped.extend(at..at + bytes.len() as u64),
@@ -201,18 +201,18 @@ proptest! {
     #[test]
     fn decoding_loses_nothing(function in 0..7_u8, payload in prop::collection::vec(any::<u8>(), 0..10)) {
         let bytes = framed(function, &payload);
-        let frame = Frame::new(&bytes).unwrap();
-        if let Ok(command) = Command::decode(frame) {
+        let frame = Frame::new(board(), &bytes).unwrap();
+        if let Ok(command) = board().decode(frame.bytes()) {
             prop_assert_eq!(command.to_frame(), bytes.clone());
         }
-        prop_assert_eq!(Command::decode_or_raw(frame).to_frame(), bytes);
+        prop_assert_eq!(read(frame).to_frame(), bytes);
     }
 }
 
 /// Every report in a stream, and how many were malformed.
 fn reports(chunks: &[&[u8]]) -> (Vec<Report>, usize) {
     let (mut found, mut malformed) = (Vec::new(), 0);
-    let mut decoder = ReportDecoder::new();
+    let mut decoder = ReportDecoder::new(board().codec.replies);
     for chunk in chunks {
         decoder.feed(chunk, |item| match item {
             ReportItem::Report(report) => found.push(report),
@@ -222,20 +222,22 @@ fn reports(chunks: &[&[u8]]) -> (Vec<Report>, usize) {
     (found, malformed)
 }
 
-const REPORT: Report =
-    Report { pitch: Hundredths(-120), roll: Hundredths(35), yaw: Hundredths(9000), voltage: Hundredths(1187) };
+/// Voltage, pitch, roll and yaw.
+fn report() -> Report {
+    Report::new(&[1187, -120, 35, 9000].map(Hundredths))
+}
 
 #[test]
 fn a_report_is_read_however_it_comes() {
     let line = b"{A-120:35:9000:1187}#";
-    assert_eq!(REPORT.to_string().as_bytes(), line);
-    assert_eq!(reports(&[line]), (vec![REPORT], 0));
+    assert_eq!(board().report_line(&report()).as_bytes(), line);
+    assert_eq!(reports(&[line]), (vec![report()], 0));
     for cut in 0..line.len() {
-        assert_eq!(reports(&[&line[..cut], &line[cut..]]), (vec![REPORT], 0), "cut at {cut}");
+        assert_eq!(reports(&[&line[..cut], &line[cut..]]), (vec![report()], 0), "cut at {cut}");
     }
-    assert_eq!(reports(&[&[&line[..], line].concat()]), (vec![REPORT; 2], 0));
-    assert_eq!(reports(&[b"\xFF\x00}#noise", line, b"###\n"]), (vec![REPORT], 0));
-    assert_eq!(REPORT.pitch.to_string(), "-1.20");
+    assert_eq!(reports(&[&[&line[..], line].concat()]), (vec![report(); 2], 0));
+    assert_eq!(reports(&[b"\xFF\x00}#noise", line, b"###\n"]), (vec![report()], 0));
+    assert_eq!(report().value(1).to_string(), "-1.20");
     assert_eq!(Hundredths(-5).to_string(), "-0.05");
 }
 
@@ -256,9 +258,9 @@ fn a_malformed_report_is_none() {
         assert_eq!(reports(&[line.as_bytes()]), (vec![], 1), "{line}");
     }
     // One that was cut gives way to the next; one without an end holds nothing up.
-    assert_eq!(reports(&[b"{A1:2:{A-120:35:9000:1187}#"]), (vec![REPORT], 1));
+    assert_eq!(reports(&[b"{A1:2:{A-120:35:9000:1187}#"]), (vec![report()], 1));
     let endless = [b"{A".as_slice(), &[b'1'; 1000], b"{A-120:35:9000:1187}#"].concat();
-    assert_eq!(reports(&[&endless]), (vec![REPORT], 1));
+    assert_eq!(reports(&[&endless]), (vec![report()], 1));
 }
 
 #[test]
@@ -266,7 +268,7 @@ fn a_header_inside_a_length_that_no_command_has_begins_a_frame() {
     // What is left of a frame that was cut behind its header, or behind the function of a raw one, claims the next header as its own
     // function and length; and noise may claim any length at all.
     for torn in [&[0xFF, 0xFE][..], &[0xFF, 0xFE, 0x40], &[0xFF, 0xFE, 0x77, 200], &[0xFF, 0xFE, 0x77, 255, 1, 2, 3]] {
-        let mut decoder = Decoder::new();
+        let mut decoder = Decoder::new(board());
         let mut found = Vec::new();
         for byte in torn.iter().chain(&ROCKER) {
             decoder.feed(&[*byte], |item| {

@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use crate::support::board::board;
 use crate::support::{run, script, stderr, stdout};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
@@ -54,14 +55,14 @@ fn a_script_and_its_snapshot_are_the_same() {
         write_snapshot(&path, &timeline, &mut snapshot).unwrap();
         assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 2\n# scripts/"));
         let sent = Snapshot::of(&timeline);
-        assert_eq!(read_snapshot(&snapshot).unwrap(), sent);
+        assert_eq!(read_snapshot(board(), &snapshot).unwrap(), sent);
         // Line ends as another system writes them.
         let other = String::from_utf8(snapshot.clone()).unwrap().replace('\n', "\r\n");
-        assert_eq!(read_snapshot(other.as_bytes()).unwrap(), sent);
+        assert_eq!(read_snapshot(board(), other.as_bytes()).unwrap(), sent);
         // The first version was the listing alone.
         let first = String::from_utf8(snapshot).unwrap().replace("frames 2\n", "frames 1\n");
         let first = first.split("# on abort").next().unwrap().to_owned();
-        let first = read_snapshot(first.as_bytes()).unwrap();
+        let first = read_snapshot(board(), first.as_bytes()).unwrap();
         assert_eq!((first.moments, first.more), (sent.moments, None));
     }
 }
@@ -71,7 +72,7 @@ fn what_is_no_snapshot_says_where_and_why() {
     let head = "# motionseq frames 2\n# x.motion\n";
     let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
     let end = "# end\t0.000000\tframes\t1\tbaud\t115200\n";
-    assert!(read_snapshot(format!("{head}{good}{end}").as_bytes()).is_ok());
+    assert!(read_snapshot(board(), format!("{head}{good}{end}").as_bytes()).is_ok());
     let step = good.replace("1500\n", "1500\tsample\n");
     for (text, message) in [
         (String::new(), "line 1: it does not begin with `# motionseq frames 2`"),
@@ -108,9 +109,12 @@ fn what_is_no_snapshot_says_where_and_why() {
             "line 4: its time is before that of the line above",
         ),
     ] {
-        assert_eq!(read_snapshot(text.as_bytes()).unwrap_err().to_string(), message, "{text:?}");
+        assert_eq!(read_snapshot(board(), text.as_bytes()).unwrap_err().to_string(), message, "{text:?}");
     }
-    assert_eq!(read_snapshot(b"# motionseq frames 1\n\xFF\n").unwrap_err().to_string(), "line 2: it is not UTF-8 text");
+    assert_eq!(
+        read_snapshot(board(), b"# motionseq frames 1\n\xFF\n").unwrap_err().to_string(),
+        "line 2: it is not UTF-8 text"
+    );
 }
 
 #[test]

@@ -3,9 +3,10 @@
 use std::fs;
 use std::process::Command;
 
+use crate::support::board::board;
 use motionseq::diagnostic::{Code, Severity};
-use motionseq::program::{COMMANDS, Row, SETTINGS, UNITS};
 use motionseq::program::{CURVES, FUNCTIONS, Options};
+use motionseq::program::{Row, SETTINGS, Signature, UNITS, signatures};
 use motionseq::source::Source;
 
 /// The fenced blocks of a document: what stands behind the fence, the line it begins at, and the text.
@@ -120,8 +121,8 @@ fn the_readme_begins_with_two_commands_that_work() {
     assert!(fs::read_to_string(".ci/run").unwrap().lines().any(|line| line == "cargo test"));
 }
 
-fn rows(table: &[Row]) -> String {
-    let runs = table.iter().filter(|row| !row.usage.is_empty());
+fn rows<'t>(table: impl Iterator<Item = Signature<'t>>) -> String {
+    let runs = table.filter(|row| !row.usage.is_empty());
     let escape = |text: &str| text.replace('|', "\\|");
     runs.map(|row| format!("| `{}` | {} | `{}` |\n", escape(row.usage), escape(row.meaning), escape(row.example)))
         .collect()
@@ -129,8 +130,11 @@ fn rows(table: &[Row]) -> String {
 
 /// The tables of the reference, printed from the code's own tables.
 fn tables() -> [(&'static str, String); 5] {
-    let commands = format!("| command | what it does | for example |\n|---|---|---|\n{}", rows(COMMANDS));
-    let settings = format!("| setting | what it does | for example |\n|---|---|---|\n{}", rows(SETTINGS));
+    let commands = format!("| command | what it does | for example |\n|---|---|---|\n{}", rows(signatures(board())));
+    let settings = format!(
+        "| setting | what it does | for example |\n|---|---|---|\n{}",
+        rows(SETTINGS.iter().map(Row::signature))
+    );
     let units = UNITS.iter().map(|unit| format!("| `{}` | {} |\n", unit.name, unit.meaning));
     let units = format!("| unit | means |\n|---|---|\n{}", units.collect::<String>());
     let curves = CURVES.iter().map(|curve| {
@@ -191,7 +195,10 @@ fn every_code_is_in_the_documents() {
 
 #[test]
 fn the_example_of_every_word_works() {
-    for row in COMMANDS.iter().chain(SETTINGS).filter(|row| !row.usage.is_empty() && row.name != "use") {
+    for row in signatures(board())
+        .chain(SETTINGS.iter().map(Row::signature))
+        .filter(|row| !row.usage.is_empty() && row.name != "use")
+    {
         let mode = if row.name == "move" { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
         let example = row.example.replace('…', "servo 1 1500");
         let source = Source::new("example", format!("{mode}{example}\nwait 1s\n"));

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use crate::support::board::OnBoard;
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
 use crate::support::{motionseq, rendered, run, script, stderr};
 use motionseq::link::{Link, Pty, Serial};
@@ -148,7 +149,7 @@ fn a_program_that_is_frozen_stops_no_robot_without_its_guard_and_says_so_before(
     let (_, text) = killed(child);
     received.extend(bytes(&far.rest()));
     assert!(text.contains("no guard: if this program is killed or hangs, nothing stops the robot\n"), "{text}");
-    assert!(!commands(&received).contains(&motionseq::board::Command::STOP));
+    assert!(!commands(&received).contains(&crate::support::board::stop()));
 }
 
 #[test]
@@ -217,9 +218,9 @@ fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
 fn a_run_whose_guard_does_not_start_does_not_start() {
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), 115_200).unwrap();
-    let ward = Ward { max_late: 1_000_000_000, zeros: 12, realtime: false };
+    let ward = Ward { max_late: 1_000_000_000, zeros: 12, realtime: false, stop: vec![STOP.to_vec(); 3] };
     for program in ["true", "echo", "/no/such/program"] {
-        assert!(Guard::start(Command::new(program), port.descriptor(), ward).is_err(), "{program}");
+        assert!(Guard::start(Command::new(program), port.descriptor(), &ward).is_err(), "{program}");
     }
 }
 
@@ -354,7 +355,7 @@ fn a_guard_ignores_what_ends_other_programs() {
 fn a_guard_cannot_be_started_by_hand() {
     let pty = Pty::open().unwrap();
     let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
-    let by_hand = ["guard-a-player", "1", "50000000", "12", "false"];
+    let by_hand = ["guard-a-player", "1", "50000000", "12", "false", "FFFE0401"];
     let output = motionseq(&by_hand).stdin(port).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("only a player can start it"), "{}", stderr(&output));
@@ -530,7 +531,7 @@ fn pause_and_resume(with_shell: bool) {
     let again = far.first();
     sender.send(()).unwrap();
     assert_eq!(
-        commands(&again)[..2].iter().map(ToString::to_string).collect::<Vec<_>>(),
+        commands(&again)[..2].iter().map(OnBoard::said).collect::<Vec<_>>(),
         ["buzzer on", "rocker x=10 y=0 z=0"]
     );
     received.extend(again);

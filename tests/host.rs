@@ -5,9 +5,8 @@ use std::io::{Read, Write};
 use std::os::unix::fs::symlink;
 use std::process::Command;
 
-use crate::support::host::{Host, frames, has, link, rocker, stop};
+use crate::support::host::{Host, frames, has, link, request, rocker, stop};
 use crate::support::{run, stderr};
-use motionseq::board::{Command as Said, Query};
 use rustix::process::Signal;
 
 #[test]
@@ -83,16 +82,16 @@ fn a_program_that_never_reads_and_a_second_one_stop_nothing() {
     // The one that asks for the port alone comes second.
     let mut second = fs::File::options().write(true).open(&host.path).unwrap();
     let mut first = host.open();
-    let request = Said::Request(Query::named("voltage").unwrap()).to_frame();
+    let voltage = request(5);
     for _ in 0..600 {
-        first.write_all(&request).unwrap();
+        first.write_all(&voltage).unwrap();
         second.write_all(&stop()).unwrap();
     }
     drop((first, second));
     host.says("the port is closed");
     // What nobody has read is not there for the next one.
     let mut port = host.open();
-    port.write_all(&Said::Request(Query::named("yaw").unwrap()).to_frame()).unwrap();
+    port.write_all(&request(8)).unwrap();
     let mut reply = [0; 14];
     port.read_exact(&mut reply).unwrap();
     assert_eq!(&reply, b"{A0:0:0:1200}#");
@@ -211,7 +210,7 @@ fn what_is_wrong_counts_as_often_as_it_is_listed() {
 fn reports_come_as_often_as_asked_for() {
     let host = Host::start("often", &["--report-every", "20ms"]);
     let mut port = host.open();
-    port.write_all(&Said::Request(Query::REPORT_START).to_frame()).unwrap();
+    port.write_all(&request(0)).unwrap();
     let begun = std::time::Instant::now();
     port.read_exact(&mut [0; 14 * 25]).unwrap();
     // 25 of them in half a second, where it would be two and a half.
@@ -233,7 +232,7 @@ fn a_board_reads_a_move_as_it_is_told_to() {
         port.write_all(&[0xFF, 0xFE, 3, 8, 4, 0, 3, 0, 4, 0, 0, 7, 0x1D]).unwrap();
         host.says("cannot always be told apart");
         // A nominal move takes its time: twelve reports of the board.
-        port.write_all(&Said::Request(Query::REPORT_START).to_frame()).unwrap();
+        port.write_all(&request(0)).unwrap();
         port.read_exact(&mut [0; 14 * 12]).unwrap();
         drop(port);
         host.says("the port is closed");

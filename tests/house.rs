@@ -268,6 +268,86 @@ fn words_stay_at_home() {
     }
 }
 
+/// Words of the Raspblock, and numbers of its protocol: only its table, its device, and the examples of codes know them.
+const OF_THE_RASPBLOCK: &[&str] =
+    &["rocker", "wheels", "yawhold", "yaw_hold", "buzzer", "servos", "pid", "0xfe", "1950", "115200"];
+const AT_HOME_THERE: &[&str] = &["src/board/raspblock", "src/diagnostic/codes.rs"];
+/// Where a word means something else: the number of a process, and that of a product on USB.
+const MEANS_ANOTHER: &[(&str, &str)] = &[("pid", "src/playback/os.rs"), ("pid", "src/link/serial.rs")];
+
+/// The words in code, without those in comments and in prose, which is any string with a blank in it. `OneWord` is two.
+fn words_of_code(text: &str) -> Vec<(usize, String)> {
+    let mut found = Vec::new();
+    let mut add = |line: usize, code: &str| {
+        let mut word = String::new();
+        for letter in code.chars().chain([' ']) {
+            let is_next = letter.is_uppercase() && word.ends_with(char::is_lowercase) && !word.starts_with('0');
+            if (!letter.is_alphanumeric() || is_next) && !word.is_empty() {
+                found.push((line, std::mem::take(&mut word).to_lowercase()));
+            }
+            if letter.is_alphanumeric() {
+                word.push(letter);
+            }
+        }
+    };
+    let (mut line, mut rest) = (1, text);
+    while let Some(at) = rest.find(['"', '/', '\'', '\n']) {
+        let (code, from) = rest.split_at(at);
+        add(line, code);
+        let inner = &from[1..];
+        let end = match &from[..1] {
+            "\n" => {
+                line += 1;
+                0
+            }
+            "/" if inner.starts_with('/') => inner.find('\n').unwrap_or(inner.len()),
+            "\"" => {
+                let is_end = |(at, _): &(usize, &str)| {
+                    inner[..*at].bytes().rev().take_while(|byte| *byte == b'\\').count() % 2 == 0
+                };
+                let end = inner.match_indices('"').find(is_end).map_or(inner.len(), |(at, _)| at);
+                let string = &inner[..end];
+                if !string.contains(' ') {
+                    add(line, string);
+                }
+                line += string.matches('\n').count();
+                (end + 1).min(inner.len())
+            }
+            // A character, and no lifetime.
+            "'" if inner.starts_with('\\') => inner[2..].find('\'').map_or(0, |end| end + 3),
+            "'" if inner.chars().nth(1) == Some('\'') => inner.chars().next().map_or(0, char::len_utf8) + 1,
+            _ => 0,
+        };
+        rest = &inner[end..];
+    }
+    add(line, rest);
+    found
+}
+
+#[test]
+fn words_of_a_family_stay_in_its_folder() {
+    for path in
+        files(Path::new("src")).into_iter().filter(|path| !AT_HOME_THERE.iter().any(|home| path.starts_with(home)))
+    {
+        let text = fs::read_to_string(&path).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        let words = words_of_code(code);
+        for (line, word) in &words {
+            let word = word.trim_end_matches("i32").trim_end_matches("u32");
+            let is_another = MEANS_ANOTHER.contains(&(word, path.to_str().unwrap()));
+            let is_known = OF_THE_RASPBLOCK.contains(&word) && !is_another;
+            assert!(!is_known, "{}:{line}: `{word}` is of the Raspblock", path.display());
+        }
+        // `115_200`, `yaw_hold`.
+        for pair in words.windows(2) {
+            let [first, second] = [&pair[0].1, &pair[1].1];
+            let joined = [format!("{first}{second}"), format!("{first}_{second}")];
+            let found = joined.iter().find(|word| OF_THE_RASPBLOCK.contains(&word.as_str()));
+            assert_eq!(found, None, "{}:{}", path.display(), pair[0].0);
+        }
+    }
+}
+
 #[test]
 fn files_stay_readable() {
     for path in files(Path::new("src")) {
@@ -282,6 +362,9 @@ fn every_test_in_this_file_sees_what_it_looks_for() {
         imports("use crate::{board, link::Pty};\nlet x = crate::source::Span;"),
         ["board", "link", "source"].map(String::from).into()
     );
+    let code = "let a = Command::YawHold; // rocker\nf(\"buzzer\", \"the buzzer\", '\"', \"a\\\"pid\", 0xFE, 115_200)";
+    let words: Vec<String> = words_of_code(code).into_iter().map(|(_, word)| word).collect();
+    assert_eq!(words, ["let", "a", "command", "yaw", "hold", "f", "buzzer", "a", "pid", "0xfe", "115", "200"]);
     assert_eq!(room(Path::new("src/syntax/build.rs")).as_deref(), Some("syntax"));
     assert_eq!(room(Path::new("src/cli/play.rs")), None);
     let path = |path: &str| path.split("::").map(String::from).collect::<Vec<_>>();

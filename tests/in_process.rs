@@ -54,8 +54,12 @@ fn the_thread_that_sends_allocates_nothing() {
     });
     let mut program = Command::new(env!("CARGO_BIN_EXE_motionseq"));
     program.arg("guard-a-player");
-    let guard =
-        Guard::start(program, port.descriptor(), Ward { max_late: 5_000_000_000, zeros: 12, realtime: false }).unwrap();
+    let guard = Guard::start(
+        program,
+        port.descriptor(),
+        &Ward { max_late: 5_000_000_000, zeros: 12, realtime: false, stop: Vec::new() },
+    )
+    .unwrap();
     let (bytes, _recorded) = rtrb::RingBuffer::new(64 * 1024);
     let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
     let mut rig = Rig {
@@ -81,7 +85,9 @@ fn the_thread_that_sends_allocates_nothing() {
     let judged =
         heard.read_chunk(heard.slots()).unwrap().into_iter().filter(|notice| matches!(notice, Notice::Judged(_)));
     assert_eq!(judged.count(), 2);
-    assert!(commands(&far.join().unwrap()).iter().any(|command| command.to_string() == "servo 1 1500"));
+    assert!(
+        commands(&far.join().unwrap()).iter().any(|command| support::board::OnBoard::said(command) == "servo 1 1500")
+    );
     assert_eq!(counted.count_total, 0, "{counted:?}");
     // The counter counts.
     assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1)))).count_total, 1);

@@ -16,9 +16,9 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::support::board::{OnBoard, board, state, stop};
 use crate::support::far::commands;
 use crate::support::{motionseq, rendered, stderr};
-use motionseq::board::{Command as Frame, State};
 use motionseq::link::Pty;
 use rustix::fs::OFlags;
 use rustix::process::{Pid, Signal, kill_process};
@@ -180,7 +180,7 @@ fn warnings(text: &str) -> usize {
 }
 
 /// Whether these commands are some of those, in their order.
-fn is_part(some: &[Frame], all: &[Frame]) -> bool {
+fn is_part(some: &[motionseq::board::Command], all: &[motionseq::board::Command]) -> bool {
     let mut rest = all.iter();
     some.iter().all(|command| rest.any(|other| other == command))
 }
@@ -322,14 +322,10 @@ impl Run {
     /// The robot stands, and did nothing else from the first stop on.
     fn check_stopped(&self, rendered: &[u8]) -> Result<(), &'static str> {
         let came = commands(&self.received);
-        let at = came.iter().position(|command| *command == Frame::STOP).unwrap_or(came.len());
-        let mut state = State::default();
-        for command in &came {
-            state.apply(command);
-        }
-        match state.at_rest() {
+        let at = came.iter().position(|command| *command == stop()).unwrap_or(came.len());
+        match state(&came).at_rest(board()) {
             _ if !is_part(&came[..at], &commands(rendered)) => Err("what came before the stop is not of the script"),
-            _ if came[at..].iter().any(Frame::keeps_driving) => Err("it drives after the stop"),
+            _ if came[at..].iter().any(OnBoard::keeps_driving) => Err("it drives after the stop"),
             true => Ok(()),
             false => Err("it does not end at rest"),
         }
@@ -337,7 +333,7 @@ impl Run {
 
     /// All that is known of it.
     fn evidence(&self) -> String {
-        let frames: Vec<String> = commands(&self.received).iter().map(ToString::to_string).collect();
+        let frames: Vec<String> = commands(&self.received).iter().map(OnBoard::said).collect();
         let injected = &self.injected[..self.injected.len().min(3)];
         let (code, text, trace) = (code(&self.output), stderr(&self.output), tail(&self.trace));
         format!("exit {code}, injected {injected:#?}\nreceived {}\nsaid {text}{trace}\n", frames.join(", "))

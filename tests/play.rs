@@ -8,6 +8,7 @@ use std::process::{Output, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use crate::support::board::OnBoard;
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
 use crate::support::{motionseq, rendered, run, script, stderr};
 use motionseq::link::{Pty, Serial};
@@ -380,12 +381,12 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     assert!(said.contains("`expect voltage < 5V` failed: the board reports 1"), "{said}");
     let mut expected: Vec<u8> = Vec::new();
     for event in timeline.events().iter().take(rehearsal.given) {
-        event.encode(&mut expected);
+        expected.extend(event.command.to_frame());
     }
     // What brings a receiver back in step behind a flush.
     expected.extend([0; 12]);
     for moment in &rehearsal.aborted {
-        moment.command.encode(&mut expected);
+        expected.extend(moment.command.to_frame());
     }
     assert_eq!(std::fs::read(&record).unwrap(), expected);
 }

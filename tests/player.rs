@@ -1,7 +1,8 @@
 //! The player under a clock that jumps: what is sent when, and that every early end is a stop.
 
+use crate::support::board::{OnBoard, board, say, state, stop};
 use crate::support::far::commands;
-use motionseq::board::{Command, State};
+use motionseq::board::State;
 use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
 use motionseq::program::Options;
 use motionseq::source::Source;
@@ -23,7 +24,7 @@ fn shipped(path: &std::path::Path) -> Timeline {
 
 fn rendered(timeline: &Timeline) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_bin(timeline.events(), &mut bytes).unwrap();
+    write_bin(board(), timeline.events(), &mut bytes).unwrap();
     bytes
 }
 
@@ -122,18 +123,13 @@ fn a_port_that_takes_little_at_once_gets_every_byte_in_order() {
 /// After an early end: three stops 20 ms apart, buzzer off, nothing else, and the board at rest.
 fn assert_stopped<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>>(world: &World<F>, before: usize) {
     let end = &world.given[before..];
-    let frames: Vec<String> =
-        end.iter().flat_map(|(_, bytes)| commands(bytes)).map(|command| command.to_string()).collect();
+    let frames: Vec<String> = end.iter().flat_map(|(_, bytes)| commands(bytes)).map(|command| command.said()).collect();
     assert_eq!(frames[..4], ["stop", "stop", "stop", "buzzer off"]);
     // Behind it only what the script's `on abort` says, which is never for the drive.
     assert!(frames[4..].iter().all(|frame| frame.starts_with("servo") || frame.starts_with("buzzer")), "{frames:?}");
     assert_eq!(end[1].0 - end[0].0, 20 * MS);
     assert_eq!(end[2].0 - end[1].0, 20 * MS);
-    let mut state = State::default();
-    for command in commands(&world.bytes()) {
-        state.apply(&command);
-    }
-    assert!(state.at_rest());
+    assert!(state(&commands(&world.bytes())).at_rest(board()));
 }
 
 /// Everything that can end a run early but a port that takes nothing, and the cause that it becomes.
@@ -221,15 +217,15 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
             let mut expected: Vec<Vec<u8>> = Vec::new();
             for (_, bytes) in &all.given[..cut] {
                 for command in commands(bytes) {
-                    state.apply(&command);
+                    state.apply(board(), &command);
                 }
                 expected.push(bytes.clone());
             }
-            let stop = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
-            expected.extend(stop.iter().map(Command::to_frame));
+            let stops = [stop(), stop(), stop(), say("buzzer", &[0])];
+            expected.extend(stops.iter().map(OnBoard::to_frame));
             // What brings a receiver back in step behind a flush.
             expected[cut].splice(0..0, [0; 12]);
-            let restored: Vec<u8> = state.commands().flat_map(|command| command.to_frame()).collect();
+            let restored: Vec<u8> = state.commands(board()).flat_map(OnBoard::to_frame).collect();
             expected.extend((!restored.is_empty()).then_some(restored));
             expected.extend(all.given[cut..].iter().map(|(_, bytes)| bytes.clone()));
             let given: Vec<Vec<u8>> = world.given.iter().map(|(_, bytes)| bytes.clone()).collect();
@@ -254,7 +250,7 @@ fn what_held_at_a_pause_holds_again_behind_it() {
     };
     let (world, _) = World::run(meddle, &timeline);
     // The write behind the four of the stop.
-    let again: Vec<String> = commands(&world.given[7].1).iter().map(ToString::to_string).collect();
+    let again: Vec<String> = commands(&world.given[7].1).iter().map(OnBoard::said).collect();
     let expected = [
         "pid speed speed=1,2 position=3,4,5 yaw=6,7,8",
         "servo 1 1400",
@@ -386,7 +382,7 @@ fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
     };
     let (world, outcome) = World::run_with(MAX_LATE * 2, meddle, &timeline);
-    let sent: Vec<String> = commands(&world.given[1].1).iter().map(ToString::to_string).collect();
+    let sent: Vec<String> = commands(&world.given[1].1).iter().map(OnBoard::said).collect();
     assert_eq!(sent, ["servo 1 1600", "servo 3 1600"]);
     assert_eq!((outcome.cause, outcome.dropped), (Cause::Finished, 4));
     let dropped = world.notices.iter().filter(|notice| matches!(notice, Notice::Dropped { .. })).count();
@@ -400,7 +396,7 @@ fn samples_of_one_servo_are_overtaken_by_both_in_one_frame() {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
     };
     let (world, outcome) = World::run_with(MAX_LATE * 2, meddle, &timeline);
-    let sent: Vec<String> = commands(&world.given[1].1).iter().map(ToString::to_string).collect();
+    let sent: Vec<String> = commands(&world.given[1].1).iter().map(OnBoard::said).collect();
     assert_eq!((sent, outcome.dropped), (vec!["servos 900 900".to_owned(), "servo 3 900".to_owned()], 3));
 }
 
@@ -465,7 +461,7 @@ fn a_write_that_fails_once_still_stops_the_robot() {
     };
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((outcome.cause, outcome.stop), (Cause::Lost(Some(5)), Stop::Sent));
-    let frames: Vec<String> = commands(&world.bytes()).iter().skip(3).map(ToString::to_string).collect();
+    let frames: Vec<String> = commands(&world.bytes()).iter().skip(3).map(OnBoard::said).collect();
     assert_eq!(frames, ["stop", "stop", "stop", "buzzer off"]);
 }
 
@@ -481,7 +477,7 @@ fn on_abort_follows_the_stop_at_its_times() {
     let sent: Vec<(u64, String)> = world
         .given
         .iter()
-        .flat_map(|(at, bytes)| commands(bytes).into_iter().map(move |command| (at / MS, command.to_string())))
+        .flat_map(|(at, bytes)| commands(bytes).into_iter().map(move |command| (at / MS, command.said())))
         .collect();
     let sent: Vec<(u64, &str)> = sent.iter().map(|(at, command)| (*at, command.as_str())).collect();
     assert_eq!(
@@ -514,7 +510,7 @@ fn a_machine_that_stalls_during_the_stop_still_sends_all_of_it() {
     };
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!(outcome.stop, Stop::Sent);
-    let frames: Vec<String> = commands(&world.bytes()).iter().rev().take(4).map(ToString::to_string).collect();
+    let frames: Vec<String> = commands(&world.bytes()).iter().rev().take(4).map(OnBoard::said).collect();
     assert_eq!(frames, ["buzzer off", "stop", "stop", "stop"]);
 }
 
@@ -533,7 +529,7 @@ fn a_raw_frame_in_on_abort_is_followed_by_a_stop() {
         (given == 1 && !matches!(order, Order::Write | Order::Discard)).then_some((now, Input::Signal(2)))
     };
     let (world, _) = World::run(meddle, &timeline);
-    let sent: Vec<String> = commands(&world.bytes()).iter().map(ToString::to_string).collect();
+    let sent: Vec<String> = commands(&world.bytes()).iter().map(OnBoard::said).collect();
     assert_eq!(sent[5..], ["buzzer on", "stop", "buzzer off"]);
 }
 
@@ -554,7 +550,7 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
         input = Input::Tick;
         match order {
             Order::Write => {
-                sent.extend(commands(player.bytes()).iter().map(|command| (now / MS, command.to_string())));
+                sent.extend(commands(player.bytes()).iter().map(|command| (now / MS, command.said())));
                 input = Input::Wrote(player.bytes().len());
             }
             Order::Wait { until, .. } if until > 60 * MS && keys.len() == 4 => {
@@ -599,7 +595,7 @@ impl Trusting {
                 [0xFF] | [0xFF, 0xFE] | [0xFF, 0xFE, _] => {}
                 [0xFF, 0xFE, _, length, ..] if self.bytes.len() < 5 + usize::from(length) => {}
                 [0xFF, 0xFE, ..] => {
-                    self.stops += usize::from(self.bytes == Command::STOP.to_frame());
+                    self.stops += usize::from(self.bytes == stop().to_frame());
                     self.bytes.clear();
                 }
                 [.., 0xFF] => self.bytes = vec![0xFF],

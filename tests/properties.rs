@@ -1,6 +1,7 @@
 //! What holds for every script, whatever is in it.
 
-use motionseq::board::{Command, Frame, State};
+use crate::support::board::{OnBoard, board};
+use motionseq::board::State;
 use motionseq::program::Options;
 use motionseq::source::{Source, Span};
 use motionseq::timeline::Kind;
@@ -147,25 +148,25 @@ proptest! {
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
         if let Some(timeline) = result.timeline {
             let events = timeline.events();
-            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.rank())));
+            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.rank(board()))));
             prop_assert!(events.iter().all(|event| event.at_us <= timeline.end_us));
             let mut state = State::default();
             for event in events {
                 let bytes = event.command.to_frame();
-                prop_assert_eq!(Command::decode_or_raw(Frame::new(&bytes).unwrap()), event.command.clone());
+                prop_assert_eq!(board().decode_or_raw(&bytes).unwrap(), event.command.clone());
                 if event.kind == Kind::Sample && !event.command.is_drive() {
                     let mut same = state.clone();
-                    same.apply(&event.command);
+                    same.apply(board(), &event.command);
                     prop_assert!(same != state, "a sample says something new");
                 }
                 if event.kind == Kind::Refresh {
-                    prop_assert_eq!(state.drive(), Some(&event.command), "a refresh repeats what was sent last");
+                    prop_assert!(state.has(board(), &event.command), "a refresh repeats what was sent last");
                     prop_assert!(event.command.keeps_driving());
                 }
-                state.apply(&event.command);
+                state.apply(board(), &event.command);
                 prop_assert!(!text.get(event.span.range()).unwrap().is_empty());
             }
-            prop_assert!(state.at_rest());
+            prop_assert!(state.at_rest(board()));
         }
     }
 
@@ -223,7 +224,7 @@ fn an_else_is_never_cut_off() {
         let text =
             format!("#{}\nif false {{ servo 1 1000 }}\n\n# why\n  else {{ servo 1 2000 }}\n", "-".repeat(length));
         let timeline = compiled(&text).timeline.expect("the else belongs to its if");
-        assert_eq!(timeline.events()[0].command.to_string(), "servo 1 2000");
+        assert_eq!(timeline.events()[0].command.said(), "servo 1 2000");
     }
 }
 

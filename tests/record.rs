@@ -4,20 +4,23 @@ use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::Command as Client;
+use std::sync::Arc;
 
+use crate::support::board::{OnBoard, board, say};
 use crate::support::host::{Host, frames, has, link, rocker, stop};
 use crate::support::{messages, run, stderr};
-use motionseq::board::{
-    Command, DEFAULT_BAUD, Displacement, MovePacking, PulseWidth, Query, ServoIndex, Speed, TiltPulseWidth, TurnRate,
-};
-use motionseq::capture::{
-    DRIVE_TOLERANCE, Decoded, Reading, SERVO_TOLERANCE, Scribe, TimedDecoder, decode, transcribe,
-};
+use motionseq::board::Command;
+use motionseq::capture::{Decoded, Reading, Scribe, TimedDecoder, decode, transcribe};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
 use proptest::prelude::*;
 use rustix::process::Signal;
+
+const BAUD: u32 = 115_200;
+/// How far a folded recording may be from what was held.
+const SERVO_TOLERANCE: i32 = 5;
+const DRIVE_TOLERANCE: i32 = 1;
 
 /// A script, compiled; errors are shown.
 fn compiled(text: &str) -> Timeline {
@@ -28,8 +31,8 @@ fn compiled(text: &str) -> Timeline {
 
 /// Frames at times in microseconds, as a recording; settled every 300 ms, as `record` does it.
 fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
-    let mut scribe = Scribe::new(exact, DEFAULT_BAUD, MovePacking::Newest);
-    let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
+    let mut scribe = Scribe::new(Arc::clone(board()), exact, BAUD);
+    let mut decoder = TimedDecoder::new(board(), BAUD);
     let (mut text, mut settled_us, mut last_us) = (String::new(), 0, 0);
     for (at_us, frame) in frames {
         while settled_us + 300_000 < *at_us {
@@ -75,7 +78,7 @@ fn on_the_line(frames: &[(u64, Vec<u8>)]) -> Vec<(u64, Vec<u8>)> {
     let mut free = 0.0_f64;
     let begin = |(at_us, frame): &(u64, Vec<u8>)| {
         let begin = free.max(*at_us as f64);
-        free = begin + frame.len() as f64 * 1e7 / f64::from(DEFAULT_BAUD);
+        free = begin + frame.len() as f64 * 1e7 / f64::from(BAUD);
         (begin as u64, frame.clone())
     };
     frames.iter().map(begin).collect()
@@ -152,13 +155,10 @@ enum Lane {
 
 impl Lane {
     fn command(self, [a, b, c]: [i32; 3]) -> Command {
-        let pulse = |pulse| PulseWidth::new(pulse).unwrap();
         match self {
-            Lane::Servo(index) => Command::Servo { index: ServoIndex::new(index).unwrap(), pulse: pulse(a) },
-            Lane::Servos => Command::Servos { pan: pulse(a), tilt: TiltPulseWidth::new(b).unwrap() },
-            Lane::Rocker => {
-                Command::Rocker { x: Speed::new(a).unwrap(), y: Speed::new(b).unwrap(), z: TurnRate::new(c).unwrap() }
-            }
+            Lane::Servo(index) => say("servo", &[index, a]),
+            Lane::Servos => say("servos", &[a, b]),
+            Lane::Rocker => say("rocker", &[a, b, c]),
         }
     }
 
@@ -243,11 +243,11 @@ fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
 
 /// What a command gives a lane.
 fn given(command: &Command, lane: Lane) -> Option<[i32; 3]> {
-    match (command, lane) {
-        (Command::Servo { index, pulse }, Lane::Servo(of)) if index.get() == of => Some([pulse.get(), 0, 0]),
-        (Command::Servos { pan, .. }, Lane::Servo(1)) => Some([pan.get(), 0, 0]),
-        (Command::Servos { tilt, .. }, Lane::Servo(2)) => Some([tilt.get(), 0, 0]),
-        (Command::Rocker { x, y, z }, Lane::Rocker) => Some([x.get(), y.get(), z.get()]),
+    let values = command.values();
+    match (command.said().split(' ').next()?, lane) {
+        ("servo", Lane::Servo(of)) if values[0] == of => Some([values[1], 0, 0]),
+        ("servos", Lane::Servo(index @ (1 | 2))) => Some([values[usize::try_from(index).ok()? - 1], 0, 0]),
+        ("rocker" | "stop", Lane::Rocker) => Some([values[0], values[1], values[2]]),
         _ => None,
     }
 }
@@ -407,7 +407,7 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
     let (mut tap, path) = recording("near", &["--port", board.path.to_str().unwrap()]);
     let mut port = tap.open();
     let noise: Vec<u8> = (0..=255).collect();
-    let request = Command::Request(Query::named("voltage").unwrap()).to_frame();
+    let request = say("request", &[5]).to_frame();
     for part in [&rocker(5)[..7], &rocker(5)[7..], &noise, &stop(), &request] {
         port.write_all(part).unwrap();
     }
@@ -438,7 +438,7 @@ fn the_board_of_a_tap_that_goes_is_told() {
     let board = Host::start("gone", &[]);
     let (mut tap, path) = recording("told", &["--port", board.path.to_str().unwrap()]);
     let mut port = tap.open();
-    port.write_all(&[stop(), Command::Request(Query::named("yaw").unwrap()).to_frame()].concat()).unwrap();
+    port.write_all(&[stop(), say("request", &[8]).to_frame()].concat()).unwrap();
     port.read_exact(&mut [0; 14]).unwrap();
     board.end();
     tap.says("the port was lost");
@@ -489,11 +489,11 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
 
 #[test]
 fn what_would_harm_or_mislead_is_left_out_and_said() {
-    let mut scribe = Scribe::new(false, DEFAULT_BAUD, MovePacking::Newest);
-    let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
+    let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
+    let mut decoder = TimedDecoder::new(board(), BAUD);
     let tilt = [0xFF, 0xFE, 2, 4, 0x05, 0xDC, 0x09, 0xC4, 0xB4];
     let unknown = [0xFF, 0xFE, 0x40, 1, 5, 0x46];
-    let moves = Command::Move { x: Displacement::new(5).unwrap(), y: Displacement::ZERO, z: Displacement::ZERO };
+    let moves = say("move", &[5, 0, 0]);
     for part in [&tilt[..], &[1, 2, 3], &unknown, &moves.to_frame(), &stop()] {
         decoder.feed(0, part, |at_us, item| scribe.take(at_us, item));
     }
@@ -515,11 +515,11 @@ fn what_would_harm_or_mislead_is_left_out_and_said() {
 
 #[test]
 fn a_yaw_hold_at_zero_is_recorded_as_a_hold() {
-    let zero = Command::YawHold { x: Speed::ZERO, y: Speed::ZERO };
+    let zero = say("yawhold", &[0, 0]);
     // A stop, then the maker's "stabilize" for a second, a stop, and again until the recording ends.
-    let mut sent = vec![(0, Command::STOP)];
+    let mut sent = vec![(0, say("stop", &[]))];
     sent.extend((1..=100).map(|time| (time * 10_000, zero.clone())));
-    sent.push((1_010_000, Command::STOP));
+    sent.push((1_010_000, say("stop", &[])));
     sent.extend((0..10).map(|time| (3_000_000 + time * 100_000, zero.clone())));
     let text = folded(&sent);
     let lines: Vec<&str> = text.lines().skip(1).collect();
@@ -538,7 +538,7 @@ fn a_yaw_hold_at_zero_is_recorded_as_a_hold() {
 
 #[test]
 fn a_move_after_wheels_at_zero_says_where_it_starts() {
-    let zero = Command::Wheels([Speed::ZERO; 4]);
+    let zero = say("wheels", &[0; 4]);
     let ramp = (0..=50).map(|step| (step as u64 * 20_000, Lane::Rocker.command([step * 2 / 5, 0, 0])));
     let text = folded(&[(0, zero)].into_iter().chain(ramp.map(|(at_us, to)| (at_us + 10_000, to))).collect::<Vec<_>>());
     assert!(text.contains("rocker x=0 -> 20") || text.contains("\nat 0.01s stop\n"), "{text}");
@@ -634,8 +634,8 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
     for shape in shapes {
         let sent: Vec<_> = (0..20_000).map(|step| servo(u64::try_from(step).unwrap() * 800, shape(step))).collect();
         let frames: Vec<_> = sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect();
-        let mut scribe = Scribe::new(false, DEFAULT_BAUD, MovePacking::Newest);
-        let mut decoder = TimedDecoder::new(DEFAULT_BAUD);
+        let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
+        let mut decoder = TimedDecoder::new(board(), BAUD);
         for (at_us, frame) in &frames {
             decoder.feed(at_us * 1_000, frame, |at_us, item| scribe.take(at_us, item));
         }
@@ -660,7 +660,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
             &(format!("baud {baud}\nservos 1500 1500\nbuzzer on\nrequest voltage\n") + &lines.collect::<String>()),
         );
         let (mut listing, mut snapshot) = (Vec::new(), Vec::new());
-        write_listing(script.events(), &mut listing).unwrap();
+        write_listing(board(), script.events(), &mut listing).unwrap();
         write_snapshot("x.motion", &script, &mut snapshot).unwrap();
         for (capture, given) in [(&listing, Some(baud)), (&snapshot, None)] {
             let (text, _) = script_of(capture, true, given);

@@ -1,5 +1,6 @@
 //! Parts of a script, at other speeds, again and again: what `render` and `play` have in common.
 
+use crate::support::board::{OnBoard, board};
 use crate::support::{run, script, stderr, stdout};
 use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Player};
@@ -18,7 +19,7 @@ fn timeline(text: &str) -> Timeline {
 
 /// Time, command and kind of each frame.
 fn frames(timeline: &Timeline) -> Vec<(u64, String, Kind)> {
-    timeline.events().iter().map(|event| (event.at_us, event.command.to_string(), event.kind)).collect()
+    timeline.events().iter().map(|event| (event.at_us, event.command.said(), event.kind)).collect()
 }
 
 const SHOW: &str = "\
@@ -48,25 +49,25 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
         let cut = part(&whole, &Part { from_us, to_us: None, lead_in_us: 1_000_000 }, &State::default());
         let mut there = State::default();
         for event in whole.events().iter().take_while(|event| event.at_us < from_us) {
-            there.apply(&event.command);
+            there.apply(board(), &event.command);
         }
         // What brings it there, without what comes at that very time.
         let count = cut.events().iter().take_while(|event| event.kind == Kind::Auto).count();
         let mut state = State::default();
         for event in &cut.events()[..count] {
-            state.apply(&event.command);
+            state.apply(board(), &event.command);
         }
         // What the drive and the buzzer are told anew at that very time is not told before.
         let anew: Vec<&Command> =
             whole.events().iter().filter(|event| event.at_us == from_us).map(|event| &event.command).collect();
         let is_anew = |command: &Command| {
             anew.iter().any(|new| {
-                command.is_drive() && new.is_drive()
-                    || matches!((command, new), (Command::Buzzer(_), Command::Buzzer(_)))
+                let is_buzzer = |command: &Command| command.said().starts_with("buzzer");
+                command.is_drive() && new.is_drive() || is_buzzer(command) && is_buzzer(new)
             })
         };
-        let told: Vec<Command> = state.commands().collect();
-        let wanted: Vec<Command> = there.commands().filter(|command| !is_anew(command)).collect();
+        let told: Vec<Command> = state.commands(board()).cloned().collect();
+        let wanted: Vec<Command> = there.commands(board()).filter(|command| !is_anew(command)).cloned().collect();
         assert_eq!(told, wanted, "{from_us}");
         // The servos come first and get their time; the drive runs only when they are there.
         let drives = cut.events()[..count].iter().find(|event| event.command.is_drive());
@@ -81,8 +82,8 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
             assert_eq!((event.at_us - from_us + by_us, &event.command), (other.at_us, &other.command));
         }
         let mut end = State::default();
-        cut.events().iter().for_each(|event| end.apply(&event.command));
-        assert!(end.at_rest(), "{from_us}");
+        cut.events().iter().for_each(|event| end.apply(board(), &event.command));
+        assert!(end.at_rest(board()), "{from_us}");
     }
 }
 
@@ -92,7 +93,7 @@ fn wherever_it_is_cut_off_nothing_is_left_running() {
     for to_us in (1..whole.end_us).step_by(53_000) {
         let cut = part(&whole, &Part { to_us: Some(to_us), ..Part::default() }, &State::default());
         assert_eq!(cut.end_us, to_us);
-        assert!(state_after(&cut).at_rest(), "{to_us}");
+        assert!(state_after(&cut).at_rest(board()), "{to_us}");
         assert!(
             cut.events().is_sorted_by_key(|event| event.at_us) && cut.events().iter().all(|event| event.at_us <= to_us)
         );

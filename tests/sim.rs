@@ -1,5 +1,6 @@
 //! The virtual board: kinematics against closed forms, battery, reports, silence, faults; and `expect`, however reports come.
 
+use crate::support::board::{OnBoard, board};
 use motionseq::board::{Command, Hundredths, Report, ReportDecoder, ReportItem};
 use motionseq::playback::{Cause, Found, Input, Notice, Order, Player, Verdict};
 use motionseq::program::Options;
@@ -77,8 +78,8 @@ fn a_board_that_hears_nothing_stops_by_itself() {
 
 /// The reports of a board that is sent these commands at these times, until a time.
 fn reports(settings: Settings, commands: &[(u64, &str)], until_us: u64) -> Vec<(u64, Report)> {
-    let mut board = VirtualBoard::new(settings);
-    let mut decoder = ReportDecoder::new();
+    let mut board = VirtualBoard::new(std::sync::Arc::clone(crate::support::board::board()), settings);
+    let mut decoder = ReportDecoder::new(crate::support::board::board().codec.replies);
     let mut found = Vec::new();
     let mut commands = commands.iter().peekable();
     for now_us in (0..=until_us).step_by(10_000) {
@@ -114,9 +115,9 @@ fn it_reports_ten_times_a_second_between_start_and_stop_and_once_when_asked() {
     ];
     let found = reports(Settings::default(), &drive, 2_000_000);
     let newest = found.last().unwrap().1;
-    assert_eq!(newest.yaw, Hundredths(-16_000));
+    assert_eq!(newest.value(3), Hundredths(-16_000));
     let driving = found.iter().find(|(at_us, _)| *at_us == 500_000).unwrap().1;
-    assert!(driving.voltage < Hundredths(1_160) && newest.voltage > Hundredths(1_195), "{driving:?} {newest:?}");
+    assert!(driving.value(0) < Hundredths(1_160) && newest.value(0) > Hundredths(1_195), "{driving:?} {newest:?}");
 }
 
 #[test]
@@ -147,7 +148,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
     let battery = Settings { faults: "battery=6.5V@1s".parse().unwrap(), ..Settings::default() };
     let found = reports(battery, &start, 2_000_000);
     assert!(found.len() > 15);
-    assert!(found.iter().all(|(at_us, report)| (report.voltage == Hundredths(650)) == (*at_us >= 1_000_000)));
+    assert!(found.iter().all(|(at_us, report)| (report.value(0) == Hundredths(650)) == (*at_us >= 1_000_000)));
     // Frames are lost on the way to the board, too.
     let lossy = Settings { faults: "drop=50%".parse().unwrap(), ..Settings::default() };
     let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), lossy);
@@ -160,7 +161,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
 fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
     let timeline = timeline(script);
     let mut player = Player::new(&timeline, 1_000_000_000);
-    let mut decoder = ReportDecoder::new();
+    let mut decoder = ReportDecoder::new(board().codec.replies);
     let mut verdicts = Vec::new();
     let mut pieces = pieces.iter().peekable();
     let (mut now, mut input) = (0, Input::Tick);
@@ -272,7 +273,7 @@ fn every_rehearsal_comes_to_an_end() {
         let ends_early = rehearsal.outcome.cause != Cause::Finished;
         assert_eq!(ends_early, !rehearsal.aborted.is_empty(), "{faults}: {:?}", rehearsal.outcome);
         if ends_early {
-            assert_eq!(rehearsal.aborted.last().unwrap().command.to_string(), "servo 1 1500", "{faults}");
+            assert_eq!(rehearsal.aborted.last().unwrap().command.said(), "servo 1 1500", "{faults}");
         }
     }
 }
@@ -300,7 +301,7 @@ fn within_takes_its_time_and_the_first_report_that_fits() {
     assert_eq!(found(script, &[(1_100_000, line(1_001)), (1_500_000, line(949))]), [Found::Failed(Hundredths(949))]);
     // The timeline is not shortened.
     assert_eq!(
-        timeline(script).events().iter().find(|event| event.command.to_string() == "servo 1 1500").unwrap().at_us,
+        timeline(script).events().iter().find(|event| event.command.said() == "servo 1 1500").unwrap().at_us,
         2_000_000
     );
     for (wanted, fits) in
@@ -345,7 +346,7 @@ proptest! {
     #[test]
     fn noise_never_passes(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let mut reports = 0;
-        ReportDecoder::new().feed(&bytes, |item| reports += u32::from(matches!(item, ReportItem::Report(_))));
+        ReportDecoder::new(board().codec.replies).feed(&bytes, |item| reports += u32::from(matches!(item, ReportItem::Report(_))));
         prop_assume!(reports == 0);
         prop_assert_eq!(found("wait 500ms\nexpect voltage >= 0V\n", &[(100_000, bytes)]), [Found::Nothing]);
     }

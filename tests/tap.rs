@@ -9,14 +9,14 @@ use std::process::{Child, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use motionseq::board::{Command, Query};
 use motionseq::link::Pty;
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::termios::Action;
 use serialport::SerialPort;
 
+use crate::support::board::{OnBoard, say};
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end};
-use crate::support::host::{Host, link, rocker};
+use crate::support::host::{Host, link, request, rocker};
 use crate::support::{motionseq, stderr};
 
 /// How many times what can happen at any moment is tried. `STRESS=200` is the long form.
@@ -121,7 +121,7 @@ fn a_board_whose_output_nobody_takes_answers_and_ends() {
     }
     let mut port = serialport::new(path.to_str().unwrap(), 115_200).timeout(Duration::from_secs(20)).open().unwrap();
     port.write_all(&rocker(20).repeat(2_000)).unwrap();
-    port.write_all(&Command::Request(Query::named("voltage").unwrap()).to_frame()).unwrap();
+    port.write_all(&request(5)).unwrap();
     let mut answer = [0; 2];
     port.read_exact(&mut answer).unwrap();
     assert_eq!(&answer, b"{A");
@@ -213,11 +213,7 @@ fn what_is_not_known_as_a_stop_counts_as_driving() {
         ("a direction that none has", frame(3, &[1, 0, 0, 0, 0, 0, 0, 9]), false),
         ("an unknown kind", frame(3, &[7, 0, 0, 0, 0, 0, 0, 1]), false),
         ("a kind that is none", frame(3, &[0, 0, 0, 0, 0, 0, 0, 1]), false),
-        (
-            "a move that runs",
-            Command::Move { x: 50.try_into().unwrap(), y: 0.try_into().unwrap(), z: 0.try_into().unwrap() }.to_frame(),
-            false,
-        ),
+        ("a move that runs", say("move", &[50, 0, 0]).to_frame(), false),
         ("wheels that turn", frame(3, &[2, 9, 9, 9, 9, 0, 0, 0]), false),
         ("a wheel out of range", frame(3, &[2, 99, 0, 0, 0, 0, 0, 0]), false),
         ("a buzzer that is 2", frame(4, &[2]), false),

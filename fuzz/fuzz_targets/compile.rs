@@ -2,7 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::board::{Command, Frame};
 use motionseq::plot::{Theme, plot};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
@@ -21,11 +20,12 @@ fuzz_target!(|text: &str| {
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }
     let Some(timeline) = compiled.timeline else { return };
-    assert!(timeline.events().is_sorted_by_key(|event| (event.at_us, event.rank())));
+    assert!(timeline.events().is_sorted_by_key(|event| (event.at_us, event.rank(&timeline.board))));
     for event in timeline.events() {
-        let bytes = event.command.to_frame();
+        let board = &timeline.board;
+        let bytes = board.to_frame(&event.command);
         // A raw frame may be that of a command.
-        assert_eq!(Command::decode_or_raw(Frame::new(&bytes).expect("a frame")).to_frame(), bytes);
+        assert_eq!(board.to_frame(&board.decode_or_raw(&bytes).expect("a frame")), bytes);
         assert!(event.at_us <= timeline.end_us);
     }
     let picture = plot(&timeline, &sources, &compiled.diagnostics);

@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::board::{Command, Decoder, Item};
+use motionseq::board::{raspblock, Decoder, Item};
 use motionseq::capture::{Reading, decode, transcribe};
 use motionseq::diagnostic::Code;
 use motionseq::program::Options;
@@ -25,7 +25,8 @@ fn items(bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
             _ => found.push((is_frame, bytes.to_vec())),
         }
     };
-    let mut decoder = Decoder::new();
+    let board = raspblock::board();
+    let mut decoder = Decoder::new(&board);
     let (first, second) = bytes.split_at(cut);
     decoder.feed(first, &mut take);
     decoder.feed(second, &mut take);
@@ -39,8 +40,9 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
     assert_eq!(whole.1, bytes.len(), "every byte once");
     assert_eq!(items(&bytes, usize::from(cut).min(bytes.len())), whole);
     for (_, frame) in whole.0.iter().filter(|(is_frame, _)| *is_frame) {
-        let command = Command::decode_or_raw(motionseq::board::Frame::new(frame).expect("a frame"));
-        assert_eq!(&command.to_frame(), frame);
+        let board = raspblock::board();
+        let command = board.decode_or_raw(frame).expect("a frame");
+        assert_eq!(&board.to_frame(&command), frame);
     }
     let mut listing = Vec::new();
     decode(bytes.as_slice(), Reading::default(), &mut listing).expect("nothing in a stream is fatal");

@@ -2,11 +2,11 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::board::{Report, ReportDecoder, ReportItem};
+use motionseq::board::{raspblock, Report, ReportDecoder, ReportItem};
 
 fn items(bytes: &[u8], cut: usize) -> Vec<ReportItem> {
     let mut found = Vec::new();
-    let mut decoder = ReportDecoder::new();
+    let mut decoder = ReportDecoder::new(raspblock::board().codec.replies);
     let (first, second) = bytes.split_at(cut);
     decoder.feed(first, |item| found.push(item));
     decoder.feed(second, |item| found.push(item));
@@ -22,6 +22,6 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
         ReportItem::Malformed => None,
     });
     for report in reports.collect::<Vec<Report>>() {
-        assert_eq!(items(report.to_string().as_bytes(), 0), [ReportItem::Report(report)]);
+        assert_eq!(items(raspblock::board().report_line(&report).as_bytes(), 0), [ReportItem::Report(report)]);
     }
 });

@@ -12,7 +12,7 @@ fuzz_target!(|input: (Vec<u8>, Vec<u8>)| {
             Some(b'#') if !text.starts_with(b"# motionseq") => [b"# motionseq frames 2\n# x\n", text].concat(),
             _ => text.to_vec(),
         };
-        read_snapshot(&text).inspect_err(|error| assert!(!error.why.is_empty()))
+        read_snapshot(&motionseq::board::raspblock::board(), &text).inspect_err(|error| assert!(!error.why.is_empty()))
     };
     let (old, new) = input;
     let (Ok(old), Ok(new)) = (read(&old), read(&new)) else { return };

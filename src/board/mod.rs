@@ -1,29 +1,36 @@
-//! The Raspblock driver board: typed commands and the frames that carry them.
+//! What a script can say to a board, as data: a [`Board`] is a table of resources, verbs and axes, with the codec of its frames.
 //!
-//! This room knows what goes over the wire and nothing else: neither times nor ports. A [`Command`] holds only values
-//! that the board takes, so whatever can be built can be sent.
+//! A family of boards is such a table, in a folder of its own; nothing outside of that folder knows its words. This room knows what
+//! goes over the wire and nothing else: neither times nor ports.
 //!
-//! - [`Command`] is plain meaning; [`Command::encode`] and [`Command::decode`] are the two ways to its bytes.
-//! - [`Frame`] is a checked view of bytes; [`Decoder`] finds frames in a stream and says what it skipped.
-//! - [`ReportDecoder`] reads what the board sends back.
-//! - [`State`] is what the board was last told.
+//! - [`Board`] says what there is; [`Verb`] is one command, [`Axis`] one value of it, [`Resource`] what it sets.
+//! - [`Command`] is a verb with its values; [`Board::encode`] and [`Board::decode`] are the two ways to its bytes.
+//! - [`Decoder`] finds frames in a stream and says what it skipped.
+//! - [`State`] is what a board was last told.
 
 mod command;
 mod decoder;
 mod frame;
-mod number;
-mod report;
+mod picture;
+mod quantity;
+pub mod raspblock;
+mod rules;
 mod state;
+mod table;
 
-pub use command::{Command, Gains, MOST_ZEROS, Mode, MovePacking, NotACommand, Query, zeros_behind_flush};
-pub use decoder::{Decoder, Item, Skip};
-pub use frame::{Frame, FrameError, HEADER, Hex, MAX_FRAME, MAX_PAYLOAD, Payload};
-pub use number::{Displacement, OutOfRange, PulseWidth, Ranged, ServoIndex, Speed, TiltPulseWidth, TurnRate};
-pub use report::{Hundredths, Report, ReportDecoder, ReportItem};
+pub use command::{Command, MAX_MOVING, Values, VerbId};
+pub use decoder::{Decoder, Frame, Item};
+pub use frame::{FrameError, Front, Hex, Skip};
+pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
+pub use rules::Said;
 pub use state::State;
+pub use table::{
+    Activity, Axis, Board, Codec, Doubt, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,
+    ProperLimit, Resource, ResourceId, Resources, Sets, Shown, Simulation, Takes, Unit, Verb,
+};
+
+/// A string of a table: that of a family which is built in, or one that was read from a file.
+pub type Text = std::borrow::Cow<'static, str>;
 
 /// What every text says of a board that no frames reach; docs/safety.md has the test.
 pub const ON_SILENCE: &str = "what the board does when frames stop is unknown; docs/safety.md has a test for it";
-
-/// Speed of the serial line that the board expects, in bits a second (8N1: ten bits a byte).
-pub const DEFAULT_BAUD: u32 = 115_200;

@@ -1,93 +1,106 @@
-//! What the board was last told.
+//! What a board was last told.
 
-use super::command::{Command, Gains, Mode};
-use super::number::{PulseWidth, ServoIndex};
+use smallvec::SmallVec;
 
-/// The last value of each thing, as far as commands said. A raw frame is not interpreted, but one with the drive's
-/// function makes the drive unknown.
+use super::command::{Command, MAX_MOVING, VerbId};
+use super::table::{Board, Part, ResourceId, Sets};
+
+/// The last command of each resource, in the words of the verb that sets it alone. A frame that is not interpreted makes the resource
+/// unknown that it is for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct State {
-    servos: [Option<PulseWidth>; 4],
-    drive: Option<Command>,
-    buzzer: Option<bool>,
-    pid: Option<(Mode, Gains)>,
-    /// Whether the last frame for the drive, and for the buzzer, was one that is not understood.
-    is_unclear: [bool; 2],
+    told: Vec<Told>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Told {
+    command: Option<Command>,
+    /// Whether the last frame for it was one that is not understood.
+    is_unclear: bool,
 }
 
 impl State {
     /// Takes in one command.
-    pub fn apply(&mut self, command: &Command) {
-        match command {
-            Command::Pid(mode, gains) => self.pid = Some((*mode, *gains)),
-            Command::Servos { pan, tilt } => {
-                let [first, second, ..] = &mut self.servos;
-                *first = Some(*pan);
-                *second = PulseWidth::new(tilt.get()).ok();
+    pub fn apply(&mut self, board: &Board, command: &Command) {
+        if board.is_opaque(command) {
+            for resource in board.touches(command) {
+                self.set(board, resource, Told { command: None, is_unclear: true });
             }
-            Command::Servo { index, pulse } => {
-                let slot = usize::try_from(index.get() - 1).unwrap_or_default();
-                if let Some(servo) = self.servos.get_mut(slot) {
-                    *servo = Some(*pulse);
-                }
+            return;
+        }
+        for part in board.parts(command) {
+            for resource in board.occupies(&part) {
+                self.set(board, resource, Told { command: Some(part.clone()), is_unclear: false });
             }
-            Command::Buzzer(on) => {
-                self.buzzer = Some(*on);
-                self.is_unclear[1] = false;
-            }
-            Command::Raw { .. } if command.is_drive() => {
-                self.drive = None;
-                self.is_unclear[0] = true;
-            }
-            Command::Raw { .. } if command.is_buzzer() => self.is_unclear[1] = true,
-            drive if drive.is_drive() => {
-                self.drive = Some(drive.clone());
-                self.is_unclear[0] = false;
-            }
-            _ => {}
         }
     }
 
-    /// The pulse width of a servo, if it was ever told one.
-    pub fn servo(&self, index: ServoIndex) -> Option<PulseWidth> {
-        let slot = usize::try_from(index.get() - 1).ok()?;
-        self.servos.get(slot).copied().flatten()
+    fn set(&mut self, board: &Board, resource: ResourceId, told: Told) {
+        if self.told.is_empty() {
+            self.told.resize(board.resources.len(), Told::default());
+        }
+        if let Some(place) = self.told.get_mut(resource) {
+            *place = told;
+        }
     }
 
-    /// The last drive command.
-    pub fn drive(&self) -> Option<&Command> {
-        self.drive.as_ref()
+    /// What a resource was told, if it ever was.
+    pub fn told(&self, resource: ResourceId) -> Option<&Command> {
+        self.told.get(resource)?.command.as_ref()
     }
 
-    /// Whether the buzzer is on, if it was ever told.
-    pub fn buzzer(&self) -> Option<bool> {
-        self.buzzer
+    /// Whether a command would change nothing: all that it sets was told the same.
+    pub fn has(&self, board: &Board, command: &Command) -> bool {
+        board.parts(command).iter().all(|part| {
+            let resources = board.occupies(part);
+            !resources.is_empty() && resources.iter().all(|resource| self.told(*resource) == Some(part))
+        })
     }
 
-    /// The mode of the last `pid`.
-    pub fn mode(&self) -> Option<Mode> {
-        self.pid.map(|(mode, _)| mode)
+    /// The commands that bring a board to this state again, in the order of its resources. What is at rest, or comes to rest by itself, is
+    /// left out.
+    pub fn commands<'s>(&'s self, board: &'s Board) -> impl Iterator<Item = &'s Command> {
+        let told = board.resources.iter().zip(&self.told);
+        told.filter_map(|(resource, told)| {
+            let command = told.command.as_ref()?;
+            (resource.rest.is_none() || board.is_active(command)).then_some(command)
+        })
     }
 
-    /// The commands that bring a board to this state again, the drive last. What stands or is silent is left out.
-    pub fn commands(&self) -> impl Iterator<Item = Command> {
-        let pid = self.pid.map(|(mode, gains)| Command::Pid(mode, gains));
-        let servos = self.servos.iter().zip(1..).filter_map(|(pulse, index)| {
-            Some(Command::Servo { index: ServoIndex::new(index).ok()?, pulse: (*pulse)? })
-        });
-        let buzzer = (self.buzzer == Some(true)).then_some(Command::Buzzer(true));
-        let drive = self.drive.clone().filter(Command::keeps_driving);
-        pid.into_iter().chain(servos).chain(buzzer).chain(drive)
+    /// The resources that are active, with what they were told.
+    pub fn active<'s>(&'s self, board: &'s Board) -> impl Iterator<Item = (ResourceId, &'s Command)> {
+        let told = self.told.iter().enumerate();
+        let told = told.filter_map(|(resource, told)| Some((resource, told.command.as_ref()?)));
+        told.filter(|(_, command)| board.is_active(command))
     }
 
-    /// Whether all that a program has sent ends in rest, however the board takes what no correct program sends: its last frame for the
-    /// drive, if there was one, is known as a stop, and that for the buzzer does not turn it on. A `move` may go on for any time.
-    pub fn surely_at_rest(&self) -> bool {
-        self.at_rest() && self.is_unclear == [false; 2] && !matches!(self.drive, Some(Command::Move { .. }))
+    /// Whether all that a program has sent ends in rest, however the board takes what no correct program sends: the last frame for
+    /// everything that has a rest is known as one that leaves it there.
+    pub fn surely_at_rest(&self, board: &Board) -> bool {
+        let told = || board.resources.iter().zip(&self.told).filter(|(resource, _)| resource.rest.is_some());
+        let passes = |told: &Told| told.command.as_ref().is_some_and(|command| board.is_passing(command));
+        self.at_rest(board) && !told().any(|(_, told)| told.is_unclear || passes(told))
     }
 
-    /// Whether nothing moves and nothing sounds: the drive does not keep driving and the buzzer is not on.
-    pub fn at_rest(&self) -> bool {
-        !self.drive.as_ref().is_some_and(Command::keeps_driving) && self.buzzer != Some(true)
+    /// Whether nothing moves and nothing sounds: no resource is kept active.
+    pub fn at_rest(&self, board: &Board) -> bool {
+        self.active(board).next().is_none()
+    }
+
+    /// The values that a verb has as far as they are known: those of the same verb, or 0 behind the command
+    /// that brings its resource to rest.
+    pub fn values(&self, board: &Board, verb: VerbId, index: Option<i32>) -> SmallVec<[Option<i32>; MAX_MOVING]> {
+        let Some(row) = board.verb(verb) else { return SmallVec::new() };
+        if let Sets::Parts(parts) = &row.sets {
+            let value = |part: &Part| self.values(board, part.verb, Some(part.index)).first().copied().flatten();
+            return parts.iter().map(value).collect();
+        }
+        let resource = board.occupied(verb, index).first().copied();
+        let told = resource.and_then(|resource| self.told(resource));
+        let known = told.filter(|told| told.verb() == verb);
+        let is_at_rest = told.is_some_and(|told| told.is_zero() && board.is_rest(told));
+        let offset = usize::from(row.is_indexed());
+        let value = |at: usize| known.map_or(is_at_rest.then_some(0), |told| told.value(at + offset));
+        (0..row.moving().len()).map(value).collect()
     }
 }

@@ -1,195 +1,204 @@
 //! What a script that is being written has said so far.
 
-use super::curve::{Axes, Room};
-use crate::board::{Command, Mode, PulseWidth, Speed, TiltPulseWidth, TurnRate};
+use std::fmt::Write as _;
+use std::sync::Arc;
 
-/// How far a folded move of a servo may be from what it was held at, at any time, in microseconds of pulse width. A move has a sample every
-/// 20 ms, and may be so much earlier or later than the program.
-pub const SERVO_TOLERANCE: i32 = 5;
-/// The same of the drive, in its unit.
-pub const DRIVE_TOLERANCE: i32 = 1;
+use super::curve::{Axes, Room};
+use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Resources, Sets, VerbId};
 
 /// What the script has said so far.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Known {
-    /// Pulse width of each servo.
-    servos: [Option<Told<i32>>; 4],
-    drive: Option<Told<Axes>>,
-    /// When the drive was fed last, if it is on.
-    pub(super) fed_us: Option<u64>,
-    pub(super) buzzer: Option<bool>,
-    pub(super) mode: Option<Mode>,
-    /// A `raw` is in the script, so that it ends with a stop and a buzzer off of its own.
+    pub(super) board: Arc<Board>,
+    /// Of each resource, what it was told.
+    told: Vec<Option<Told>>,
+    /// Of each resource that must be fed, when it was fed last, if it is active.
+    fed_us: Vec<Option<u64>>,
+    /// A frame that is not interpreted is in the script, so that it ends with everything brought to rest.
     pub(super) has_raw: bool,
 }
 
-/// A value that was told.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Told<V> {
-    value: V,
+/// What a resource was told.
+#[derive(Clone, Debug)]
+struct Told {
+    /// In the words of the verb that sets it alone.
+    command: Command,
     by: Thing,
     /// When the line that says it is due, and when it came last, perhaps again; in microseconds.
     said_us: u64,
     came_us: u64,
 }
 
-impl<V> Told<V> {
+impl Told {
     /// From when on a move of this thing may begin here. Its own repeats are looked at, those of another command are not.
     fn since(&self, thing: Thing) -> u64 {
         if self.by == thing { self.said_us } else { self.came_us }
     }
 }
 
+/// What a command sets: a verb, and the value of its index if it has one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Thing {
+    verb: VerbId,
+    index: Option<i32>,
+}
+
 impl Known {
-    /// The value of a thing, and from when on a move may begin there.
-    pub(super) fn value(&self, thing: Thing) -> Option<(u64, Axes)> {
-        let [pan, tilt, ..] = self.servos;
-        match thing {
-            Thing::Servo(index) => {
-                let index = usize::try_from(index).ok()?.checked_sub(1)?;
-                self.servos.get(index).copied().flatten().map(|told| (told.since(thing), [told.value, 0, 0, 0]))
-            }
-            Thing::Servos => {
-                let since_us = |told: Told<i32>| told.since(thing);
-                pan.zip(tilt).map(|(pan, tilt)| (since_us(pan).max(since_us(tilt)), [pan.value, tilt.value, 0, 0]))
-            }
-            // A stop is zero for every drive command. Wheels or a yaw hold at zero are not a stop.
-            _ => {
-                let is_stop = |told: &Told<Axes>| told.by == Thing::Rocker && told.value == [0; 4];
-                let told = self.drive.filter(|told| told.by == thing || is_stop(told))?;
-                Some((told.since(thing), told.value))
-            }
-        }
+    pub(super) fn new(board: Arc<Board>) -> Self {
+        let count = board.resources.len();
+        Known { board, told: vec![None; count], fed_us: vec![None; count], has_raw: false }
     }
 
-    /// Whether a value says nothing new. A yaw hold after a stop is new, also at zero.
+    fn told(&self, resource: ResourceId) -> Option<&Told> {
+        self.told.get(resource)?.as_ref()
+    }
+
+    /// What a resource was told.
+    pub(super) fn command(&self, resource: ResourceId) -> Option<&Command> {
+        self.told(resource).map(|told| &told.command)
+    }
+
+    /// The value of a thing, and from when on a move may begin there.
+    pub(super) fn value(&self, thing: Thing) -> Option<(u64, Axes)> {
+        let board = &self.board;
+        let is_several = matches!(board.verb(thing.verb)?.sets, Sets::Parts(_));
+        let resources = thing.resources(board);
+        let (mut since_us, mut axes) = (0, Axes::default());
+        for (at, resource) in resources.iter().enumerate() {
+            let told = self.told(*resource)?;
+            since_us = since_us.max(told.since(thing));
+            if is_several {
+                *axes.get_mut(at)? = *told.command.values().last()?;
+            } else if told.command.verb() == thing.verb {
+                axes = Thing::of(board, &told.command)?.1;
+            } else if !(told.command.is_zero() && board.is_rest(&told.command)) {
+                // Behind the command that brings its resource to rest, every value is 0.
+                return None;
+            }
+        }
+        (!resources.is_empty()).then_some((since_us, axes))
+    }
+
+    /// Whether a value says nothing new. What stays active at zero is new behind another command, also at zero.
     pub(super) fn repeats(&self, thing: Thing, axes: Axes) -> bool {
-        let is_new = thing == Thing::YawHold && self.drive.is_none_or(|told| told.by != thing);
+        let told = |resource: &ResourceId| self.told(*resource).is_some_and(|told| told.by == thing);
+        let is_new = thing.is_always_active(&self.board) && !thing.resources(&self.board).iter().all(told);
         !is_new && self.value(thing).is_some_and(|(_, said)| said == axes)
     }
 
-    /// Takes in a value. What says nothing new is no line.
-    pub(super) fn set(&mut self, at_us: u64, thing: Thing, axes: Axes) {
-        if thing.is_drive() {
-            self.fed_us = (thing == Thing::YawHold || axes != [0; 4]).then_some(at_us);
-        }
-        let repeats = self.repeats(thing, axes);
-        let told = |old: Option<Told<_>>, value| match old {
-            Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
-            _ => Some(Told { value, by: thing, said_us: at_us, came_us: at_us }),
+    /// Takes in a command that is interpreted. What says nothing new is no line.
+    pub(super) fn set(&mut self, at_us: u64, command: &Command) {
+        let board = Arc::clone(&self.board);
+        let (by, repeats) = match Thing::of(&board, command) {
+            Some((thing, axes)) => (thing, self.repeats(thing, axes)),
+            None => (Thing { verb: command.verb(), index: None }, false),
         };
-        let [pan, tilt, ..] = axes;
-        let [first, second, third, fourth] = &mut self.servos;
-        match thing {
-            Thing::Servo(1) => *first = told(*first, pan),
-            Thing::Servo(2) => *second = told(*second, pan),
-            Thing::Servo(3) => *third = told(*third, pan),
-            Thing::Servo(_) => *fourth = told(*fourth, pan),
-            Thing::Servos => (*first, *second) = (told(*first, pan), told(*second, tilt)),
-            _ => {
-                self.drive = match self.drive {
-                    Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
-                    _ => Some(Told { value: axes, by: thing, said_us: at_us, came_us: at_us }),
+        for part in board.parts(command) {
+            for resource in board.occupies(&part) {
+                if let Some(fed) = self.fed_us.get_mut(resource).filter(|_| board.is_fed(resource)) {
+                    *fed = board.is_active(command).then_some(at_us);
+                }
+                if let Some(told) = self.told.get_mut(resource) {
+                    *told = match told.take() {
+                        Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
+                        _ => Some(Told { command: part.clone(), by, said_us: at_us, came_us: at_us }),
+                    };
                 }
             }
         }
     }
 
-    /// What is not interpreted may have changed anything.
+    /// What is not interpreted may have changed anything, but it is known whether it is for a resource that must be fed.
     pub(super) fn raw(&mut self, raw: &Command) {
         self.has_raw = true;
-        self.servos = [None; 4];
-        self.buzzer = None;
-        if raw.is_drive() {
-            self.forget_drive();
+        let board = Arc::clone(&self.board);
+        for (resource, found) in board.resources.iter().enumerate() {
+            if found.is_exclusive && !found.is_fed {
+                self.forget(resource);
+            }
+        }
+        board.touches(raw).into_iter().for_each(|resource| self.forget(resource));
+    }
+
+    /// Nobody knows a resource any more.
+    pub(super) fn forget(&mut self, resource: ResourceId) {
+        if let Some(told) = self.told.get_mut(resource) {
+            *told = None;
+        }
+        self.starve(resource);
+    }
+
+    /// The resources that are active and must be fed, when each was fed last, and the command that stops it.
+    pub(super) fn fed(&self) -> Vec<(ResourceId, u64, Command)> {
+        let fed = self.fed_us.iter().enumerate();
+        fed.filter_map(|(resource, fed_us)| Some((resource, (*fed_us)?, self.board.rest(resource)?.clone()))).collect()
+    }
+
+    /// What was fed until now is not fed any more.
+    pub(super) fn starve(&mut self, resource: ResourceId) {
+        if let Some(fed) = self.fed_us.get_mut(resource) {
+            *fed = None;
         }
     }
-
-    pub(super) fn forget_drive(&mut self) {
-        (self.drive, self.fed_us) = (None, None);
-    }
-}
-
-/// What can move, by the command that moves it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Thing {
-    Servo(i32),
-    Servos,
-    Rocker,
-    Wheels,
-    YawHold,
 }
 
 impl Thing {
     /// What a command moves, and where to.
-    pub(super) fn of(command: &Command) -> Option<(Thing, Axes)> {
-        Some(match command {
-            Command::Servo { index, pulse } => (Thing::Servo(index.get()), [pulse.get(), 0, 0, 0]),
-            Command::Servos { pan, tilt } => (Thing::Servos, [pan.get(), tilt.get(), 0, 0]),
-            Command::Rocker { x, y, z } => (Thing::Rocker, [x.get(), y.get(), z.get(), 0]),
-            Command::Wheels(wheels) => (Thing::Wheels, wheels.map(Speed::get)),
-            Command::YawHold { x, y } => (Thing::YawHold, [x.get(), y.get(), 0, 0]),
-            _ => return None,
-        })
-    }
-
-    /// What it may be given; servo 2 more where the script widens its limit.
-    pub(super) fn room(self, is_tilt_wide: bool) -> Room {
-        let (speed, still) = ((Speed::MIN, Speed::MAX), (0, 0));
-        let pulse = (PulseWidth::MIN, PulseWidth::MAX);
-        match self {
-            Thing::Servo(2) if !is_tilt_wide => Room {
-                ranges: [(TiltPulseWidth::MIN, TiltPulseWidth::MAX), still, still, still],
-                tolerance: SERVO_TOLERANCE,
-                is_scarce: false,
-            },
-            Thing::Servo(_) => {
-                Room { ranges: [pulse, still, still, still], tolerance: SERVO_TOLERANCE, is_scarce: false }
-            }
-            Thing::Servos => Room {
-                ranges: [pulse, (TiltPulseWidth::MIN, TiltPulseWidth::MAX), still, still],
-                tolerance: SERVO_TOLERANCE,
-                is_scarce: false,
-            },
-            Thing::Rocker => {
-                let turn = (TurnRate::MIN, TurnRate::MAX);
-                Room { ranges: [speed, speed, turn, still], tolerance: DRIVE_TOLERANCE, is_scarce: false }
-            }
-            Thing::Wheels => Room { ranges: [speed; 4], tolerance: DRIVE_TOLERANCE, is_scarce: false },
-            Thing::YawHold => {
-                Room { ranges: [speed, speed, still, still], tolerance: DRIVE_TOLERANCE, is_scarce: false }
-            }
+    pub(super) fn of(board: &Board, command: &Command) -> Option<(Thing, Axes)> {
+        let verb = board.verb(command.verb()).filter(|verb| verb.moves)?;
+        let offset = usize::from(verb.is_indexed());
+        let mut axes = Axes::default();
+        for (at, place) in axes.iter_mut().enumerate().take(verb.moving().len().min(MAX_MOVING)) {
+            *place = command.value(at + offset)?;
         }
+        Some((Thing { verb: command.verb(), index: command.value(0).filter(|_| verb.is_indexed()) }, axes))
     }
 
-    pub(super) fn is_drive(self) -> bool {
-        matches!(self, Thing::Rocker | Thing::Wheels | Thing::YawHold)
+    /// What it sets.
+    fn resources(self, board: &Board) -> Resources {
+        board.occupied(self.verb, self.index)
+    }
+
+    fn is_always_active(self, board: &Board) -> bool {
+        board.verb(self.verb).is_some_and(|verb| verb.activity == Activity::Always)
+    }
+
+    /// What it may be given; beyond a proper limit only where the script widens that.
+    pub(super) fn room(self, board: &Board, is_wide: bool) -> Room {
+        let mut room = Room { ranges: [(0, 0); MAX_MOVING], tolerance: 0, is_scarce: false };
+        let Some(verb) = board.verb(self.verb) else { return room };
+        room.tolerance = verb.tolerance;
+        for (at, (range, axis)) in room.ranges.iter_mut().zip(verb.moving()).enumerate() {
+            let is_of_it = |limit: &&crate::board::ProperLimit| {
+                let limited = limit.limited;
+                (limited.verb, limited.index) == (self.verb, self.index) && limited.axis.is_none_or(|axis| axis == at)
+            };
+            let proper = board.limits.iter().find(is_of_it).filter(|_| !is_wide);
+            *range = proper.map_or(axis.range, |limit| limit.range);
+        }
+        room
     }
 
     /// Whether both are moved by the same motors.
-    pub(super) fn meets(self, other: Thing) -> bool {
-        match (self, other) {
-            (Thing::Servos, Thing::Servo(index)) | (Thing::Servo(index), Thing::Servos) => index <= 2,
-            _ => self == other || self.is_drive() && other.is_drive(),
-        }
+    pub(super) fn meets(self, board: &Board, other: Thing) -> bool {
+        let others = other.resources(board);
+        self == other || self.resources(board).iter().any(|resource| others.contains(resource))
     }
 
     /// The command that moves it from one value to another; `said` is the value that the script has given it before.
-    pub(super) fn moved(self, said: Option<Axes>, from: Axes, to: Axes) -> String {
-        let axis = |axis: usize| {
-            let of = |axes: Axes| axes.get(axis).copied().unwrap_or_default();
-            if said.is_some_and(|said| of(said) == of(from)) {
-                of(to).to_string()
-            } else {
-                format!("{} -> {}", of(from), of(to))
-            }
-        };
-        match self {
-            Thing::Servo(index) => format!("servo {index} {}", axis(0)),
-            Thing::Servos => format!("servos {} {}", axis(0), axis(1)),
-            Thing::Rocker => format!("rocker x={} y={} z={}", axis(0), axis(1), axis(2)),
-            Thing::Wheels => format!("wheels {} {} {} {}", axis(0), axis(1), axis(2), axis(3)),
-            Thing::YawHold => format!("yawhold x={} y={}", axis(0), axis(1)),
+    pub(super) fn moved(self, board: &Board, said: Option<Axes>, from: Axes, to: Axes) -> String {
+        let Some(verb) = board.verb(self.verb) else { return String::new() };
+        let mut text = verb.word.to_string();
+        if let Some(index) = self.index {
+            let _ = write!(text, " {index}");
         }
+        for (at, axis) in verb.moving().iter().enumerate() {
+            let of = |axes: Axes| axes.get(at).copied().unwrap_or_default();
+            let name = if axis.name.is_empty() { String::new() } else { format!("{}=", axis.name) };
+            let is_said = said.is_some_and(|said| of(said) == of(from));
+            let start = if is_said { String::new() } else { format!("{} -> ", of(from)) };
+            let _ = write!(text, " {name}{start}{}", of(to));
+        }
+        text
     }
 }

@@ -2,11 +2,12 @@
 
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::Decoded;
-use crate::board::{Command, Frame, Hex, Item, MovePacking, Skip};
+use crate::board::{Board, Frame, Hex, Item, Skip};
 
 /// The most bytes of a run that are shown where they belong to no frame.
 const SHOWN: usize = 16;
@@ -18,7 +19,7 @@ pub struct Listing<W> {
     out: W,
     /// What was written so far.
     pub decoded: Decoded,
-    packing: MovePacking,
+    board: Arc<Board>,
     run: Option<Run>,
     failed: Option<io::Error>,
 }
@@ -33,9 +34,9 @@ struct Run {
 }
 
 impl<W: Write> Listing<W> {
-    /// One without any line yet, of a program that packs a `move` so.
-    pub fn new(out: W, packing: MovePacking) -> Self {
-        Listing { out, decoded: Decoded::default(), packing, run: None, failed: None }
+    /// One without any line yet.
+    pub fn new(out: W, board: Arc<Board>) -> Self {
+        Listing { out, decoded: Decoded::default(), board, run: None, failed: None }
     }
 
     /// Takes what a decoder has found; `at` is what stands first in its line.
@@ -67,14 +68,14 @@ impl<W: Write> Listing<W> {
 
     fn frame(&mut self, at: impl Display, frame: Frame<'_>) {
         self.decoded.frames += 1;
-        let written = match Command::decode_as(frame, self.packing) {
+        let written = match self.board.decode(frame.bytes()) {
             Ok(command) => {
-                self.decoded.moves += u64::from(matches!(command, Command::Move { .. }));
-                writeln!(self.out, "{at}\t{frame}\t{command}")
+                self.decoded.doubtful += u64::from(self.board.is_doubtful(&command));
+                writeln!(self.out, "{at}\t{frame}\t{}", self.board.show(&command))
             }
             Err(why) => {
                 self.decoded.unknown += 1;
-                writeln!(self.out, "{at}\t{frame}\t{}\tunknown: {why}", Command::decode_or_raw(frame))
+                writeln!(self.out, "{at}\t{frame}\t{}\tunknown: {why}", said(&self.board, frame).unwrap_or_default())
             }
         };
         self.keep(written);
@@ -109,19 +110,12 @@ impl<W: Write> Listing<W> {
 }
 
 /// Writes one JSON object: when, in microseconds, and the frame with its command, or the bytes that are none, with what is wrong.
-pub fn write_json(at_us: u64, item: Item<'_>, packing: MovePacking, out: &mut impl Write) -> io::Result<()> {
+pub fn write_json(board: &Board, at_us: u64, item: Item<'_>, out: &mut impl Write) -> io::Result<()> {
     let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat();
     let object = match item {
         Item::Frame(frame) => {
-            let read = Command::decode_as(frame, packing);
-            let wrong = read.as_ref().err().map(ToString::to_string);
-            Found {
-                t_us: at_us,
-                frame: Some(hex(frame.bytes())),
-                command: Some(read.unwrap_or_else(|_| Command::raw(frame)).to_string()),
-                skipped: None,
-                wrong,
-            }
+            let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
+            Found { t_us: at_us, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
         }
         Item::Skipped { bytes, why, .. } => {
             Found { t_us: at_us, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
@@ -129,6 +123,11 @@ pub fn write_json(at_us: u64, item: Item<'_>, packing: MovePacking, out: &mut im
     };
     serde_json::to_writer(&mut *out, &object)?;
     out.write_all(b"\n")
+}
+
+/// What a frame says, or what sends it though it says nothing.
+fn said(board: &Board, frame: Frame<'_>) -> Option<String> {
+    board.decode_or_raw(frame.bytes()).map(|command| board.show(&command).to_string())
 }
 
 /// One line of JSON. Fields may be added, and never change their meaning.

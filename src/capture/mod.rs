@@ -11,10 +11,10 @@ mod timed;
 mod timing;
 
 use std::io::{self, Read, Write};
+use std::sync::Arc;
 
-use crate::board::{Command, DEFAULT_BAUD, Decoder, Item, MovePacking};
+use crate::board::{self, Board, Command, Decoder, Item};
 use crate::timeline::Seconds;
-pub use known::{DRIVE_TOLERANCE, SERVO_TOLERANCE};
 pub use listing::{Listing, write_json};
 pub use scribe::Scribe;
 use text::Text;
@@ -42,8 +42,8 @@ pub struct Decoded {
     pub not_hex: u64,
     /// Whether such a text ends with half a byte.
     pub half_byte: bool,
-    /// Displacements, of which the two ways to pack them cannot always be told apart.
-    pub moves: u64,
+    /// Frames of a command that can be read in two ways.
+    pub doubtful: u64,
     /// Frames of a snapshot that are only sent where something ends a run early; they are left out.
     pub aborts: u64,
     /// Whether there were times.
@@ -51,25 +51,31 @@ pub struct Decoded {
 }
 
 /// How a capture is read.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Reading {
     /// When its bytes came, where that was written down beside it.
     pub timing: Option<Timing>,
-    /// The speed of the line, in bits a second. Otherwise it is that which a snapshot says, or [`DEFAULT_BAUD`].
+    /// The speed of the line, in bits a second. Otherwise it is that which a snapshot says, or that of the board.
     pub baud: Option<u32>,
-    /// How a displacement is packed.
-    pub packing: MovePacking,
+    /// The board that it is for.
+    pub board: Arc<Board>,
+}
+
+impl Default for Reading {
+    fn default() -> Self {
+        Reading { timing: None, baud: None, board: board::raspblock::board() }
+    }
 }
 
 impl Decoded {
-    fn count(&mut self, item: Item<'_>, packing: MovePacking) {
+    fn count(&mut self, board: &Board, item: Item<'_>) {
         match item {
             Item::Frame(frame) => {
                 self.bytes += frame.bytes().len() as u64;
                 self.frames += 1;
-                let read = Command::decode_as(frame, packing);
+                let read = board.decode(frame.bytes());
                 self.unknown += u64::from(read.is_err());
-                self.moves += u64::from(matches!(read, Ok(Command::Move { .. })));
+                self.doubtful += u64::from(read.is_ok_and(|command| board.is_doubtful(&command)));
             }
             Item::Skipped { bytes, .. } => {
                 self.bytes += bytes.len() as u64;
@@ -96,15 +102,15 @@ pub enum DecodeError {
 ///
 /// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
 pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Result<Decoded, DecodeError> {
-    let mut listing = Listing::new(out, reading.packing);
-    let mut decoder = Decoder::new();
+    let mut listing = Listing::new(out, Arc::clone(&reading.board));
+    let mut decoder = Decoder::new(&reading.board);
     let mut timed: Option<TimedDecoder> = None;
     let read = pieces(input, reading.timing, |at, bytes| {
         match (&mut timed, at) {
             (None, None) => decoder.feed(bytes, |item| listing.take(listing.decoded.bytes, item)),
             (timed, at) => {
                 // The times that stand there, not those of the line.
-                let timed = timed.get_or_insert_with(TimedDecoder::of_times);
+                let timed = timed.get_or_insert_with(|| TimedDecoder::of_times(&reading.board));
                 timed.feed(at.unwrap_or_default(), bytes, |at_us, item| listing.take(Seconds(at_us), item));
             }
         }
@@ -129,17 +135,17 @@ pub fn transcribe(
     exact: bool,
     out: &mut impl Write,
 ) -> Result<Decoded, DecodeError> {
-    let Reading { timing, baud, packing } = reading;
-    let line = baud.unwrap_or(DEFAULT_BAUD);
-    let mut scribe = Scribe::new(exact, line, packing);
+    let Reading { timing, baud, board } = reading;
+    let line = baud.unwrap_or(board.baud);
+    let mut scribe = Scribe::new(Arc::clone(&board), exact, line);
     let is_beside = timing.is_some();
     let mut frames: Option<TimedDecoder> = None;
     let mut decoded = Decoded::default();
     let mut script = String::new();
     let mut now = Now::default();
     let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at_us: u64, item: Item<'_>| {
-        decoded.count(item, packing);
-        let at_us = now.of(at_us, item);
+        decoded.count(&board, item);
+        let at_us = now.of(&board, at_us, item);
         scribe.settle(at_us);
         scribe.take(at_us, item);
     };
@@ -147,12 +153,12 @@ pub fn transcribe(
         decoded.is_timed |= at.is_some();
         let frames = frames.get_or_insert_with(|| {
             if at.is_none() || is_beside {
-                return TimedDecoder::new(line);
+                return TimedDecoder::new(&board, line);
             }
             if baud.is_none() {
                 scribe.save_line();
             }
-            TimedDecoder::of_times()
+            TimedDecoder::of_times(&board)
         });
         frames.feed(at.unwrap_or_default(), bytes, |at_us, item| take(&mut scribe, &mut decoded, at_us, item));
         script += &scribe.settled();
@@ -166,7 +172,7 @@ pub fn transcribe(
     if let Some((at, text)) = scribe.amendment() {
         script.replace_range(at..at + text.len(), text);
     }
-    if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != DEFAULT_BAUD && BAUDS.contains(line))) {
+    if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != board.baud && BAUDS.contains(line))) {
         // Behind the first line, which is a comment.
         let (head, rest) = script.split_once('\n').unwrap_or((&script, ""));
         script = format!("{head}\nbaud {line}\n{rest}");
@@ -184,14 +190,12 @@ struct Now {
 
 impl Now {
     /// The time of an item, in microseconds: later than a frame before it that is about the same thing.
-    fn of(&mut self, at_us: u64, item: Item<'_>) -> u64 {
+    fn of(&mut self, board: &Board, at_us: u64, item: Item<'_>) -> u64 {
         let command = match item {
-            Item::Frame(frame) => Some(Command::decode_or_raw(frame)),
+            Item::Frame(frame) => board.decode_or_raw(frame.bytes()),
             Item::Skipped { .. } => None,
         };
-        let clashes = |one: &Command, other: &Command| {
-            one.overtakes(other) || other.overtakes(one) || one.is_buzzer() && other.is_buzzer()
-        };
+        let clashes = |one: &Command, other: &Command| board.overtakes(one, other) || board.overtakes(other, one);
         let is_later = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
         let at_us = at_us.max(self.us.saturating_add(u64::from(is_later)));
         if at_us > self.us {

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
 
 use super::curve::{Axes, Point};
 use super::known::{Known, Thing};
-use crate::board::{Command, Frame, Hex, Mode, MovePacking, NotACommand, Skip};
+use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
 
 /// Without a drive frame for so long, in microseconds, a drive counts as stopped, as on the virtual board. What the board does when frames
 /// stop is unknown.
@@ -22,8 +23,8 @@ pub(super) const SHOWN: usize = 16;
 #[derive(Clone, Debug)]
 pub(super) enum Came {
     Command(Command),
-    /// A whole frame that says nothing the protocol knows, as it is, and why.
-    Unknown(Command, NotACommand),
+    /// A whole frame that says nothing the board knows, as it is and as the verb that sends any frame, and why.
+    Unknown(Vec<u8>, Option<Command>, NotACommand),
     /// Bytes that are no frame: the first of them, and how many.
     Skipped(Vec<u8>, usize, Skip),
     Note(String),
@@ -69,67 +70,82 @@ pub(super) fn rows(known: &mut Known, waiting: &[(u64, Came)], exact: bool, now_
     }
     starve(known, &mut rows, exact, now_us);
     // What was fed until now stops with the script, which would otherwise end where it was last told something else.
-    if let Some(fed_us) = known.fed_us.filter(|_| is_last && !exact) {
-        let text = Some(format!("{}  # the recording ends here", Command::STOP));
-        rows.push(Row { at_us: now_us.max(fed_us + 1_000), text, says: Says::Break });
-        known.fed_us = None;
+    if is_last && !exact {
+        for (resource, fed_us, rest) in known.fed() {
+            let text = Some(format!("{}  # the recording ends here", known.board.show(&rest)));
+            rows.push(Row { at_us: now_us.max(fed_us + 1_000), text, says: Says::Break });
+            known.starve(resource);
+        }
     }
     rows
 }
 
-/// Stops a drive that got no frames until now: played, the script would feed it, and the program did not.
+/// Stops what got no frames until now: played, the script would feed it, and the program did not.
 fn starve(known: &mut Known, rows: &mut Vec<Row>, exact: bool, now_us: u64) {
-    if let Some(stopped_us) = known.fed_us.map(|us| us.saturating_add(FED_US)).filter(|us| !exact && *us < now_us) {
-        let text = format!("{}  # no drive frame came for {}", Command::STOP, Time(FED_US));
-        rows.push(Row { at_us: stopped_us, text: Some(text), says: Says::Break });
-        known.set(stopped_us, Thing::Rocker, [0; 4]);
+    if exact {
+        return;
+    }
+    for (_, fed_us, rest) in known.fed() {
+        let stopped_us = fed_us.saturating_add(FED_US);
+        if stopped_us < now_us {
+            let text = format!("{}  # no drive frame came for {}", known.board.show(&rest), Time(FED_US));
+            rows.push(Row { at_us: stopped_us, text: Some(text), says: Says::Break });
+            known.set(stopped_us, &rest);
+        }
     }
 }
 
 fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<String>, Says) {
+    let board = Arc::clone(&known.board);
     let command = match came {
         Came::Note(words) => return (Some(format!("# {words}")), Says::Break),
         Came::Skipped(first, count, why) => {
             let more = if *count > first.len() { " …" } else { "" };
             return (Some(format!("# skipped {count}, {}{more}: {why}", Hex(first))), Says::Other);
         }
-        Came::Unknown(raw, NotACommand::OutOfRange(why)) if !exact => {
-            return (Some(format!("# left out, {}: {why}", Hex(&raw.to_frame()))), Says::Other);
-        }
-        Came::Unknown(raw, why) => {
-            known.raw(raw);
-            return (Some(format!("{raw}  # {why}")), Says::Break);
+        Came::Unknown(frame, raw, why) => {
+            return match raw.as_ref().filter(|_| exact || !matches!(why, NotACommand::OutOfRange(_))) {
+                None => (Some(format!("# left out, {}: {why}", Hex(frame))), Says::Other),
+                Some(raw) => {
+                    known.raw(raw);
+                    (Some(format!("{}  # {why}", board.show(raw))), Says::Break)
+                }
+            };
         }
         Came::Command(command) => command,
     };
-    if let Some((thing, axes)) = Thing::of(command) {
+    let said = board.show(command).to_string();
+    if let Some((thing, axes)) = Thing::of(&board, command) {
         let before = known.value(thing);
         let repeats = !exact && known.repeats(thing, axes);
-        known.set(at_us, thing, axes);
-        return ((!repeats).then(|| command.to_string()), Says::Value(thing, axes, before, repeats));
+        known.set(at_us, command);
+        return ((!repeats).then_some(said), Says::Value(thing, axes, before, repeats));
     }
-    match command {
-        Command::Buzzer(on) if !exact && known.buzzer == Some(*on) => return (None, Says::Other),
-        Command::Buzzer(on) => known.buzzer = Some(*on),
-        Command::Pid(mode, _) => known.mode = Some(*mode),
-        Command::Move { .. } => {
-            known.forget_drive();
-            if known.mode != Some(Mode::Position) {
-                // A script must say the mode first.
-                known.has_raw = true;
-                let frame = command.to_frame();
-                let raw = Frame::new(&frame).map_or_else(|_| command.clone(), Command::raw);
-                return (Some(format!("{raw}  # {command}, with no `pid position` before it")), Says::Break);
-            }
-            return (Some(command.to_string()), Says::Break);
-        }
-        Command::Raw { .. } => {
-            known.raw(command);
-            return (Some(command.to_string()), Says::Break);
-        }
-        _ => {}
+    if board.is_opaque(command) {
+        known.raw(command);
+        return (Some(said), Says::Break);
     }
-    (Some(command.to_string()), Says::Other)
+    let occupied = board.occupies(command);
+    if board.is_passing(command) {
+        occupied.into_iter().for_each(|resource| known.forget(resource));
+        let is_met =
+            |needs: &&Needs| known.command(needs.resource).and_then(|command| command.value(0)) == Some(needs.value);
+        if let Some(needs) = board.needs(command).filter(|needs| !is_met(needs))
+            && let Some(raw) = board.raw(&board.to_frame(command))
+        {
+            // A script must say first what it needs.
+            known.has_raw = true;
+            let raw = board.show(&raw);
+            return (Some(format!("{raw}  # {said}, with no `{}` before it", needs.what)), Says::Break);
+        }
+        return (Some(said), Says::Break);
+    }
+    let has_rest = |resource: &usize| board.rest(*resource).is_some() && known.command(*resource) == Some(command);
+    if !exact && occupied.iter().any(has_rest) {
+        return (None, Says::Other);
+    }
+    known.set(at_us, command);
+    (Some(said), Says::Other)
 }
 
 /// From a moment on, the thing of a run is moved by something else.
@@ -140,7 +156,7 @@ fn end(runs: &mut [Run], run: usize, at_us: u64) {
 }
 
 /// The runs of values in rows.
-pub(super) fn runs(rows: &[Row]) -> Vec<Run> {
+pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     // The last values of each thing that repeat what it had, with their rows.
     let mut still: BTreeMap<Thing, Vec<(usize, Point)>> = BTreeMap::new();
@@ -158,13 +174,13 @@ pub(super) fn runs(rows: &[Row]) -> Vec<Run> {
             Says::Value(thing, axes, before, repeats) => (*thing, *axes, *before, *repeats),
         };
         open.retain(|other, run| {
-            let stays = *other == thing || !other.meets(thing);
+            let stays = *other == thing || !other.meets(board, thing);
             if !stays {
                 end(&mut runs, *run, *at_us);
             }
             stays
         });
-        still.retain(|other, _| *other == thing || !other.meets(thing));
+        still.retain(|other, _| *other == thing || !other.meets(board, thing));
         let point = Point { at_us: *at_us, axes, repeats };
         let run = open.get(&thing).and_then(|run| runs.get_mut(*run));
         let goes_on = |run: &&mut Run| *at_us <= run.came_us + GAP_US && *at_us <= run.changed_us + STILL_US;
@@ -198,10 +214,10 @@ pub(super) fn runs(rows: &[Row]) -> Vec<Run> {
     runs
 }
 
-pub(super) fn of_frame(frame: Frame<'_>, packing: MovePacking) -> Came {
-    match Command::decode_as(frame, packing) {
+pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Came {
+    match board.decode(frame.bytes()) {
         Ok(command) => Came::Command(command),
-        Err(why) => Came::Unknown(Command::raw(frame), why),
+        Err(why) => Came::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why),
     }
 }
 

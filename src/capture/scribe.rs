@@ -1,18 +1,14 @@
 //! Writes down what a program sends, as a script.
 
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use super::curve::Room;
 use super::fold::{Course, Easings};
 use super::known::{Known, Thing};
 use super::rows::{Came, Row, Run, SHOWN, STILL_US, Time, of_frame, rows, runs};
-use crate::board::{Command, DEFAULT_BAUD, Item, MovePacking, TiltPulseWidth};
+use crate::board::{Board, Command, Item, ProperLimit};
 use crate::program::Ease;
-
-/// What the head of a script says of the tilt servo, and what it says instead where a line drives it further: as long as the other, so that
-/// it can be replaced in a file that grows.
-const TILT: &str = " Servo 2 is at most 1950.";
-const WIDE_TILT: &str = "\nlimit servo 2 500..2500\n";
 
 /// A line of so many bits a second carries the samples of all moves at once, which are less than 2,500 bytes a second.
 const AMPLE: u32 = 38_400;
@@ -25,7 +21,6 @@ const WAITING: usize = 2048;
 /// Plainly, every frame is a line. Folded, what a hold covers is left out, and a run of values that follows an easing is one line.
 pub struct Scribe {
     exact: bool,
-    packing: MovePacking,
     easings: Easings,
     text: String,
     /// Which time of the stream is time 0 of the script, in microseconds: that of the first frame.
@@ -35,15 +30,18 @@ pub struct Scribe {
     frames: u64,
     /// The time of the last line, in microseconds of the stream.
     settled_us: u64,
-    tilt: Tilt,
+    bounds: Bounds,
     /// Whether the line may be too slow for the samples of moves.
     is_scarce: bool,
 }
 
-/// What the head says of the tilt servo.
-struct Tilt {
+/// What the head says of the limits that hold where a script sets none, and what it says instead where a line goes beyond them: as long as
+/// the other, so that it can be replaced in a file that grows.
+struct Bounds {
     /// Where it says so, in bytes from the start.
     at: usize,
+    note: String,
+    lines: String,
     is_wide: bool,
     /// Whether the head was handed over already.
     is_settled: bool,
@@ -51,31 +49,54 @@ struct Tilt {
     is_amended: bool,
 }
 
+impl Bounds {
+    fn new(board: &Board, at: usize) -> Self {
+        let note = |limit: &ProperLimit| {
+            let name = board.limited_name(limit.limited);
+            let mut letters = name.chars();
+            let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+            format!(" {first}{} is at most {}.", letters.as_str(), limit.range.1)
+        };
+        let line = |limit: &ProperLimit| {
+            let (least, most) = board.range(limit.limited).unwrap_or(limit.range);
+            format!("\nlimit {} {least}..{most}", board.limited_name(limit.limited))
+        };
+        let mut note: String = board.limits.iter().map(note).collect();
+        let mut lines: String = board.limits.iter().map(line).collect();
+        if !lines.is_empty() {
+            lines.push('\n');
+        }
+        let length = note.len().max(lines.len());
+        note.extend(std::iter::repeat_n(' ', length - note.len()));
+        lines.extend(std::iter::repeat_n('\n', length - lines.len()));
+        Bounds { at, note, lines, is_wide: false, is_settled: false, is_amended: false }
+    }
+}
+
 impl Scribe {
     /// A script without any line yet; `exact` keeps every frame. The line has so many bits a second.
-    pub fn new(exact: bool, baud: u32, packing: MovePacking) -> Self {
+    pub fn new(board: Arc<Board>, exact: bool, baud: u32) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
         text += if exact {
             ": every frame, as it came."
         } else {
             ". Repeats that a hold covers are left out; values that follow an easing are one line."
         };
-        let tilt = Tilt { at: text.len(), is_wide: false, is_settled: false, is_amended: false };
-        text = text + TILT + if exact { "\nrefresh off\n" } else { "\n" };
-        if baud != DEFAULT_BAUD {
+        let bounds = Bounds::new(&board, text.len());
+        text = text + &bounds.note + if exact { "\nrefresh off\n" } else { "\n" };
+        if baud != board.baud {
             let _ = writeln!(text, "baud {baud}");
         }
         Scribe {
             exact,
-            packing,
             easings: Easings::new(),
             text,
             begin_us: None,
             waiting: Vec::new(),
-            known: Known::default(),
+            known: Known::new(board),
             frames: 0,
             settled_us: 0,
-            tilt,
+            bounds,
             is_scarce: baud < AMPLE,
         }
     }
@@ -85,22 +106,22 @@ impl Scribe {
         self.is_scarce = true;
     }
 
-    /// Lets servo 2 go beyond the range of a tilt servo, as the board does.
-    pub fn widen_tilt(&mut self) {
-        if std::mem::replace(&mut self.tilt.is_wide, true) {
+    /// Lets everything go beyond the limits that hold where a script sets none, as the board does.
+    pub fn widen(&mut self) {
+        if std::mem::replace(&mut self.bounds.is_wide, true) {
             return;
         }
-        let Tilt { at, is_settled, .. } = self.tilt;
-        if is_settled {
-            self.tilt.is_amended = true;
+        let Bounds { at, note, lines, is_settled, .. } = &self.bounds;
+        if *is_settled {
+            self.bounds.is_amended = true;
         } else {
-            self.text.replace_range(at..at + TILT.len(), WIDE_TILT);
+            self.text.replace_range(*at..*at + note.len(), lines);
         }
     }
 
     /// What must be replaced in what was settled, if anything: where, in bytes from the start, and by what. It is as long as what is there.
-    pub fn amendment(&mut self) -> Option<(usize, &'static str)> {
-        std::mem::take(&mut self.tilt.is_amended).then_some((self.tilt.at, WIDE_TILT))
+    pub fn amendment(&mut self) -> Option<(usize, &str)> {
+        std::mem::take(&mut self.bounds.is_amended).then_some((self.bounds.at, &*self.bounds.lines))
     }
 
     /// Takes what a decoder has found, and when it began, in microseconds. Time does not go back.
@@ -108,10 +129,9 @@ impl Scribe {
         let came = match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let came = of_frame(frame, self.packing);
-                if matches!(&came, Came::Command(Command::Servo { index, pulse }) if index.get() == 2 && pulse.get() > TiltPulseWidth::MAX)
-                {
-                    self.widen_tilt();
+                let came = of_frame(&self.known.board, frame);
+                if matches!(&came, Came::Command(command) if self.is_beyond(command)) {
+                    self.widen();
                 }
                 came
             }
@@ -129,6 +149,15 @@ impl Scribe {
             }
         };
         self.push(at_us, came);
+    }
+
+    /// Whether a command goes beyond a limit that holds where a script sets none.
+    fn is_beyond(&self, command: &Command) -> bool {
+        let board = &self.known.board;
+        board.limits.iter().any(|limit| {
+            let (least, most) = limit.range;
+            board.limited_values(limit.limited, command).iter().any(|value| !(least..=most).contains(value))
+        })
     }
 
     /// Writes a comment.
@@ -151,7 +180,7 @@ impl Scribe {
     pub fn settle(&mut self, now_us: u64) {
         // What moves, or may be about to, is waited for; and so is what may be the end.
         let moves = |(at_us, came): &(u64, Came)| {
-            let is_thing = matches!(came, Came::Command(command) if Thing::of(command).is_some());
+            let is_thing = matches!(came, Came::Command(command) if Thing::of(&self.known.board, command).is_some());
             is_thing && at_us.saturating_add(STILL_US) >= now_us
         };
         if self.exact {
@@ -163,7 +192,7 @@ impl Scribe {
 
     /// What was settled since the last call.
     pub fn settled(&mut self) -> String {
-        self.tilt.is_settled = true;
+        self.bounds.is_settled = true;
         std::mem::take(&mut self.text)
     }
 
@@ -197,14 +226,18 @@ impl Scribe {
         self.frames
     }
 
-    /// How many of the last frames are a stop and a buzzer off, which may be what `play` closes a script with.
+    /// How many of the last frames bring everything to rest, or all that must be fed, which may be what `play` closes a script with.
     fn closing(&self) -> usize {
-        let is = |came: &Came, what: &Command| matches!(came, Came::Command(command) if command == what);
-        match self.waiting.as_slice() {
-            [.., (_, stop), (_, off)] if is(stop, &Command::STOP) && is(off, &Command::Buzzer(false)) => 2,
-            [.., (_, stop)] if is(stop, &Command::STOP) => 1,
-            _ => 0,
-        }
+        let ending = |is_fed: bool| -> Vec<&Command> {
+            let rests = self.known.board.resources.iter().rev().filter(|resource| resource.is_fed || !is_fed);
+            rests.filter_map(|resource| resource.rest.as_ref()).collect()
+        };
+        let ends_with = |ending: &[&Command]| {
+            let last = self.waiting.iter().rev().zip(ending.iter().rev());
+            self.waiting.len() >= ending.len()
+                && last.into_iter().all(|((_, came), rest)| matches!(came, Came::Command(command) if command == *rest))
+        };
+        [ending(false), ending(true)].iter().find(|ending| ends_with(ending)).map_or(0, Vec::len)
     }
 
     /// Writes the first of what waits; `is_last` where nothing follows.
@@ -215,9 +248,10 @@ impl Scribe {
         if !self.exact {
             // When the moves of each thing have ended.
             let mut ended: Vec<(Thing, u64)> = Vec::new();
-            for mut run in runs(&rows) {
+            let board = Arc::clone(&self.known.board);
+            for mut run in runs(&board, &rows) {
                 run.until_us = run.until_us.min(now_us);
-                let busy = ended.iter().filter(|(thing, _)| thing.meets(run.thing)).map(|(_, us)| *us);
+                let busy = ended.iter().filter(|(thing, _)| thing.meets(&board, run.thing)).map(|(_, us)| *us);
                 let free_us = busy.chain([self.settled_us]).max().unwrap_or_default();
                 ended.extend(self.fold(&run, free_us, &mut rows, &mut moves).map(|us| (run.thing, us)));
             }
@@ -237,7 +271,8 @@ impl Scribe {
     /// takes. Says when the last of them ends; none begins before `free_us`.
     fn fold(&self, run: &Run, free_us: u64, rows: &mut [Row], lines: &mut Vec<(u64, usize, String)>) -> Option<u64> {
         let before = run.before.map(|(since_us, axes)| (since_us.max(free_us), axes));
-        let room = Room { is_scarce: self.is_scarce, ..run.thing.room(self.tilt.is_wide) };
+        let board = &self.known.board;
+        let room = Room { is_scarce: self.is_scarce, ..run.thing.room(board, self.bounds.is_wide) };
         let folds = self.easings.folds(&Course::new(&run.points, run.until_us, room), before);
         let ends_us = folds.last().map(|fold| fold.to_us);
         let mut ended = None;
@@ -257,7 +292,7 @@ impl Scribe {
                     row.text = None;
                 }
             }
-            let mut text = run.thing.moved(said, fold.from, end.axes);
+            let mut text = run.thing.moved(board, said, fold.from, end.axes);
             let _ = write!(text, " over {}", Time(fold.to_us - fold.from_us));
             if fold.ease != Ease::LINEAR {
                 let _ = write!(text, " ease {}", fold.ease.name());

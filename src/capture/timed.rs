@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::board::{Decoder, Item};
+use crate::board::{Board, Decoder, Item};
 
 /// Bits that a byte takes on the line: start, eight data bits, stop.
 const BITS_A_BYTE: u64 = 10;
@@ -25,17 +25,18 @@ pub struct TimedDecoder {
 
 impl TimedDecoder {
     /// A decoder of a line of so many bits a second.
-    pub fn new(baud: u32) -> Self {
-        Self::with(BITS_A_BYTE * 1_000_000_000 / u64::from(baud.max(1)))
+    pub fn new(board: &Board, baud: u32) -> Self {
+        Self::with(board, BITS_A_BYTE * 1_000_000_000 / u64::from(baud.max(1)))
     }
 
     /// A decoder of bytes that come with the times at which each began, however fast the line was.
-    pub fn of_times() -> Self {
-        Self::with(0)
+    pub fn of_times(board: &Board) -> Self {
+        Self::with(board, 0)
     }
 
-    fn with(nanos_a_byte: u64) -> Self {
-        TimedDecoder { decoder: Decoder::new(), nanos_a_byte, busy_until: 0, pieces: VecDeque::new(), fed: 0, told: 0 }
+    fn with(board: &Board, nanos_a_byte: u64) -> Self {
+        let decoder = Decoder::new(board);
+        TimedDecoder { decoder, nanos_a_byte, busy_until: 0, pieces: VecDeque::new(), fed: 0, told: 0 }
     }
 
     /// Takes bytes that came at a time, in nanoseconds, and hands what is complete to `sink`, each with the time of its first byte, in

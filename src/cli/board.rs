@@ -2,9 +2,10 @@
 
 use std::io;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::{DEFAULT_BAUD, Hundredths};
+use motionseq::board::{Hundredths, raspblock};
 use motionseq::link::{Door, DoorError};
 use motionseq::playback::Signals;
 use motionseq::serve::{End, ServeError, Server};
@@ -31,7 +32,7 @@ pub(super) struct Board {
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
     /// Speed of the line in bits a second
-    #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
+    #[arg(long, value_name = "BAUD", default_value_t = raspblock::board().baud, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: u32,
     /// Voltage of the battery at rest, from 0V to 100V
     #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
@@ -71,18 +72,13 @@ impl Board {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let mut door = Door::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), None, self.reading.packing(), screen)?;
+        let log = Log::open(self.log.as_deref(), None, self.reading.board(), screen)?;
         let signals = begin(screen)?;
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
         let faults = self.fault.clone().unwrap_or_default();
-        let board = VirtualBoard::new(Settings {
-            battery: self.battery,
-            report_us: self.report_every,
-            packing: self.reading.packing(),
-            faults,
-            ..Settings::default()
-        });
-        let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.packing(), false);
+        let settings = Settings { battery: self.battery, report_us: self.report_every, faults, ..Settings::default() };
+        let board = VirtualBoard::new(self.reading.board(), settings);
+        let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
         Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)
     }
@@ -109,6 +105,7 @@ pub(super) fn serve_board(
     mut watcher: Watcher,
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
+    let family = Arc::clone(board.family());
     let mut server = Server::of_board(door, board, baud, Some(signals));
     let ended = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
     let received = server.received();
@@ -116,7 +113,7 @@ pub(super) fn serve_board(
     let exit = match ended {
         Ok(end) => {
             if let Some(received) = received {
-                board_summary(screen, &received);
+                board_summary(screen, &family, &received);
             }
             if end == End::Unplugged {
                 screen.note("the cable was pulled, as the fault asked for");

@@ -184,7 +184,8 @@ fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
         let origin = timeline.origin(event, sources, &Lines::of(sources));
         let late = format!("{}.{:03} ms", late_us / 1_000, late_us % 1_000);
         let when = seconds(event.at_us);
-        lines.push(format!("  longest wait for the line: {late}, `{}` at {when} s ({origin})", event.command));
+        let said = timeline.board.show(&event.command);
+        lines.push(format!("  longest wait for the line: {late}, `{said}` at {when} s ({origin})"));
     }
     lines
 }

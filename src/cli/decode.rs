@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, transcribe};
@@ -13,7 +14,7 @@ use super::Reading;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, plural};
-use super::watcher::two_packings;
+use super::watcher::doubt;
 
 /// Show the frames in a stream of bytes, or of hex digits, or make a script of them
 #[derive(Debug, Args)]
@@ -78,8 +79,8 @@ impl Decode {
             None => Box::new(io::stdout().lock()),
             Some(file) => Box::new(file),
         };
-        let packing = self.reading.packing();
-        let reading = capture::Reading { timing, baud: self.baud, packing };
+        let board = self.reading.board();
+        let reading = capture::Reading { timing, baud: self.baud, board: Arc::clone(&board) };
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let decoded =
             if is_script { transcribe(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
@@ -89,8 +90,8 @@ impl Decode {
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);
-                if decoded.moves > 0 {
-                    screen.note(&two_packings(packing));
+                if decoded.doubtful > 0 {
+                    screen.note(&doubt(&board));
                 }
                 if is_script && !decoded.is_timed {
                     screen.note("there are no times in it: the script sends it as fast as the line carries it");

@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use motionseq::board::raspblock;
 use motionseq::source::{Lines, Sources, read_file};
 use motionseq::timeline::{Change, Snapshot, Timeline, diff, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
@@ -71,7 +72,7 @@ impl Diff {
 }
 
 fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
-    let sent = read_snapshot(text).map_err(|error| {
+    let sent = read_snapshot(&raspblock::board(), text).map_err(|error| {
         let anew = script.map(|script| format!("; `motionseq test --bless {}` writes it anew", shell_word(script)));
         screen.error(&format!("{name} is no snapshot: {error}{}", anew.unwrap_or_default()));
         Exit::Script

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
-use motionseq::board::{ON_SILENCE, Report};
+use motionseq::board::{Board, ON_SILENCE, Report};
 use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::Served;
@@ -137,7 +137,7 @@ impl End<'_> {
                 screen.note(&format!("on abort: {}", cue.text));
             }
         }
-        summary(&screen, &outcome, last);
+        summary(&screen, &timeline.board, &outcome, last);
         if line_us > LINE_LATE_US {
             screen.note(&format!(
                 "a line of {} baud carries a frame up to {}.{} ms later than that",
@@ -146,7 +146,7 @@ impl End<'_> {
                 line_us / 100 % 10
             ));
         }
-        board_end(&screen, board);
+        board_end(&screen, &timeline.board, board);
         if let Some((mut log, timeline)) = log {
             log.pass_marks(&timeline, outcome.at_us);
             match &ending {
@@ -185,16 +185,16 @@ impl End<'_> {
 const LINE_LATE_US: u64 = 5_000;
 
 /// What became of the virtual board.
-fn board_end(screen: &Screen, board: Option<Served>) {
-    match board.map(|board| board.join(PATIENCE)) {
+fn board_end(screen: &Screen, board: &Board, served: Option<Served>) {
+    match served.map(|served| served.join(PATIENCE)) {
         None => {}
-        Some(Some(Ok(received))) => board_summary(screen, &received),
+        Some(Some(Ok(received))) => board_summary(screen, board, &received),
         Some(Some(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
         Some(None) => screen.error("the virtual board failed"),
     }
 }
 
-fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
+fn summary(screen: &Screen, board: &Board, outcome: &Outcome, report: Option<Report>) {
     let frames = plural(outcome.sent, "frame");
     let worst = outcome.worst_late / 1_000;
     let dropped = match outcome.dropped {
@@ -211,15 +211,19 @@ fn summary(screen: &Screen, outcome: &Outcome, report: Option<Report>) {
         worst / 1_000,
         worst % 1_000
     ));
-    if let Some(Report { pitch, roll, yaw, voltage }) = report {
-        screen.note(&format!("last report of the board: pitch {pitch}°, roll {roll}°, yaw {yaw}°, {voltage} V"));
+    if let Some(report) = report {
+        screen.note(&format!("last report of the board: {}", board.report(&report)));
     }
 }
 
 /// What a virtual board has received, in words.
-pub(super) fn board_summary(screen: &Screen, received: &Received) {
+pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received) {
     let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
-    screen.note(&format!("the virtual board received {frames} ({} bytes); {}", received.bytes, described(received)));
+    screen.note(&format!(
+        "the virtual board received {frames} ({} bytes); {}",
+        received.bytes,
+        described(board, received)
+    ));
     let pose = received.pose;
     if (pose.x_cm, pose.y_cm, pose.yaw_deg) != (0.0, 0.0, 0.0) {
         screen.note(&format!(
@@ -248,21 +252,31 @@ fn way(value: f64, unit: &str, [ahead, back]: [&str; 2]) -> String {
 }
 
 /// What a board was last told, in words.
-fn described(received: &Received) -> String {
+fn described(board: &Board, received: &Received) -> String {
     let state = &received.state;
-    let drive = match state.drive() {
-        Some(drive) if received.moves => format!("the drive runs: {drive}"),
-        Some(drive) if drive.keeps_driving() => {
-            format!("it was left at {drive}, and the virtual board has stopped by itself; {ON_SILENCE}")
+    let mut words = Vec::new();
+    for (id, resource) in board.resources.iter().enumerate().rev().filter(|(_, resource)| resource.rest.is_some()) {
+        let (name, told) = (&resource.name, state.told(id));
+        let is_active = told.is_some_and(|told| board.is_active(told));
+        words.push(match told.map(|told| board.show(told)) {
+            Some(told) if resource.is_fed && received.moves => format!("{name} runs: {told}"),
+            Some(told) if resource.is_fed && is_active => {
+                format!("it was left at {told}, and the virtual board has stopped by itself; {ON_SILENCE}")
+            }
+            _ if is_active => format!("{name} is {}", resource.activity),
+            _ => format!("{name} {}", resource.idle),
+        });
+    }
+    for (id, resource) in
+        board.resources.iter().enumerate().filter(|(_, found)| found.rest.is_none() && found.is_exclusive)
+    {
+        let told =
+            state.told(id).and_then(|told| Some((board.verb(told.verb())?.axes.last()?, *told.values().last()?)));
+        if let Some((axis, value)) = told {
+            words.push(format!("{} at {value} {}", resource.name, axis.unit.symbol()).trim_end().to_owned());
         }
-        _ => "the drive stands".into(),
-    };
-    let buzzer = if state.buzzer() == Some(true) { "the buzzer is on" } else { "the buzzer is off" };
-    let servos = (1..=4).filter_map(|index| {
-        let servo = state.servo(motionseq::board::ServoIndex::new(index).ok()?)?;
-        Some(format!(", servo {index} at {servo} µs"))
-    });
-    format!("{drive}, {buzzer}{}", servos.collect::<String>())
+    }
+    words.join(", ")
 }
 
 fn exit_code(outcome: &Outcome) -> Exit {

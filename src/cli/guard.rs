@@ -7,7 +7,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use clap::Args;
-use motionseq::playback::{self, Fate, Stop, Ward, guard};
+use motionseq::playback::{self, Fate, Stop, Ward, frames, guard};
 
 use super::ending::{PATIENCE, closing_line, stop_words};
 use super::exit::Exit;
@@ -19,7 +19,7 @@ pub(super) const WORD: &str = "guard-a-player";
 /// Starts a guard over an open port.
 pub(super) fn start(
     port: BorrowedFd<'_>,
-    ward: Ward,
+    ward: &Ward,
     with_board: bool,
     screen: &Screen,
 ) -> io::Result<playback::Guard> {
@@ -41,12 +41,18 @@ pub(super) struct Guard {
     zeros: usize,
     #[arg(action = clap::ArgAction::Set)]
     realtime: bool,
+    stop: String,
 }
 
 impl Guard {
     /// Guards until the player is done, and says what was done in its place if it was not.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let ward = Ward { max_late: self.max_late, zeros: self.zeros, realtime: self.realtime };
+        let Guard { max_late, zeros, realtime, .. } = *self;
+        let Some(stop) = frames(&self.stop) else {
+            screen.error("the guard cannot start: only a player can start it");
+            return Exit::Usage;
+        };
+        let ward = Ward { max_late, zeros, realtime, stop };
         match guard(self.player, ward) {
             Ok(None) => Exit::Ok,
             // All was sent, and all that is lost is a summary.

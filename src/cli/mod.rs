@@ -36,7 +36,9 @@ use std::thread;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use motionseq::Compiled;
-use motionseq::board::MovePacking;
+use std::sync::Arc;
+
+use motionseq::board::{Board as Family, raspblock};
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::Speed;
 use motionseq::report::Repository;
@@ -132,8 +134,9 @@ struct Reading {
 }
 
 impl Reading {
-    fn packing(self) -> MovePacking {
-        if self.older_move { MovePacking::Older } else { MovePacking::Newest }
+    /// The board whose frames they are.
+    fn board(self) -> Arc<Family> {
+        if self.older_move { raspblock::with_older_move() } else { raspblock::board() }
     }
 }
 

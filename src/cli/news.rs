@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use motionseq::board::{Report, ServoIndex, State};
+use motionseq::board::{Board, Report, State};
 use motionseq::link::Taken;
 use motionseq::playback::{Notice, Verdict, now};
 use motionseq::program::Speed;
@@ -227,7 +227,7 @@ impl News {
             Notice::Sent { event, late } => {
                 if let Some(event) = self.timeline.events().get(event) {
                     self.notes.sent(late);
-                    self.state.apply(&event.command);
+                    self.state.apply(&self.timeline.board, &event.command);
                     self.worst_late = self.worst_late.max(late);
                 }
                 // At a pause it is a step, which somebody follows with the eyes.
@@ -237,7 +237,7 @@ impl News {
             }
             Notice::Passed { event } => {
                 if let Some(event) = self.timeline.events().get(event) {
-                    self.state.apply(&event.command);
+                    self.state.apply(&self.timeline.board, &event.command);
                 }
                 self.frame("not sent, as the drive stands: ", event);
             }
@@ -304,7 +304,11 @@ impl News {
     fn frame(&self, what: &str, event: usize) {
         if let Some(event) = self.timeline.events().get(event) {
             let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
-            self.screen.note(&format!("{} s: {what}{}{kind}", seconds(event.at_us), event.command));
+            self.screen.note(&format!(
+                "{} s: {what}{}{kind}",
+                seconds(event.at_us),
+                self.timeline.board.show(&event.command)
+            ));
         }
     }
 
@@ -351,26 +355,33 @@ impl News {
         if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at_us > now) {
             next = Some(format!("next {} at {} s", mark.name, seconds(mark.at_us)));
         }
-        parts.push(match self.state.drive() {
-            Some(drive) if drive.keeps_driving() && !matches!(self.clock, Clock::Stands(_)) => drive.to_string(),
-            _ => "stands".to_owned(),
-        });
+        let board = &self.timeline.board;
+        let stands = matches!(self.clock, Clock::Stands(_));
+        parts.push(if stands { STANDS.to_owned() } else { drive_words(board, &self.state) });
         parts.extend(next);
         if self.worst_late >= 1_000_000 {
             parts.push(format!("worst {}.{} ms late", self.worst_late / 1_000_000, self.worst_late / 100_000 % 10));
         }
-        if self.state.buzzer() == Some(true) {
-            parts.push("buzzer on".to_owned());
-        }
-        parts.extend(servos(&self.state));
+        parts.extend(active_words(board, &self.state));
         parts
     }
 }
 
-/// Where the servos are that were told.
-pub(super) fn servos(state: &State) -> impl Iterator<Item = String> {
-    (1..=4).filter_map(|index| {
-        let pulse = state.servo(ServoIndex::new(index).ok()?)?;
-        Some(format!("servo {index} {pulse}"))
-    })
+/// How a drive is called that does not drive.
+const STANDS: &str = "stands";
+
+/// What drives, in words.
+pub(super) fn drive_words(board: &Board, state: &State) -> String {
+    let driving = state.active(board).filter(|(resource, _)| board.is_fed(*resource));
+    let driving: Vec<String> = driving.map(|(_, command)| board.show(command).to_string()).collect();
+    if driving.is_empty() { STANDS.to_owned() } else { driving.join(", ") }
+}
+
+/// What else is active, and the values of the rest.
+pub(super) fn active_words<'b>(board: &'b Board, state: &'b State) -> impl Iterator<Item = String> + 'b {
+    let active = state.active(board).filter(|(resource, _)| !board.is_fed(*resource)).map(|(_, command)| command);
+    let still =
+        board.resources.iter().enumerate().filter(|(_, resource)| resource.rest.is_none() && resource.is_exclusive);
+    let still = still.filter_map(|(resource, _)| state.told(resource));
+    active.chain(still).map(|command| board.show(command).to_string())
 }

@@ -105,7 +105,7 @@ impl Notes {
         let dropped = self.dropped.iter().filter_map(|(timeline, event)| {
             let event = timeline.events().get(*event)?;
             let place = lines.place(event.span);
-            let (t_us, command) = (event.at_us, event.command.to_string());
+            let (t_us, command) = (event.at_us, timeline.board.show(&event.command).to_string());
             Some(Dropped { t_us, command, file: place.file.to_owned(), line: place.line })
         });
         let expects = self.verdicts.iter().filter_map(|(timeline, verdict)| {

@@ -9,13 +9,13 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use clap::Args;
-use motionseq::board::{MovePacking, zeros_behind_flush};
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
-use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
+use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Stops, Ward, drive, now};
 use motionseq::program::Time;
 use motionseq::serve::Served;
 use motionseq::sim::{Faults, Settings, VirtualBoard};
 use motionseq::source::{Lines, Replacement, Sources};
+use motionseq::timeline::Timeline;
 use rtrb::RingBuffer;
 
 use super::Script;
@@ -144,14 +144,14 @@ impl Play {
         }
         let settings = Settings { faults, ..Settings::default() };
         let name = port.as_ref().map(|port| port.display().to_string());
-        let port = Port::open(port.as_deref(), timeline.baud, settings, screen)?;
+        let port = Port::open(port.as_deref(), &timeline, settings, screen)?;
         if let Some((path, file)) = &recording {
             output::begin(file).map_err(|error| refused(path, &error))?;
         }
         let log = match log {
             None => None,
             Some((path, file)) => Some((
-                Log::start(file, path, MovePacking::Newest, *screen).map_err(|error| refused(path, &error))?,
+                Log::start(file, path, Arc::clone(&timeline.board), *screen).map_err(|error| refused(path, &error))?,
                 sources.clone(),
             )),
         };
@@ -189,9 +189,10 @@ impl Play {
             realtime: self.realtime && become_realtime(screen),
         };
         // The last of all: from here on the player must beat.
-        let zeros = zeros_behind_flush(timeline.events().iter().map(|event| &event.command));
-        let ward = Ward { max_late, zeros, realtime: self.realtime };
-        rig.guard = match self.guard(rig.link.descriptor(), ward, port.board.is_some(), screen) {
+        let zeros = timeline.board.zeros_behind_flush(timeline.events().iter().map(|event| &event.command));
+        let stop = Stops::of(&timeline.board, &[]).frames;
+        let ward = Ward { max_late, zeros, realtime: self.realtime, stop };
+        rig.guard = match self.guard(rig.link.descriptor(), &ward, port.board.is_some(), screen) {
             Ok(guard) => guard,
             // A Ctrl-C reaches the guard, too, while it starts.
             Err(error) => {
@@ -273,7 +274,7 @@ impl Play {
         })
     }
 
-    fn guard(&self, port: BorrowedFd<'_>, ward: Ward, with_board: bool, screen: &Screen) -> io::Result<Option<Guard>> {
+    fn guard(&self, port: BorrowedFd<'_>, ward: &Ward, with_board: bool, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
@@ -305,17 +306,19 @@ struct Port {
 }
 
 impl Port {
-    fn open(path: Option<&Path>, baud: u32, settings: Settings, screen: &Screen) -> Result<Self, Exit> {
+    fn open(path: Option<&Path>, timeline: &Timeline, settings: Settings, screen: &Screen) -> Result<Self, Exit> {
+        let Timeline { board, baud, .. } = timeline;
         if let Some(path) = path {
-            let link = Serial::open(path, baud).map_err(|error| refused(screen, path, &error))?;
+            let link = Serial::open(path, *baud).map_err(|error| refused(screen, path, &error))?;
             screen.note(&format!("playing on {}", path.display()));
             return Ok(Port { link, board: None });
         }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
         // By its path, so that a rehearsal takes the way of the real thing.
-        let link = Serial::open(pty.path(), baud).map_err(|error| refused(screen, pty.path(), &error))?;
+        let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port given: playing on the built-in virtual board");
-        let board = Served::start(VirtualBoard::new(settings), pty, baud).map_err(|error| system(screen, &error))?;
+        let board = VirtualBoard::new(Arc::clone(board), settings);
+        let board = Served::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }
 }

@@ -3,11 +3,12 @@
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::{DEFAULT_BAUD, Hundredths, MOST_ZEROS};
+use motionseq::board::{Board as Family, Hundredths, raspblock};
 use motionseq::link::{Door, Link as _, Serial};
-use motionseq::playback::{Guard, Signals, Stop, Ward};
+use motionseq::playback::{Guard, Signals, Stop, Stops, Ward};
 use motionseq::serve::{End, Passed, ServeError, Server};
 use motionseq::sim::{Faults, Settings, VirtualBoard};
 
@@ -45,7 +46,7 @@ pub(super) struct Record {
     #[arg(long)]
     exact: bool,
     /// Speed of the line in bits a second
-    #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
+    #[arg(long, value_name = "BAUD", default_value_t = raspblock::board().baud, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: u32,
     /// Voltage of the virtual board's battery at rest, from 0V to 100V
     #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
@@ -95,12 +96,12 @@ impl Record {
         let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
         let port = port.transpose()?;
         let mut door = Door::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), file.as_ref(), self.reading.packing(), screen)?;
+        let log = Log::open(self.log.as_deref(), file.as_ref(), self.reading.board(), screen)?;
         let signals = board::begin(screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
-        let tape = Tape::start(file, self.exact, self.baud, self.reading.packing(), *screen).map_err(failed)?;
+        let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
         let watcher =
-            Watcher::start(*screen, self.format, self.baud, self.reading.packing(), port.is_some()).map_err(failed)?;
+            Watcher::start(*screen, self.format, self.baud, self.reading.board(), port.is_some()).map_err(failed)?;
         let watcher = watcher.with_tape(tape).with_log(log);
         let begun = |what: &str| {
             screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
@@ -108,13 +109,9 @@ impl Record {
         let (exit, tape) = match port {
             None => {
                 let faults = self.fault.clone().unwrap_or_default();
-                let board = VirtualBoard::new(Settings {
-                    battery: self.battery,
-                    report_us: self.report_every,
-                    packing: self.reading.packing(),
-                    faults,
-                    ..Settings::default()
-                });
+                let settings =
+                    Settings { battery: self.battery, report_us: self.report_every, faults, ..Settings::default() };
+                let board = VirtualBoard::new(self.reading.board(), settings);
                 begun("a virtual board");
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)
             }
@@ -122,7 +119,7 @@ impl Record {
                 // The last of all: from here on the loop must beat.
                 let guard = self.guard(&port, screen).map_err(failed)?;
                 begun(&format!("the board at {}", self.port.as_deref().unwrap_or(Path::new("")).display()));
-                between(&mut door, port, guard, &signals, watcher, screen)
+                between(&mut door, self.reading.board(), port, guard, &signals, watcher, screen)
             }
         };
         drop(door);
@@ -134,8 +131,10 @@ impl Record {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
         }
-        let ward = Ward { max_late: MAX_SILENCE / 2, zeros: MOST_ZEROS, realtime: false };
-        guard::start(port.descriptor(), ward, false, screen).map(Some)
+        let board = self.reading.board();
+        let stop = Stops::of(&board, &[]).frames;
+        let ward = Ward { max_late: MAX_SILENCE / 2, zeros: board.most_zeros(), realtime: false, stop };
+        guard::start(port.descriptor(), &ward, false, screen).map(Some)
     }
 
     fn summary(&self, kept: &Kept, exit: Exit, screen: &Screen) -> Exit {
@@ -164,13 +163,14 @@ impl Record {
 #[expect(clippy::too_many_arguments, reason = "a server and what watches it")]
 fn between(
     door: &mut Door,
+    board: Arc<Family>,
     port: Serial,
     guard: Option<Guard>,
     signals: &Signals,
     mut watcher: Watcher,
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
-    let mut server = Server::of_port(door, port, guard, signals);
+    let mut server = Server::of_port(door, board, port, guard, signals);
     let ended = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
     // The program can stop the robot through this port no more.
     let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };

@@ -77,10 +77,10 @@ impl Render {
         for track in &timeline.tracks {
             for events in track.events.chunks(CHUNK) {
                 match self.format {
-                    Format::Listing => write_listing(events, &mut out)?,
-                    Format::Hex => write_hex(events, &mut out)?,
-                    Format::Bin => write_bin(events, &mut out)?,
-                    Format::Jsonl => write_jsonl(track.robot.as_deref(), events, &lines, &mut out)?,
+                    Format::Listing => write_listing(&timeline.board, events, &mut out)?,
+                    Format::Hex => write_hex(&timeline.board, events, &mut out)?,
+                    Format::Bin => write_bin(&timeline.board, events, &mut out)?,
+                    Format::Jsonl => write_jsonl(&timeline.board, track.robot.as_deref(), events, &lines, &mut out)?,
                 }
                 if let Some(progress) = &progress {
                     progress.add(events.len());

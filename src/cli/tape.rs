@@ -3,10 +3,11 @@
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt as _;
+use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, Instant};
 
-use motionseq::board::MovePacking;
+use motionseq::board::Board;
 use motionseq::capture::{Scribe, TimedDecoder};
 use motionseq::link::Happened;
 use motionseq::program::Time;
@@ -54,20 +55,20 @@ impl Tape {
         file: Option<File>,
         exact: bool,
         baud: u32,
-        packing: MovePacking,
+        board: &Arc<Board>,
         screen: Screen,
     ) -> io::Result<Self> {
         let (pieces, to_write) = mpsc::sync_channel(ROOM);
         let (keep, kept) = mpsc::channel();
         let out = Out::new(file)?;
-        let mut scribe = Scribe::new(exact, baud, packing);
+        let mut scribe = Scribe::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // What is written to a pipe cannot be amended.
-            scribe.widen_tilt();
+            scribe.widen();
         }
         let writer = Writer {
             scribe,
-            decoder: TimedDecoder::new(baud),
+            decoder: TimedDecoder::new(board, baud),
             out,
             lines: 0,
             screen,
@@ -184,7 +185,9 @@ impl Writer {
     fn write(&mut self, tail: &str) -> Option<String> {
         let settled = self.scribe.settled();
         self.lines += settled.lines().filter(|line| line.starts_with("at ")).count() as u64;
-        self.out.amendment = self.scribe.amendment().or(self.out.amendment);
+        if let Some((at, text)) = self.scribe.amendment() {
+            self.out.amendment = Some((at, text.to_owned()));
+        }
         let was_failing = self.out.is_failing;
         let error = self.out.write(&settled, tail).err();
         self.out.is_failing = error.is_some();
@@ -212,7 +215,7 @@ struct Out {
     at: u64,
     tail: u64,
     /// What is to be replaced in what was settled, and where.
-    amendment: Option<(usize, &'static str)>,
+    amendment: Option<(usize, String)>,
     is_failing: bool,
 }
 
@@ -241,7 +244,7 @@ impl Out {
         }
         if let Some((at, text)) = self.amendment.take() {
             if self.at == 0 {
-                self.settled.replace_range(at..at + text.len(), text);
+                self.settled.replace_range(at..at + text.len(), &text);
             } else if let Err(error) = self.file.write_all_at(text.as_bytes(), at as u64) {
                 self.amendment = Some((at, text));
                 return Err(error);

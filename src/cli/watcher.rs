@@ -1,18 +1,19 @@
 //! What is shown, and kept, of a board that other programs use.
 
 use std::io::{self, BufWriter, IsTerminal as _, Write as _};
+use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
 use std::time::Duration;
 
 use clap::ValueEnum;
-use motionseq::board::{Command, Item, MovePacking, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
+use motionseq::board::{Board, Item, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
 use motionseq::capture::{Listing, TimedDecoder};
 use motionseq::link::{Happened, LineSettings};
 use motionseq::sim::{Pose, VirtualBoard};
 use motionseq::timeline::Seconds;
 
 use super::log::{Entry, Level, Log};
-use super::news::servos;
+use super::news::{active_words, drive_words};
 use super::screen::{Screen, plural, seconds};
 use super::start_thread;
 use super::tape::Tape;
@@ -96,23 +97,23 @@ struct Display {
     wrong: u64,
     run: Option<Skip>,
     baud: u32,
-    /// How a `move` is read, and whether one has come.
-    packing: MovePacking,
-    has_moved: bool,
+    board: Arc<Board>,
+    /// Whether a frame has come that can be read in two ways.
+    has_doubt: bool,
 }
 
 /// Standard output, in one of two forms.
 enum Shown {
     Listing(Listing<BufWriter<io::Stdout>>),
-    Jsonl(BufWriter<io::Stdout>, MovePacking),
+    Jsonl(BufWriter<io::Stdout>, Arc<Board>),
 }
 
 impl Shown {
-    fn new(format: Format, packing: MovePacking) -> Self {
+    fn new(format: Format, board: Arc<Board>) -> Self {
         let out = BufWriter::new(io::stdout());
         match format {
-            Format::Listing => Shown::Listing(Listing::new(out, packing)),
-            Format::Jsonl => Shown::Jsonl(out, packing),
+            Format::Listing => Shown::Listing(Listing::new(out, board)),
+            Format::Jsonl => Shown::Jsonl(out, board),
         }
     }
 
@@ -122,7 +123,7 @@ impl Shown {
                 listing.take(Seconds(now_us), item);
                 Ok(())
             }
-            Shown::Jsonl(out, packing) => motionseq::capture::write_json(now_us, item, *packing, out),
+            Shown::Jsonl(out, board) => motionseq::capture::write_json(board, now_us, item, out),
         }
     }
 
@@ -149,17 +150,18 @@ impl Watcher {
         screen: Screen,
         shown: Option<Format>,
         baud: u32,
-        packing: MovePacking,
+        board: Arc<Board>,
         is_tap: bool,
     ) -> io::Result<Self> {
+        let reports = ReportDecoder::new(board.codec.replies);
         let (show, sights) = mpsc::sync_channel(ROOM);
         let (tell, end) = mpsc::channel();
         let display = Display {
             screen,
-            shown: shown.map(|format| Shown::new(format, packing)),
-            packing,
-            has_moved: false,
-            decoder: TimedDecoder::new(baud),
+            shown: shown.map(|format| Shown::new(format, Arc::clone(&board))),
+            has_doubt: false,
+            decoder: TimedDecoder::new(&board, baud),
+            board,
             state: State::default(),
             report: None,
             seen: None,
@@ -181,7 +183,7 @@ impl Watcher {
             missed: 0,
             tape: None,
             log: None,
-            reports: ReportDecoder::new(),
+            reports,
             is_fresh: false,
             told_us: 0,
         })
@@ -321,7 +323,7 @@ impl Display {
                 if let Some(shown) = &mut self.shown {
                     shown.end_run();
                 }
-                let warning = if self.state.surely_at_rest() {
+                let warning = if self.state.surely_at_rest(&self.board) {
                     String::new()
                 } else {
                     format!(", and the program has not stopped the robot; {ON_SILENCE}")
@@ -368,20 +370,20 @@ impl Display {
     }
 
     fn came(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        let Display { decoder, shown, state, wrong, run, is_fresh, packing, has_moved, screen, .. } = self;
+        let Display { decoder, shown, state, wrong, run, is_fresh, board, has_doubt, screen, .. } = self;
         let mut taken = Ok(());
         decoder.feed(at, bytes, |at_us, item| {
             *is_fresh = true;
             match item {
                 Item::Frame(frame) => {
                     *run = None;
-                    let read = Command::decode_as(frame, *packing);
-                    *wrong += u64::from(read.is_err());
-                    let command = read.unwrap_or_else(|_| Command::raw(frame));
-                    if matches!(command, Command::Move { .. }) && !std::mem::replace(has_moved, true) {
-                        screen.note(&two_packings(*packing));
+                    *wrong += u64::from(board.decode(frame.bytes()).is_err());
+                    if let Some(command) = board.decode_or_raw(frame.bytes()) {
+                        if board.is_doubtful(&command) && !std::mem::replace(has_doubt, true) {
+                            screen.note(&doubt(board));
+                        }
+                        state.apply(board, &command);
                     }
-                    state.apply(&command);
                 }
                 // Bytes in a row count once, as they are one line of the listing.
                 Item::Skipped { why, .. } => {
@@ -412,11 +414,8 @@ impl Display {
 
     fn parts(&self) -> Vec<String> {
         let state = self.seen.as_ref().map_or(&self.state, |seen| &seen.state);
-        let mut parts = vec![match state.drive() {
-            _ if !self.is_open => "nobody is there".to_owned(),
-            Some(drive) if drive.keeps_driving() => drive.to_string(),
-            _ => "stands".to_owned(),
-        }];
+        let board = &self.board;
+        let mut parts = vec![if self.is_open { drive_words(board, state) } else { "nobody is there".to_owned() }];
         if self.wrong > 0 {
             parts.push(format!("{} wrong", self.wrong));
         }
@@ -424,23 +423,21 @@ impl Display {
             parts.push(format!("x {:.1} y {:.1} cm, {:.0}°", pose.x_cm, pose.y_cm, pose.yaw_deg));
         }
         if let Some(report) = self.seen.as_ref().map(|seen| seen.report).or(self.report) {
-            parts.push(format!("{} V", report.voltage));
+            parts.extend(board.vital(&report));
         }
-        if state.buzzer() == Some(true) {
-            parts.push("buzzer on".to_owned());
-        }
-        parts.extend(servos(state));
+        parts.extend(active_words(board, state));
         parts
     }
 }
 
-/// What must be said of the first `move` of a stream.
-pub(super) fn two_packings(packing: MovePacking) -> String {
-    let other = match packing {
-        MovePacking::Newest => "older copies of the driver pack it otherwise: --older-move reads those",
-        MovePacking::Older => "it is read as older copies of the driver pack it",
-    };
-    format!("a `move` came; {other}. The two cannot always be told apart, and which one a board expects is unknown")
+/// What must be said of the first frame of a stream that can be read in two ways.
+pub(super) fn doubt(board: &Board) -> String {
+    let Some(doubt) = &board.doubt else { return String::new() };
+    let word = board.verb(doubt.verb).map(|verb| &*verb.word).unwrap_or_default();
+    format!(
+        "a `{word}` came; {}. The two cannot always be told apart, and which one a board expects is unknown",
+        doubt.note
+    )
 }
 
 /// Logs what happens at a board.

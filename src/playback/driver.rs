@@ -58,7 +58,7 @@ pub fn drive<L: Link>(
 ) -> Outcome {
     os::wake_exactly();
     rig.forget_reports();
-    let mut reports = ReportDecoder::new();
+    let mut reports = ReportDecoder::new(player.board().codec.replies);
     let mut input = Input::Tick;
     // A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
     for _ in 0..MAX_PANICS {

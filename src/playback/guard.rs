@@ -12,11 +12,12 @@ use std::os::unix::net::UnixStream;
 use std::process::{Child, Command};
 use std::time::Duration;
 
-use super::halt::Outbox;
+use super::halt::{Outbox, Stops};
 use super::messages::Stop;
 use super::os::{self, Process, Ready};
 use super::stop::stop_robot;
 use super::watch::{Fate, Heard, Verdict, Watch};
+use crate::board::Hex;
 use crate::clock;
 use crate::link::Serial;
 use crate::source::Place;
@@ -123,14 +124,16 @@ impl Record {
 }
 
 /// What a guard must know of a player.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ward {
     /// A player that is silent for longer than twice this, in nanoseconds, and for 50 ms at least, is killed.
     pub max_late: u64,
-    /// How many zeros bring a receiver back in step behind a flush: [`zeros_behind_flush`](crate::board::zeros_behind_flush).
+    /// How many zeros bring a receiver back in step behind a flush: [`zeros_behind_flush`](crate::board::Board::zeros_behind_flush).
     pub zeros: usize,
     /// Whether the guard runs before all ordinary programs.
     pub realtime: bool,
+    /// The frames of a stop.
+    pub stop: Vec<Vec<u8>>,
 }
 
 /// A player's guard, as the player sees it.
@@ -158,13 +161,13 @@ enum Bond {
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. `program` must hand the four arguments that are added
+    /// Starts a guard over an open port, and waits until it is ready. `program` must hand the five arguments that are added
     /// to it to [`guard`]: the process, and the fields of its [`Ward`].
-    pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: Ward) -> io::Result<Self> {
+    pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &Ward) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
         let max_late = ward.max_late.max(LENIENCE);
         program.args([std::process::id().to_string(), max_late.to_string()]);
-        program.args([ward.zeros.to_string(), ward.realtime.to_string()]);
+        program.args([ward.zeros.to_string(), ward.realtime.to_string(), hex(&ward.stop)]);
         program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
         let child = program.spawn()?;
         // With it goes our copy of the guard's end of the pipe.
@@ -300,6 +303,19 @@ pub struct Guarded {
     pub stop: Stop,
 }
 
+/// Frames as an argument: hexadecimal, with commas between them.
+fn hex(frames: &[Vec<u8>]) -> String {
+    let frame = |frame: &Vec<u8>| Hex(frame).to_string().replace(' ', "");
+    frames.iter().map(frame).collect::<Vec<_>>().join(",")
+}
+
+/// The frames in an argument that a player has added; `None` where it is none.
+pub fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    let frames = argument.split(',').filter(|frame| !frame.is_empty());
+    frames.map(|frame| frame.as_bytes().chunks(2).map(byte).collect()).collect()
+}
+
 /// Runs a guard, in a process of its own: with the port as standard input and the pipe as standard output. The arguments
 /// are those that [`Guard::start`] added. Gives what was done where the player did not say goodbye.
 pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
@@ -311,7 +327,8 @@ pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
     os::become_guard(ward.realtime);
     // Its number means it and no other process as long as it is the parent of this one.
     let player = Process::parent(player)?;
-    let mut out = Outbox::new(ward.zeros);
+    let stops = Stops::only(ward.stop);
+    let mut out = Outbox::new(ward.zeros, stops.frames.iter().map(Vec::len).max().unwrap_or_default());
     // As long as it has told nothing, it may have changed the terminal.
     let mut last = Record::new(BEAT, 0, None).with_keys(true);
     pipe.set_nonblocking(true)?;
@@ -341,9 +358,9 @@ pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
             if last.has_keys() {
                 terminal.restore();
             }
-            let mut stop = stop_robot(&mut port, &mut out, || {});
+            let mut stop = stop_robot(&mut port, &stops, &mut out, || {});
             if !has_ended && player.has_ended(LATE_DEATH) {
-                stop = stop_robot(&mut port, &mut out, || {});
+                stop = stop_robot(&mut port, &stops, &mut out, || {});
             }
             release(Some(port));
             stop

@@ -5,7 +5,7 @@
 //! that could not be written is tried again.
 
 use super::messages::{Input, Order, Stop};
-use crate::board::{Command, MAX_FRAME, MOST_ZEROS};
+use crate::board::Board;
 use crate::timeline::Event;
 
 /// Time between two stop frames, in nanoseconds.
@@ -15,10 +15,40 @@ const PATIENCE: u64 = 500_000_000;
 /// How long after a failure a frame is given to the port again, in nanoseconds, and how many failures there may be in all.
 const RETRY: u64 = 5_000_000;
 const MAX_FAILURES: u32 = 10;
-/// What every early end sends.
-static FRAMES: [Command; 4] = [Command::STOP, Command::STOP, Command::STOP, Command::Buzzer(false)];
 /// The most bytes given to the port at once.
 const BATCH: usize = 16 * 1024;
+
+/// The frames of a stop, and those of `on abort` behind it, as bytes: a guard knows no board.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stops {
+    /// Those that every early end sends. A first one that comes several times is sent at intervals.
+    pub frames: Vec<Vec<u8>>,
+    /// Those that follow, with their times in microseconds from the first of them.
+    abort: Vec<(u64, Vec<u8>)>,
+}
+
+impl Stops {
+    /// Those of a board, and what a script sends behind them.
+    pub fn of(board: &Board, abort: &[Event]) -> Self {
+        let frames = board.stop.iter().map(|command| board.to_frame(command)).collect();
+        Stops { frames, abort: abort.iter().map(|event| (event.at_us, board.to_frame(&event.command))).collect() }
+    }
+
+    /// Only these.
+    pub fn only(frames: Vec<Vec<u8>>) -> Self {
+        Stops { frames, abort: Vec::new() }
+    }
+
+    /// Whether a frame is the first one, or the same again.
+    fn is_first(&self, at: usize) -> bool {
+        self.frames.get(at).is_some_and(|frame| self.frames.first() == Some(frame))
+    }
+
+    /// How many of the first ones the port must take: one may be lost behind a frame that was cut.
+    fn needed(&self) -> usize {
+        (0..self.frames.len()).filter(|at| self.is_first(*at)).count().min(2)
+    }
+}
 
 /// Bytes for the port, and how many of them it has taken. Never grows beyond what it was made with.
 #[derive(Debug)]
@@ -30,9 +60,10 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    /// An empty one. So many zeros bring whoever receives what it holds back in step behind a flush.
-    pub(crate) fn new(zeros: usize) -> Self {
-        Outbox { bytes: Vec::with_capacity(BATCH + MAX_FRAME), taken: 0, zeros }
+    /// An empty one, for frames of at most `longest` bytes. So many zeros bring whoever receives what it holds back in step behind a
+    /// flush.
+    pub(crate) fn new(zeros: usize, longest: usize) -> Self {
+        Outbox { bytes: Vec::with_capacity(BATCH + longest), taken: 0, zeros }
     }
 
     /// Of what comes from now on, a receiver may need more zeros.
@@ -54,12 +85,13 @@ impl Outbox {
         self.bytes.len() >= BATCH
     }
 
-    pub(super) fn push(&mut self, command: &Command) {
-        command.encode(&mut self.bytes);
+    /// Appends what `write` writes, a frame.
+    pub(super) fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
+        write(&mut self.bytes);
     }
 
     fn push_zeros(&mut self) {
-        self.bytes.resize(self.bytes.len() + self.zeros.min(MOST_ZEROS), 0);
+        self.bytes.resize(self.bytes.len() + self.zeros.min(BATCH), 0);
     }
 
     /// The port took so many of them. Says whether these were the last.
@@ -85,10 +117,10 @@ impl Outbox {
 
 /// A stop under way.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Halt<'t> {
-    /// What follows once the robot was stopped.
-    abort: &'t [Event],
-    /// How many of [`FRAMES`], and behind them of `abort`, were taken up.
+pub(super) struct Halt {
+    /// Whether `on abort` follows once the robot was stopped.
+    aborts: bool,
+    /// How many frames of the stop, and behind them of `on abort`, were taken up.
     step: usize,
     /// When `abort` began.
     abort_from: u64,
@@ -101,15 +133,15 @@ pub(super) struct Halt<'t> {
     give_up: u64,
 }
 
-impl<'t> Halt<'t> {
-    /// A stop that begins at `now`, once what was queued is thrown away, and what follows it.
-    pub(super) fn new(abort: &'t [Event], now: u64) -> Self {
-        Halt { abort, step: 0, abort_from: 0, whole: 0, failures: 0, next_at: now, give_up: now }
+impl Halt {
+    /// A stop that begins at `now`, once what was queued is thrown away, and whether `on abort` follows it.
+    pub(super) fn new(aborts: bool, now: u64) -> Self {
+        Halt { aborts, step: 0, abort_from: 0, whole: 0, failures: 0, next_at: now, give_up: now }
     }
 
-    /// How it went so far. One stop may be lost behind a frame that was cut.
-    pub(super) fn stop(&self) -> Stop {
-        if self.whole > 1 { Stop::Sent } else { Stop::NotSent }
+    /// How it went so far.
+    pub(super) fn stop(&self, stops: &Stops) -> Stop {
+        if self.whole >= stops.needed() { Stop::Sent } else { Stop::NotSent }
     }
 
     /// How many frames it has given to the port.
@@ -118,7 +150,7 @@ impl<'t> Halt<'t> {
     }
 
     /// What to do next; `None` once it is over.
-    pub(super) fn poll(&mut self, now: u64, input: Input, out: &mut Outbox) -> Option<Order> {
+    pub(super) fn poll(&mut self, now: u64, input: Input, stops: &Stops, out: &mut Outbox) -> Option<Order> {
         match input {
             Input::Failed(_) if self.failures < MAX_FAILURES => {
                 self.failures += 1;
@@ -127,7 +159,7 @@ impl<'t> Halt<'t> {
             }
             Input::Failed(_) | Input::HungUp | Input::Panicked => out.clear(),
             Input::Wrote(count) => {
-                let is_stop = (1..FRAMES.len()).contains(&self.step);
+                let is_stop = self.step.checked_sub(1).is_some_and(|at| stops.is_first(at));
                 self.whole += usize::from(out.took(count) && is_stop);
             }
             _ => {}
@@ -142,31 +174,31 @@ impl<'t> Halt<'t> {
             Some(Order::Pause { until: self.next_at })
         } else {
             let is_first = self.step == 0;
-            let frame = self.next_frame(now)?;
+            let frame = self.next_frame(now, stops)?;
             if is_first {
                 out.push_zeros();
             }
-            out.push(frame);
+            out.push(|bytes| bytes.extend_from_slice(frame));
             Some(Order::Write)
         }
     }
 
     /// The next frame of the stop, or of `on abort` behind it, which follows only where the robot was stopped.
-    fn next_frame(&mut self, now: u64) -> Option<&'t Command> {
-        let frame: &'t Command = match self.abort_at() {
-            None => FRAMES.get(self.step)?,
-            Some(_) if self.stop() == Stop::NotSent => return None,
-            Some(at) => &self.abort.get(at)?.command,
+    fn next_frame<'s>(&mut self, now: u64, stops: &'s Stops) -> Option<&'s [u8]> {
+        let frame = match self.abort_at(stops) {
+            None => stops.frames.get(self.step)?,
+            Some(_) if !self.aborts || self.stop(stops) == Stop::NotSent => return None,
+            Some(at) => &stops.abort.get(at)?.1,
         };
         self.step += 1;
-        let pause = if self.step + 1 < FRAMES.len() { INTERVAL } else { 0 };
+        let pause = if stops.is_first(self.step) { INTERVAL } else { 0 };
         self.next_at = now.saturating_add(pause);
-        if let Some(at) = self.abort_at() {
+        if let Some(at) = self.abort_at(stops) {
             if at == 0 {
                 self.abort_from = now;
             }
-            if let Some(next) = self.abort.get(at) {
-                self.next_at = self.abort_from.saturating_add(next.at_us.saturating_mul(1_000));
+            if let Some((at_us, _)) = stops.abort.get(at) {
+                self.next_at = self.abort_from.saturating_add(at_us.saturating_mul(1_000));
             }
         }
         self.give_up = now.saturating_add(PATIENCE);
@@ -174,7 +206,7 @@ impl<'t> Halt<'t> {
     }
 
     /// Where in `on abort` it is, once the stop is done.
-    fn abort_at(&self) -> Option<usize> {
-        self.step.checked_sub(FRAMES.len())
+    fn abort_at(&self, stops: &Stops) -> Option<usize> {
+        self.step.checked_sub(stops.frames.len())
     }
 }

@@ -17,7 +17,8 @@ mod watch;
 
 pub use crate::clock::now;
 pub use driver::{Rig, drive};
-pub use guard::{Guard, Guarded, Ward, guard};
+pub use guard::{Guard, Guarded, Ward, frames, guard};
+pub use halt::Stops;
 pub use judge::{Found, Verdict};
 pub use latency::lateness;
 pub use messages::{Cause, Input, Notice, Order, Outcome, Stop};

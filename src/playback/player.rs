@@ -3,18 +3,19 @@
 //! Late is never caught up: a frame later than the limit is not sent, and the run ends. A sample or a refresh that a newer
 //! frame for the same thing has overtaken is dropped. Every end but the regular one, and every pause, is a [`Halt`].
 
-use super::halt::{Halt, Outbox};
+use super::halt::{Halt, Outbox, Stops};
 use super::judge::Judge;
 use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP, Stop};
-use crate::board::{Report, State, zeros_behind_flush};
+use crate::board::{Board, Report, State};
 use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
 
 /// Plays one track.
 #[derive(Debug)]
 pub struct Player<'t> {
+    board: &'t Board,
     events: &'t [Event],
-    abort: &'t [Event],
+    stops: Stops,
     cues: &'t [Cue],
     judge: Judge<'t>,
     /// What comes again and again when everything was played.
@@ -26,7 +27,7 @@ pub struct Player<'t> {
     passed: u64,
     end: u64,
     max_late: u64,
-    phase: Phase<'t>,
+    phase: Phase,
     /// When time 0 of the script is, or would have been without the pauses; before the run began where steps of a pause went
     /// ahead of time.
     origin: i64,
@@ -47,13 +48,13 @@ pub struct Player<'t> {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Phase<'t> {
+enum Phase {
     Playing,
     /// Stopping for good.
-    Ending(Halt<'t>, Outcome),
+    Ending(Halt, Outcome),
     /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped, and whether the
     /// process sleeps then.
-    Pausing(Halt<'t>, u64, Outcome, bool),
+    Pausing(Halt, u64, Outcome, bool),
     /// Playing one step of a pause, up to a time of the script.
     Stepping(u64),
     /// Standing at a time of the script.
@@ -64,9 +65,12 @@ enum Phase<'t> {
 impl<'t> Player<'t> {
     /// A player for the only track of `timeline`. A frame later than `max_late` nanoseconds ends the run.
     pub fn new(timeline: &'t Timeline, max_late: u64) -> Self {
+        let board = &*timeline.board;
+        let commands = timeline.events().iter().map(|event| &event.command);
         Player {
+            board,
             events: timeline.events(),
-            abort: timeline.abort(),
+            stops: Stops::of(board, timeline.abort()),
             cues: &timeline.cues,
             judge: Judge::new(&timeline.expects),
             again: None,
@@ -79,7 +83,7 @@ impl<'t> Player<'t> {
             origin: 0,
             next: 0,
             next_cue: 0,
-            out: Outbox::new(zeros_behind_flush(timeline.events().iter().map(|event| &event.command))),
+            out: Outbox::new(board.zeros_behind_flush(commands), board.codec.longest),
             due: 0,
             pending: 0,
             last: None,
@@ -94,7 +98,8 @@ impl<'t> Player<'t> {
     #[must_use]
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
-        self.out.needs_zeros(zeros_behind_flush(again.events().iter().map(|event| &event.command)));
+        let commands = again.events().iter().map(|event| &event.command);
+        self.out.needs_zeros(self.board.zeros_behind_flush(commands));
         self.again = Some(again).filter(|again| again.end_us > 0);
         self
     }
@@ -112,6 +117,11 @@ impl<'t> Player<'t> {
         self.end = again.end_us.saturating_mul(1_000);
         (self.next, self.next_cue, self.last) = (0, 0, None);
         notices(Notice::Pass { pass: self.pass });
+    }
+
+    /// The board that it plays for.
+    pub fn board(&self) -> &'t Board {
+        self.board
     }
 
     /// The bytes that the port still has to take.
@@ -174,10 +184,11 @@ impl<'t> Player<'t> {
         }
         match &mut self.phase {
             Phase::Playing => self.play(now, input, notices),
-            Phase::Ending(halt, outcome) => match halt.poll(now, input, &mut self.out) {
+            Phase::Ending(halt, outcome) => match halt.poll(now, input, &self.stops, &mut self.out) {
                 Some(order) => order,
                 None => {
-                    let outcome = Outcome { stop: halt.stop(), extra: outcome.extra + halt.frames(), ..*outcome };
+                    let outcome =
+                        Outcome { stop: halt.stop(&self.stops), extra: outcome.extra + halt.frames(), ..*outcome };
                     self.done(outcome)
                 }
             },
@@ -186,7 +197,7 @@ impl<'t> Player<'t> {
                     return self.end_early(cause, now);
                 }
                 let (at, outcome, sleeps) = (*at, *outcome, *sleeps);
-                match (halt.poll(now, input, &mut self.out), halt.stop()) {
+                match (halt.poll(now, input, &self.stops, &mut self.out), halt.stop(&self.stops)) {
                     (Some(order), _) => order,
                     // A robot that may still be moving is not left alone.
                     (None, Stop::NotSent) => self.done(outcome),
@@ -289,7 +300,8 @@ impl<'t> Player<'t> {
             }
             let may_drop = matches!(event.kind, Kind::Sample | Kind::Refresh);
             // What is due at the same time overtakes nothing.
-            let is_newer = |newer: &Event| due(newer) > due(event) && newer.command.overtakes(&event.command);
+            let is_newer =
+                |newer: &Event| due(newer) > due(event) && self.board.overtakes(&newer.command, &event.command);
             if may_drop && ready.iter().skip(at + 1).any(is_newer) {
                 self.next += 1;
                 self.dropped += 1;
@@ -301,7 +313,7 @@ impl<'t> Player<'t> {
             } else if self.out.is_full() {
                 break;
             }
-            self.out.push(&event.command);
+            self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.next += 1;
             self.pending += 1;
             self.last = Some(index);
@@ -340,17 +352,17 @@ impl<'t> Player<'t> {
 
     fn end_early(&mut self, cause: Cause, now: u64) -> Order {
         let outcome = self.outcome_at(cause, self.script_time(now));
-        self.halt(Phase::Ending(Halt::new(self.abort, now), outcome))
+        self.halt(Phase::Ending(Halt::new(true, now), outcome))
     }
 
     /// Stops the robot and nothing else: `on abort` is for a run that ends.
     fn pause(&mut self, time: u64, now: u64, sleeps: bool) -> Order {
         let cause = if sleeps { Cause::Signal(SIGTSTP) } else { Cause::Quit };
         let outcome = self.outcome_at(cause, time);
-        self.halt(Phase::Pausing(Halt::new(&[], now), time, outcome, sleeps))
+        self.halt(Phase::Pausing(Halt::new(false, now), time, outcome, sleeps))
     }
 
-    fn halt(&mut self, phase: Phase<'t>) -> Order {
+    fn halt(&mut self, phase: Phase) -> Order {
         self.phase = phase;
         self.out.clear();
         self.pending = 0;
@@ -382,11 +394,11 @@ impl<'t> Player<'t> {
         for event in rest.iter().take(count) {
             let index = self.next;
             self.next += 1;
-            if self.out.is_full() || event.command.is_drive() {
+            if self.out.is_full() || self.board.is_drive(&event.command) {
                 notices(Notice::Passed { event: index });
                 continue;
             }
-            self.out.push(&event.command);
+            self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.pending += 1;
             self.last = Some(index);
             notices(Notice::Sent { event: index, late: 0 });
@@ -430,10 +442,10 @@ impl<'t> Player<'t> {
         let mut state = State::default();
         let before = self.before.iter().copied().flatten();
         for event in before.chain(self.events.iter().take(self.next)) {
-            state.apply(&event.command);
+            state.apply(self.board, &event.command);
         }
-        for command in state.commands() {
-            self.out.push(&command);
+        for command in state.commands(self.board) {
+            self.out.push(|bytes| self.board.encode(command, bytes));
             self.extra += 1;
         }
         self.due = at;

@@ -1,6 +1,6 @@
 //! The stop of whoever has a port and nothing else to do: a guard, and a tap that ends.
 
-use super::halt::{Halt, Outbox};
+use super::halt::{Halt, Outbox, Stops};
 use super::messages::{Input, Order, Stop};
 use super::os::{self, Ready};
 use crate::clock;
@@ -10,12 +10,12 @@ use crate::link::Link;
 const BEAT: u64 = 20_000_000;
 
 /// Stops the robot: what is queued is thrown away, then the stop frames. Meanwhile `beat` tells whoever watches that this goes on.
-pub(crate) fn stop_robot(port: &mut impl Link, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
+pub(crate) fn stop_robot(port: &mut impl Link, stops: &Stops, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
     let _ = port.discard();
     out.clear();
-    let mut halt = Halt::new(&[], clock::now());
+    let mut halt = Halt::new(false, clock::now());
     let mut input = Input::Tick;
-    while let Some(order) = halt.poll(clock::now(), input, out) {
+    while let Some(order) = halt.poll(clock::now(), input, stops, out) {
         beat();
         input = match order {
             Order::Write => Input::of_write(port.write(out.rest())),
@@ -33,5 +33,5 @@ pub(crate) fn stop_robot(port: &mut impl Link, out: &mut Outbox, mut beat: impl 
             _ => Input::Tick,
         };
     }
-    halt.stop()
+    halt.stop(stops)
 }

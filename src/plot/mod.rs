@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::board::Text;
 use crate::diagnostic::{Diagnostics, escaped};
 use crate::sim::Pose;
 use crate::source::{Lines, Sources, Span};
@@ -127,9 +128,9 @@ pub struct Robot {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lane {
     /// What it is.
-    pub name: &'static str,
+    pub name: Text,
     /// Where on the robot, or what for; empty where the name says it.
-    pub about: &'static str,
+    pub about: Text,
     /// What it shows.
     #[serde(flatten)]
     pub shows: Shows,
@@ -142,9 +143,9 @@ pub enum Shows {
     /// A value that stays until the next one.
     Curve {
         /// Its unit.
-        unit: &'static str,
+        unit: Text,
         /// What the values below and above zero, or the least and the largest, are called.
-        ends: [&'static str; 2],
+        ends: [Text; 2],
         /// The smallest and the largest value that the board takes.
         range: [f64; 2],
         /// The same as the script narrows it, if it does.
@@ -156,6 +157,9 @@ pub enum Shows {
     Spans {
         /// When it is on.
         spans: Vec<Stretch>,
+        /// Whether it is drawn as strongly as a command.
+        #[serde(skip)]
+        is_strong: bool,
     },
     /// Things that happen.
     Ticks {
@@ -252,7 +256,7 @@ fn robot(track: &Track, timeline: &Timeline) -> Robot {
         frames: track.events.len(),
         lanes: lanes::lanes(&track.events, timeline),
         wire: load(track, timeline),
-        path: road::road(&track.events, timeline.end_us),
+        path: road::road(&timeline.board, &track.events, timeline.end_us),
     }
 }
 
@@ -292,7 +296,7 @@ fn load(track: &Track, timeline: &Timeline) -> Load {
     let mut busy_us = vec![0.0; PIECES as usize];
     let mut late = Vec::new();
     for event in &track.events {
-        let departure = line.send(event.at_us, event.command.frame_length());
+        let departure = line.send(event.at_us, timeline.board.frame_length(&event.command));
         let late_us = wire::late(&line, event, departure);
         if late_us > LATE_US {
             late.push(Late { t_us: event.at_us, late_us });

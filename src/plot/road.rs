@@ -1,7 +1,9 @@
 //! Where a robot goes, as the virtual board has it.
 
+use std::sync::Arc;
+
 use super::Place;
-use crate::board::Command;
+use crate::board::{Board, Command, Simulation};
 use crate::sim::{Pose, Settings, VirtualBoard};
 use crate::timeline::Event;
 
@@ -13,18 +15,22 @@ const NEAR_DEG: f64 = 2.0;
 const LOOK_US: u64 = 20_000;
 
 /// Where the robot is, from the start to the end; nothing where it stays where it is.
-pub(super) fn road(events: &[Event], end_us: u64) -> Vec<Place> {
+pub(super) fn road(board: &Arc<Board>, events: &[Event], end_us: u64) -> Vec<Place> {
+    if board.simulation == Simulation::State {
+        return Vec::new();
+    }
     let mut road = Road {
-        board: VirtualBoard::new(Settings::default()),
+        board: VirtualBoard::new(Arc::clone(board), Settings::default()),
         look_us: (end_us / PLACES).max(LOOK_US),
         now_us: 0,
         places: vec![Place::new(0, Pose::default())],
         told: None,
     };
-    for event in events.iter().filter(|event| event.command.is_drive() || matches!(event.command, Command::Pid(..))) {
+    let drives = |command: &Command| board.is_drive(command) || board.is_needed(command.verb());
+    for event in events.iter().filter(|event| drives(&event.command)) {
         road.pass(event.at_us);
         road.turns(&event.command);
-        road.board.receive(event.at_us, &event.command.to_frame());
+        road.board.receive(event.at_us, &board.to_frame(&event.command));
     }
     road.pass(end_us);
     let Road { board, mut places, .. } = road;

@@ -7,6 +7,7 @@ use svg::node::element::{Element, Style};
 
 use super::sheet::{Anchor, Sheet, fit, number, point, stairs, steps, width};
 use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown_us};
+use crate::board::Text;
 
 mod above;
 mod time;
@@ -30,9 +31,9 @@ const LEFT: f64 = 128.0;
 const RIGHT: f64 = 1_184.0;
 const RIGHT_BESIDE: f64 = 868.0;
 /// Heights of lanes, and what is between them.
-const SERVO: f64 = 84.0;
+const PLACE: f64 = 84.0;
 const DRIVE: f64 = 64.0;
-const WHEEL: f64 = 44.0;
+const PLAIN: f64 = 44.0;
 const ROW: f64 = 26.0;
 const WIRE: f64 = 48.0;
 const GAP: f64 = 7.0;
@@ -188,27 +189,28 @@ impl Picture<'_> {
     fn lane(&mut self, lane: &Lane) {
         match &lane.shows {
             Shows::Curve { unit, ends, range, limits, points } => {
-                let is_servo = lane.name.starts_with("servo");
-                let height = match lane.name {
-                    name if name.starts_with("servo") => SERVO,
-                    name if name.starts_with("wheel") => WHEEL,
+                // What has no zero is a place, and not a speed.
+                let is_place = range[0] > 0.0;
+                let height = match ends {
+                    _ if is_place => PLACE,
+                    [end, _] if end.is_empty() => PLAIN,
                     _ => DRIVE,
                 };
-                let scale = if is_servo { *range } else { about_zero(points, *limits) };
+                let scale = if is_place { *range } else { about_zero(points, *limits) };
                 let y = self.y;
-                self.frame(lane.name, height);
-                let about = [lane.about, unit].into_iter().filter(|word| !word.is_empty());
+                self.frame(&lane.name, height);
+                let about = [&lane.about, unit].into_iter().map(|word| &**word).filter(|word| !word.is_empty());
                 let about = about.collect::<Vec<_>>().join(", ");
                 self.sheet.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
-                self.curve(points, scale, *limits, (y, height), is_servo);
-                self.ends(ends, scale, (y, height), is_servo);
+                self.curve(points, scale, *limits, (y, height), is_place);
+                self.ends(ends, scale, (y, height), is_place);
                 self.y += height + GAP;
             }
-            Shows::Spans { spans } => {
-                let class = if lane.name == "buzzer" { "span" } else { "hold" };
-                self.row(lane.name, |picture, y| picture.stretches(class, spans, y + 6.0, ROW - 12.0));
+            Shows::Spans { spans, is_strong } => {
+                let class = if *is_strong { "span" } else { "hold" };
+                self.row(&lane.name, |picture, y| picture.stretches(class, spans, y + 6.0, ROW - 12.0));
             }
-            Shows::Ticks { ticks } => self.row(lane.name, |picture, y| picture.moments(ticks, "tick", BAR, y)),
+            Shows::Ticks { ticks } => self.row(&lane.name, |picture, y| picture.moments(ticks, "tick", BAR, y)),
         }
     }
 
@@ -228,14 +230,20 @@ impl Picture<'_> {
     }
 
     /// What the ends of a scale are.
-    fn ends(&mut self, ends: &[&str; 2], [low, high]: [f64; 2], (y, height): (f64, f64), is_servo: bool) {
+    fn ends(
+        &mut self,
+        [low_end, high_end]: &[Text; 2],
+        [low, high]: [f64; 2],
+        (y, height): (f64, f64),
+        is_place: bool,
+    ) {
         let mut say = |value: f64, y: f64, word: &str| {
             let text =
-                if is_servo || word.is_empty() { number(value) } else { format!("{word} {}", number(value.abs())) };
+                if is_place || word.is_empty() { number(value) } else { format!("{word} {}", number(value.abs())) };
             self.sheet.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
         };
-        say(high, y + 10.0, ends[1]);
-        say(low, y + height, ends[0]);
+        say(high, y + 10.0, high_end);
+        say(low, y + height, low_end);
     }
 
     #[expect(clippy::too_many_arguments, reason = "a curve and where it goes")]
@@ -245,10 +253,10 @@ impl Picture<'_> {
         [low, high]: [f64; 2],
         limits: Option<[f64; 2]>,
         (top, height): (f64, f64),
-        is_servo: bool,
+        is_place: bool,
     ) {
         let down = |value: f64| top + 3.0 + (high - value) / (high - low) * (height - 6.0);
-        if !is_servo {
+        if !is_place {
             self.sheet.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
         }
         for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
@@ -256,19 +264,19 @@ impl Picture<'_> {
         }
         let drawn = points.iter().map(|(t_us, value)| (self.x(*t_us), value.map(down)));
         for run in steps(drawn, self.right) {
-            if let (false, Some((first, _)), Some((last, _))) = (is_servo, run.first(), run.last()) {
+            if let (false, Some((first, _)), Some((last, _))) = (is_place, run.first(), run.last()) {
                 let zero = number(down(0.0));
                 // From the line of zero up to the curve, and back.
                 let curve = stairs(&run).replacen('M', "L", 1);
                 let under = format!("M{} {zero}{curve}L{} {zero}z", number(*first), number(*last));
                 self.sheet.path("under", &under, None);
             }
-            self.sheet.path(if is_servo { "curve" } else { "drive" }, &stairs(&run), None);
+            self.sheet.path(if is_place { "curve" } else { "drive" }, &stairs(&run), None);
             // What is told at the very end would not be seen.
             if let (Some((x, y)), Some((last, _))) = (run.first(), run.last())
                 && last - x < 2.0
             {
-                self.sheet.path(if is_servo { "say" } else { "expect" }, &DOT(*x, *y), None);
+                self.sheet.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
             }
         }
         self.values(points, down, (top, height));

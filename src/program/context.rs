@@ -1,6 +1,8 @@
 //! Everything that decides what a value is at one place of a script: names, tempo, random numbers, and the calls that led
 //! there.
 
+use std::sync::Arc;
+
 use super::functions::{self, Compute, below};
 use super::later::Later;
 use super::scope::{Scope, is_name, is_reserved};
@@ -8,6 +10,7 @@ use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
+use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::random::SplitMix;
 use crate::source::Span;
@@ -18,6 +21,8 @@ const TWO_53: f64 = 9_007_199_254_740_992.0;
 
 pub(super) struct Context<'s, 'd> {
     pub(super) diagnostics: &'d mut Diagnostics,
+    /// The board that the script is for.
+    pub(super) board: &'d Arc<Board>,
     pub(super) scope: Scope<'s>,
     pub(super) tempo: Tempo,
     pub(super) random: SplitMix,
@@ -138,7 +143,7 @@ impl<'s> Context<'s, '_> {
         if let Some(value) = self.scope.value(name) {
             return Some(value);
         }
-        if is_reserved(name) {
+        if is_reserved(self.board, name) {
             return self.name(name, span);
         }
         if !self.may_exist(name) {
@@ -168,7 +173,7 @@ impl<'s> Context<'s, '_> {
                 _ if name.starts_with(|c: char| c.is_ascii_uppercase()) => {
                     format!("names begin with a small letter: `let {} = …` on a line above", name.to_lowercase())
                 }
-                _ if is_reserved(name) && functions::find(name).is_none() => {
+                _ if is_reserved(self.board, name) && functions::find(name).is_none() => {
                     format!("`{name}` is a word of the language and has no value; look at what stands before it")
                 }
                 _ if functions::find(name).is_some() => {

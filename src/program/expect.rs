@@ -1,13 +1,14 @@
 //! `expect`: what the board should report.
 
 use std::fmt;
+use std::sync::Arc;
 
 use super::arguments;
 use super::commands::Args;
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
-use crate::board::{Hundredths, Report};
+use crate::board::{self, Hundredths, Report};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Item, Value, ValueKind};
 
@@ -25,16 +26,11 @@ pub struct Expect {
 }
 
 /// A value of a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Measured {
-    /// Of the battery, in volts.
-    Voltage,
-    /// In degrees.
-    Pitch,
-    /// In degrees.
-    Roll,
-    /// In degrees.
-    Yaw,
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Measured {
+    /// Its row in the table of the board.
+    row: usize,
+    quantity: Arc<board::Quantity>,
 }
 
 /// What is wanted of a value, in volts or degrees.
@@ -55,26 +51,27 @@ pub enum Wanted {
 }
 
 impl Measured {
-    const ALL: [(&str, Measured); 4] =
-        [("voltage", Measured::Voltage), ("pitch", Measured::Pitch), ("roll", Measured::Roll), ("yaw", Measured::Yaw)];
-
     /// Its name, as scripts write it.
-    pub fn name(self) -> &'static str {
-        Measured::ALL.iter().find(|(_, measured)| *measured == self).map_or("", |(name, _)| name)
+    pub fn name(&self) -> &str {
+        &self.quantity.name
     }
 
     /// Its unit, as scripts write it.
-    pub fn unit(self) -> &'static str {
-        if self == Measured::Voltage { "V" } else { "deg" }
+    pub fn unit(&self) -> &str {
+        &self.quantity.unit
     }
 
     /// Its value in a report.
-    pub fn of(self, report: &Report) -> Hundredths {
-        match self {
-            Measured::Voltage => report.voltage,
-            Measured::Pitch => report.pitch,
-            Measured::Roll => report.roll,
-            Measured::Yaw => report.yaw,
+    pub fn of(&self, report: &Report) -> Hundredths {
+        report.value(self.row)
+    }
+
+    /// What it is compared with, and a range of that.
+    fn sample(&self) -> (&'static str, &'static str) {
+        match self.unit() {
+            "V" => ("a voltage", "9V..12.6V"),
+            "deg" => ("an angle", "-5deg..5deg"),
+            _ => ("a number", "0..10"),
         }
     }
 }
@@ -83,7 +80,7 @@ impl Wanted {
     /// Whether a value fits.
     pub fn fits(self, value: Hundredths) -> bool {
         // The quotient is the float nearest to the decimal, as a literal is.
-        let exact = f64::from(value.0) / 100.0;
+        let exact = value.number();
         match self {
             Wanted::Less(bound) => exact < bound,
             Wanted::AtMost(bound) => exact <= bound,
@@ -118,22 +115,25 @@ impl fmt::Display for Expect {
 /// Reads what stands behind `expect`.
 #[expect(clippy::too_many_lines, reason = "one line, read from left to right")]
 pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
-    let names = Measured::ALL.map(|(name, _)| name);
+    let board = args.context.board;
+    let all = board.quantities.iter().enumerate();
+    let all: Vec<Measured> = all.map(|(row, quantity)| Measured { row, quantity: Arc::clone(quantity) }).collect();
     // `expect voltage = 10V`.
-    if let Some(named) = names.iter().find_map(|name| args.named(name)) {
-        let help =
-            format!("to compare, write `==`, or better a range: `expect voltage in {}`", sample(Measured::Voltage));
+    if let Some((measured, named)) = all.iter().find_map(|measured| Some((measured, args.named(measured.name())?))) {
+        let (name, (_, sample)) = (measured.name(), measured.sample());
+        let help = format!("to compare, write `==`, or better a range: `expect {name} in {sample}`");
         args.context.report(Diagnostic::new(Code::Arguments, named.span, "nothing is compared here", help));
         return None;
     }
     let value = args.next()?;
+    let names: Vec<&str> = all.iter().map(Measured::name).collect();
     let name = args.word(value, &names)?;
-    let (_, measured) = Measured::ALL.into_iter().find(|(other, _)| *other == name)?;
+    let measured = all.iter().find(|measured| measured.name() == name)?.clone();
     let sign = args.next_argument()?;
     let wanted = match &sign.item {
         Item::Comparison(sign) => {
             let value = args.next()?;
-            let bound = bound(args, value, measured)?;
+            let bound = bound(args, value, &measured)?;
             match sign.text {
                 "<" => Wanted::Less(bound),
                 "<=" => Wanted::AtMost(bound),
@@ -145,11 +145,12 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
         Item::One(Value { kind: ValueKind::Word("in"), negative: false, .. }) => {
             let range = args.next_argument()?;
             let Item::Range(ends) = &range.item else {
-                let help = format!("write both ends with `..` between them: `expect {name} in {}`", sample(measured));
+                let help =
+                    format!("write both ends with `..` between them: `expect {name} in {}`", measured.sample().1);
                 args.context.report(Diagnostic::new(Code::Arguments, range.span, "`in` needs a range", help));
                 return None;
             };
-            let (low, high) = (bound(args, &ends.0, measured)?, bound(args, &ends.1, measured)?);
+            let (low, high) = (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
             if low > high {
                 let help = "the smaller value stands first";
                 args.context.report(Diagnostic::new(Code::OutOfRange, range.span, "nothing is in this range", help));
@@ -192,21 +193,17 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
     Some(Expect { measured, wanted, within, why })
 }
 
-fn sample(measured: Measured) -> &'static str {
-    if measured == Measured::Voltage { "9V..12.6V" } else { "-5deg..5deg" }
-}
-
-/// Volts for the voltage, degrees for the rest.
-fn bound<'a, 's>(args: &mut Args<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: Measured) -> Option<f64> {
-    match (args.context.value(value)?, measured) {
-        (Quantity::Volts(bound), Measured::Voltage)
-        | (Quantity::Degrees(bound), Measured::Pitch | Measured::Roll | Measured::Yaw) => Some(bound),
-        (other, _) => {
-            let (name, unit) = (measured.name(), measured.unit());
-            let what = if measured == Measured::Voltage { "a voltage" } else { "an angle" };
+/// A value in the unit of what is measured.
+fn bound<'a, 's>(args: &mut Args<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
+    match (args.context.value(value)?, measured.unit()) {
+        (Quantity::Volts(bound), "V") | (Quantity::Degrees(bound), "deg") | (Quantity::Number(bound), "") => {
+            Some(bound)
+        }
+        (other, unit) => {
+            let (name, (what, sample)) = (measured.name(), measured.sample());
             let help = match other {
                 Quantity::Number(number) => format!("write `{number}{unit}`"),
-                _ => format!("write it with its unit, such as `expect {name} in {}`", sample(measured)),
+                _ => format!("write it with its unit, such as `expect {name} in {sample}`"),
             };
             let message = format!("`{name}` is compared with {what}, not with {}", other.kind());
             args.context.report(Diagnostic::new(Code::Unit, value.span, message, help));

@@ -23,14 +23,15 @@ mod time;
 mod trace;
 mod unroll;
 mod value;
+mod verbs;
 mod weight;
 
-pub use commands::{COMMANDS, Row};
+pub use commands::{COMMANDS, Row, Signature, signatures};
 pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Expect, Measured, Wanted};
 pub use functions::{FUNCTIONS, Function};
-pub use limits::{Limit, Limited, broken, diagnostic as broken_limit};
-pub use motion::{Glide, Motion, Move, Shape};
+pub use limits::{Limit, broken, diagnostic as broken_limit};
+pub use motion::{Glide, Motion, Move};
 pub use settings::SETTINGS;
 pub use suggest::suggest;
 pub use tempo::Tempo;
@@ -38,7 +39,9 @@ pub use time::Time;
 pub use trace::{TraceId, Traces};
 pub use value::{UNITS, Unit};
 
-use crate::board;
+use std::sync::Arc;
+
+use crate::board::{self, Board};
 use crate::diagnostic::Diagnostics;
 use crate::source::{Sources, Span};
 use crate::syntax::{self, Reading};
@@ -55,6 +58,8 @@ pub struct Options {
     pub set: Vec<(String, String)>,
     /// How fast it runs.
     pub speed: Speed,
+    /// The board that it is for.
+    pub board: Arc<Board>,
 }
 
 /// How fast a script runs, from a tenth to ten times as fast, in thousandths.
@@ -96,13 +101,15 @@ impl Speed {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { events: 10_000_000, set: Vec::new(), speed: Speed::NORMAL }
+        Options { events: 10_000_000, set: Vec::new(), speed: Speed::NORMAL, board: board::raspblock::board() }
     }
 }
 
 /// A script with every word understood.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
+    /// The board that it is for.
+    pub board: Arc<Board>,
     /// What stands before the commands.
     pub settings: Settings,
     /// Every command, in the order of unrolling; where times are equal, that order decides.
@@ -175,27 +182,25 @@ pub struct Settings {
     pub seed: u64,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
-    /// How fast the four servos are taken to turn, in µs of pulse width a second.
-    pub servo_speeds: [u32; 4],
+    /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
+    pub speeds: Vec<Option<u32>>,
 }
-
-/// How fast a servo is taken to turn where the script does not say: the usual 60° in 0.12 s, in µs of pulse width a second.
-pub const SERVO_SPEED: u32 = 5_500;
 
 /// The fastest that a script can say a servo is, in µs of pulse width a second.
 pub const MAX_SERVO_SPEED: u64 = 100_000;
 
-impl Default for Settings {
-    fn default() -> Self {
+impl Settings {
+    /// What holds where a script says nothing.
+    pub fn of(board: &Board) -> Self {
         Settings {
             period: Time::from_millis(20),
             refresh: Some(Time::from_millis(50)),
-            baud: board::DEFAULT_BAUD,
+            baud: board.baud,
             tempo: Tempo::default(),
             has_tempo: false,
             seed: 0,
-            limits: Limit::defaults(),
-            servo_speeds: [SERVO_SPEED; 4],
+            limits: Limit::proper(board),
+            speeds: board.resources.iter().map(|resource| resource.speed).collect(),
         }
     }
 }

@@ -5,22 +5,7 @@ use smallvec::SmallVec;
 use super::ease::Ease;
 use super::time::Time;
 use super::value::round;
-use crate::board::{Command, Ranged, ServoIndex};
-
-/// Which command it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
-    /// `servo N`: one value.
-    Servo(ServoIndex),
-    /// `servos`: pan and tilt.
-    Servos,
-    /// `rocker`: x, y and z.
-    Rocker,
-    /// `yawhold`: x and y.
-    YawHold,
-    /// `wheels`: A, B, C and D.
-    Wheels,
-}
+use crate::board::{Axis, Board, Command, MAX_MOVING, Unit, Values, VerbId};
 
 /// One value of such a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,8 +20,10 @@ pub struct Glide {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// Which command.
-    pub shape: Shape,
-    /// Its values, as many as the shape has; most moves are those of one servo, and there may be a million.
+    pub verb: VerbId,
+    /// Its index, if it has one.
+    pub index: Option<i32>,
+    /// Its values; most moves are those of one servo, and there may be a million.
     glides: SmallVec<[Glide; 1]>,
 }
 
@@ -51,73 +38,62 @@ pub struct Move {
     pub ease: Ease,
 }
 
-impl Shape {
-    /// What its values are called.
-    pub fn names(self) -> &'static [&'static str] {
-        match self {
-            Shape::Servo(_) => &["pulse width"],
-            Shape::Servos => &["pan pulse width", "tilt pulse width"],
-            Shape::Rocker => &["speed x", "speed y", "turning speed z"],
-            Shape::YawHold => &["speed x", "speed y"],
-            Shape::Wheels => &["speed of wheel A", "speed of wheel B", "speed of wheel C", "speed of wheel D"],
-        }
-    }
-
-    /// The command with these values, rounded; the index of the first one that is out of range where there is one.
-    pub fn command(self, values: &[f64]) -> Result<Command, usize> {
-        let value = |at: usize| values.get(at).copied().unwrap_or(0.0);
-        Ok(match self {
-            Shape::Servo(index) => Command::Servo { index, pulse: ranged(value(0), 0)? },
-            Shape::Servos => Command::Servos { pan: ranged(value(0), 0)?, tilt: ranged(value(1), 1)? },
-            Shape::Rocker => {
-                Command::Rocker { x: ranged(value(0), 0)?, y: ranged(value(1), 1)?, z: ranged(value(2), 2)? }
-            }
-            Shape::YawHold => Command::YawHold { x: ranged(value(0), 0)?, y: ranged(value(1), 1)? },
-            Shape::Wheels => Command::Wheels([
-                ranged(value(0), 0)?,
-                ranged(value(1), 1)?,
-                ranged(value(2), 2)?,
-                ranged(value(3), 3)?,
-            ]),
-        })
-    }
-}
-
-fn ranged<const MIN: i32, const MAX: i32>(value: f64, at: usize) -> Result<Ranged<MIN, MAX>, usize> {
-    round(value).and_then(|value| Ranged::new(value).ok()).ok_or(at)
-}
-
 impl Motion {
     /// A command with these values.
-    pub(super) fn new<const N: usize>(shape: Shape, values: [Glide; N]) -> Self {
-        Motion { shape, glides: values.into_iter().collect() }
+    pub(super) fn new(verb: VerbId, index: Option<i32>, glides: SmallVec<[Glide; 1]>) -> Self {
+        Motion { verb, index, glides }
     }
 
-    /// Its values, as many as the shape has.
+    /// Its values, without the index.
     pub fn values(&self) -> &[Glide] {
         &self.glides
     }
 
+    /// What one of its values is called, without an article.
+    pub fn name(&self, board: &Board, at: usize) -> String {
+        let what = self.axis(board, at).map_or("value", |axis| &axis.what);
+        what.strip_prefix("a ").or(what.strip_prefix("the ")).unwrap_or(what).to_owned()
+    }
+
+    fn axis<'b>(&self, board: &'b Board, at: usize) -> Option<&'b Axis> {
+        board.verb(self.verb)?.moving().get(at)
+    }
+
+    /// The command with other values, rounded; the index of the first one that is out of range where there is one.
+    pub fn command(&self, board: &Board, values: &[f64]) -> Result<Command, usize> {
+        let mut whole: Values = self.index.into_iter().collect();
+        for (at, value) in values.iter().enumerate() {
+            let range = self.axis(board, at).map(|axis| axis.range).ok_or(at)?;
+            let value = round(*value).filter(|value| (range.0..=range.1).contains(value));
+            whole.push(value.ok_or(at)?);
+        }
+        board.command(self.verb, &whole).map_err(|_| 0)
+    }
+
     /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.
-    pub fn with_starts(&self) -> String {
-        let value = |glide: &Glide| {
-            let usual = match self.shape {
-                Shape::Servo(_) | Shape::Servos if glide.to < 1_500.0 => 2_000.0,
-                Shape::Servo(_) | Shape::Servos => 1_000.0,
-                _ => 0.0,
+    pub fn with_starts(&self, board: &Board) -> String {
+        let usual = |axis: &Axis, to: f64| {
+            let (least, most) = (f64::from(axis.range.0), f64::from(axis.range.1));
+            if least <= 0.0 && most >= 0.0 {
+                return 0.0;
+            }
+            let (at_0, at_180) = match axis.unit {
+                Unit::Micros { least, most } => (f64::from(least), f64::from(most)),
+                Unit::None => (least, most),
             };
-            format!("{} -> {}", glide.from.unwrap_or(usual), glide.to)
+            let far = if to < f64::midpoint(at_0, at_180) { 0.75 } else { 0.25 };
+            libm::round(at_0 + (at_180 - at_0) * far).clamp(least, most)
         };
-        let (word, axes): (String, &[&str]) = match self.shape {
-            Shape::Servo(index) => (format!("servo {index}"), &[]),
-            Shape::Servos => ("servos".into(), &[]),
-            Shape::Rocker => ("rocker".into(), &["x=", "y=", "z="]),
-            Shape::YawHold => ("yawhold".into(), &["x=", "y="]),
-            Shape::Wheels => ("wheels".into(), &[]),
+        let value = |(at, glide): (usize, &Glide)| {
+            let axis = self.axis(board, at);
+            let from = glide.from.unwrap_or_else(|| axis.map_or(0.0, |axis| usual(axis, glide.to)));
+            let name = axis.map(|axis| &axis.name).filter(|name| !name.is_empty());
+            let name = name.map(|name| format!("{name}=")).unwrap_or_default();
+            format!(" {name}{from} -> {}", glide.to)
         };
-        let axes = axes.iter().copied().chain(std::iter::repeat(""));
-        let values = self.values().iter().zip(axes).map(|(glide, axis)| format!(" {axis}{}", value(glide)));
-        std::iter::once(word).chain(values).collect()
+        let word = board.verb(self.verb).map(|verb| verb.word.to_string()).unwrap_or_default();
+        let index = self.index.map(|index| format!(" {index}")).unwrap_or_default();
+        std::iter::once(word + &index).chain(self.values().iter().enumerate().map(value)).collect()
     }
 
     /// Whether any value says where it starts.
@@ -126,8 +102,8 @@ impl Motion {
     }
 
     /// The command that it arrives at.
-    pub fn target(&self) -> Option<Command> {
-        let targets: SmallVec<[f64; 4]> = self.glides.iter().map(|glide| glide.to).collect();
-        self.shape.command(&targets).ok()
+    pub fn target(&self, board: &Board) -> Option<Command> {
+        let targets: SmallVec<[f64; MAX_MOVING]> = self.glides.iter().map(|glide| glide.to).collect();
+        self.command(board, &targets).ok()
     }
 }

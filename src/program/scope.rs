@@ -7,6 +7,7 @@ use smallvec::SmallVec;
 
 use super::suggest::suggest;
 use super::value::{Quantity, UNITS};
+use crate::board::Board;
 use crate::source::Span;
 use crate::syntax::{Block, Def, Expression, Name, NodeKind, Value, ValueKind};
 
@@ -102,10 +103,10 @@ pub(super) fn is_name(word: &str) -> bool {
 }
 
 /// Whether a word belongs to the language.
-pub(super) fn is_reserved(word: &str) -> bool {
+pub(super) fn is_reserved(board: &Board, word: &str) -> bool {
     RESERVED.contains(&word)
         || UNITS.iter().any(|unit| unit.name == word)
-        || super::commands::find(word).is_some()
+        || super::commands::find(board, word).is_some()
         || super::functions::find(word).is_some()
 }
 

@@ -3,11 +3,11 @@
 use super::Settings;
 use super::arguments::{self, text_of};
 use super::commands::{Args, Build, Row};
-use super::limits::{Limit, Limited};
+use super::limits::Limit;
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
-use crate::board::{ON_SILENCE, Ranged, ServoIndex};
+use crate::board::{Board, Limited, ON_SILENCE, ResourceId, Sets, Takes, Unit, Verb};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
@@ -134,8 +134,8 @@ fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<(
 
 fn baud(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let baud: Ranged<1_200, 4_000_000> = args.whole(value, "the speed of the line")?;
-    settings.baud = u32::try_from(baud.get()).ok()?;
+    let baud = args.integer(value, "the speed of the line", (1_200, 4_000_000))?;
+    settings.baud = u32::try_from(baud).ok()?;
     Some(())
 }
 
@@ -191,46 +191,60 @@ fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
 
 fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let seed = args.integer::<0, { i32::MAX }>(value, "a seed", "")?;
+    let seed = args.integer(value, "a seed", (0, i32::MAX))?;
     settings.seed = u64::try_from(seed).ok()?;
     Some(())
 }
 
 /// What a `limit` is for.
 fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
+    let board = args.context.board;
     let thing = args.next()?;
-    if let ValueKind::Word("servos") = thing.kind {
+    let word = if let ValueKind::Word(word) = thing.kind { word } else { "" };
+    if let Some((_, verb)) = board.find(word)
+        && let Sets::Parts(parts) = &verb.sets
+    {
         let range = args.next_argument().and_then(range_text).unwrap_or_else(|| "900..1700".to_owned());
-        let help = format!("limit each of the two: `limit servo 1 {range}`, `limit servo 2 {range}`");
-        let message = "`servos` is servo 1 and servo 2, which have a limit each";
+        let limited = |part: &crate::board::Part| Limited { verb: part.verb, index: Some(part.index), axis: None };
+        let names: Vec<String> = parts.iter().map(|part| board.limited_name(limited(part))).collect();
+        let lines: Vec<String> = names.iter().map(|name| format!("`limit {name} {range}`")).collect();
+        let help = format!("limit each of the two: {}", lines.join(", "));
+        let message = format!("`{word}` is {}, which have a limit each", names.join(" and "));
         args.context.report(Diagnostic::new(Code::Arguments, thing.span, message, help));
         return None;
     }
-    let thing = args.word(thing, &["servo", "rocker", "yawhold", "wheels"])?;
-    match thing {
-        "servo" => {
-            let index = args.next()?;
-            Some(Limited::Servo(args.whole(index, "a servo number")?))
-        }
-        "wheels" => Some(Limited::Wheels),
-        _ => {
-            let names: &[&str] = if thing == "rocker" { &["x", "y", "z"] } else { &["x", "y"] };
-            let argument = args.next_argument()?;
-            let word = arguments::bare_word(argument).map(|word| word.text);
-            let Some(axis) = names.iter().position(|name| Some(*name) == word) else {
-                let message = match word {
-                    Some(word) => format!("`{thing}` has no axis `{word}`"),
-                    None => format!("which axis of `{thing}` is limited is missing"),
-                };
-                let range = if word.is_some() { args.next_argument() } else { Some(argument) };
-                let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
-                let help = format!("its axes are {}: `limit {thing} x {range}`", list(names.iter().copied()));
-                args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
-                return None;
-            };
-            Some(if thing == "rocker" { Limited::Rocker(axis) } else { Limited::YawHold(axis) })
-        }
+    let words: Vec<&str> = limitable(board).map(|verb| &*verb.word).collect();
+    let word = args.word(thing, &words)?;
+    let (id, verb) = board.find(word)?;
+    let mut limited = Limited { verb: id, index: None, axis: None };
+    if let Some(axis) = verb.axes.first().filter(|axis| axis.takes == Takes::Index) {
+        let index = args.next()?;
+        limited.index = Some(args.integer(index, &axis.what, axis.range)?);
     }
+    let names: Vec<&str> = verb.moving().iter().map(|axis| &*axis.name).filter(|name| !name.is_empty()).collect();
+    if names.is_empty() {
+        return Some(limited);
+    }
+    let argument = args.next_argument()?;
+    let given = arguments::bare_word(argument).map(|word| word.text);
+    limited.axis = names.iter().position(|name| Some(*name) == given);
+    if limited.axis.is_none() {
+        let message = match given {
+            Some(given) => format!("`{word}` has no axis `{given}`"),
+            None => format!("which axis of `{word}` is limited is missing"),
+        };
+        let range = if given.is_some() { args.next_argument() } else { Some(argument) };
+        let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
+        let help = format!("its axes are {}: `limit {word} x {range}`", list(names.iter().copied()));
+        args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
+        return None;
+    }
+    Some(limited)
+}
+
+/// The verbs that may be limited.
+fn limitable(board: &Board) -> impl Iterator<Item = &Verb> {
+    board.verbs.iter().filter(|verb| verb.moves && !matches!(verb.sets, Sets::Parts(_)))
 }
 
 /// A range as it was written.
@@ -244,19 +258,22 @@ fn range_text(argument: &Argument<'_>) -> Option<String> {
 fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let limited = limited(args)?;
     let argument = args.next_argument()?;
-    if let (Limited::Servo(index), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (limited, &argument.item)
-    {
-        return servo_speed(index, args, settings);
+    let board = args.context.board;
+    let resource = board.occupied(limited.verb, limited.index).first().copied();
+    let resource = resource.filter(|resource| board.resource(*resource).is_some_and(|found| found.speed.is_some()));
+    if let (Some(resource), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (resource, &argument.item) {
+        return speed(resource, args, settings);
     }
     let Item::Range(ends) = &argument.item else {
         let help = "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`";
         args.context.report(Diagnostic::new(Code::Arguments, argument.span, "a range is needed here", help));
         return None;
     };
-    let (min, max) = limited.board_range();
-    let mut bound = |value| match limited {
-        Limited::Servo(_) => args.micros(value, "a pulse width"),
-        _ => args.number(value, "a speed"),
+    let axis = board.axis(limited)?;
+    let (min, max) = axis.range;
+    let mut bound = |value| match axis.unit {
+        Unit::Micros { .. } => args.micros(value, &axis.what, axis.unit),
+        Unit::None => args.number(value, "a speed"),
     };
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
@@ -282,9 +299,9 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
 }
 
 /// `limit servo N speed PULSE`: how far a servo goes in a second.
-fn servo_speed(index: ServoIndex, args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn speed(resource: ResourceId, args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let speed = args.micros(value, "a speed")?;
+    let speed = args.micros(value, "a speed", Unit::None)?;
     let range = 100.0..=100_000.0;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
     let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
@@ -296,7 +313,6 @@ fn servo_speed(index: ServoIndex, args: &mut Args<'_, '_, '_, '_>, settings: &mu
         ));
         return None;
     };
-    let at = usize::try_from(index.get()).ok()?.checked_sub(1)?;
-    *settings.servo_speeds.get_mut(at)? = speed;
+    *settings.speeds.get_mut(resource)? = Some(speed);
     Some(())
 }

@@ -1,6 +1,7 @@
 //! How much a block unrolls to at least, counted before anything is unrolled.
 
-use super::commands::{self, Build};
+use super::commands::{self, Build, Word};
+use crate::board::Board;
 use crate::syntax::{Block, Command, Item, NumberShape, Statement, Value, ValueKind};
 
 /// A lower bound: an `if` counts as its lightest branch, and a `repeat` whose number is calculated as one pass.
@@ -44,33 +45,40 @@ impl Weight {
 }
 
 /// The weight of a block; `phrase` knows the weight of a `def`. The recursion is bounded by the depth of brackets.
-pub(super) fn of_block(block: &Block<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
+pub(super) fn of_block(board: &Board, block: &Block<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let mut weight = Weight { steps: block.count() as u64, ..Weight::default() };
     for line in block.lines() {
-        weight = line.parts.iter().map(|part| of_statement(&part.statement, phrase)).fold(weight, Weight::plus);
+        let weights = line.parts.iter().map(|part| of_statement(board, &part.statement, phrase));
+        weight = weights.fold(weight, Weight::plus);
     }
     weight
 }
 
-fn of_statement(statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
+fn of_statement(board: &Board, statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     match statement {
-        Statement::Block(block) => of_block(block, phrase),
+        Statement::Block(block) => of_block(board, block, phrase),
         Statement::Call(call) => phrase(call.name.text),
         Statement::If(each) => {
             let blocks = each.arms.iter().map(|(_, block)| block).chain(&each.otherwise);
-            let lightest = blocks.map(|block| of_block(block, phrase)).reduce(Weight::lighter);
+            let lightest = blocks.map(|block| of_block(board, block, phrase)).reduce(Weight::lighter);
             lightest.filter(|_| each.otherwise.is_some()).unwrap_or_default()
         }
-        Statement::Command(command) => of_command(command, phrase),
+        Statement::Command(command) => of_command(board, command, phrase),
         Statement::Let(_) | Statement::Def(_) => Weight::default(),
     }
 }
 
-fn of_command(command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
-    let inside = command.block.as_ref().map(|block| of_block(block, phrase)).unwrap_or_default();
-    match commands::find(command.head.text).map(|row| &row.build) {
-        Some(Build::Go(_)) if takes_time(command) => Weight { moves: 1, ..Weight::default() },
-        Some(Build::Send(_) | Build::Go(_)) => Weight { events: 1, ..Weight::default() },
+fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
+    let inside = command.block.as_ref().map(|block| of_block(board, block, phrase)).unwrap_or_default();
+    let row = match commands::find(board, command.head.text) {
+        Some(Word::Verb(_, verb)) if verb.moves && takes_time(command) => {
+            return Weight { moves: 1, ..Weight::default() };
+        }
+        Some(Word::Verb(..)) => return Weight { events: 1, ..Weight::default() },
+        Some(Word::Row(row)) => Some(&row.build),
+        None => None,
+    };
+    match row {
         Some(Build::Mark) => kept(MARK, texts(command)),
         // What a `say` shows may be shorter than what is written.
         Some(Build::Say) => kept(SAY, 0),

@@ -13,6 +13,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
+use crate::board::Board;
 use crate::clock;
 use crate::link::{Door, Happened, LineSettings, Pty, Serial};
 use crate::playback::os::{self, Ready};
@@ -97,8 +98,14 @@ impl<'d> Server<'d> {
 
     /// The way to a real board: bytes pass both ways unchanged. Where the port takes none for now, the program waits, as it would without
     /// anything in between; what the board says while no program is there is lost, as it would be.
-    pub fn of_port(door: &'d mut Door, port: Serial, guard: Option<Guard>, signals: &'d Signals) -> Self {
-        Server::new(door, Far::Port(Box::new(PortEnd::new(port, guard))), Some(signals))
+    pub fn of_port(
+        door: &'d mut Door,
+        board: Arc<Board>,
+        port: Serial,
+        guard: Option<Guard>,
+        signals: &'d Signals,
+    ) -> Self {
+        Server::new(door, Far::Port(Box::new(PortEnd::new(board, port, guard))), Some(signals))
     }
 
     fn new(door: &'d mut Door, far: Far, signals: Option<&'d Signals>) -> Self {

@@ -2,18 +2,20 @@
 
 use std::io;
 use std::os::fd::BorrowedFd;
+use std::sync::Arc;
 
 use super::{Passed, is_nothing};
-use crate::board::{Command, Decoder, Item, MOST_ZEROS, State};
+use crate::board::{Board, Decoder, Item, State};
 use crate::clock;
 use crate::link::{Link, Serial};
 use crate::playback::os::{self, Ready};
-use crate::playback::{Guard, Outbox, Stop, stop_robot};
+use crate::playback::{Guard, Outbox, Stop, Stops, stop_robot};
 
 /// The most bytes taken at once.
 pub(super) const CHUNK: usize = 4 * 1024;
 
 pub(super) struct PortEnd {
+    board: Arc<Board>,
     port: Serial,
     guard: Option<Guard>,
     is_unguarded: bool,
@@ -28,17 +30,18 @@ pub(super) struct PortEnd {
 }
 
 impl PortEnd {
-    pub(super) fn new(port: Serial, guard: Option<Guard>) -> Self {
+    pub(super) fn new(board: Arc<Board>, port: Serial, guard: Option<Guard>) -> Self {
         PortEnd {
             port,
             guard,
             is_unguarded: false,
             left: Vec::with_capacity(CHUNK),
-            decoder: Decoder::new(),
+            decoder: Decoder::new(&board),
             state: State::default(),
             said: Vec::with_capacity(CHUNK),
             // The program may send frames of any length.
-            out: Outbox::new(MOST_ZEROS),
+            out: Outbox::new(board.most_zeros(), board.codec.longest),
+            board,
         }
     }
 
@@ -102,10 +105,10 @@ impl PortEnd {
             Err(error) if is_nothing(&error) => return Ok(()),
             Err(error) => return Err(error),
         };
-        let PortEnd { decoder, state, left, .. } = self;
+        let PortEnd { board, decoder, state, left, .. } = self;
         decoder.feed(left.get(..taken).unwrap_or_default(), |item| {
             if let Item::Frame(frame) = item {
-                state.apply(&Command::decode_or_raw(frame));
+                board.decode_or_raw(frame.bytes()).iter().for_each(|command| state.apply(board, command));
             }
         });
         left.drain(..taken);
@@ -129,15 +132,15 @@ impl PortEnd {
     /// Stops the robot, unless what its port took is known to end at rest: the program can send nothing any more.
     pub(super) fn stop(&mut self, at_us: u64, waiting: u64) -> (Passed, Option<Guard>) {
         let undelivered = waiting.saturating_add(self.left.len() as u64);
-        let rests = self.state.surely_at_rest() && self.decoder.is_between_frames() && self.left.is_empty();
-        let PortEnd { port, out, guard, .. } = self;
+        let rests = self.state.surely_at_rest(&self.board) && self.decoder.is_between_frames() && self.left.is_empty();
+        let PortEnd { board, port, out, guard, .. } = self;
         let beat = || {
             let now = clock::now();
             if let Some(guard) = guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
                 guard.beat(now, at_us, None, false);
             }
         };
-        let stop = if rests { Stop::NotNeeded } else { stop_robot(port, out, beat) };
+        let stop = if rests { Stop::NotNeeded } else { stop_robot(port, &Stops::of(board, &[]), out, beat) };
         if stop == Stop::NotSent {
             // What the port never took must not keep it from closing.
             let _ = self.port.discard();

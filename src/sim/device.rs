@@ -1,8 +1,11 @@
 //! The virtual board as a pure device: frames in, reports out, time as an input.
 
-use super::motion::{Body, Geometry};
+use std::sync::Arc;
+
+use super::motion::Body;
 use super::{Fault, Received};
-use crate::board::{Command, Hundredths, Item, MovePacking, Query, Report};
+use crate::board::raspblock::{self, Asked, Geometry};
+use crate::board::{Board, Command, Hundredths, Item, Report, Simulation};
 
 /// By how many volts the battery sags at full speed, and how many it loses then in a second.
 const SAG: f64 = 0.45;
@@ -11,6 +14,7 @@ const DRAIN: f64 = 0.000_5;
 /// A board of which nothing is broken.
 #[derive(Debug)]
 pub(super) struct Device {
+    pub(super) board: Arc<Board>,
     /// The battery's voltage at rest, in hundredths of a volt.
     pub(super) battery: Hundredths,
     /// What it has received, and what became of it.
@@ -22,8 +26,6 @@ pub(super) struct Device {
     pub(super) silence_us: Option<u64>,
     /// Microseconds between two reports.
     pub(super) every_us: u64,
-    /// How the direction of a `move` is read.
-    pub(super) packing: MovePacking,
     /// The time, in microseconds since it was switched on.
     now_us: u64,
     /// When the last drive frame came.
@@ -36,15 +38,15 @@ pub(super) struct Device {
 
 impl Device {
     /// A board that is switched on at time 0.
-    pub(super) fn new(geometry: Geometry) -> Self {
+    pub(super) fn new(board: Arc<Board>, geometry: Geometry) -> Self {
         Device {
+            board,
             battery: Hundredths(0),
             received: Received::default(),
             reports: Vec::new(),
             body: Body::new(geometry),
             silence_us: None,
             every_us: 1,
-            packing: MovePacking::default(),
             now_us: 0,
             fed_us: 0,
             report_us: None,
@@ -95,12 +97,7 @@ impl Device {
         let yaw = self.body.pose().yaw_deg;
         // Wrapped to half a turn on either side; the floor is flat.
         let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
-        Report {
-            pitch: Hundredths(0),
-            roll: Hundredths(0),
-            yaw: hundredths(yaw),
-            voltage: hundredths(voltage.max(0.0)),
-        }
+        raspblock::report(hundredths(voltage.max(0.0)), hundredths(yaw))
     }
 
     /// Whether it moves: a speed holds, or a displacement is under way.
@@ -114,7 +111,7 @@ impl Device {
             Item::Frame(frame) => {
                 let at = self.received.bytes;
                 self.received.bytes += frame.bytes().len() as u64;
-                match Command::decode_as(frame, self.packing) {
+                match self.board.decode(frame.bytes()) {
                     Ok(command) => self.obey(&command),
                     Err(error) => {
                         self.received.not_understood += 1;
@@ -134,16 +131,18 @@ impl Device {
 
     fn obey(&mut self, command: &Command) {
         self.received.frames += 1;
-        self.received.state.apply(command);
-        if command.is_drive() {
+        self.received.state.apply(&self.board, command);
+        if self.board.is_drive(command) {
             self.fed_us = self.now_us;
         }
-        self.body.take(command, self.received.state.mode());
-        match command {
-            Command::Request(Query::REPORT_START) => self.report_us = Some(self.now_us + self.every_us),
-            Command::Request(Query::REPORT_STOP) => self.report_us = None,
-            Command::Request(_) => self.reports.push(self.report()),
-            _ => {}
+        if self.board.simulation == Simulation::Mecanum {
+            self.body.take(command, raspblock::is_in_position_mode(&self.received.state));
+            match raspblock::asked(command) {
+                Some(Asked::Start) => self.report_us = Some(self.now_us + self.every_us),
+                Some(Asked::Stop) => self.report_us = None,
+                Some(Asked::Once) => self.reports.push(self.report()),
+                None => {}
+            }
         }
     }
 

@@ -8,12 +8,15 @@ mod device;
 mod faults;
 mod motion;
 
-use crate::board::{Decoder, Hundredths, Item, MovePacking, NotACommand, Report, Skip, State};
+use std::sync::Arc;
+
+pub use crate::board::raspblock::{Geometry, Twist};
+use crate::board::{Board, Decoder, Hundredths, Item, NotACommand, Report, Skip, State};
 use device::Device;
 use faults::Dice;
 
 pub use faults::{Faults, NotAFault, volts};
-pub use motion::{Geometry, Pose, Twist};
+pub use motion::Pose;
 
 /// What a board is like, and what goes wrong with it.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,8 +29,6 @@ pub struct Settings {
     pub silence_us: Option<u64>,
     /// Microseconds between two reports.
     pub report_us: u64,
-    /// How the direction of a `move` is read.
-    pub packing: MovePacking,
     /// What goes wrong.
     pub faults: Faults,
 }
@@ -39,7 +40,6 @@ impl Default for Settings {
             battery: Hundredths(1_200),
             silence_us: Some(500_000),
             report_us: 100_000,
-            packing: MovePacking::default(),
             faults: Faults::default(),
         }
     }
@@ -92,14 +92,14 @@ pub enum Fault {
 
 impl VirtualBoard {
     /// A board that is switched on at time 0.
-    pub fn new(settings: Settings) -> Self {
-        let Settings { geometry, battery, silence_us, report_us, packing, faults } = settings;
-        let mut device = Device::new(geometry);
+    pub fn new(of: Arc<Board>, settings: Settings) -> Self {
+        let Settings { geometry, battery, silence_us, report_us, faults } = settings;
+        let decoder = Decoder::new(&of);
+        let mut device = Device::new(of, geometry);
         (device.battery, device.silence_us, device.every_us) = (battery, silence_us, report_us.max(1));
-        device.packing = packing;
         let mut board = VirtualBoard {
             device,
-            decoder: Decoder::new(),
+            decoder,
             dice: [0, 1].map(|stream| Dice::new(faults.seed.wrapping_add(stream << 32))),
             replies: Vec::new(),
             faults,
@@ -138,8 +138,8 @@ impl VirtualBoard {
     fn reply(&mut self) {
         let Faults { drop, garble, silent, .. } = self.faults;
         let [_, dice] = &mut self.dice;
-        for report in self.device.reports.drain(..) {
-            let mut line = report.to_string().into_bytes();
+        for report in std::mem::take(&mut self.device.reports) {
+            let mut line = self.device.board.report_line(&report).into_bytes();
             if silent || dice.happens(drop) {
                 continue;
             }
@@ -163,6 +163,11 @@ impl VirtualBoard {
     /// What it has received so far, and what became of it.
     pub fn received(&self) -> &Received {
         &self.device.received
+    }
+
+    /// The family that it is of.
+    pub fn family(&self) -> &Arc<Board> {
+        &self.device.board
     }
 
     /// When its cable is pulled, in microseconds, if it is.

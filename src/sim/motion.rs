@@ -1,10 +1,7 @@
-//! Where the virtual robot is: mecanum kinematics with nominal units, in closed form between two commands.
-//!
-//! The board's maker publishes neither units of speed nor the size of the robot. Here a unit of x and y is 1 cm/s, a unit of z
-//! 1 °/s, a unit of `move` 1 cm or 1°, and a wheel's contact point is [`Geometry::lever_cm`] away from the middle, counted as
-//! half the wheel base plus half the track.
+//! Where the virtual robot is, in the nominal units of its [`Geometry`], in closed form between two commands.
 
-use crate::board::{Command, Mode};
+use crate::board::Command;
+use crate::board::raspblock::{Geometry, Twist};
 
 /// Where the robot is, seen from above; it starts at the origin and looks along y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,60 +12,6 @@ pub struct Pose {
     pub y_cm: f64,
     /// Turned clockwise, in degrees; not wrapped.
     pub yaw_deg: f64,
-}
-
-/// The nominal units and the size of the robot.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Geometry {
-    /// What a unit of x and y is in cm/s.
-    pub cm_s: f64,
-    /// What a unit of z is in degrees a second.
-    pub deg_s: f64,
-    /// Half the wheel base plus half the track, in cm.
-    pub lever_cm: f64,
-    /// How fast `move` drives, in cm/s, and turns, in degrees a second.
-    pub move_speed: (f64, f64),
-}
-
-impl Default for Geometry {
-    fn default() -> Self {
-        Geometry { cm_s: 1.0, deg_s: 1.0, lever_cm: 17.0, move_speed: (25.0, 90.0) }
-    }
-}
-
-/// The speed of the body in its own frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Twist {
-    /// To the right, in cm/s.
-    pub x: f64,
-    /// Forward, in cm/s.
-    pub y: f64,
-    /// Clockwise, in degrees a second.
-    pub z: f64,
-}
-
-impl Geometry {
-    /// What a drive command makes of the body. `None` for a displacement, and for what does not drive.
-    pub fn twist(&self, command: &Command) -> Option<Twist> {
-        let speed = |units: i32| f64::from(units) * self.cm_s;
-        Some(match command {
-            Command::Rocker { x, y, z } => {
-                Twist { x: speed(x.get()), y: speed(y.get()), z: f64::from(z.get()) * self.deg_s }
-            }
-            Command::YawHold { x, y } => Twist { x: speed(x.get()), y: speed(y.get()), z: 0.0 },
-            Command::Wheels(wheels) => {
-                let [front_right, rear_right, rear_left, front_left] = wheels.map(|wheel| speed(wheel.get()));
-                // The inverse of FL = y + x + z, FR = y - x - z, RL = y - x + z, RR = y + x - z.
-                let z = (front_left + rear_left - front_right - rear_right) / 4.0;
-                Twist {
-                    x: (front_left + rear_right - front_right - rear_left) / 4.0,
-                    y: (front_left + rear_right + front_right + rear_left) / 4.0,
-                    z: (z / self.lever_cm).to_degrees(),
-                }
-            }
-            _ => return None,
-        })
-    }
 }
 
 impl Pose {
@@ -141,12 +84,11 @@ impl Body {
         }
     }
 
-    /// Takes a command; what does not drive changes nothing. A displacement needs position mode.
-    pub(super) fn take(&mut self, command: &Command, mode: Option<Mode>) {
+    /// Takes a command; what does not drive changes nothing, and nor does a displacement in another mode than that for positions.
+    pub(super) fn take(&mut self, command: &Command, is_in_position_mode: bool) {
         if let Some(twist) = self.geometry.twist(command) {
             self.drive = Drive::Holds(twist);
-        } else if let (Command::Move { x, y, z }, Some(Mode::Position)) = (command, mode) {
-            let [x, y, z] = [x, y, z].map(|value| f64::from(value.get()));
+        } else if let Some([x, y, z]) = Geometry::displacement(command).filter(|_| is_in_position_mode) {
             let (cm_s, deg_s) = self.geometry.move_speed;
             let left = (libm::hypot(x, y) / cm_s).max(z.abs() / deg_s);
             // Where it looks now decides which way is forward.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::tween::{Part, Walk};
 use super::{Event, Timeline};
-use crate::board::Command;
+use crate::board::ResourceId;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{MAX_SERVO_SPEED, TraceId};
 use crate::source::Span;
@@ -19,76 +19,75 @@ const TRIES: usize = 16;
 
 /// Reports servos that cannot get where they are sent before their next command, once for each time that one falls behind.
 pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
-    let servos = servos(timeline, timeline.servo_speeds.map(u64::from));
-    if servos.iter().all(|servo| servo.late.is_empty()) {
+    let speeds: Vec<Option<u64>> = timeline.speeds.iter().map(|speed| speed.map(u64::from)).collect();
+    let paced = paced(timeline, &speeds);
+    if paced.iter().flatten().all(|servo| servo.late.is_empty()) {
         return;
     }
-    let enough = enough_speeds(timeline, &servos);
-    // A `servos` that neither of its servos reaches is one warning.
-    let mut warnings: BTreeMap<Span, Vec<(u8, &Late)>> = BTreeMap::new();
-    for (servo, index) in servos.iter().zip(1..) {
-        for late in &servo.late {
-            warnings.entry(late.span).or_default().push((index, late));
+    let enough = enough_speeds(timeline, &paced);
+    // A command that several of its servos do not reach is one warning.
+    let mut warnings: BTreeMap<Span, Vec<(ResourceId, &Late)>> = BTreeMap::new();
+    for (resource, servo) in paced.iter().enumerate() {
+        for late in servo.iter().flat_map(|servo| &servo.late) {
+            warnings.entry(late.span).or_default().push((resource, late));
         }
     }
-    for servos in warnings.values() {
-        if let Some((index, late)) = servos.first() {
-            let limits =
-                servos.iter().map(|(index, _)| (*index, enough.get(usize::from(*index - 1)).copied().flatten()));
-            let limits: Option<Vec<String>> =
-                limits.map(|(index, enough)| Some(format!("`limit servo {index} speed {}us`", enough?))).collect();
-            let diagnostic = timeline.traces.attach(too_fast(late, *index, limits.as_deref()), late.trace);
+    for paced in warnings.values() {
+        if let Some((resource, late)) = paced.first() {
+            let name = |resource: ResourceId| timeline.board.resource(resource).map(|found| &*found.name);
+            let limit = |(resource, _): &(ResourceId, _)| {
+                Some(format!("`limit {} speed {}us`", name(*resource)?, enough.get(*resource).copied().flatten()?))
+            };
+            let limits: Option<Vec<String>> = paced.iter().map(limit).collect();
+            let diagnostic = too_fast(late, name(*resource).unwrap_or_default(), limits.as_deref());
+            let diagnostic = timeline.traces.attach(diagnostic, late.trace);
             diagnostics.push(diagnostic.related(late.next, "its next command"));
         }
     }
 }
 
-/// The four servos as they were when the timeline has been played, with the speeds that they have.
-fn servos(timeline: &Timeline, speeds: [u64; 4]) -> [Servo; 4] {
-    let mut servos = speeds.map(|speed| Servo { speed, ..Servo::default() });
-    let mut walk = Walk::new(timeline.tweens());
+/// The servos as they were when the timeline has been played, with the speeds that they have; `None` for other resources.
+fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
+    let board = &timeline.board;
+    let mut paced: Vec<Option<Paced>> =
+        speeds.iter().map(|speed| Some(Paced { speed: (*speed)?, ..Paced::default() })).collect();
+    let mut walk = Walk::new(board, timeline.tweens());
     for event in timeline.events() {
         let part = walk.take(&event.command, event.kind);
-        let [pan, tilt, third, fourth] = &mut servos;
-        match &event.command {
-            Command::Servo { index, pulse } => {
-                let servo = match index.get() {
-                    1 => pan,
-                    2 => tilt,
-                    3 => third,
-                    _ => fourth,
-                };
-                servo.take(event, pulse.get(), &part);
+        for command in board.parts(&event.command) {
+            let resource = board.occupies(&command).first().copied();
+            let servo = resource.and_then(|resource| paced.get_mut(resource)).and_then(Option::as_mut);
+            if let (Some(servo), Some(pulse)) = (servo, command.values().last()) {
+                servo.take(event, *pulse, &part);
             }
-            Command::Servos { pan: to, tilt: tilt_to } => {
-                pan.take(event, to.get(), &part);
-                tilt.take(event, tilt_to.get(), &part);
-            }
-            _ => {}
         }
     }
-    servos
+    paced
 }
 
 /// For each servo that is late, a speed at which it never is, if a script can set such a speed.
-fn enough_speeds(timeline: &Timeline, late: &[Servo; 4]) -> [Option<u64>; 4] {
-    let round_up = |servo: &Servo| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
-    let mut speeds = late.each_ref().map(|servo| if servo.late.is_empty() { servo.speed } else { round_up(servo) });
+fn enough_speeds(timeline: &Timeline, late: &[Option<Paced>]) -> Vec<Option<u64>> {
+    let is_late = |servo: &Paced| !servo.late.is_empty();
+    let round_up = |servo: &Paced| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
+    let faster = |servo: &Paced| if is_late(servo) { round_up(servo) } else { servo.speed };
+    let mut speeds: Vec<Option<u64>> = late.iter().map(|servo| servo.as_ref().map(faster)).collect();
     for _ in 0..TRIES {
-        let faster = servos(timeline, speeds);
-        if faster.iter().all(|servo| servo.late.is_empty()) {
-            return speeds.map(|speed| Some(speed).filter(|speed| *speed <= MAX_SERVO_SPEED));
+        let paced = paced(timeline, &speeds);
+        if !paced.iter().flatten().any(is_late) {
+            return speeds.into_iter().map(|speed| speed.filter(|speed| *speed <= MAX_SERVO_SPEED)).collect();
         }
-        for (speed, servo) in speeds.iter_mut().zip(&faster).filter(|(_, servo)| !servo.late.is_empty()) {
-            *speed = round_up(servo);
+        for (speed, servo) in speeds.iter_mut().zip(&paced) {
+            if let Some(servo) = servo.as_ref().filter(|servo| is_late(servo)) {
+                *speed = Some(round_up(servo));
+            }
         }
     }
-    [None; 4]
+    vec![None; speeds.len()]
 }
 
 /// A servo that turns at an even speed.
 #[derive(Default)]
-struct Servo {
+struct Paced {
     /// µs of pulse width a second.
     speed: u64,
     going: Option<Going>,
@@ -129,7 +128,7 @@ struct Late {
     next: Span,
 }
 
-impl Servo {
+impl Paced {
     fn take(&mut self, event: &Event, pulse: i32, part: &Part<'_>) {
         let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
         let Some(going) = &mut self.going else {
@@ -189,14 +188,13 @@ impl Going {
 }
 
 /// `limits` are lines that silence it, if there are any.
-fn too_fast(late: &Late, index: u8, limits: Option<&[String]>) -> Diagnostic {
+fn too_fast(late: &Late, name: &str, limits: Option<&[String]>) -> Diagnostic {
     let Late { from, target, speed, .. } = *late;
     let (from, to) = (from / MICROS, target / MICROS);
     let needed = from.abs_diff(to) * 1_000 / speed.max(1);
     let left = late.time_us / 1_000;
-    let message = format!(
-        "servo {index} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left} ms"
-    );
+    let message =
+        format!("{name} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left} ms");
     let help = match limits {
         Some(limits) => {
             format!("give it more time; if it is faster than {speed} µs a second, say so: {}", limits.join(" and "))

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::{Event, Kind};
-use crate::board::{Command, Frame};
+use crate::board::{Board, Command, Frame};
 use crate::source::Lines;
 
 /// Microseconds, shown as seconds with six decimals.
@@ -20,17 +20,19 @@ impl fmt::Display for Seconds {
 }
 
 /// One line a frame, TAB-separated: seconds, the frame in hex, the command, and what it is where that is no plain command.
-pub fn write_listing(events: &[Event], out: &mut impl Write) -> io::Result<()> {
+pub fn write_listing(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
     let mut bytes = Vec::new();
-    events.iter().try_for_each(|event| write_line(event, &mut bytes, out))
+    events.iter().try_for_each(|event| write_line(board, event, &mut bytes, out))
 }
 
 /// The line of one frame; `bytes` is a buffer to use again.
-pub(super) fn write_line(event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
-    write_moment(event.at_us, &event.command, event.kind, bytes, out)
+pub(super) fn write_line(board: &Board, event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
+    write_moment(board, event.at_us, &event.command, event.kind, bytes, out)
 }
 
+#[expect(clippy::too_many_arguments, reason = "a line and what it is written with")]
 pub(super) fn write_moment(
+    board: &Board,
     at_us: u64,
     command: &Command,
     kind: Kind,
@@ -38,9 +40,9 @@ pub(super) fn write_moment(
     out: &mut impl Write,
 ) -> io::Result<()> {
     bytes.clear();
-    command.encode(bytes);
-    let frame = Frame::new(bytes).map_err(io::Error::other)?;
-    write!(out, "{}\t{frame}\t{command}", Seconds(at_us))?;
+    board.encode(command, bytes);
+    let frame = Frame::new(board, bytes).map_err(io::Error::other)?;
+    write!(out, "{}\t{frame}\t{}", Seconds(at_us), board.show(command))?;
     match kind.word() {
         Some(word) => writeln!(out, "\t{word}"),
         None => writeln!(out),
@@ -48,20 +50,26 @@ pub(super) fn write_moment(
 }
 
 /// One line a frame: seconds, TAB, the frame in hex.
-pub fn write_hex(events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    each(events, |event, frame| writeln!(out, "{}\t{frame}", Seconds(event.at_us)))
+pub fn write_hex(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    each(board, events, |event, frame| writeln!(out, "{}\t{frame}", Seconds(event.at_us)))
 }
 
 /// One JSON object a line. The time is in microseconds, `file` and `line` say where in the script the command stands.
 ///
 /// `robot` is the name of the track that the events are of.
-pub fn write_jsonl(robot: Option<&str>, events: &[Event], lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
-    each(events, |event, frame| {
+pub fn write_jsonl(
+    board: &Board,
+    robot: Option<&str>,
+    events: &[Event],
+    lines: &Lines<'_>,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    each(board, events, |event, frame| {
         let place = lines.place(event.span);
         let object = Object {
             t_us: event.at_us,
             frame: frame.to_string().replace(' ', ""),
-            command: event.command.to_string(),
+            command: board.show(&event.command).to_string(),
             kind: event.kind.word().unwrap_or("command"),
             file: place.file,
             line: place.line,
@@ -85,17 +93,17 @@ struct Object<'a> {
 }
 
 /// The bytes of the frames, one after another: exactly what the port is given.
-pub fn write_bin(events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    each(events, |_, frame| out.write_all(frame.bytes()))
+pub fn write_bin(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
+    each(board, events, |_, frame| out.write_all(frame.bytes()))
 }
 
-fn each(events: &[Event], mut write: impl FnMut(&Event, Frame<'_>) -> io::Result<()>) -> io::Result<()> {
+fn each(board: &Board, events: &[Event], mut write: impl FnMut(&Event, Frame<'_>) -> io::Result<()>) -> io::Result<()> {
     let mut bytes = Vec::new();
-    events.iter().try_for_each(|event| write(event, encode(event, &mut bytes)?))
+    events.iter().try_for_each(|event| write(event, encode(board, event, &mut bytes)?))
 }
 
-fn encode<'b>(event: &Event, bytes: &'b mut Vec<u8>) -> io::Result<Frame<'b>> {
+fn encode<'b>(board: &Board, event: &Event, bytes: &'b mut Vec<u8>) -> io::Result<Frame<'b>> {
     bytes.clear();
-    event.encode(bytes);
-    Frame::new(bytes).map_err(io::Error::other)
+    board.encode(&event.command, bytes);
+    Frame::new(board, bytes).map_err(io::Error::other)
 }

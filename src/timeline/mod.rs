@@ -13,9 +13,11 @@ mod snapshot;
 mod tween;
 pub mod wire;
 
-use crate::board::{Command, Query, ServoIndex};
+use std::sync::Arc;
+
+use crate::board::{Board, Command, Resources};
 use crate::diagnostic::Diagnostics;
-use crate::program::{Action, Expect, Limit, Program, Shape, Step, Tempo, TraceId, Traces};
+use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 
 pub use diff::{Again, Change, Shift, What, diff};
@@ -27,6 +29,8 @@ pub use tween::Tween;
 /// Everything that a script sends and shows, for every robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
+    /// The board that it is for.
+    pub board: Arc<Board>,
     /// One track a robot. A script that names no robots has one track without a name.
     pub tracks: Vec<Track>,
     /// Lines to show, sorted by time.
@@ -45,8 +49,8 @@ pub struct Timeline {
     pub traces: Traces,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
-    /// How fast the four servos are taken to turn, in µs of pulse width a second.
-    pub servo_speeds: [u32; 4],
+    /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
+    pub speeds: Vec<Option<u32>>,
     /// How the script counts in bars, if it does.
     pub bars: Option<Bars>,
 }
@@ -208,19 +212,14 @@ const SHOWN: usize = 4;
 impl Event {
     /// The order of frames at one time: the start of reports, commands and samples, refreshes, closing frames, the end of
     /// reports.
-    pub fn rank(&self) -> u8 {
+    pub fn rank(&self, board: &Board) -> u8 {
         match self.kind {
-            Kind::Auto if self.command == REPORTS[0] => 0,
+            Kind::Auto if board.reporting.as_ref().is_some_and(|[start, _]| self.command == *start) => 0,
             Kind::Command | Kind::Sample | Kind::Abort => 1,
             Kind::Refresh => 2,
             Kind::Closing => 3,
             Kind::Auto => 4,
         }
-    }
-
-    /// Appends the bytes of its frame.
-    pub fn encode(&self, out: &mut Vec<u8>) {
-        self.command.encode(out);
     }
 }
 
@@ -245,73 +244,19 @@ pub fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
         }
     };
     sort(&mut program.steps);
-    order::check(&program.steps, &program.traces, diagnostics);
+    order::check(&program.board, &program.steps, &program.traces, diagnostics);
     if let Some(abort) = &mut program.abort {
         sort(&mut abort.steps);
-        order::check(&abort.steps, &program.traces, diagnostics);
+        order::check(&program.board, &abort.steps, &program.traces, diagnostics);
     }
 }
 
-/// The things of a robot that do one thing at a time: the drive, the buzzer, four servos.
-const THINGS: usize = 6;
-const DRIVE: usize = 0;
-const BUZZER: usize = 1;
-
-fn servo(index: ServoIndex) -> usize {
-    usize::try_from(index.get()).unwrap_or(0) + 1
-}
-
-/// The things that a command occupies. A raw frame occupies none.
-fn things(command: &Command) -> [Option<usize>; 2] {
-    match command {
-        Command::Raw { .. } | Command::Pid(..) | Command::Request(_) => [None, None],
-        Command::Buzzer(_) => [Some(BUZZER), None],
-        Command::Servo { index, .. } => [Some(servo(*index)), None],
-        Command::Servos { .. } => [Some(2), Some(3)],
-        _ => [Some(DRIVE), None],
-    }
-}
-
-/// The things that a step occupies.
-fn things_of(action: &Action) -> [Option<usize>; 2] {
+/// The resources that a step occupies.
+fn occupied(board: &Board, action: &Action) -> Resources {
     match action {
-        Action::Say(_) | Action::Expect(_) => [None, None],
-        Action::Send(command) => things(command),
-        Action::Hold(held) => things(&held.0),
-        Action::Go(going) => match going.motion.shape {
-            Shape::Servo(index) => [Some(servo(index)), None],
-            Shape::Servos => [Some(2), Some(3)],
-            _ => [Some(DRIVE), None],
-        },
-    }
-}
-
-/// What makes the board report, and what ends that.
-const REPORTS: [Command; 2] = [Command::Request(Query::REPORT_START), Command::Request(Query::REPORT_STOP)];
-
-/// Lanes behind those of the things: what occupies two of them or none.
-const SERVOS: usize = THINGS;
-const PID: usize = THINGS + 1;
-const REQUESTS: usize = THINGS + 2;
-const RAW: usize = THINGS + 3;
-const LANES: usize = THINGS + 4;
-
-/// The lane of a command: one for each thing, and one each for what occupies two of them or none.
-fn lane(command: &Command) -> usize {
-    match command {
-        Command::Servos { .. } => SERVOS,
-        Command::Pid(..) => PID,
-        Command::Request(_) => REQUESTS,
-        Command::Raw { .. } => RAW,
-        other => things(other).into_iter().flatten().next().unwrap_or(RAW),
-    }
-}
-
-/// What one of the things is called.
-fn thing_name(thing: usize) -> String {
-    match thing {
-        DRIVE => "the drive".into(),
-        BUZZER => "the buzzer".into(),
-        servo => format!("servo {}", servo - 1),
+        Action::Say(_) | Action::Expect(_) => Resources::new(),
+        Action::Send(command) => board.occupies(command),
+        Action::Hold(held) => board.occupies(&held.0),
+        Action::Go(going) => board.occupied(going.motion.verb, going.motion.index),
     }
 }

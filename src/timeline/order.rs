@@ -6,8 +6,8 @@
 //! not, if the instant is written first.
 
 use super::listing::Seconds;
-use super::{Event, THINGS, Timeline, thing_name, things, things_of};
-use crate::board::{Command, Mode};
+use super::{Event, Timeline, occupied};
+use crate::board::{Board, Needs, ResourceId, Resources};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Step, TraceId, Traces};
 use crate::source::Span;
@@ -40,17 +40,21 @@ impl Occupied {
 
 /// Reports every command that runs into one before it, and every `move` whose last `pid` was not `pid position`. The steps are
 /// sorted by time.
-pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnostics) {
-    // Of each thing, the command that occupies it longest so far.
-    let mut occupied: [Option<Occupied>; THINGS] = [None; THINGS];
-    let mut mode = None;
+pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics: &mut Diagnostics) {
+    // Of each resource, the command that occupies it longest so far, and the first value that it was set to.
+    let mut busy: Vec<Option<Occupied>> = vec![None; board.resources.len()];
+    let mut first_values: Vec<Option<i32>> = vec![None; board.resources.len()];
     for step in steps {
-        match &step.action {
-            Action::Send(Command::Pid(to, _)) => mode = Some(*to),
-            Action::Send(Command::Move { .. }) if mode != Some(Mode::Position) => {
-                diagnostics.push(traces.attach(move_mode(step.span), step.trace));
+        if let Action::Send(command) = &step.action {
+            let is_met = |needs: &&Needs| first_values.get(needs.resource) == Some(&Some(needs.value));
+            if let Some(needs) = board.needs(command).filter(|needs| !is_met(needs)) {
+                diagnostics.push(traces.attach(missing(needs, step.span), step.trace));
             }
-            _ => {}
+            for resource in board.occupies(command) {
+                if let Some(first) = first_values.get_mut(resource) {
+                    *first = command.value(0);
+                }
+            }
         }
         let lasting = match &step.action {
             Action::Hold(held) => Some(held.1),
@@ -62,14 +66,14 @@ pub(super) fn check(steps: &[Step], traces: &Traces, diagnostics: &mut Diagnosti
         let next =
             Occupied { start, end, order: step.order, instant: lasting.is_none(), span: step.span, trace: step.trace };
         let mut reported = false;
-        for thing in things_of(&step.action).into_iter().flatten() {
-            let Some(slot) = occupied.get_mut(thing) else {
+        for resource in exclusive(board, occupied(board, &step.action)) {
+            let Some(slot) = busy.get_mut(resource) else {
                 continue;
             };
             match *slot {
                 Some(last) if last.clashes_with(next) => {
                     if !reported {
-                        let diagnostic = traces.attach(clash(thing, last, next), next.trace);
+                        let diagnostic = traces.attach(clash(board, resource, last, next), next.trace);
                         diagnostics.push(traces.attach(diagnostic, last.trace));
                     }
                     reported = true;
@@ -91,13 +95,14 @@ pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut
     if last.is_empty() {
         return;
     }
+    let board = &before.board;
     let first = behind.events().iter().take_while(|event| event.at_us == 0);
     for second in first.filter(|event| event.is_instant) {
         let shared = |first: &Event| {
-            let told = things(&first.command);
-            things(&second.command).into_iter().flatten().find(|thing| told.contains(&Some(*thing)))
+            let set = board.occupies(&first.command);
+            exclusive(board, board.occupies(&second.command)).find(|resource| set.contains(resource))
         };
-        if let Some((thing, first)) = last.iter().find_map(|first| Some((shared(first)?, *first))) {
+        if let Some((resource, first)) = last.iter().find_map(|first| Some((shared(first)?, *first))) {
             let occupied = |event: &Event| Occupied {
                 start: before.end_us,
                 end: before.end_us,
@@ -106,22 +111,24 @@ pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut
                 span: event.span,
                 trace: event.trace,
             };
-            diagnostics.push(before.traces.attach(clash(thing, occupied(first), occupied(second)), first.trace));
+            diagnostics
+                .push(before.traces.attach(clash(board, resource, occupied(first), occupied(second)), first.trace));
         }
     }
 }
 
-fn move_mode(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::MoveMode,
-        span,
-        "`move` needs the board in position mode",
-        "put this line before it: `pid position speed=200,150 position=20,0,20 yaw=12,2,5`",
-    )
+/// Those that do one thing at a time.
+fn exclusive(board: &Board, resources: Resources) -> impl Iterator<Item = ResourceId> {
+    resources.into_iter().filter(|resource| board.resource(*resource).is_some_and(|found| found.is_exclusive))
 }
 
-fn clash(thing: usize, first: Occupied, second: Occupied) -> Diagnostic {
-    let thing = thing_name(thing);
+fn missing(needs: &Needs, span: Span) -> Diagnostic {
+    let help = format!("put this line before it: `{}`", needs.line);
+    Diagnostic::new(Code::MoveMode, span, needs.message.as_ref(), help)
+}
+
+fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied) -> Diagnostic {
+    let thing = board.resource(resource).map(|resource| &*resource.name).unwrap_or_default();
     let at = Seconds(second.start);
     if first.instant {
         return Diagnostic::new(

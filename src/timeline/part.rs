@@ -3,9 +3,9 @@
 //! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, REPORTS, Timeline, Track, Tween};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Track, Tween};
 use super::{lints, order, wire};
-use crate::board::{Command, PulseWidth, ServoIndex, State};
+use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Ease, TraceId};
 use crate::source::Span;
@@ -31,7 +31,8 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     if is_whole {
         return timeline.clone();
     }
-    let mut cut = Cut { events: Vec::new(), state: State::default(), marks: [None; 6], now: 0 };
+    let board = &timeline.board;
+    let mut cut = Cut { board, events: Vec::new(), state: State::default(), marks: vec![None; board.resources.len()] };
     let events = timeline.events();
     let begin = events.partition_point(|event| event.at_us < part.from_us);
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
@@ -63,8 +64,9 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at_us));
     let marks = marks.map(|mark| Mark { at_us: shifted(mark.at_us), ..mark.clone() }).collect();
     let mut events = cut.events;
-    if let (Some(first), Some(last)) = (expects.first(), expects.last()) {
-        let [start, stop] = REPORTS;
+    if let (Some(first), Some(last)) = (expects.first(), expects.last())
+        && let Some([start, stop]) = board.reporting.clone()
+    {
         events.insert(0, auto(0, start, first.span, first.trace));
         events.push(auto(end_us, stop, last.span, last.trace));
     }
@@ -86,7 +88,7 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
 pub fn state_after(timeline: &Timeline) -> State {
     let mut state = State::default();
     for event in timeline.events() {
-        state.apply(&event.command);
+        state.apply(&timeline.board, &event.command);
     }
     state
 }
@@ -143,118 +145,102 @@ fn auto(at_us: u64, command: Command, span: Span, trace: TraceId) -> Event {
 }
 
 /// A part that grows.
-struct Cut {
+struct Cut<'t> {
+    board: &'t Board,
     events: Vec<Event>,
     /// What the board would have been told by then.
     state: State,
-    /// Where each thing was told so: the servos, the drive, and last the buzzer or the gains.
-    marks: [Option<(Span, TraceId)>; 6],
-    now: u64,
+    /// Where each resource was told so.
+    marks: Vec<Option<(Span, TraceId)>>,
 }
 
-/// Places of [`Cut::marks`] behind the four servos.
-const DRIVE: usize = 4;
-const REST: usize = 5;
-
-impl Cut {
+impl Cut<'_> {
     fn note(&mut self, event: &Event) {
-        self.state.apply(&event.command);
-        let places: &[usize] = match &event.command {
-            Command::Servos { .. } => &[0, 1],
-            Command::Servo { index, .. } => match index.get() {
-                1 => &[0],
-                2 => &[1],
-                3 => &[2],
-                _ => &[3],
-            },
-            command if command.is_drive() => &[DRIVE],
-            _ => &[REST],
-        };
-        for place in places {
-            if let Some(mark) = self.marks.get_mut(*place) {
+        self.state.apply(self.board, &event.command);
+        for resource in self.board.touches(&event.command) {
+            if let Some(mark) = self.marks.get_mut(resource) {
                 *mark = Some((event.span, event.trace));
             }
         }
     }
 
-    fn push(&mut self, at_us: u64, command: Command, kind: Kind, place: usize) {
-        let (span, trace) = self.marks.get(place).copied().flatten().unwrap_or_default();
+    fn push(&mut self, at_us: u64, command: Command, kind: Kind) {
+        let resource = self.board.occupies(&command).first().copied();
+        let mark = resource.and_then(|resource| self.marks.get(resource).copied().flatten());
+        let (span, trace) = mark.unwrap_or_default();
         self.events.push(Event { at_us, command, kind, is_instant: false, span, trace });
     }
 
-    /// Brings the board to the state of the start; gives how long that takes.
+    /// Brings the board to the state of the start; gives how long that takes. What has a value goes there softly, or is sent there at once
+    /// where it is not known where it is; what is active follows when that is over.
     fn lead_in(&mut self, lead_in_us: u64, known: &State, at_once: &[&Command]) -> u64 {
+        let board = self.board;
         let state = self.state.clone();
+        let (held, still): (Vec<&Command>, Vec<&Command>) =
+            state.commands(board).partition(|command| board.is_active(command));
         let mut takes_us = 0;
-        for command in state.commands() {
-            match &command {
-                Command::Servo { index, pulse } => {
-                    let place = usize::try_from(index.get() - 1).unwrap_or(REST);
-                    match known.servo(*index) {
-                        Some(from) if from == *pulse => {}
-                        Some(from) => {
-                            takes_us = lead_in_us;
-                            self.glide(*index, from, *pulse, lead_in_us, place);
-                        }
-                        // Nobody knows where it is: it is sent there at once, and gets the time.
-                        None => {
-                            takes_us = lead_in_us;
-                            self.push(0, command.clone(), Kind::Auto, place);
-                        }
-                    }
+        for command in still {
+            let moves = board.verb(command.verb()).is_some_and(|verb| verb.moves);
+            let before = board.occupies(command).first().and_then(|resource| known.told(*resource));
+            match before {
+                _ if !moves => self.push(0, command.clone(), Kind::Auto),
+                Some(before) if before == command => {}
+                Some(before) => {
+                    takes_us = lead_in_us;
+                    self.glide(before, command, lead_in_us);
                 }
-                command if !command.is_drive() && !matches!(command, Command::Buzzer(_)) => {
-                    self.push(0, command.clone(), Kind::Auto, REST);
+                // It gets the time.
+                None => {
+                    takes_us = lead_in_us;
+                    self.push(0, command.clone(), Kind::Auto);
                 }
-                _ => {}
             }
         }
-        // Gains first, then step by step, each servo in its order.
+        // What takes no time first, then step by step, each resource in its order.
         self.events.sort_by_key(|event| event.at_us);
-        let is_buzzer = |command: &Command| matches!(command, Command::Buzzer(_));
-        let is_told = |is: &dyn Fn(&Command) -> bool| at_once.iter().any(|command| is(command));
-        let (drives, sounds) = (!is_told(&Command::is_drive), !is_told(&is_buzzer));
-        let held = |command: &Command| drives && command.is_drive() || sounds && is_buzzer(command);
-        for command in state.commands().filter(held) {
-            let place = if command.is_drive() { DRIVE } else { REST };
-            self.push(takes_us, command, Kind::Auto, place);
+        let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
+        for command in held.into_iter().filter(|command| !board.occupies(command).iter().any(is_told)) {
+            self.push(takes_us, command.clone(), Kind::Auto);
         }
-        self.now = takes_us;
         takes_us
     }
 
-    /// Goes from one pulse width to another, gently.
-    #[expect(clippy::too_many_arguments, reason = "a move and its parts")]
-    fn glide(&mut self, index: ServoIndex, from: PulseWidth, to: PulseWidth, lasts_us: u64, place: usize) {
+    /// Goes from one value to another, gently.
+    fn glide(&mut self, from: &Command, to: &Command, lasts_us: u64) {
         let ease = Ease::named("in-out-sine").unwrap_or(Ease::LINEAR);
-        let mut last = from;
+        let mut last = from.clone();
         let steps = (1..).map(|step| step * STEP_US).take_while(|at_us| *at_us < lasts_us).chain([lasts_us]);
         for at_us in steps {
             #[expect(clippy::cast_precision_loss, reason = "microseconds of a lead-in fit")]
-            let part = at_us as f64 / lasts_us.max(1) as f64;
-            let (start, end) = (f64::from(from.get()), f64::from(to.get()));
-            let value = libm::round(start + (end - start) * ease.at(part));
-            #[expect(clippy::cast_possible_truncation, reason = "between two pulse widths")]
-            let pulse = if at_us == lasts_us { to } else { PulseWidth::new(value as i32).unwrap_or(to) };
-            if pulse != last {
-                self.push(at_us, Command::Servo { index, pulse }, Kind::Auto, place);
-                last = pulse;
+            let part = ease.at(at_us as f64 / lasts_us.max(1) as f64);
+            let between = |(start, end): (i32, i32)| {
+                let (start, end) = (f64::from(start), f64::from(end));
+                #[expect(clippy::cast_possible_truncation, reason = "between two values of a command")]
+                let value = libm::round(start + (end - start) * part) as i32;
+                value
+            };
+            let values: Vec<i32> = from.values().into_iter().zip(to.values()).map(between).collect();
+            let step = self.board.command(to.verb(), &values).ok().filter(|_| at_us < lasts_us);
+            let step = step.unwrap_or_else(|| to.clone());
+            if step != last {
+                self.push(at_us, step.clone(), Kind::Auto);
+                last = step;
             }
         }
     }
 
-    /// What is still running at the end is ended.
+    /// What is still running at the end is ended, the last resource first.
     fn close(&mut self, end_us: u64) {
-        let is_raw = self.events.iter().any(|event| matches!(event.command, Command::Raw { .. }));
-        let has_closed = self.events.last().is_some_and(|event| event.kind == Kind::Closing);
-        if has_closed {
+        let board = self.board;
+        let is_opaque = self.events.iter().any(|event| board.is_opaque(&event.command));
+        if self.events.last().is_some_and(|event| event.kind == Kind::Closing) {
             return;
         }
-        if is_raw || self.state.drive().is_some_and(Command::keeps_driving) {
-            self.push(end_us, Command::STOP, Kind::Closing, DRIVE);
-        }
-        if is_raw || self.state.buzzer() == Some(true) {
-            self.push(end_us, Command::Buzzer(false), Kind::Closing, REST);
+        let active: Vec<ResourceId> = self.state.active(board).map(|(resource, _)| resource).collect();
+        for (resource, found) in board.resources.iter().enumerate().rev() {
+            if let Some(rest) = found.rest.clone().filter(|_| is_opaque || active.contains(&resource)) {
+                self.push(end_us, rest, Kind::Closing);
+            }
         }
     }
 }

@@ -7,11 +7,12 @@
 
 use std::fmt;
 use std::io::{self, Write};
+use std::sync::Arc;
 
 use super::listing::{write_line, write_moment};
 use super::tween::{Part, Walk};
 use super::{Event, Kind, Seconds, Timeline, Tween};
-use crate::board::{Command, Frame};
+use crate::board::{Board, Command, Frame};
 use crate::program::Ease;
 
 /// The version of the format that is written. Older ones stay readable.
@@ -28,8 +29,10 @@ const ABORT: &str = "# on abort";
 const END: &str = "# end\t";
 
 /// What a script sends, as a snapshot or the script itself has it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snapshot {
+    /// The board that it is for.
+    pub board: Arc<Board>,
     /// Every frame, in the order of sending.
     pub moments: Vec<Moment>,
     /// What only version 2 says.
@@ -65,7 +68,7 @@ impl Snapshot {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
         let Timeline { end_us, baud, .. } = *timeline;
         let more = More { tweens: timeline.tweens().to_vec(), abort: moments(timeline.abort()), end_us, baud };
-        Snapshot { moments: moments(timeline.events()), more: Some(more) }
+        Snapshot { board: Arc::clone(&timeline.board), moments: moments(timeline.events()), more: Some(more) }
     }
 
     /// Whether the robot does the same, as far as both say what it does. Moves that send the same frames are the same.
@@ -116,30 +119,30 @@ impl fmt::Display for SnapshotError {
 /// Writes the snapshot of a script that is called `name`.
 pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
-    let mut walk = Walk::new(timeline.tweens());
+    let mut walk = Walk::new(&timeline.board, timeline.tweens());
     let mut bytes = Vec::new();
     for event in timeline.events() {
         if let Part::First(Tween { at_us, end_us, ease, steps }) = walk.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{}\t{}\t{}\t{steps}", Seconds(*at_us), Seconds(*end_us), ease.name())?;
         }
-        write_line(event, &mut bytes, out)?;
+        write_line(&timeline.board, event, &mut bytes, out)?;
     }
     if !timeline.abort().is_empty() {
         writeln!(out, "{ABORT}")?;
     }
     for event in timeline.abort() {
-        write_line(event, &mut bytes, out)?;
+        write_line(&timeline.board, event, &mut bytes, out)?;
     }
     let count = timeline.events().len() + timeline.abort().len();
     writeln!(out, "{END}{}\tframes\t{count}\tbaud\t{}", Seconds(timeline.end_us), timeline.baud)
 }
 
 /// Writes a snapshot of what goes out when something ends a run early.
-pub fn write_aborted(name: &str, moments: &[Moment], baud: u32, out: &mut impl Write) -> io::Result<()> {
+pub fn write_aborted(board: &Board, name: &str, moments: &[Moment], baud: u32, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
     let mut bytes = Vec::new();
     for moment in moments {
-        write_moment(moment.at_us, &moment.command, moment.kind, &mut bytes, out)?;
+        write_moment(board, moment.at_us, &moment.command, moment.kind, &mut bytes, out)?;
     }
     let end_us = moments.last().map_or(0, |moment| moment.at_us);
     writeln!(out, "{END}{}\tframes\t{}\tbaud\t{baud}", Seconds(end_us), moments.len())
@@ -151,7 +154,7 @@ pub fn is_snapshot(text: &[u8]) -> bool {
 }
 
 /// Reads a snapshot. Strict: frame and command must be the same, times must not go back, and nothing may be missing.
-pub fn read_snapshot(text: &[u8]) -> Result<Snapshot, SnapshotError> {
+pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, SnapshotError> {
     let wrong = |line: usize, why: &str| SnapshotError { line, why: why.to_owned(), is_newer: false };
     let text = std::str::from_utf8(text).map_err(|error| {
         let before = text.get(..error.valid_up_to()).unwrap_or_default();
@@ -191,7 +194,7 @@ pub fn read_snapshot(text: &[u8]) -> Result<Snapshot, SnapshotError> {
         if text.starts_with('#') {
             continue;
         }
-        let moment = read_line(text).map_err(|why| wrong(line, &why))?;
+        let moment = read_line(board, text).map_err(|why| wrong(line, &why))?;
         let moments = if aborts { &mut more.abort } else { &mut moments };
         if moments.last().is_some_and(|before| before.at_us > moment.at_us) {
             return Err(wrong(line, "its time is before that of the line above"));
@@ -202,19 +205,19 @@ pub fn read_snapshot(text: &[u8]) -> Result<Snapshot, SnapshotError> {
         return Err(wrong(last, "the file ends inside this line"));
     }
     if version == 1 {
-        return Ok(Snapshot { moments, more: None });
+        return Ok(Snapshot { board: Arc::clone(board), moments, more: None });
     }
     let (end_us, count, baud) = end.ok_or_else(|| wrong(last, "the file is cut off: its last line is missing"))?;
     if count != moments.len() + more.abort.len() {
         return Err(wrong(last, &format!("there are {} frames, not {count}", moments.len() + more.abort.len())));
     }
-    belong(&moments, &more.tweens).map_err(|why| wrong(last, &why))?;
-    Ok(Snapshot { moments, more: Some(More { end_us, baud, ..more }) })
+    belong(board, &moments, &more.tweens).map_err(|why| wrong(last, &why))?;
+    Ok(Snapshot { board: Arc::clone(board), moments, more: Some(More { end_us, baud, ..more }) })
 }
 
 /// Whether every step has its move, and every move its steps.
-fn belong(moments: &[Moment], tweens: &[Tween]) -> Result<(), String> {
-    let mut walk = Walk::new(tweens);
+fn belong(board: &Board, moments: &[Moment], tweens: &[Tween]) -> Result<(), String> {
+    let mut walk = Walk::new(board, tweens);
     for Moment { at_us, command, kind } in moments {
         match walk.take(command, *kind) {
             Part::Stray => return Err(format!("the step at {} s belongs to no move", Seconds(*at_us))),
@@ -241,7 +244,7 @@ fn read_end(words: &str) -> Option<(u64, usize, u32)> {
     }
 }
 
-fn read_line(text: &str) -> Result<Moment, String> {
+fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
     let mut columns = text.split('\t');
     let mut column = |what: &str| columns.next().ok_or_else(|| format!("{what} is missing"));
     let (time, frame, said) = (column("the time")?, column("the frame")?, column("the command")?);
@@ -250,12 +253,15 @@ fn read_line(text: &str) -> Result<Moment, String> {
     let hex = |byte: &str| u8::from_str_radix(byte, 16).ok().filter(|_| byte.len() == 2 && !byte.starts_with('+'));
     let bytes = frame.split(' ').map(hex).collect::<Option<Vec<u8>>>();
     let bytes = bytes.ok_or_else(|| format!("`{frame}` is no frame in hex"))?;
-    let frame = Frame::new(&bytes).map_err(|error| error.to_string())?;
-    // A raw frame may be that of a command, and is not interpreted.
-    let command = if said.starts_with("raw ") { Command::raw(frame) } else { Command::decode_or_raw(frame) };
-    if command.to_string() != said {
-        return Err(format!("the frame is `{command}`, and not `{said}`"));
-    }
+    let frame = Frame::new(board, &bytes).map_err(|error| error.to_string())?;
+    // One that is not interpreted may be that of a command.
+    let is_said = |command: &Command| board.show(command).to_string() == said;
+    let raw = board.raw(frame.bytes());
+    let decoded = board.decode_or_raw(frame.bytes());
+    let Some(command) = raw.filter(is_said).or_else(|| decoded.clone().filter(is_said)) else {
+        let is = decoded.map_or_else(|| "no command".to_owned(), |command| format!("`{}`", board.show(&command)));
+        return Err(format!("the frame is {is}, and not `{said}`"));
+    };
     let kind = match word {
         None => Some(Kind::Command),
         Some(word) => Kind::ALL.iter().copied().find(|kind| kind.word() == Some(word)),

@@ -1,7 +1,7 @@
 //! The moves of a timeline: which steps belong together, and how they were meant.
 
-use super::{Kind, LANES, lane};
-use crate::board::Command;
+use super::Kind;
+use crate::board::{Board, Command};
 use crate::program::Ease;
 
 /// One move, as it was laid. Its steps are frames of kind [`Kind::Sample`]; those that would change nothing are left out, and
@@ -23,7 +23,8 @@ pub struct Tween {
 pub(super) struct Walk<'t> {
     next: std::slice::Iter<'t, Tween>,
     /// Of each lane, how many steps of its move are still to come.
-    left: [usize; LANES],
+    left: Vec<usize>,
+    board: &'t Board,
 }
 
 /// What a frame is to the moves.
@@ -39,8 +40,8 @@ pub(super) enum Part<'t> {
 }
 
 impl<'t> Walk<'t> {
-    pub(super) fn new(tweens: &'t [Tween]) -> Self {
-        Walk { next: tweens.iter(), left: [0; LANES] }
+    pub(super) fn new(board: &'t Board, tweens: &'t [Tween]) -> Self {
+        Walk { next: tweens.iter(), left: vec![0; board.lanes()], board }
     }
 
     /// Whether every move was taken whole.
@@ -50,7 +51,9 @@ impl<'t> Walk<'t> {
 
     /// Takes the next frame.
     pub(super) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
-        let Some(left) = self.left.get_mut(lane(command)).filter(|_| kind == Kind::Sample) else { return Part::None };
+        let Some(left) = self.left.get_mut(self.board.lane(command)).filter(|_| kind == Kind::Sample) else {
+            return Part::None;
+        };
         if let Some(fewer) = left.checked_sub(1) {
             *left = fewer;
             return Part::Further;

@@ -81,7 +81,7 @@ pub fn load(timeline: &Timeline) -> Load {
     let mut load = Load::default();
     let second = wire.micros(MICROS);
     for (at, event) in timeline.events().iter().enumerate() {
-        let bytes = event.command.frame_length();
+        let bytes = timeline.board.frame_length(&event.command);
         let departure = wire.send(event.at_us, bytes);
         let late_us = late(&wire, event, departure);
         if load.worst.is_none_or(|(_, worst)| late_us > worst) {
@@ -117,7 +117,7 @@ pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
         let mut worst: Option<(&Event, u64)> = None;
         let mut count = 0_usize;
         for event in timeline.frames(aborts) {
-            let departure = wire.send(event.at_us, event.command.frame_length());
+            let departure = wire.send(event.at_us, timeline.board.frame_length(&event.command));
             let late_us = late(&wire, event, departure);
             let is_allowed = || late_us <= FULL_US && diagnostics.is_allowed(Code::WireLate, event.span);
             if late_us <= LATE_US || is_allowed() {
@@ -129,13 +129,14 @@ pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
             }
         }
         if let Some((event, late_us)) = worst {
-            let diagnostic = too_late(event, late_us, count, aborts, &wire);
+            let diagnostic = too_late(timeline, event, late_us, count, aborts, &wire);
             diagnostics.push(timeline.traces.attach(diagnostic, event.trace));
         }
     }
 }
 
-fn too_late(event: &Event, late_us: u64, count: usize, aborts: bool, wire: &Wire) -> Diagnostic {
+#[expect(clippy::too_many_arguments, reason = "what is said of it")]
+fn too_late(timeline: &Timeline, event: &Event, late_us: u64, count: usize, aborts: bool, wire: &Wire) -> Diagnostic {
     let code = if late_us > FULL_US { Code::WireFull } else { Code::WireLate };
     let when = if aborts { " from the stop" } else { "" };
     let late = format!("{}.{} ms", late_us / 1_000, late_us / 100 % 10);
@@ -146,7 +147,7 @@ fn too_late(event: &Event, late_us: u64, count: usize, aborts: bool, wire: &Wire
     };
     let message = format!(
         "`{}` is due at {} s{when} and begins to leave {late} later, because the line is busy{more}",
-        event.command,
+        timeline.board.show(&event.command),
         Seconds(event.at_us)
     );
     let help = format!(

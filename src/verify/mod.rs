@@ -6,9 +6,11 @@ mod rehearse;
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::Options;
 use crate::sim::Faults;
@@ -236,7 +238,7 @@ impl Job {
         let new = Snapshot::of(timeline);
         let script_name = shell_word(&script.display().to_string());
         let command = format!("motionseq test --bless {script_name}");
-        match read_old(&snapshot, &command) {
+        match read_old(&timeline.board, &snapshot, &command) {
             Ok(None) if self.bless => bless(script, &snapshot, timeline),
             Ok(None) => {
                 let message = format!("there is no {name}; `{command}` writes it");
@@ -268,10 +270,10 @@ impl Job {
 }
 
 /// The snapshot at a path, if there is one; `bless` is what writes it.
-fn read_old(path: &Path, bless: &str) -> Result<Option<Snapshot>, Problem> {
+fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snapshot>, Problem> {
     let name = path.display().to_string();
     match read_file(path, MOST) {
-        Ok(text) => read_snapshot(&text).map(Some).map_err(|error| {
+        Ok(text) => read_snapshot(board, &text).map(Some).map_err(|error| {
             if error.is_newer {
                 return problem(&name, error.line, NEWER, error.why);
             }

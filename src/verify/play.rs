@@ -3,13 +3,14 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::rehearse::{Rehearsal, rehearse};
 use super::{Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::playback::Cause;
 use crate::sim::{Faults, Settings};
 use crate::source::{Lines, Sources, replace_file};
-use crate::timeline::{Seconds, Snapshot, Timeline, diff, write_aborted};
+use crate::timeline::{Moment, Seconds, Snapshot, Timeline, diff, write_aborted};
 
 /// How a comment begins that names faults to rehearse.
 const REHEARSE: &str = "rehearse";
@@ -65,15 +66,15 @@ impl Job {
                 match received.first_fault {
                     Some((byte, fault)) => format!("the board cannot use byte {byte} and what follows: {fault}"),
                     // With frames lost on purpose nobody knows.
-                    None if received.lost == 0 && !rehearsal.is_at_rest() => {
+                    None if received.lost == 0 && !rehearsal.is_at_rest(timeline) => {
                         "it does not end at rest: a `move` needs a `wait` for as long as it takes".to_owned()
                     }
                     None => return None,
                 }
             }
-            Cause::Lost(_) => format!("the port was lost at {at} s; {}", frames(rehearsal)),
-            Cause::Stalled => format!("the port stopped taking bytes at {at} s; {}", frames(rehearsal)),
-            _ => format!("the run ended at {at} s; {}", frames(rehearsal)),
+            Cause::Lost(_) => format!("the port was lost at {at} s; {}", frames(timeline, rehearsal)),
+            Cause::Stalled => format!("the port stopped taking bytes at {at} s; {}", frames(timeline, rehearsal)),
+            _ => format!("the run ended at {at} s; {}", frames(timeline, rehearsal)),
         };
         let with = if self.faults.is_none() { String::new() } else { format!("with {}: ", self.faults) };
         Some(problem(file, line, PLAY, with + &why))
@@ -97,14 +98,14 @@ impl Job {
             return here(PLAY, message);
         }
         let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
-        let new = Snapshot { moments: rehearsal.aborted.clone(), more: None };
-        match read_old(&path, &bless) {
+        let new = Snapshot { board: Arc::clone(&timeline.board), moments: rehearsal.aborted.clone(), more: None };
+        match read_old(&timeline.board, &path, &bless) {
             Ok(Some(old)) if old.moments == new.moments => Vec::new(),
             Err(wrong) if wrong.code == NEWER || !self.bless => vec![wrong],
             _ if self.bless => {
                 let mut text = Vec::new();
                 let title = format!("{} {faults}", script.file_name().unwrap_or_default().to_string_lossy());
-                let written = write_aborted(&title, &new.moments, timeline.baud, &mut text)
+                let written = write_aborted(&timeline.board, &title, &new.moments, timeline.baud, &mut text)
                     .and_then(|()| replace_file(&path, &text));
                 let failed =
                     |error: std::io::Error| problem(&path.display().to_string(), 0, "snapshot", error.to_string());
@@ -112,7 +113,8 @@ impl Job {
             }
             Err(wrong) => vec![wrong],
             Ok(None) => {
-                let message = format!("there is no {}; `{bless}` writes it; {}", path.display(), frames(rehearsal));
+                let message =
+                    format!("there is no {}; `{bless}` writes it; {}", path.display(), frames(timeline, rehearsal));
                 here("snapshot", message)
             }
             Ok(Some(old)) => {
@@ -171,8 +173,9 @@ fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<
 }
 
 /// What goes out when a run ends early, in words.
-fn frames(rehearsal: &Rehearsal) -> String {
-    let frames: Vec<String> = rehearsal.aborted.iter().map(|moment| format!("`{}`", moment.command)).collect();
+fn frames(timeline: &Timeline, rehearsal: &Rehearsal) -> String {
+    let said = |moment: &Moment| format!("`{}`", timeline.board.show(&moment.command));
+    let frames: Vec<String> = rehearsal.aborted.iter().map(said).collect();
     if frames.is_empty() { "nothing goes out".to_owned() } else { format!("what goes out is {}", frames.join(", ")) }
 }
 

@@ -1,7 +1,8 @@
 //! A whole run on the virtual board under a clock that jumps: the same player, a line that takes its time, no waiting.
 
-use crate::board::{Command, Frame, Item};
-use crate::board::{Decoder, ReportDecoder, ReportItem};
+use std::sync::Arc;
+
+use crate::board::{Decoder, Item, ReportDecoder, ReportItem};
 use crate::playback::{Cause, Input, Notice, Order, Outcome, Player, Verdict};
 use crate::sim::{Received, Settings, VirtualBoard};
 use crate::timeline::{Kind, Moment, Timeline};
@@ -50,19 +51,19 @@ pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
     let unplug = settings.faults.unplug_us.map(|us| us.saturating_mul(US));
     let stall = settings.faults.stall_us.map(|us| us.saturating_mul(US));
     let mut line = Line {
-        board: VirtualBoard::new(settings),
+        board: VirtualBoard::new(Arc::clone(&timeline.board), settings),
         coming: std::collections::VecDeque::new(),
         busy_until: 0,
         nanos_a_byte: 10 * SECOND / u64::from(timeline.baud.max(1)),
         timeline,
         given: 0,
-        decoder: Decoder::new(),
+        decoder: Decoder::new(&timeline.board),
         aborted: Vec::new(),
         ending: false,
         is_told: false,
     };
     let mut player = Player::new(timeline, MAX_LATE);
-    let mut reports = ReportDecoder::new();
+    let mut reports = ReportDecoder::new(timeline.board.codec.replies);
     let mut verdicts = Vec::new();
     let mut now = 0;
     let mut input = Input::Tick;
@@ -123,14 +124,15 @@ impl Line<'_> {
         let mut expected = Vec::new();
         while let Some(event) = self.timeline.events().get(self.given).filter(|_| !self.ending && !rest.is_empty()) {
             expected.clear();
-            event.encode(&mut expected);
+            self.timeline.board.encode(&event.command, &mut expected);
             let Some(behind) = rest.strip_prefix(expected.as_slice()) else { break };
             (self.given, rest) = (self.given + 1, behind);
         }
-        let Line { decoder, aborted, .. } = self;
+        let Line { timeline, decoder, aborted, .. } = self;
         decoder.feed(rest, |item| {
             if let Item::Frame(frame) = item {
-                aborted.push(moment(now, frame));
+                let command = timeline.board.decode_or_raw(frame.bytes());
+                aborted.extend(command.map(|command| Moment { at_us: now / US, command, kind: Kind::Abort }));
             }
         });
         if !leads_nowhere {
@@ -157,14 +159,10 @@ impl Line<'_> {
     }
 }
 
-fn moment(now: u64, frame: Frame<'_>) -> Moment {
-    Moment { at_us: now / US, command: Command::decode_or_raw(frame), kind: Kind::Abort }
-}
-
 impl Rehearsal {
     /// Whether the robot stands and is silent at the end.
-    pub fn is_at_rest(&self) -> bool {
-        self.received.state.at_rest() && !self.received.moves
+    pub fn is_at_rest(&self, timeline: &Timeline) -> bool {
+        self.received.state.at_rest(&timeline.board) && !self.received.moves
     }
 
     /// Whether the run ended as the script says: everything was sent, and nothing else.

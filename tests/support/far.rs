@@ -5,9 +5,10 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use motionseq::board::{Command, Decoder, Item, State};
+use motionseq::board::{Command, Decoder, Item};
 use motionseq::link::Pty;
 
+use super::board::{OnBoard, board, decoded, state, stop};
 use super::{motionseq, stderr};
 
 /// The frame of `stop` and `buzzer off`, by hand from the protocol table.
@@ -66,10 +67,10 @@ pub(crate) fn end(child: Child) -> (i32, String) {
 /// The commands in a stream; what is cut or garbled is passed over, as a board would.
 pub(crate) fn commands(bytes: &[u8]) -> Vec<Command> {
     let mut found = Vec::new();
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(board());
     let mut take = |item: Item<'_>| {
         if let Item::Frame(frame) = item {
-            found.push(Command::decode_or_raw(frame));
+            found.push(decoded(frame));
         }
     };
     decoder.feed(bytes, &mut take);
@@ -79,18 +80,14 @@ pub(crate) fn commands(bytes: &[u8]) -> Vec<Command> {
 
 /// After these bytes the board stands and is silent.
 pub(crate) fn assert_at_rest(received: &[u8]) {
-    let mut state = State::default();
-    for command in commands(received) {
-        state.apply(&command);
-    }
-    assert!(state.at_rest(), "{received:02X?}");
+    assert!(state(&commands(received)).at_rest(board()), "{received:02X?}");
 }
 
 /// Behind a run that drives until something ends it: three stops, buzzer off, and nothing that moves after the first stop.
 pub(crate) fn assert_stopped(received: &[u8]) {
     assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()), "{received:02X?}");
     let commands = commands(received);
-    let mut behind = commands.iter().skip_while(|command| **command != Command::STOP);
-    assert!(!behind.any(Command::keeps_driving), "{received:02X?}");
+    let mut behind = commands.iter().skip_while(|command| **command != stop());
+    assert!(!behind.any(OnBoard::keeps_driving), "{received:02X?}");
     assert_at_rest(received);
 }

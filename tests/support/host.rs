@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use std::process::{Child, ChildStderr, Command, Stdio};
 use std::thread::{self, JoinHandle};
 
-use motionseq::board::{Command as Said, Speed, TurnRate};
 use rustix::process::{Pid, Signal, kill_process};
 use serialport::SerialPort;
 
+use super::board::{OnBoard, say};
 use super::motionseq;
 
 /// A board that runs.
@@ -101,11 +101,16 @@ pub(crate) fn frames(listing: &str) -> Vec<&str> {
 }
 
 pub(crate) fn stop() -> Vec<u8> {
-    Said::STOP.to_frame()
+    say("stop", &[]).to_frame()
 }
 
 pub(crate) fn rocker(x: i32) -> Vec<u8> {
-    Said::Rocker { x: Speed::new(x).unwrap(), y: Speed::ZERO, z: TurnRate::ZERO }.to_frame()
+    say("rocker", &[x, 0, 0]).to_frame()
+}
+
+/// A request for what has this number in the protocol.
+pub(crate) fn request(number: i32) -> Vec<u8> {
+    say("request", &[number]).to_frame()
 }
 
 /// Whether Python has this module; in CI it has.

@@ -4,11 +4,12 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::rc::Rc;
+use std::sync::Arc;
 
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
-use motionseq::board::{Command, Hex, Hundredths, Item, MovePacking, Report, ServoIndex, State};
+use motionseq::board::{Board, Command, Hex, Item, Report, Sets, State, Takes, Text};
 use motionseq::capture::TimedDecoder;
 use motionseq::sim::Pose;
 use serde::Serialize;
@@ -18,7 +19,7 @@ use super::{Entry, Level};
 /// A log under way. It is made in memory, piece by piece; whoever has it takes the pieces to a file.
 pub(super) struct Book {
     /// How a `move` is read.
-    packing: MovePacking,
+    board: Arc<Board>,
     writer: Writer<NoSeek<Pieces>>,
     pieces: Pieces,
     /// The channel of each topic that has messages, with how many there are.
@@ -87,7 +88,7 @@ struct FrameMessage<'a> {
 
 /// What a board was told, without the time.
 #[derive(Clone, PartialEq, Serialize)]
-struct Told(BTreeMap<&'static str, Value>);
+struct Told(BTreeMap<Text, Value>);
 
 #[derive(Clone, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -113,12 +114,10 @@ struct PoseMessage {
 }
 
 #[derive(Serialize)]
-struct TelemetryMessage {
+struct TelemetryMessage<'a> {
     t_us: u64,
-    pitch_deg: f64,
-    roll_deg: f64,
-    yaw_deg: f64,
-    voltage_v: f64,
+    #[serde(flatten)]
+    values: BTreeMap<&'a str, f64>,
 }
 
 #[derive(Serialize)]
@@ -157,7 +156,7 @@ struct Timestamp {
 }
 
 impl Book {
-    pub(super) fn new(packing: MovePacking) -> io::Result<Self> {
+    pub(super) fn new(board: Arc<Board>) -> io::Result<Self> {
         let pieces = Pieces::default();
         let options = WriteOptions::new()
             .library(concat!("motionseq ", env!("CARGO_PKG_VERSION")))
@@ -167,13 +166,13 @@ impl Book {
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(pieces.clone())).map_err(io::Error::other)?;
         Ok(Book {
-            packing,
             writer,
             pieces,
             channels: BTreeMap::new(),
             begin: 0,
             // The times at which the bytes came are told; a line's are not added.
-            decoder: TimedDecoder::of_times(),
+            decoder: TimedDecoder::of_times(&board),
+            board,
             state: State::default(),
             shown: None,
         })
@@ -190,12 +189,12 @@ impl Book {
             Entry::Bytes(bytes) => self.bytes(at, &bytes),
             Entry::Late { event_us, late, command, place } => {
                 let (file, line) = place.map_or((None, None), |(file, line)| (Some(file), Some(line)));
-                let (late_us, file, command) = (micros(late), file.as_deref(), command.to_string());
+                let (late_us, file, command) = (micros(late), file.as_deref(), self.board.show(&command).to_string());
                 self.write(&LATENESS, at, &LatenessMessage { t_us, script_us: event_us, late_us, command, file, line })
             }
-            Entry::Report(Report { pitch, roll, yaw, voltage }) => {
-                let [pitch_deg, roll_deg, yaw_deg, voltage_v] = [pitch, roll, yaw, voltage].map(whole);
-                self.write(&TELEMETRY, at, &TelemetryMessage { t_us, pitch_deg, roll_deg, yaw_deg, voltage_v })
+            Entry::Report(report) => {
+                let board = Arc::clone(&self.board);
+                self.write(&TELEMETRY, at, &TelemetryMessage { t_us, values: values(&board, &report) })
             }
             Entry::Pose(Pose { x_cm, y_cm, yaw_deg }) => {
                 self.write(&POSE, at, &PoseMessage { t_us, x_cm, y_cm, yaw_deg })
@@ -218,23 +217,24 @@ impl Book {
 
     /// Frames of the line to the board, and what the board then is.
     fn bytes(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
-        let (packing, mut found) = (self.packing, Vec::new());
-        self.decoder.feed(at, bytes, |at_us, item| found.push(read(at_us, item, packing)));
+        let (board, mut found) = (Arc::clone(&self.board), Vec::new());
+        self.decoder.feed(at, bytes, |at_us, item| found.push(read(at_us, item, &board)));
         found.into_iter().try_for_each(|found| self.found(found))
     }
 
     fn found(&mut self, found: Found) -> io::Result<()> {
         let Found { t_us, hex, command, wrong } = found;
         let at = t_us.saturating_mul(1_000);
-        let says = command.as_ref().map(Command::to_string);
+        let board = Arc::clone(&self.board);
+        let says = command.as_ref().map(|command| board.show(command).to_string());
         let text = wrong.as_ref().map(|why| format!("{hex}: {why}"));
         self.write(&FRAMES, at, &FrameMessage { t_us, hex, command: says, wrong: wrong.as_deref() })?;
         if let Some(text) = text {
             self.take(at, Entry::Line { level: Level::Warning, text, place: None })?;
         }
         let Some(command) = command.filter(|_| wrong.is_none()) else { return Ok(()) };
-        self.state.apply(&command);
-        let told = told(&self.state);
+        self.state.apply(&board, &command);
+        let told = told(&board, &self.state);
         if self.shown.as_ref() != Some(&told) {
             self.write(&BOARD, at, &BoardMessage { t_us, told: &told })?;
             self.shown = Some(told);
@@ -271,8 +271,8 @@ impl Book {
 
     /// The last piece, with which the log is whole.
     pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
-        let (packing, mut found) = (self.packing, Vec::new());
-        self.decoder.finish(|at_us, item| found.push(read(at_us, item, packing)));
+        let (board, mut found) = (Arc::clone(&self.board), Vec::new());
+        self.decoder.finish(|at_us, item| found.push(read(at_us, item, &board)));
         found.into_iter().try_for_each(|found| self.found(found))?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
@@ -287,12 +287,11 @@ struct Found {
     wrong: Option<String>,
 }
 
-fn read(t_us: u64, item: Item<'_>, packing: MovePacking) -> Found {
+fn read(t_us: u64, item: Item<'_>, board: &Board) -> Found {
     match item {
         Item::Frame(frame) => {
-            let read = Command::decode_as(frame, packing);
-            let wrong = read.as_ref().err().map(ToString::to_string);
-            Found { t_us, hex: frame.to_string(), command: Some(read.unwrap_or_else(|_| Command::raw(frame))), wrong }
+            let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
+            Found { t_us, hex: frame.to_string(), command: board.decode_or_raw(frame.bytes()), wrong }
         }
         Item::Skipped { bytes, why, .. } => {
             Found { t_us, hex: Hex(bytes).to_string(), command: None, wrong: why.is_wrong().then(|| why.to_string()) }
@@ -300,38 +299,42 @@ fn read(t_us: u64, item: Item<'_>, packing: MovePacking) -> Found {
     }
 }
 
-/// What a board was told, by name.
-fn told(state: &State) -> Told {
+/// What a board was told, by name: of each resource that does one thing at a time its value, whether it is on, or the values of its command
+/// and the command.
+fn told(board: &Board, state: &State) -> Told {
     let mut told = BTreeMap::new();
-    for (index, name) in (1..).zip(["servo_1", "servo_2", "servo_3", "servo_4"]) {
-        if let Some(pulse) = ServoIndex::new(index).ok().and_then(|index| state.servo(index)) {
-            told.insert(name, Value::Number(pulse.get().into()));
-        }
-    }
-    if let Some(drive) = state.drive() {
-        let mut say = |names: &[&'static str], values: &[i64]| {
-            told.extend(names.iter().zip(values).map(|(name, value)| (*name, Value::Number(*value))));
-        };
-        match drive {
-            &Command::STOP => say(&["x", "y", "z", "wheel_a", "wheel_b", "wheel_c", "wheel_d"], &[0; 7]),
-            Command::Rocker { x, y, z } => say(&["x", "y", "z"], &[x.get().into(), y.get().into(), z.get().into()]),
-            Command::YawHold { x, y } => say(&["x", "y"], &[x.get().into(), y.get().into()]),
-            Command::Wheels(wheels) => {
-                say(&["wheel_a", "wheel_b", "wheel_c", "wheel_d"], &wheels.map(|wheel| wheel.get().into()));
+    let number = |value: i32| Value::Number(value.into());
+    let resources = board.resources.iter().enumerate().filter(|(_, resource)| resource.is_exclusive);
+    for (id, resource) in resources {
+        let Some(command) = state.told(id) else { continue };
+        let Some(verb) = board.verb(command.verb()) else { continue };
+        let values = command.values();
+        match (verb.axes.as_slice(), values.as_slice()) {
+            ([.., _], [.., value]) if verb.is_indexed() => {
+                told.insert(resource.key.clone(), number(*value));
             }
-            _ => {}
+            ([axis], [value]) if matches!(axis.takes, Takes::Word(_)) => {
+                told.insert(resource.key.clone(), Value::Switch(*value != 0));
+            }
+            (axes, values) => {
+                if board.rest(id) == Some(command) && command.is_zero() {
+                    // Behind that, whatever moves this resource is at zero.
+                    let others = board.verbs.iter().filter(|verb| verb.moves && verb.sets == Sets::One(id));
+                    told.extend(others.flat_map(|verb| &verb.axes).map(|axis| (axis.key.clone(), number(0))));
+                } else if verb.moves {
+                    told.extend(axes.iter().zip(values).map(|(axis, value)| (axis.key.clone(), number(*value))));
+                }
+                told.insert(resource.key.clone(), Value::Text(board.show(command).to_string()));
+            }
         }
-        told.insert("drive", Value::Text(drive.to_string()));
-    }
-    if let Some(buzzer) = state.buzzer() {
-        told.insert("buzzer", Value::Switch(buzzer));
     }
     Told(told)
 }
 
-/// Hundredths as a number.
-fn whole(hundredths: Hundredths) -> f64 {
-    f64::from(hundredths.0) / 100.0
+/// The values of a report, by name.
+fn values<'b>(board: &'b Board, report: &Report) -> BTreeMap<&'b str, f64> {
+    let quantities = board.quantities.iter().enumerate();
+    quantities.map(|(row, quantity)| (&*quantity.key, report.value(row).number())).collect()
 }
 
 /// Nanoseconds in microseconds.

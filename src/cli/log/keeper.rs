@@ -4,10 +4,11 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use motionseq::board::MovePacking;
+use motionseq::board::Board;
 
 use super::book::Book;
 use super::{Entry, Screen};
@@ -29,13 +30,13 @@ pub(super) const WHY_NOT: Option<&str> = None;
 pub(super) fn keep(
     file: File,
     path: PathBuf,
-    packing: MovePacking,
+    board: Arc<Board>,
     screen: Screen,
     entries: &Receiver<(u64, Entry)>,
 ) -> Option<String> {
     let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
     let mut keeper = Keeper { file, is_file, at: 0, path, screen, pending: Vec::new(), failing: None, is_over: false };
-    match keeper.write_all(entries, packing) {
+    match keeper.write_all(entries, board) {
         Ok(()) => keeper.failing,
         Err(error) => Some(error.to_string()),
     }
@@ -59,8 +60,8 @@ struct Keeper {
 }
 
 impl Keeper {
-    fn write_all(&mut self, entries: &Receiver<(u64, Entry)>, packing: MovePacking) -> io::Result<()> {
-        let mut book = Book::new(packing)?;
+    fn write_all(&mut self, entries: &Receiver<(u64, Entry)>, board: Arc<Board>) -> io::Result<()> {
+        let mut book = Book::new(board)?;
         let mut written = Instant::now();
         loop {
             match entries.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {

@@ -3,10 +3,11 @@
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, SystemTime};
 
-use motionseq::board::{Command, MovePacking, Report};
+use motionseq::board::{Board, Command, Report};
 use motionseq::playback::now;
 use motionseq::sim::Pose;
 
@@ -75,7 +76,7 @@ impl Log {
     pub(super) fn open(
         path: Option<&Path>,
         beside: Option<&File>,
-        packing: MovePacking,
+        board: Arc<Board>,
         screen: &Screen,
     ) -> Result<Option<Self>, Exit> {
         let Some(path) = path else { return Ok(None) };
@@ -83,12 +84,12 @@ impl Log {
             Some(other) if output::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
             _ => Ok(created.file),
         });
-        let started = file.and_then(|file| Log::start(file, path, packing, *screen));
+        let started = file.and_then(|file| Log::start(file, path, board, *screen));
         started.map(Some).map_err(|error| output::exit(Err(error), Some(path), screen))
     }
 
     /// Starts a log into a file, and throws away what stood there; it begins now.
-    pub(super) fn start(file: File, path: &Path, packing: MovePacking, screen: Screen) -> io::Result<Self> {
+    pub(super) fn start(file: File, path: &Path, board: Arc<Board>, screen: Screen) -> io::Result<Self> {
         if let Some(why_not) = keeper::WHY_NOT {
             return Err(io::Error::other(why_not));
         }
@@ -97,7 +98,7 @@ impl Log {
         let (keep, kept) = mpsc::channel();
         let name = path.to_owned();
         start_thread("log", move || {
-            let _ = keep.send(keeper::keep(file, name, packing, screen, &to_write));
+            let _ = keep.send(keeper::keep(file, name, board, screen, &to_write));
         })?;
         let mut log = Log { path: path.to_owned(), screen, entries, kept, begin: 0, lost: 0 };
         log.begin(now());

@@ -52,7 +52,12 @@ impl RunLog {
             }
             Notice::Dropped { event } => {
                 if let Some(event) = timeline.events().get(event) {
-                    self.line(at, Level::Warning, format!("dropped: {}", event.command), spot(event.span));
+                    self.line(
+                        at,
+                        Level::Warning,
+                        format!("dropped: {}", timeline.board.show(&event.command)),
+                        spot(event.span),
+                    );
                 }
             }
             Notice::Sleeping { at_us } | Notice::Paused { at_us } => {

@@ -4,7 +4,7 @@ mod values;
 
 use smallvec::SmallVec;
 
-use super::commands::{self, Row};
+use super::commands::{self, Signature};
 use super::context::Context;
 use super::ease::Ease;
 use super::suggest::{list, suggest};
@@ -14,13 +14,15 @@ use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
 
+pub(super) use values::Bound;
+
 /// The words that change how a command runs, each with one argument behind it.
 const MODIFIERS: &[&str] = &["for", "over", "ease", "within", "every", "as"];
 
 /// The arguments of one command that are not taken yet.
 pub(super) struct Arguments<'r, 'a, 's, 'd> {
     /// The command's row in the table.
-    pub(super) row: &'static Row,
+    pub(super) row: Signature<'d>,
     /// The command itself.
     pub(super) command: &'a Command<'s>,
     pub(super) context: &'r mut Context<'s, 'd>,
@@ -53,7 +55,7 @@ impl Lasting {
 
 impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     /// Sorts the arguments; `None` where they cannot be, which is reported.
-    pub(super) fn new(row: &'static Row, command: &'a Command<'s>, context: &'r mut Context<'s, 'd>) -> Option<Self> {
+    pub(super) fn new(row: Signature<'d>, command: &'a Command<'s>, context: &'r mut Context<'s, 'd>) -> Option<Self> {
         match &command.block {
             Some(block) if !row.block => {
                 let span = Span { end: block.span.start + 1, ..block.span };
@@ -233,7 +235,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         if word == "at" {
             return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row.name));
         }
-        if commands::find(word).is_some() {
+        if commands::find(self.context.board, word).is_some() {
             return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
         }
         suggest(word, MODIFIERS.iter().copied()).map(|near| format!("did you mean `{near}`?"))
@@ -363,10 +365,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 );
                 ("the value before `->` is missing".to_owned(), help)
             }
-            Item::Arrow(..) => (
-                "a move from one value to another has no place here".to_owned(),
-                "`A -> B` stands in `servo`, `servos`, `rocker`, `yawhold` and `wheels`, with `over`".to_owned(),
-            ),
+            Item::Arrow(..) => {
+                let moving = self.context.board.verbs.iter().filter(|verb| verb.moves);
+                let moving: Vec<String> = moving.map(|verb| format!("`{}`", verb.word)).collect();
+                let message = "a move from one value to another has no place here".to_owned();
+                (message, format!("`A -> B` stands in {}, with `over`", list(moving.iter().map(String::as_str))))
+            }
             Item::Range(..) => ("one value is needed here, not a range".to_owned(), self.row.how()),
             Item::List(list) => ("one value is needed here, not a list".to_owned(), without_commas(list, argument)),
             Item::Comparison(sign) => {

@@ -4,27 +4,41 @@ use super::super::motion::Glide;
 use super::super::suggest::{list, suggest};
 use super::super::value::{self, Quantity};
 use super::Arguments;
-use crate::board::Ranged;
+use crate::board::{Axis, Unit};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Argument, Item, Value, ValueKind};
 
+/// What a number must be, and how messages speak of it.
+#[derive(Clone, Copy)]
+pub(in crate::program) struct Bound<'t> {
+    pub(in crate::program) what: &'t str,
+    /// The smallest and the largest.
+    pub(in crate::program) range: (i32, i32),
+    pub(in crate::program) unit: Unit,
+    /// Why the range ends there; empty where that needs no words.
+    pub(in crate::program) why: &'t str,
+}
+
+impl<'t> From<&'t Axis> for Bound<'t> {
+    fn from(axis: &'t Axis) -> Self {
+        Bound { what: &axis.what, range: axis.range, unit: axis.unit, why: &axis.why }
+    }
+}
+
 impl<'a, 's> Arguments<'_, 'a, 's, '_> {
-    /// A value in the range of `Ranged`, which may be a move: `B` or `A -> B`. `read` gives its number.
-    pub(in crate::program) fn glide<const MIN: i32, const MAX: i32>(
-        &mut self,
-        argument: &'a Argument<'s>,
-        read: impl Fn(&mut Self, &'a Value<'s>) -> Option<f64>,
-        what: &str,
-        unit_and_why: [&str; 2],
-    ) -> Option<Glide> {
+    /// A value that may be a move: `B` or `A -> B`.
+    pub(in crate::program) fn glide(&mut self, argument: &'a Argument<'s>, bound: Bound<'_>) -> Option<Glide> {
         let (from, to) = match &argument.item {
             Item::Arrow(ends) => (Some(&ends.0), &ends.1),
             _ => (None, self.one(argument)?),
         };
         let mut checked = |value: &'a Value<'s>| {
-            let number = read(self, value)?;
-            self.in_range::<MIN, MAX>(number, value.span, what, unit_and_why)?;
+            let number = match bound.unit {
+                Unit::Micros { .. } => self.micros(value, bound.what, bound.unit)?,
+                Unit::None => self.number(value, bound.what)?,
+            };
+            self.in_range(number, value.span, bound)?;
             Some(number)
         };
         let from = match from {
@@ -34,70 +48,43 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         Some(Glide { from, to: checked(to)? })
     }
 
-    /// A bare number in the range of `Ranged`, rounded to a whole one. `what` names it in messages.
-    pub(in crate::program) fn ranged<const MIN: i32, const MAX: i32>(
-        &mut self,
-        value: &'a Value<'s>,
-        what: &str,
-    ) -> Option<Ranged<MIN, MAX>> {
-        let number = self.number(value, what)?;
-        let number = self.in_range::<MIN, MAX>(number, value.span, what, ["", ""])?;
-        Ranged::new(number).ok()
+    /// A bare number, rounded to a whole one.
+    pub(in crate::program) fn ranged(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<i32> {
+        let number = self.number(value, bound.what)?;
+        self.in_range(number, value.span, bound)
     }
 
-    /// A whole number in the range of `Ranged`: an index, a count or a byte is never rounded.
-    pub(in crate::program) fn whole<const MIN: i32, const MAX: i32>(
-        &mut self,
-        value: &'a Value<'s>,
-        what: &str,
-    ) -> Option<Ranged<MIN, MAX>> {
-        self.whole_because(value, what, "")
+    /// A whole number: an index, a count or a byte is never rounded. `what` names it in messages.
+    pub(in crate::program) fn integer(&mut self, value: &'a Value<'s>, what: &str, range: (i32, i32)) -> Option<i32> {
+        self.whole(value, Bound { what, range, unit: Unit::None, why: "" })
     }
 
-    /// The same; `why` is said of a number outside.
-    pub(in crate::program) fn whole_because<const MIN: i32, const MAX: i32>(
-        &mut self,
-        value: &'a Value<'s>,
-        what: &str,
-        why: &str,
-    ) -> Option<Ranged<MIN, MAX>> {
-        let number = self.integer::<MIN, MAX>(value, what, why)?;
-        Ranged::new(number).ok()
-    }
-
-    /// The same for ranges that the board does not know.
-    pub(in crate::program) fn integer<const MIN: i32, const MAX: i32>(
-        &mut self,
-        value: &'a Value<'s>,
-        what: &str,
-        why: &str,
-    ) -> Option<i32> {
-        let number = self.number(value, what)?;
+    /// The same, with what is said of a number outside.
+    pub(in crate::program) fn whole(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<i32> {
+        let number = self.number(value, bound.what)?;
+        let (what, (least, most)) = (bound.what, bound.range);
         if libm::trunc(number) != number {
             self.context.report(Diagnostic::new(
                 Code::NotWhole,
                 value.span,
                 format!("{what} is a whole number, and {number} is not"),
-                format!("write one from {MIN} to {MAX}, or round it: `round(…)`"),
+                format!("write one from {least} to {most}, or round it: `round(…)`"),
             ));
             return None;
         }
-        self.in_range::<MIN, MAX>(number, value.span, what, ["", why])
+        self.in_range(number, value.span, bound)
     }
 
-    /// A byte: whole, 0-255 or 0x00-0xFF.
-    pub(in crate::program) fn byte(&mut self, value: &'a Value<'s>, what: &str) -> Option<u8> {
-        let byte: Ranged<0, 255> = self.whole(value, what)?;
-        u8::try_from(byte.get()).ok()
-    }
-
-    /// A pulse width in microseconds: a bare number, a time, or an angle from 0 to 180 degrees on 500-2500.
-    pub(in crate::program) fn micros(&mut self, value: &'a Value<'s>, what: &str) -> Option<f64> {
-        match self.context.value(value)? {
-            Quantity::Number(micros) => Some(micros),
-            Quantity::Time(time) => Some(time.in_micros()),
-            Quantity::Degrees(degrees) if (0.0..=180.0).contains(&degrees) => Some(500.0 + degrees / 180.0 * 2_000.0),
-            Quantity::Degrees(_) => {
+    /// A pulse width in microseconds: a bare number, a time, or an angle from 0 to 180 degrees where the unit says what that is.
+    pub(in crate::program) fn micros(&mut self, value: &'a Value<'s>, what: &str, unit: Unit) -> Option<f64> {
+        match (self.context.value(value)?, unit) {
+            (Quantity::Number(micros), _) => Some(micros),
+            (Quantity::Time(time), _) => Some(time.in_micros()),
+            (Quantity::Degrees(degrees), Unit::Micros { least, most }) if (0.0..=180.0).contains(&degrees) => {
+                let (least, most) = (f64::from(least), f64::from(most));
+                Some(least + degrees / 180.0 * (most - least))
+            }
+            (Quantity::Degrees(_), Unit::Micros { .. }) => {
                 self.context.report(Diagnostic::new(
                     Code::OutOfRange,
                     value.span,
@@ -106,7 +93,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
                 ));
                 None
             }
-            other => {
+            (other, _) => {
                 let help = "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`";
                 self.wrong_unit(value.span, what, other, help);
                 None
@@ -115,7 +102,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     }
 
     /// A word out of `words`.
-    pub(in crate::program) fn word(&mut self, value: &'a Value<'s>, words: &[&'static str]) -> Option<&'static str> {
+    pub(in crate::program) fn word<'w>(&mut self, value: &'a Value<'s>, words: &[&'w str]) -> Option<&'w str> {
         let found = match &value.kind {
             ValueKind::Word(word) | ValueKind::Text(word) | ValueKind::Number(_, word) if !value.negative => *word,
             _ => "this",
@@ -148,27 +135,24 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         self.context.report(Diagnostic::new(Code::Unit, span, message, help));
     }
 
-    pub(super) fn in_range<const MIN: i32, const MAX: i32>(
-        &mut self,
-        number: f64,
-        span: Span,
-        what: &str,
-        [unit, why]: [&str; 2],
-    ) -> Option<i32> {
-        let checked = value::round(number).filter(|number| (MIN..=MAX).contains(number));
+    fn in_range(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
+        let Bound { what, range: (least, most), unit, why } = bound;
+        let checked = value::round(number).filter(|number| (least..=most).contains(number));
         if checked.is_none() {
-            let angle = (unit == " µs" && (0.0..=180.0).contains(&number))
-                .then(|| format!("for an angle, write `{number}deg`"));
+            let is_angle = matches!(unit, Unit::Micros { .. }) && (0.0..=180.0).contains(&number);
+            let angle = is_angle.then(|| format!("for an angle, write `{number}deg`"));
             let because = match (angle, why) {
                 (Some(angle), _) => format!("; {angle}"),
                 (None, "") => String::new(),
                 (None, why) => format!("; {why}"),
             };
+            let symbol = unit.symbol();
+            let blank = if symbol.is_empty() { "" } else { " " };
             self.context.report(Diagnostic::new(
                 Code::OutOfRange,
                 span,
-                format!("{what} is from {MIN} to {MAX}{unit}, and {number} is outside"),
-                format!("write a value from {MIN} to {MAX}{because}"),
+                format!("{what} is from {least} to {most}{blank}{symbol}, and {number} is outside"),
+                format!("write a value from {least} to {most}{because}"),
             ));
         }
         checked

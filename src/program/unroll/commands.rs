@@ -1,78 +1,36 @@
 //! One command of a script: its row in the table decides what becomes of it.
 
 use super::super::arguments::{self, Arguments, Lasting, bare_word};
-use super::super::commands::{self, Build};
-use super::super::motion::{Move, Shape};
+use super::super::commands::{self, Build, Signature, Word};
+use super::super::motion::Move;
 use super::super::time::Time;
 use super::super::value::Quantity;
+use super::super::verbs::{self, Spoken};
 use super::super::weight::{self, Weight};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Unroll};
-use crate::board;
+use crate::board::{self, Verb, VerbId};
 use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::Command;
 
-impl<'s> Unroll<'s, '_> {
+impl<'s, 'd> Unroll<'s, 'd> {
     #[expect(clippy::too_many_lines, reason = "a table of commands")]
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
-        let Some(row) = commands::find(command.head.text) else {
-            self.unknown(command);
-            return None;
+        let row = match commands::find(self.context.board, command.head.text) {
+            Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
+            Some(Word::Row(row)) => row,
+            None => {
+                self.unknown(command);
+                return None;
+            }
         };
         if let Build::Later = row.build {
             self.malformed_or_later(row, command);
             return None;
         }
-        let mut args = Arguments::new(row, command, &mut self.context)?;
+        let mut args = Arguments::new(row.signature(), command, &mut self.context)?;
         match row.build {
-            Build::Send(build) => {
-                let sent = build(&mut args);
-                let lasting = args.lasting();
-                let complete = args.finish();
-                let lasting = lasting.ok()?;
-                let end = start.plus(lasting.time());
-                let (Some(sent), Some(())) = (sent, complete) else {
-                    // A wrong value moves nothing behind it, but after a wrong `pid` nobody knows the mode.
-                    return (row.name != "pid").then_some(end);
-                };
-                let hold = match lasting {
-                    Lasting::For(time) => Some(time),
-                    _ => None,
-                };
-                if sent == board::Command::Buzzer(false) && hold.is_some() {
-                    let help = "give the time a line of its own: `wait 2s`";
-                    self.report(Code::Arguments, command.span, "`buzzer off` takes no `for`", help);
-                    return Some(end);
-                }
-                self.send(start, command.span, sent, hold);
-                Some(end)
-            }
-            Build::Go(build) => {
-                let motion = build(&mut args);
-                let lasting = args.lasting();
-                let complete = args.finish();
-                let lasting = lasting.ok()?;
-                let end = start.plus(lasting.time());
-                let (Some(motion), Some(())) = (motion, complete) else {
-                    return Some(end);
-                };
-                match lasting {
-                    Lasting::Over(over, ease) => {
-                        let span = command.span;
-                        if self.no_drive_in_abort(matches!(motion.shape, Shape::Servo(_) | Shape::Servos), span) {
-                            self.push(start, span, Action::Go(Box::new(Move { motion, over, ease })));
-                        }
-                    }
-                    _ if motion.has_start() => {
-                        let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
-                        self.report(Code::Arguments, command.span, "`A -> B` needs a time", help);
-                    }
-                    Lasting::For(hold) => self.send(start, command.span, motion.target()?, Some(hold)),
-                    Lasting::Instant => self.send(start, command.span, motion.target()?, None),
-                }
-                Some(end)
-            }
             Build::Wait => {
                 let value = args.next()?;
                 let time = arguments::time(value, args.context);
@@ -167,15 +125,55 @@ impl<'s> Unroll<'s, '_> {
         }
     }
 
+    /// A verb of the board: one command, or a move.
+    fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
+        let board = self.context.board;
+        let mut args = Arguments::new(Signature::of(verb), command, &mut self.context)?;
+        let spoken = verbs::read(&mut args, id, verb);
+        let lasting = args.lasting();
+        let complete = args.finish();
+        let lasting = lasting.ok()?;
+        let (end, span) = (start.plus(lasting.time()), command.span);
+        let (Some(spoken), Some(())) = (spoken, complete) else {
+            // A wrong value moves nothing behind it, but what other verbs need is not known any more.
+            return (!board.is_needed(id)).then_some(end);
+        };
+        let sent = match (spoken, lasting) {
+            (Spoken::Motion(motion), Lasting::Over(over, ease)) => {
+                let touches = board.occupied(motion.verb, motion.index);
+                if self.no_drive_in_abort(!touches.iter().any(|resource| board.is_fed(*resource)), span) {
+                    self.push(start, span, Action::Go(Box::new(Move { motion, over, ease })));
+                }
+                return Some(end);
+            }
+            (Spoken::Motion(motion), _) if motion.has_start() => {
+                let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
+                self.report(Code::Arguments, span, "`A -> B` needs a time", help);
+                return Some(end);
+            }
+            (Spoken::Motion(motion), _) => motion.target(board)?,
+            (Spoken::Command(sent), _) => sent,
+        };
+        let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
+        if hold.is_some() && !verb.moves && board.is_rest(&sent) {
+            let message = format!("`{}` takes no `for`", board.show(&sent));
+            self.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
+            return Some(end);
+        }
+        self.send(start, span, sent, hold);
+        Some(end)
+    }
+
     pub(super) fn send(&mut self, at: Time, span: Span, command: board::Command, hold: Option<Time>) {
-        if !self.no_drive_in_abort(!command.is_drive(), span) {
+        let board = self.context.board;
+        if !self.no_drive_in_abort(!board.is_drive(&command), span) {
             return;
         }
         // A stop is never refused.
         let broken =
-            if command == board::Command::STOP { None } else { limits::broken(&self.settings.limits, &command) };
+            if board.is_rest(&command) { None } else { limits::broken(board, &self.settings.limits, &command) };
         if let Some((limit, value)) = broken {
-            let diagnostic = limits::diagnostic(limit, value, span);
+            let diagnostic = limits::diagnostic(board, limit, value, span);
             self.context.report(diagnostic);
             return;
         }

@@ -2,9 +2,10 @@
 //! in all others. A script of a few lines may unroll to millions of commands.
 
 use super::super::Action;
-use super::super::commands::{self, Build};
+use super::super::commands::{self, Build, Word};
 use super::super::time::Time;
 use super::{Frame, Unroll};
+use crate::board::Board;
 use crate::source::Span;
 use crate::syntax::{Line, LineRef, Part, Start, Statement};
 
@@ -72,7 +73,7 @@ impl<'s> Unroll<'s, '_> {
             return Some(());
         }
         let line = line.read();
-        if !may_be_fixed(&line) {
+        if !may_be_fixed(self.context.board, &line) {
             return self.line(&line, frame, depth);
         }
         let outer = fixed.outer;
@@ -96,10 +97,12 @@ impl<'s> Unroll<'s, '_> {
 }
 
 /// Whether a line is one command to the board, or passes time, and starts where the line before has ended or a time behind.
-fn may_be_fixed(line: &Line<'_>) -> bool {
+fn may_be_fixed(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
-    let row = commands::find(command.head.text);
-    robots.is_empty()
-        && matches!(line.start, None | Some(Start::After(_)))
-        && row.is_some_and(|row| matches!(row.build, Build::Send(_) | Build::Go(_) | Build::Wait))
+    let is_plain = match commands::find(board, command.head.text) {
+        Some(Word::Verb(..)) => true,
+        Some(Word::Row(row)) => matches!(row.build, Build::Wait),
+        None => false,
+    };
+    is_plain && robots.is_empty() && matches!(line.start, None | Some(Start::After(_)))
 }

@@ -13,7 +13,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 
 use super::arguments::{self, blank_before_unit};
-use super::commands::Build;
+use super::commands::{Build, Word};
 use super::context::Context;
 use super::later::Later;
 use super::scope::{self, Scope};
@@ -25,6 +25,7 @@ use super::weight::Weight;
 use fixed::Fixed;
 
 use super::{Abort, Options, Program, Settings, Step};
+use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::source::{Sources, Span};
 use crate::syntax::{
@@ -37,15 +38,16 @@ const ENOUGH: u64 = 300_000;
 /// How deep blocks and calls may run inside each other.
 const MAX_DEPTH: usize = 200;
 
-pub(super) fn unroll<'s>(
+pub(super) fn unroll<'s, 'd>(
     script: &mut Lines<'s>,
     sources: &'s Sources,
-    options: &Options,
-    diagnostics: &mut Diagnostics,
+    options: &'d Options,
+    diagnostics: &'d mut Diagnostics,
 ) -> Program {
     let is_readable = !diagnostics.has_errors();
     let context = Context {
         diagnostics,
+        board: &options.board,
         scope: Scope::new(),
         tempo: super::tempo::Tempo::default(),
         random: crate::random::SplitMix::default(),
@@ -58,7 +60,7 @@ pub(super) fn unroll<'s>(
         context,
         sources,
         sets: Vec::new(),
-        settings: Settings::default(),
+        settings: Settings::of(&options.board),
         given: Vec::new(),
         weights: Vec::new(),
         touched: HashSet::new(),
@@ -225,6 +227,7 @@ impl<'s> Unroll<'s, '_> {
             self.report(Code::Unused, span, message, "take it away, or use it");
         }
         Program {
+            board: std::sync::Arc::clone(self.context.board),
             settings: self.settings,
             steps: self.steps,
             end,
@@ -399,7 +402,7 @@ impl<'s> Unroll<'s, '_> {
             }
             Origin::Value(value) => {
                 if let ValueKind::Word(word) = value.kind
-                    && super::commands::find(word).is_some()
+                    && super::commands::find(self.context.board, word).is_some()
                 {
                     let help = format!("for example `at 0.5s {word} …`");
                     self.report(Code::StartTime, value.span, "`at` needs a time before the command", help);
@@ -492,7 +495,7 @@ impl<'s> Unroll<'s, '_> {
             self.context.report(not_yet(robot.span, "a command for one of several robots"));
             return None;
         }
-        if joined && let Some((word, span)) = stands_alone(&part.statement) {
+        if joined && let Some((word, span)) = stands_alone(self.context.board, &part.statement) {
             let help =
                 "give it a line of its own; what `;` joins starts together and takes as long as its longest part";
             self.report(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
@@ -511,14 +514,17 @@ impl<'s> Unroll<'s, '_> {
 }
 
 /// The word of a statement that cannot be joined to others, and its place.
-fn stands_alone(statement: &Statement<'_>) -> Option<(&'static str, Span)> {
+fn stands_alone(board: &Board, statement: &Statement<'_>) -> Option<(&'static str, Span)> {
     match statement {
         Statement::Let(each) => Some(("let", each.span)),
         Statement::If(each) => Some(("if", each.span)),
         Statement::Def(def) => Some(("def", def.span)),
-        Statement::Command(command) => super::commands::find(command.head.text)
-            .filter(|row| matches!(row.build, Build::Wait | Build::Mark | Build::Use | Build::Abort))
-            .map(|row| (row.name, command.span)),
+        Statement::Command(command) => match super::commands::find(board, command.head.text)? {
+            Word::Row(row) if matches!(row.build, Build::Wait | Build::Mark | Build::Use | Build::Abort) => {
+                Some((row.name, command.span))
+            }
+            _ => None,
+        },
         Statement::Block(_) | Statement::Call(_) => None,
     }
 }

@@ -53,7 +53,7 @@ impl<'s> Unroll<'s, '_> {
     /// Whether a name may be given here; where not, that is reported.
     pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
         let text = name.text;
-        if scope::is_reserved(text) {
+        if scope::is_reserved(self.context.board, text) {
             let message = format!("`{text}` is a word of the language");
             self.report(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
             return None;
@@ -79,7 +79,10 @@ impl<'s> Unroll<'s, '_> {
         let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = parameters.insert(parameter.name.text, at).is_some();
-            if twice || scope::is_reserved(parameter.name.text) || !scope::is_name(parameter.name.text) {
+            if twice
+                || scope::is_reserved(self.context.board, parameter.name.text)
+                || !scope::is_name(parameter.name.text)
+            {
                 let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
                 let help = "give each parameter a name of its own, in small letters, that is no word of the language";
                 self.report(Code::Name, parameter.name.span, message, help);
@@ -250,7 +253,7 @@ impl<'s> Unroll<'s, '_> {
         if let Some(weight) = self.counted.get(&block.span) {
             return *weight;
         }
-        let weight = weight::of_block(block, &|name| {
+        let weight = weight::of_block(self.context.board, block, &|name| {
             let number = self.context.scope.phrase_number(name);
             number.and_then(|number| self.weights.get(number)).copied().unwrap_or_default()
         });

@@ -2,7 +2,7 @@
 
 use super::super::Settings;
 use super::super::arguments::Arguments;
-use super::super::commands::{self, Build};
+use super::super::commands::Build;
 use super::super::settings::SETTINGS;
 use super::super::value::not_yet;
 use super::{Frame, Unroll};
@@ -52,16 +52,12 @@ impl<'s> Unroll<'s, '_> {
         let Some(Part { statement: Statement::Command(command), .. }) = line.parts.first() else {
             return;
         };
-        let Some((row, build)) = commands::find(command.head.text).and_then(|row| match row.build {
-            Build::Set(build) => Some((row, build)),
-            _ => None,
-        }) else {
-            return;
-        };
+        let row = SETTINGS.iter().find(|row| row.name == command.head.text);
+        let Some((row, Build::Set(build))) = row.map(|row| (row, &row.build)) else { return };
         let given = if frame.top { &mut self.given } else { &mut frame.given };
         given.push((row.name, command.span));
         let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
-        if let Some(mut args) = Arguments::new(row, command, &mut self.context) {
+        if let Some(mut args) = Arguments::new(row.signature(), command, &mut self.context) {
             // Behind a wrong value, what is left over often belongs to the same mistake.
             if build(&mut args, &mut settings).is_some() {
                 args.finish();

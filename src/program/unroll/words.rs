@@ -1,10 +1,11 @@
 //! Words that are not where they belong, or that nothing is called.
 
-use super::super::commands::{self, Build, COMMANDS, Row};
+use super::super::commands::{self, Build, COMMANDS, Row, Word};
 use super::super::settings::SETTINGS;
 use super::super::suggest::{list, suggest};
 use super::super::value::not_yet;
 use super::Unroll;
+use crate::board::Board;
 use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
@@ -22,7 +23,7 @@ impl<'s> Unroll<'s, '_> {
             for part in &line.parts {
                 match &part.statement {
                     Statement::Command(command) => {
-                        if commands::find(command.head.text).is_none() {
+                        if commands::find(self.context.board, command.head.text).is_none() {
                             self.unknown(command);
                         }
                         if let Some(inner) = &command.block {
@@ -96,7 +97,7 @@ impl<'s> Unroll<'s, '_> {
             self.report(Code::UnknownName, call.span, message, help);
             return;
         }
-        match commands::find(name) {
+        match commands::find(self.context.board, name).map(Word::signature) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
                 self.report(Code::Syntax, call.span, message, row.how());
@@ -145,9 +146,9 @@ impl<'s> Unroll<'s, '_> {
 }
 
 /// The names of the commands that this version runs.
-fn runnable() -> impl Iterator<Item = &'static str> {
+fn runnable(board: &Board) -> impl Iterator<Item = &str> {
     let runs = |row: &&Row| !matches!(row.build, Build::Later);
-    COMMANDS.iter().filter(runs).map(|row| row.name)
+    board.verbs.iter().map(|verb| &*verb.word).chain(COMMANDS.iter().filter(runs).map(|row| row.name))
 }
 
 /// How many phrases of a script are listed.
@@ -160,9 +161,6 @@ impl Unroll<'_, '_> {
         let elsewhere = match word {
             "sleep" | "delay" | "pause" => Some("wait 0.5s"),
             "print" | "echo" | "log" => Some("say \"here I go\""),
-            "forward" | "drive" | "go" => Some("rocker y=10 for 1s"),
-            "beep" => Some("buzzer on for 200ms"),
-            "turn" | "spin" | "rotate" => Some("rocker z=50 for 1s"),
             "var" | "const" => Some("let n = 3"),
             "parallel" | "both" | "sync" => Some("together { … }"),
             "elif" | "elseif" => Some("else if … { … }"),
@@ -175,25 +173,31 @@ impl Unroll<'_, '_> {
         if let Some(near) = self.context.scope.near(word, true) {
             return format!("did you mean `{near}(…)`?");
         }
-        if let Some(line) = elsewhere {
+        let of_board = self.context.board.foreign.iter().find(|(foreign, _)| foreign == word);
+        if let Some(line) = elsewhere.or(of_board.map(|(_, line)| &**line)) {
             return format!("did you mean `{line}`?");
         }
         // `servo1 1500`
         let (name, digits) =
             word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
-        if !digits.is_empty() && commands::find(name).is_some() {
+        if !digits.is_empty() && commands::find(self.context.board, name).is_some() {
             return format!("did you mean `{name} {digits}`?");
         }
-        match suggest(word, COMMANDS.iter().chain(SETTINGS).map(|row| row.name)) {
+        let rows = COMMANDS.iter().chain(SETTINGS).map(|row| row.name);
+        let verbs = self.context.board.verbs.iter().map(|verb| &*verb.word);
+        match suggest(word, verbs.chain(rows)) {
             Some(near) => format!("did you mean `{near}`?"),
             None => {
                 let phrases: Vec<&str> = self.context.scope.phrase_names().take(PHRASES + 1).collect();
                 if phrases.is_empty() {
-                    return format!("the commands are {}", list(runnable()));
+                    return format!("the commands are {}", list(runnable(self.context.board)));
                 }
                 let shown = list(phrases.iter().copied().take(PHRASES));
                 let more = if phrases.len() > PHRASES { " and others" } else { "" };
-                format!("the phrases of this script are {shown}{more}; the commands are {}", list(runnable()))
+                format!(
+                    "the phrases of this script are {shown}{more}; the commands are {}",
+                    list(runnable(self.context.board))
+                )
             }
         }
     }

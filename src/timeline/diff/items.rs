@@ -3,9 +3,10 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::Span;
+use crate::board::Board;
 use crate::program::Ease;
 use crate::timeline::tween::{Part, Walk};
-use crate::timeline::{Kind, LANES, Moment, Tween, lane};
+use crate::timeline::{Kind, Moment, Tween};
 
 /// One command, or one move.
 #[derive(Debug)]
@@ -77,12 +78,13 @@ impl Item {
 }
 
 /// Groups frames. Without `tweens`, what is not divided by another command is one move.
-pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
+pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
-    let mut newest: [Option<usize>; LANES] = [None; LANES];
-    let mut walk = Walk::new(tweens.unwrap_or_default());
+    let mut newest: Vec<Option<usize>> = vec![None; board.lanes()];
+    let mut walk = Walk::new(board, tweens.unwrap_or_default());
     for (first, moment) in moments.iter().enumerate() {
-        let lane = lane(&moment.command);
+        let lane = board.lane(&moment.command);
+        let said = || board.show(&moment.command).to_string();
         let part = walk.take(&moment.command, moment.kind);
         let before = newest.get(lane).copied().flatten().and_then(|at| items.get_mut(at));
         let tween = match (moment.kind, part, before) {
@@ -92,11 +94,11 @@ pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
                 continue;
             }
             (Kind::Sample, Part::Further, Some(item)) => {
-                item.extend(moment);
+                item.extend(moment, said());
                 continue;
             }
             (Kind::Sample, Part::Stray, Some(item)) if item.moves.is_some() && item.refresh.is_none() => {
-                item.extend(moment);
+                item.extend(moment, said());
                 continue;
             }
             (_, Part::First(tween), _) => Some(tween),
@@ -117,9 +119,9 @@ pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
             place,
             at_us: tween.map_or(moment.at_us, |tween| tween.at_us),
             first,
-            says: format!("{}{closing}", moment.command),
+            says: said() + closing,
             moves: (moment.kind == Kind::Sample).then(|| {
-                let start = tween.filter(|tween| tween.at_us == moment.at_us).map(|_| moment.command.to_string());
+                let start = tween.filter(|tween| tween.at_us == moment.at_us).map(|_| said());
                 Moves { meant, start, steps: 0, hash: 0 }
             }),
             sent_us: moment.at_us,
@@ -127,7 +129,7 @@ pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
             holds_us: 0,
         };
         if moment.kind == Kind::Sample {
-            item.extend(moment);
+            item.extend(moment, said());
         }
         items.push(item);
     }
@@ -136,8 +138,8 @@ pub(super) fn items(moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
 
 impl Item {
     /// Takes a step into a move.
-    fn extend(&mut self, moment: &Moment) {
-        self.says = moment.command.to_string();
+    fn extend(&mut self, moment: &Moment, says: String) {
+        self.says = says;
         self.sent_us = moment.at_us;
         let since = moment.at_us.saturating_sub(self.at_us);
         if let Some(moves) = &mut self.moves {

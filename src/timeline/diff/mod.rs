@@ -7,7 +7,8 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use super::{LANES, Moment, PID, RAW, REQUESTS, SERVOS, Snapshot, Tween, thing_name};
+use super::{Moment, Snapshot, Tween};
+use crate::board::Board;
 
 mod align;
 mod items;
@@ -146,9 +147,10 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
     }
     let both = old.more.as_ref().zip(new.more.as_ref());
     let tweens = both.map(|(old, new)| (old.tweens.as_slice(), new.tweens.as_slice()));
-    let mut changes = fold(frames(&old.moments, &new.moments, tweens), &line);
+    let mut changes = fold(frames(&old.board, &old.moments, &new.moments, tweens), &line);
+    let board = &old.board;
     if let Some((old, new)) = both {
-        let mut aborts = frames(&old.abort, &new.abort, None);
+        let mut aborts = frames(board, &old.abort, &new.abort, None);
         for change in &mut aborts {
             change.aborts = true;
         }
@@ -156,7 +158,7 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
     }
     let ends = both.map_or((0, 0), |(old, new)| (old.end_us, new.end_us));
     let baud = both.map_or((0, 0), |(old, new)| (old.baud, new.baud));
-    let (from, to) = (load(&old.moments), load(&new.moments));
+    let (from, to) = (load(board, &old.moments), load(board, &new.moments));
     let totals = [
         (baud.0 != baud.1, What::Baud { from: baud.0, to: baud.1 }),
         (ends.0 != ends.1, What::Length { from_us: ends.0, to_us: ends.1 }),
@@ -168,19 +170,19 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
 }
 
 /// Compares frames, with the moves that they belong to where both sides say so.
-fn frames(old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) -> Vec<Change> {
+fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) -> Vec<Change> {
     if old == new {
         return Vec::new();
     }
-    let before = items::items(old, tweens.map(|(old, _)| old));
-    let after = items::items(new, tweens.map(|(_, new)| new));
+    let before = items::items(board, old, tweens.map(|(old, _)| old));
+    let after = items::items(board, new, tweens.map(|(_, new)| new));
     let mut changes = Vec::new();
     let mut lanes = Vec::new();
     let of_lane = |lane| -> (Vec<&Item>, Vec<&Item>) {
         let is_of_lane = |item: &&Item| item.lane == lane;
         (before.iter().filter(is_of_lane).collect(), after.iter().filter(is_of_lane).collect())
     };
-    let both: Vec<_> = (0..LANES).map(of_lane).collect();
+    let both: Vec<_> = (0..board.lanes()).map(of_lane).collect();
     for align::Aligned { pairs, gone, come } in align::align(&both) {
         changes.extend(
             gone.iter().map(|item| Change::new(item.at_us, Some(item.first), None, What::Removed(item.words()))),
@@ -189,7 +191,7 @@ fn frames(old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) 
             .extend(come.iter().map(|item| Change::new(item.at_us, None, Some(item.first), What::Added(item.words()))));
         lanes.push(Lane { pairs });
     }
-    shifts::tell(&lanes, &mut changes);
+    shifts::tell(board, &lanes, &mut changes);
     refreshes(&lanes, &mut changes);
     if changes.is_empty() {
         let at = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
@@ -240,10 +242,10 @@ fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
 }
 
 /// Bytes in all, and in the busiest second of the script.
-fn load(moments: &[Moment]) -> (u64, u64) {
+fn load(board: &Board, moments: &[Moment]) -> (u64, u64) {
     let (mut all, mut second, mut now, mut busiest) = (0, 0, 0, 0);
     for moment in moments {
-        let bytes = moment.command.frame_length() as u64;
+        let bytes = board.frame_length(&moment.command) as u64;
         if moment.at_us / 1_000_000 != second {
             (second, now) = (moment.at_us / 1_000_000, 0);
         }
@@ -252,16 +254,6 @@ fn load(moments: &[Moment]) -> (u64, u64) {
         busiest = busiest.max(now);
     }
     (all, busiest)
-}
-
-fn lane_name(lane: usize) -> String {
-    match lane {
-        SERVOS => "the servos together".into(),
-        PID => "the gains".into(),
-        REQUESTS => "the requests".into(),
-        RAW => "the raw frames".into(),
-        thing => thing_name(thing),
-    }
 }
 
 impl Change {

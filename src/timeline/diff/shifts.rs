@@ -1,6 +1,7 @@
 //! What has moved, and what says something else.
 
-use super::{Change, Item, Lane, Shift, What, lane_name};
+use super::{Change, Item, Lane, Shift, What};
+use crate::board::Board;
 
 /// An item that is on both sides.
 struct Pair<'i> {
@@ -45,7 +46,7 @@ struct Longer {
 }
 
 /// Goes through all items in the order of time.
-pub(super) fn tell(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
+pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
     let mut walk = Walk::new(lanes);
     // The newest move of each lane that takes longer or shorter.
     let mut longer: Vec<Option<Longer>> = lanes.iter().map(|_| None).collect();
@@ -73,10 +74,10 @@ pub(super) fn tell(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
         let cause = cause.and_then(|cause| changes.get_mut(cause.change));
         if let Some(Change { what: What::Changed { then, .. }, .. }) = cause {
             // What made it later was said already.
-            *then = Some(((!everything).then(|| lane_name(old.lane)), by));
+            *then = Some(((!everything).then(|| board.lane_name(old.lane).into_owned()), by));
             walk.shift(total_us, old.lane, everything);
         } else if moved && !alone {
-            let things = if everything { Vec::new() } else { vec![lane_name(old.lane)] };
+            let things = if everything { Vec::new() } else { vec![board.lane_name(old.lane).into_owned()] };
             changes.push(Change::new(old.at_us, Some(old.first), Some(new.first), What::Shifted { things, by }));
             walk.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {

@@ -1,32 +1,33 @@
 //! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
 
+mod ends;
 mod moves;
 
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
-use super::{
-    BUZZER, Bars, Cue, DRIVE, Event, Expectation, Kind, Mark, REPORTS, THINGS, Timeline, Track, Tween, things,
-};
-use crate::board::{Command, State};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Track, Tween};
+use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Abort, Action, Limit, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
+use ends::{End, Starts};
 
 pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    let Program { settings, steps, end, abort, traces, marks, .. } = program;
+    let Program { board, settings, steps, end, abort, traces, marks, .. } = program;
     let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at_us: at.micros() }).collect();
     marks.sort_by_key(|mark| mark.at_us);
     let mut cues = Vec::new();
-    let mut lay = Lay::new(&settings, &traces, limit, diagnostics);
+    let mut lay = Lay::new(&board, &settings, &traces, limit, diagnostics);
     let steps = lay.run(steps, &mut cues);
     lay.close(end);
     lay.reports(end);
     let expects = std::mem::take(&mut lay.expects);
     let (events, tweens) = lay.finish(steps);
     let (abort, abort_cues) =
-        abort.map(|abort| lay_abort(abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
+        abort.map(|abort| lay_abort(&board, abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
     Timeline {
+        board,
         tracks: vec![Track { robot: None, events, tweens, abort }],
         cues,
         expects,
@@ -37,12 +38,14 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
         limits: settings.limits,
-        servo_speeds: settings.servo_speeds,
+        speeds: settings.speeds,
     }
 }
 
 /// What is sent where something ends a run early. It starts with nothing known, and leaves no buzzer on.
+#[expect(clippy::too_many_arguments, reason = "what a layout starts with")]
 fn lay_abort(
+    board: &Board,
     abort: Abort,
     settings: &Settings,
     traces: &Traces,
@@ -50,15 +53,16 @@ fn lay_abort(
     diagnostics: &mut Diagnostics,
 ) -> (Vec<Event>, Vec<Cue>) {
     let mut cues = Vec::new();
-    let mut lay = Lay::new(settings, traces, limit, diagnostics);
+    let mut lay = Lay::new(board, settings, traces, limit, diagnostics);
     let steps = lay.run(abort.steps, &mut cues);
-    if let Some(from) = lay.raw {
-        // Nobody knows what a raw frame left behind.
-        lay.emit(abort.end, Command::STOP, Kind::Abort, From { order: u32::MAX - 1, ..from });
-        lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, From { order: u32::MAX, ..from });
-    } else if lay.state.buzzer() == Some(true) {
-        let from = From { order: u32::MAX, ..lay.last(BUZZER) };
-        lay.emit(abort.end, Command::Buzzer(false), Kind::Abort, from);
+    let active = lay.active();
+    for (resource, found) in board.resources.iter().enumerate().rev() {
+        if let Some(rest) = found.rest.clone().filter(|_| lay.raw.is_some() || active.contains(&resource)) {
+            // Behind everything else of that time, the last resource first.
+            let order = u32::MAX.saturating_sub(u32::try_from(resource).unwrap_or(u32::MAX));
+            let from = lay.raw.unwrap_or_else(|| lay.last(resource));
+            lay.emit(abort.end, rest, Kind::Abort, From { order, ..from });
+        }
     }
     let (mut events, _) = lay.finish(steps);
     for event in &mut events {
@@ -91,42 +95,18 @@ impl From {
     }
 }
 
-/// The end of a `for`. Ends are sorted by time, and at one time in script order.
-struct End {
-    at_us: u64,
-    from: From,
-    /// The exact time.
-    at: Time,
+/// A command that is sent again until another one ends it.
+#[derive(Clone)]
+struct Held {
+    since: Time,
     command: Command,
-}
-
-impl End {
-    fn key(&self) -> (u64, u32) {
-        (self.at_us, self.from.order)
-    }
-}
-
-impl PartialEq for End {
-    fn eq(&self, other: &Self) -> bool {
-        self.key() == other.key()
-    }
-}
-
-impl Eq for End {}
-
-impl PartialOrd for End {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for End {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.key().cmp(&other.key())
-    }
+    from: From,
+    /// Whether it goes on until something ends it: it has no `for`.
+    is_open_ended: bool,
 }
 
 struct Lay<'d> {
+    board: &'d Board,
     period: Time,
     refresh: Option<Time>,
     limits: &'d [Limit],
@@ -143,13 +123,11 @@ struct Lay<'d> {
     refreshes: Vec<Event>,
     expects: Vec<Expectation>,
     state: State,
-    /// The drive command that holds, with the time it was sent.
-    held: Option<(Time, Command, From)>,
-    /// Whether it goes on until something ends it: it has no `for`.
-    open_ended: bool,
-    /// Of each thing, the last step that used it.
-    last: [From; THINGS],
-    /// Raw frames for the drive that are still to come, in the order of sending.
+    /// Of each resource that must be fed, the command that holds.
+    held: Vec<Option<Held>>,
+    /// Of each resource, the last step that used it.
+    last: Vec<From>,
+    /// Raw frames for a resource that must be fed which are still to come, in the order of sending.
     raw_drives: VecDeque<(Time, Command, From)>,
     /// Samples that moves may still be asked for, sent or not.
     samples_left: u64,
@@ -161,8 +139,15 @@ struct Lay<'d> {
 }
 
 impl<'d> Lay<'d> {
-    fn new(settings: &'d Settings, traces: &'d Traces, limit: usize, diagnostics: &'d mut Diagnostics) -> Self {
+    fn new(
+        board: &'d Board,
+        settings: &'d Settings,
+        traces: &'d Traces,
+        limit: usize,
+        diagnostics: &'d mut Diagnostics,
+    ) -> Self {
         Lay {
+            board,
             period: settings.period,
             refresh: settings.refresh,
             limits: &settings.limits,
@@ -174,9 +159,8 @@ impl<'d> Lay<'d> {
             refreshes: Vec::new(),
             expects: Vec::new(),
             state: State::default(),
-            held: None,
-            open_ended: false,
-            last: [From::default(); THINGS],
+            held: vec![None; board.resources.len()],
+            last: vec![From::default(); board.resources.len()],
             raw_drives: VecDeque::new(),
             samples_left: MAX_STEPS,
             raw: None,
@@ -190,7 +174,8 @@ impl<'d> Lay<'d> {
     fn run(&mut self, mut steps: Vec<Step>, cues: &mut Vec<Cue>) -> Vec<Step> {
         let mut ends: BinaryHeap<Reverse<End>> = BinaryHeap::new();
         let mut ended: Vec<End> = Vec::new();
-        self.raw_drives = steps.iter().filter_map(raw_drive).collect();
+        let mut starts = Starts::default();
+        self.raw_drives = steps.iter().filter_map(|step| raw_drive(self.board, step)).collect();
         let mut rest = steps.as_mut_slice();
         loop {
             let next = rest.first().map(|step| step.at.micros());
@@ -200,17 +185,21 @@ impl<'d> Lay<'d> {
             let (group, behind) = rest.split_at_mut(count);
             rest = behind;
             for step in group.iter() {
-                if let Action::Hold(held) = &step.action {
-                    let command = if held.0.is_drive() { Command::STOP } else { Command::Buzzer(false) };
+                if let Action::Hold(held) = &step.action
+                    && let Some(command) = self.rest_of(&held.0)
+                {
                     let at = step.at.plus(held.1);
                     ends.push(Reverse(End { at_us: at.micros(), from: From::step(step), at, command }));
                 }
             }
             // Of a hold too short to see, the start still comes before its end.
             ended.clear();
-            let starts = Starts::of(group);
+            if ends.peek().is_some_and(|Reverse(end)| end.at_us == now) {
+                starts.read(self.board, group);
+            }
             while ends.peek().is_some_and(|Reverse(end)| end.at_us == now) {
-                ended.extend(ends.pop().map(|Reverse(end)| end).filter(|end| !starts.supersede(end)));
+                let end = ends.pop().map(|Reverse(end)| end);
+                ended.extend(end.filter(|end| !starts.supersede(self.board, end)));
             }
             let mut ended = ended.iter().peekable();
             for step in group {
@@ -233,7 +222,11 @@ impl<'d> Lay<'d> {
             Action::Send(command) => self.plain(step.at, command, from),
             Action::Hold(held) => {
                 self.plain(step.at, &held.0, from);
-                self.open_ended &= !held.0.is_drive();
+                for resource in self.board.occupies(&held.0) {
+                    if let Some(held) = self.held.get_mut(resource).and_then(Option::as_mut) {
+                        held.is_open_ended = false;
+                    }
+                }
             }
             Action::Go(going) => self.go(step.at, going, from),
             Action::Say(text) => {
@@ -248,8 +241,18 @@ impl<'d> Lay<'d> {
         }
     }
 
-    fn last(&self, thing: usize) -> From {
-        self.last.get(thing).copied().unwrap_or_default()
+    /// The command that ends another.
+    fn rest_of(&self, command: &Command) -> Option<Command> {
+        self.board.occupies(command).into_iter().find_map(|resource| self.board.rest(resource).cloned())
+    }
+
+    fn last(&self, resource: ResourceId) -> From {
+        self.last.get(resource).copied().unwrap_or_default()
+    }
+
+    /// What is active.
+    fn active(&self) -> Vec<ResourceId> {
+        self.state.active(self.board).map(|(resource, _)| resource).collect()
     }
 
     fn report(&mut self, diagnostic: Diagnostic, from: From) {
@@ -272,25 +275,30 @@ impl<'d> Lay<'d> {
 
     /// The hold before a command ends, and its own begins.
     fn tell(&mut self, at: Time, command: &Command, from: From) {
-        if is_raw_drive(command) && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none() {
+        let board = self.board;
+        if is_raw_drive(board, command)
+            && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none()
+        {
             // The move that it is in the middle of has told it already, between two of its samples.
             return;
         }
-        if command.is_drive() {
-            self.long_hold(at);
-            self.release(at);
-            self.held = command.keeps_driving().then(|| (at, command.clone(), from));
-            self.open_ended = true;
+        for resource in board.touches(command).into_iter().filter(|resource| board.is_fed(*resource)) {
+            self.long_hold(resource, at);
+            self.release(resource, at);
+            let held = || Held { since: at, command: command.clone(), from, is_open_ended: true };
+            if let Some(place) = self.held.get_mut(resource) {
+                *place = board.is_active(command).then(held);
+            }
         }
-        for thing in things(command).into_iter().flatten() {
-            if let Some(last) = self.last.get_mut(thing) {
+        for resource in board.occupies(command) {
+            if let Some(last) = self.last.get_mut(resource) {
                 *last = from;
             }
         }
-        if let Command::Raw { .. } = command {
+        if board.is_opaque(command) {
             self.raw = self.raw.or(Some(from));
         }
-        self.state.apply(command);
+        self.state.apply(board, command);
     }
 
     /// Tells the raw frames for the drive that are sent before what a move sends at `at`.
@@ -310,18 +318,19 @@ impl<'d> Lay<'d> {
     }
 
     /// A hold that nothing in its own line ends, and that lasted long.
-    fn long_hold(&mut self, until: Time) {
-        let Some((start, command, from)) = self.held.as_ref().filter(|_| self.open_ended) else { return };
-        let lasted = until.minus(*start);
+    fn long_hold(&mut self, resource: ResourceId, until: Time) {
+        let held = self.held.get(resource).and_then(Option::as_ref);
+        let Some(Held { since, command, from, .. }) = held.filter(|held| held.is_open_ended) else { return };
+        let lasted = until.minus(*since);
         if lasted <= LONG_HOLD {
             return;
         }
-        let seconds = lasted;
+        let said = self.board.show(command);
         let diagnostic = Diagnostic::new(
             Code::LongHold,
             from.span,
-            format!("`{command}` drives on for {seconds}, until another line ends it"),
-            format!("if that is meant, say so where it starts: `{command} for {seconds}`"),
+            format!("`{said}` drives on for {lasted}, until another line ends it"),
+            format!("if that is meant, say so where it starts: `{said} for {lasted}`"),
         )
         .label("no `for`");
         let from = *from;
@@ -329,8 +338,9 @@ impl<'d> Lay<'d> {
     }
 
     /// Ends a hold just before `until`, and sends its refreshes.
-    fn release(&mut self, until: Time) {
-        let (Some((start, command, from)), Some(interval)) = (self.held.take(), self.refresh) else {
+    fn release(&mut self, resource: ResourceId, until: Time) {
+        let held = self.held.get_mut(resource).and_then(Option::take);
+        let (Some(Held { since: start, command, from, .. }), Some(interval)) = (held, self.refresh) else {
             return;
         };
         if start.plus(interval).micros() >= until.micros() {
@@ -348,24 +358,23 @@ impl<'d> Lay<'d> {
         }
     }
 
-    /// What is still running at the end is ended.
+    /// What is still running at the end is ended, the last resource first.
     fn close(&mut self, end: Time) {
-        self.release(end);
-        let (drive, buzzer) = (self.last(DRIVE), self.last(BUZZER));
-        let runs = self.state.drive().is_some_and(Command::keeps_driving);
-        let sounds = self.state.buzzer() == Some(true);
-        if runs {
-            self.left_running(drive, "the drive is still running when the script ends", "stop");
+        let board = self.board;
+        for resource in 0..board.resources.len() {
+            self.release(resource, end);
         }
-        if sounds {
-            self.left_running(buzzer, "the buzzer is still on when the script ends", "buzzer off");
+        let active = self.active();
+        let ending = || {
+            board.resources.iter().enumerate().rev().filter_map(|(id, found)| Some((id, found, found.rest.clone()?)))
+        };
+        for (id, resource, rest) in ending().filter(|(id, ..)| active.contains(id)) {
+            let message = format!("{} is still {} when the script ends", resource.name, resource.activity);
+            self.left_running(self.last(id), &message, &board.show(&rest).to_string());
         }
         // Nobody knows what a raw frame left behind.
-        if runs || self.raw.is_some() {
-            self.emit(end, Command::STOP, Kind::Closing, self.raw.unwrap_or(drive));
-        }
-        if sounds || self.raw.is_some() {
-            self.emit(end, Command::Buzzer(false), Kind::Closing, self.raw.unwrap_or(buzzer));
+        for (id, _, rest) in ending().filter(|(id, ..)| self.raw.is_some() || active.contains(id)).collect::<Vec<_>>() {
+            self.emit(end, rest, Kind::Closing, self.raw.unwrap_or(self.last(id)));
         }
     }
 
@@ -392,7 +401,7 @@ impl<'d> Lay<'d> {
 
     /// Where something is expected, the board reports from the start to the end.
     fn reports(&mut self, end: Time) {
-        let [start, stop] = REPORTS;
+        let Some([start, stop]) = self.board.reporting.clone() else { return };
         if let (Some(first), Some(last)) = (self.expects.first(), self.expects.last()) {
             let (first, last) = ((first.span, first.trace), (last.span, last.trace));
             self.emit(Time::ZERO, start, Kind::Auto, From { order: 0, span: first.0, trace: first.1 });
@@ -423,8 +432,9 @@ impl<'d> Lay<'d> {
     fn finish(mut self, steps: Vec<Step>) -> (Vec<Event>, Vec<Tween>) {
         self.tweens.sort_by_key(|(_, first)| *first);
         let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
+        let board = self.board;
         let key = |(event, order): &(Event, u32)| {
-            (event.at_us, event.rank(), if event.kind == Kind::Closing { 0 } else { *order })
+            (event.at_us, event.rank(board), if event.kind == Kind::Closing { 0 } else { *order })
         };
         let mut plain: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
         // The longer of the two stays where it is.
@@ -441,7 +451,7 @@ impl<'d> Lay<'d> {
         let mut events: Vec<Event> = events.into_iter().map(|(event, _)| event).collect();
         if !self.refreshes.is_empty() {
             events.extend(self.refreshes);
-            events.sort_by_key(|event| (event.at_us, event.rank()));
+            events.sort_by_key(|event| (event.at_us, event.rank(board)));
         }
         (events, tweens)
     }
@@ -465,49 +475,17 @@ fn whole(number: f64) -> u64 {
     if number.is_finite() { number.clamp(0.0, MANY) as u64 } else { 0 }
 }
 
-/// A step that is a raw frame for the drive: its time, its command and its place.
-fn raw_drive(step: &Step) -> Option<(Time, Command, From)> {
+/// A step that is a raw frame for a resource that must be fed: its time, its command and its place.
+fn raw_drive(board: &Board, step: &Step) -> Option<(Time, Command, From)> {
     match &step.action {
-        Action::Send(command) if is_raw_drive(command) => Some((step.at, command.clone(), From::step(step))),
+        Action::Send(command) if is_raw_drive(board, command) => Some((step.at, command.clone(), From::step(step))),
         _ => None,
     }
 }
 
-/// Whether a command is a raw frame for the drive.
-fn is_raw_drive(command: &Command) -> bool {
-    matches!(command, Command::Raw { .. }) && command.is_drive()
-}
-
-/// The first two steps of one moment that start something else for the drive, and for the buzzer.
-#[derive(Default)]
-struct Starts([[Option<u32>; 2]; 2]);
-
-impl Starts {
-    fn of(group: &[Step]) -> Starts {
-        let mut starts = Starts::default();
-        for step in group {
-            let command = match &step.action {
-                Action::Send(command) => command,
-                Action::Hold(held) => &held.0,
-                Action::Go(_) | Action::Say(_) | Action::Expect(_) => continue,
-            };
-            if let [Some(thing), _] = things(command)
-                && let Some([first, second]) = starts.0.get_mut(thing)
-            {
-                *second = first.and(second.or(Some(step.order)));
-                first.get_or_insert(step.order);
-            }
-        }
-        starts
-    }
-
-    /// Whether the end of a `for` is left out, because another command for the same thing starts at that very moment. A move
-    /// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
-    fn supersede(&self, end: &End) -> bool {
-        let [thing, _] = things(&end.command);
-        let starts = thing.and_then(|thing| self.0.get(thing));
-        starts.is_some_and(|starts| starts.iter().flatten().any(|order| *order != end.from.order))
-    }
+/// Whether a command is a raw frame for a resource that must be fed.
+fn is_raw_drive(board: &Board, command: &Command) -> bool {
+    board.is_opaque(command) && board.is_drive(command)
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Moves: where they start, and the frames on their way.
 
-use super::super::{Kind, Tween, things};
+use super::super::{Kind, Tween};
 use super::{From, Lay};
-use crate::board::Command;
 use crate::diagnostic::{Code, Diagnostic};
-use crate::program::{MAX_STEPS, Motion, Move, Shape, Time, broken, broken_limit};
+use crate::program::{MAX_STEPS, Motion, Move, Time, broken, broken_limit};
 
 impl Lay<'_> {
     /// Samples a move: at the start where it says so, then every period, then exactly the target. What would say the same
@@ -67,27 +66,29 @@ impl Lay<'_> {
 
     /// Where each value of a move starts; `None` where one is not known, which is reported.
     fn starts(&mut self, motion: &Motion, from: From) -> Option<Vec<f64>> {
-        let known = self.known(motion.shape);
-        let names = motion.shape.names();
+        let board = self.board;
+        let known = self.state.values(board, motion.verb, motion.index);
         let mut starts = Vec::new();
         for (at, glide) in motion.values().iter().enumerate() {
-            let start = glide.from.or_else(|| known.as_ref()?.get(at).copied().flatten());
+            let start = glide.from.or_else(|| known.get(at).copied().flatten().map(f64::from));
             let Some(start) = start else {
-                let name = names.get(at).copied().unwrap_or("value");
-                let help = match motion.shape {
-                    Shape::Servo(_) | Shape::Servos => "send it somewhere first, or write where it starts".to_owned(),
-                    _ => {
-                        "put a `stop` before it, so that it starts from 0, or write where each value starts".to_owned()
-                    }
+                let occupied = board.occupied(motion.verb, motion.index);
+                let rest = occupied.first().and_then(|resource| board.rest(*resource));
+                let help = match rest {
+                    Some(rest) => format!(
+                        "put a `{}` before it, so that it starts from 0, or write where each value starts",
+                        board.show(rest)
+                    ),
+                    None => "send it somewhere first, or write where it starts".to_owned(),
                 };
-                let help = format!("{help}: `{}`", motion.with_starts());
-                let message = format!("nobody knows where the {name} starts");
+                let help = format!("{help}: `{}`", motion.with_starts(board));
+                let message = format!("nobody knows where the {} starts", motion.name(board, at));
                 self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
                 // From here on it is known, so that one mistake is one message.
-                if let Some(target) = motion.target() {
-                    self.state.apply(&target);
-                    for thing in things(&target).into_iter().flatten() {
-                        if let Some(last) = self.last.get_mut(thing) {
+                if let Some(target) = motion.target(board) {
+                    self.state.apply(board, &target);
+                    for resource in occupied {
+                        if let Some(last) = self.last.get_mut(resource) {
                             *last = from;
                         }
                     }
@@ -99,36 +100,13 @@ impl Lay<'_> {
         Some(starts)
     }
 
-    /// The last values of this kind of command, as far as they are known.
-    fn known(&self, shape: Shape) -> Option<Vec<Option<f64>>> {
-        let servo = |index| self.state.servo(index).map(|pulse| f64::from(pulse.get()));
-        let zero = self.state.drive() == Some(&Command::STOP);
-        let zeros = || vec![Some(0.0); shape.names().len()];
-        match (shape, self.state.drive()) {
-            (Shape::Servo(index), _) => Some(vec![servo(index)]),
-            (Shape::Servos, _) => {
-                let indices = [1, 2].map(|index| crate::board::ServoIndex::new(index).ok());
-                Some(indices.map(|index| index.and_then(servo)).to_vec())
-            }
-            (Shape::Rocker, Some(Command::Rocker { x, y, z })) => {
-                Some([x.get(), y.get(), z.get()].map(|value| Some(f64::from(value))).to_vec())
-            }
-            (Shape::YawHold, Some(Command::YawHold { x, y })) => {
-                Some([x.get(), y.get()].map(|value| Some(f64::from(value))).to_vec())
-            }
-            (Shape::Wheels, Some(Command::Wheels(wheels))) => {
-                Some(wheels.map(|wheel| Some(f64::from(wheel.get()))).to_vec())
-            }
-            _ => zero.then(zeros),
-        }
-    }
-
     /// Sends one sample, if it says anything new. `false` where it is out of range, which is reported.
     fn sample(&mut self, at: Time, going: &Move, values: &[f64], from: From) -> bool {
-        let command = match going.motion.shape.command(values) {
+        let board = self.board;
+        let command = match going.motion.command(board, values) {
             Ok(command) => command,
             Err(wrong) => {
-                let name = going.motion.shape.names().get(wrong).copied().unwrap_or("value");
+                let name = going.motion.name(board, wrong);
                 let value = values.get(wrong).copied().unwrap_or(0.0);
                 let diagnostic = Diagnostic::new(
                     Code::OutOfRange,
@@ -140,28 +118,16 @@ impl Lay<'_> {
                 return false;
             }
         };
-        if let Some((limit, value)) = broken(self.limits, &command) {
-            self.report(broken_limit(limit, value, from.span), from);
+        if let Some((limit, value)) = broken(board, self.limits, &command) {
+            self.report(broken_limit(board, limit, value, from.span), from);
             return false;
         }
-        if command.is_drive() {
+        if board.is_drive(&command) {
             self.tell_raw_drives(at, from);
         }
-        if !self.was_last(&command) {
+        if !self.state.has(board, &command) {
             self.send(at, &command, Kind::Sample, from);
         }
         true
-    }
-
-    /// Whether this is what was sent last to the same thing.
-    fn was_last(&self, command: &Command) -> bool {
-        match command {
-            Command::Servo { index, pulse } => self.state.servo(*index) == Some(*pulse),
-            Command::Servos { pan, tilt } => {
-                let servo = |index| crate::board::ServoIndex::new(index).ok().and_then(|index| self.state.servo(index));
-                servo(1) == Some(*pan) && servo(2).is_some_and(|pulse| pulse.get() == tilt.get())
-            }
-            drive => self.state.drive() == Some(drive),
-        }
     }
 }

@@ -1,0 +1,438 @@
+//! The Yahboom Raspblock driver board: mecanum wheels, four servos, a buzzer.
+//!
+//! Source: the maker's driver and users' programs; docs/protocol.md has the whole table.
+
+mod codec;
+mod frame;
+mod geometry;
+mod picture;
+mod report;
+
+use std::sync::{Arc, LazyLock};
+
+use super::Text;
+use super::table::{
+    Activity, Axis, Board, Codec, Doubt, Limited, Needs, Part, ProperLimit, Resource, ResourceId, Sets, Simulation,
+    Takes, Unit, Verb,
+};
+use super::{Command, Hundredths, Quantity, Report, VerbId};
+pub use geometry::{Geometry, Twist};
+
+/// The rows of the verbs.
+pub mod verb {
+    use super::VerbId;
+
+    /// One servo.
+    pub const SERVO: VerbId = VerbId(0);
+    /// Servo 1 and 2 in one frame.
+    pub const SERVOS: VerbId = VerbId(1);
+    /// The speed of the whole robot. All zero is the stop.
+    pub const ROCKER: VerbId = VerbId(2);
+    /// The same, while the board keeps the heading.
+    pub const YAW_HOLD: VerbId = VerbId(3);
+    /// Each wheel.
+    pub const WHEELS: VerbId = VerbId(4);
+    /// A displacement.
+    pub const MOVE: VerbId = VerbId(5);
+    /// Another word for a rocker that is all zero.
+    pub const STOP: VerbId = VerbId(6);
+    /// The buzzer, on or off.
+    pub const BUZZER: VerbId = VerbId(7);
+    /// Mode and controller gains.
+    pub const PID: VerbId = VerbId(8);
+    /// Asks for board data.
+    pub const REQUEST: VerbId = VerbId(9);
+    /// Any function with any payload.
+    pub const RAW: VerbId = VerbId(10);
+}
+
+/// The rows of the resources, in the order in which a board is brought back to a state.
+mod resource {
+    use super::ResourceId;
+
+    pub(super) const GAINS: ResourceId = 0;
+    pub(super) const SERVO_1: ResourceId = 1;
+    pub(super) const BUZZER: ResourceId = 5;
+    pub(super) const DRIVE: ResourceId = 6;
+}
+
+/// What can be asked of the board (protocol row 0x05); the place is the byte on the wire.
+const QUERIES: [&str; 10] = [
+    "report-start",
+    "encoder-1",
+    "encoder-2",
+    "encoder-3",
+    "encoder-4",
+    "voltage",
+    "pitch",
+    "roll",
+    "yaw",
+    "report-stop",
+];
+const REPORT_START: i32 = 0;
+const REPORT_STOP: i32 = 9;
+
+/// The value of `pid position` for the mode.
+const POSITION: i32 = 1;
+/// A tilt servo that is driven further is damaged.
+const TILT: (i32, i32) = (500, 1950);
+const PULSE: (i32, i32) = (500, 2500);
+const SPEED: (i32, i32) = (-25, 25);
+const TURN: (i32, i32) = (-200, 200);
+const DISPLACEMENT: (i32, i32) = (-65_535, 65_535);
+const BYTE: (i32, i32) = (0, 255);
+/// The usual 60° in 0.12 s, in µs of pulse width a second.
+const SERVO_SPEED: u32 = 5_500;
+
+/// The table.
+pub fn board() -> Arc<Board> {
+    static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| Arc::new(table(codec::decode, None)));
+    Arc::clone(&BOARD)
+}
+
+/// The same, where a `move` is read as older copies of the maker's driver pack its direction. Which one the firmware of a board expects is
+/// unknown; we send the newest.
+pub fn with_older_move() -> Arc<Board> {
+    static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| {
+        Arc::new(table(codec::decode_older, Some("it is read as older copies of the driver pack it")))
+    });
+    Arc::clone(&BOARD)
+}
+
+/// What a request for data asks for, of the virtual board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// Reports ten times a second, from now on.
+    Start,
+    /// No more of them.
+    Stop,
+    /// One.
+    Once,
+}
+
+/// What a command asks for, if it is a request.
+pub fn asked(command: &Command) -> Option<Asked> {
+    (command.verb() == verb::REQUEST).then(|| match command.value(0) {
+        Some(REPORT_START) => Asked::Start,
+        Some(REPORT_STOP) => Asked::Stop,
+        _ => Asked::Once,
+    })
+}
+
+/// The report of a board on a floor that is flat.
+pub fn report(voltage: Hundredths, yaw: Hundredths) -> Report {
+    Report::new(&[voltage, Hundredths(0), Hundredths(0), yaw])
+}
+
+/// Whether a board that was told this takes displacements.
+pub fn is_in_position_mode(state: &super::State) -> bool {
+    state.told(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
+}
+
+fn text(text: &'static str) -> Text {
+    Text::Borrowed(text)
+}
+
+fn stop() -> Command {
+    Command::new(verb::ROCKER, &[0, 0, 0])
+}
+
+fn buzzer(on: i32) -> Command {
+    Command::new(verb::BUZZER, &[on])
+}
+
+fn request(query: i32) -> Command {
+    Command::new(verb::REQUEST, &[query])
+}
+
+type Decode = fn(&Board, &[u8]) -> Result<Command, super::NotACommand>;
+
+fn table(decode: Decode, older: Option<&'static str>) -> Board {
+    let note = older.unwrap_or("older copies of the driver pack it otherwise: --older-move reads those");
+    Board {
+        name: text("Raspblock"),
+        baud: 115_200,
+        resources: resources(),
+        verbs: verbs(),
+        limits: vec![ProperLimit {
+            limited: Limited { verb: verb::SERVO, index: Some(2), axis: None },
+            range: TILT,
+            why: text("a tilt servo is damaged there"),
+            unless: text("if it is not a tilt servo"),
+        }],
+        quantities: [
+            ("voltage", "voltage_v", "V", "{} V"),
+            ("pitch", "pitch_deg", "deg", "pitch {}°"),
+            ("roll", "roll_deg", "deg", "roll {}°"),
+            ("yaw", "yaw_deg", "deg", "yaw {}°"),
+        ]
+        .map(|(name, key, unit, shown)| {
+            Arc::new(Quantity { name: text(name), key: text(key), unit: text(unit), shown: text(shown) })
+        })
+        .into(),
+        reporting: Some([request(REPORT_START), request(REPORT_STOP)]),
+        stop: vec![stop(), stop(), stop(), buzzer(0)],
+        doubt: Some(Doubt { verb: verb::MOVE, note: text(note) }),
+        foreign: [
+            (&["forward", "drive", "go"][..], "rocker y=10 for 1s"),
+            (&["beep"], "buzzer on for 200ms"),
+            (&["turn", "spin", "rotate"], "rocker z=50 for 1s"),
+        ]
+        .into_iter()
+        .flat_map(|(words, line)| words.iter().map(move |word| (text(word), text(line))))
+        .collect(),
+        picture: Some(picture::picture()),
+        simulation: Simulation::Mecanum,
+        codec: Codec {
+            encode: codec::encode,
+            length: codec::length,
+            check: frame::check,
+            decode,
+            raw: codec::raw,
+            front: frame::front,
+            next_start: frame::next_start,
+            longest: frame::MAX_FRAME,
+            resync: codec::resync,
+            replies: report::LINE,
+        },
+    }
+}
+
+fn resources() -> Vec<Resource> {
+    let resource = |name, key, about| Resource {
+        name: text(name),
+        key: text(key),
+        about: text(about),
+        rest: None,
+        activity: text(""),
+        idle: text(""),
+        is_fed: false,
+        is_exclusive: true,
+        speed: None,
+    };
+    let servo = |name, key, about| Resource { speed: Some(SERVO_SPEED), ..resource(name, key, about) };
+    vec![
+        Resource { is_exclusive: false, ..resource("the gains", "gains", "") },
+        servo("servo 1", "servo_1", "pan"),
+        servo("servo 2", "servo_2", "tilt"),
+        servo("servo 3", "servo_3", ""),
+        servo("servo 4", "servo_4", ""),
+        Resource {
+            rest: Some(buzzer(0)),
+            activity: text("on"),
+            idle: text("is off"),
+            ..resource("the buzzer", "buzzer", "")
+        },
+        Resource {
+            rest: Some(stop()),
+            activity: text("running"),
+            idle: text("stands"),
+            is_fed: true,
+            ..resource("the drive", "drive", "")
+        },
+    ]
+}
+
+/// A value without a name.
+fn value(what: &'static str, range: (i32, i32)) -> Axis {
+    Axis {
+        name: text(""),
+        what: text(what),
+        key: text(""),
+        range,
+        takes: Takes::Number,
+        unit: Unit::None,
+        why: text(""),
+    }
+}
+
+fn pulse(what: &'static str, range: (i32, i32)) -> Axis {
+    Axis { unit: Unit::Micros { least: PULSE.0, most: PULSE.1 }, ..value(what, range) }
+}
+
+fn named(name: &'static str, what: &'static str, range: (i32, i32)) -> Axis {
+    Axis { name: text(name), key: text(name), ..value(what, range) }
+}
+
+fn words(what: &'static str, words: &[(&'static str, i32)]) -> Axis {
+    let most = words.iter().map(|(_, value)| *value).max().unwrap_or_default();
+    let words = words.iter().map(|(word, value)| (text(word), *value)).collect();
+    Axis { takes: Takes::Word(words), ..value(what, (0, most)) }
+}
+
+fn gains(name: &'static str, letters: &'static str) -> Axis {
+    Axis { takes: Takes::List(text("a gain"), text(letters)), ..named(name, "gains", BYTE) }
+}
+
+fn verb(word: &'static str, usage: &'static str, example: &'static str, meaning: &'static str) -> Verb {
+    Verb {
+        word: text(word),
+        usage: text(usage),
+        example: text(example),
+        meaning: text(meaning),
+        axes: Vec::new(),
+        sets: Sets::Nothing,
+        activity: Activity::Still,
+        holds: false,
+        moves: false,
+        needs: None,
+        frames: text(""),
+        is: None,
+        tolerance: 1,
+    }
+}
+
+/// A verb for the drive that may hold and move.
+fn driving(verb: Verb) -> Verb {
+    Verb { sets: Sets::One(resource::DRIVE), activity: Activity::Unless0, holds: true, moves: true, ..verb }
+}
+
+/// The rows, in the order of [`verb`].
+#[expect(clippy::too_many_lines, reason = "a table")]
+fn verbs() -> Vec<Verb> {
+    let speed = |name, what| named(name, what, SPEED);
+    vec![
+        Verb {
+            axes: vec![
+                Axis {
+                    takes: Takes::Index,
+                    why: text("it stands first, and its pulse width behind it: `servo 1 1500`"),
+                    ..value("a servo number", (1, 4))
+                },
+                pulse("a pulse width", PULSE),
+            ],
+            sets: Sets::Indexed(resource::SERVO_1),
+            moves: true,
+            tolerance: 5,
+            ..verb("servo", "servo N PULSE", "servo 1 1500", "one servo, N 1-4, to a pulse width of 500-2500 µs")
+        },
+        Verb {
+            axes: vec![
+                pulse("the pan pulse width", PULSE),
+                Axis { why: text("a tilt servo driven further is damaged"), ..pulse("the tilt pulse width", TILT) },
+            ],
+            frames: text("the servos together"),
+            sets: Sets::Parts([1, 2].map(|index| Part { verb: verb::SERVO, index }).into()),
+            moves: true,
+            tolerance: 5,
+            ..verb(
+                "servos",
+                "servos PAN TILT",
+                "servos 1500 1500",
+                "servo 1 and 2 in one frame, 500-2500 and 500-1950 µs",
+            )
+        },
+        Verb {
+            axes: vec![speed("x", "the speed x"), speed("y", "the speed y"), named("z", "the turning speed z", TURN)],
+            ..driving(verb(
+                "rocker",
+                "rocker x=RIGHT y=FORWARD z=CLOCKWISE",
+                "rocker x=10 z=50",
+                "the whole robot's speed: x to the right and y forward -25..25, z clockwise -200..200; an axis left out is 0",
+            ))
+        },
+        Verb {
+            axes: vec![speed("x", "the speed x"), speed("y", "the speed y")],
+            activity: Activity::Always,
+            ..driving(verb(
+                "yawhold",
+                "yawhold x=RIGHT y=FORWARD",
+                "yawhold y=10",
+                "the same, while the board keeps the heading; it stays active at zero",
+            ))
+        },
+        Verb {
+            axes: [
+                ("wheel_a", "the speed of wheel A"),
+                ("wheel_b", "the speed of wheel B"),
+                ("wheel_c", "the speed of wheel C"),
+                ("wheel_d", "the speed of wheel D"),
+            ]
+            .map(|(key, what)| Axis { key: text(key), ..value(what, SPEED) })
+            .into(),
+            ..driving(verb(
+                "wheels",
+                "wheels A B C D",
+                "wheels 8 -8 -8 8",
+                "each wheel -25..25: A front right, B rear right, C rear left, D front left",
+            ))
+        },
+        Verb {
+            axes: vec![
+                named("x", "the displacement x", DISPLACEMENT),
+                named("y", "the displacement y", DISPLACEMENT),
+                named("z", "the displacement z", DISPLACEMENT),
+            ],
+            sets: Sets::One(resource::DRIVE),
+            activity: Activity::Passing,
+            needs: Some(Needs {
+                resource: resource::GAINS,
+                value: POSITION,
+                message: text("`move` needs the board in position mode"),
+                what: text("pid position"),
+                line: text("pid position speed=200,150 position=20,0,20 yaw=12,2,5"),
+            }),
+            ..verb(
+                "move",
+                "move x=RIGHT y=FORWARD z=CLOCKWISE",
+                "move y=100",
+                "a displacement, each -65535..65535; needs `pid position` before it",
+            )
+        },
+        Verb { sets: Sets::One(resource::DRIVE), is: Some(stop()), ..verb("stop", "stop", "stop", "the drive stops") },
+        Verb {
+            axes: vec![words("on or off", &[("on", 1), ("off", 0)])],
+            sets: Sets::One(resource::BUZZER),
+            activity: Activity::Unless0,
+            holds: true,
+            ..verb("buzzer", "buzzer on|off", "buzzer on for 200ms", "the buzzer")
+        },
+        Verb {
+            axes: vec![
+                words("the mode", &[("speed", 0), ("position", POSITION)]),
+                gains("speed", "P,I"),
+                gains("position", "P,I,D"),
+                gains("yaw", "P,I,D"),
+            ],
+            sets: Sets::One(resource::GAINS),
+            ..verb(
+                "pid",
+                "pid speed|position speed=P,I position=P,I,D yaw=P,I,D",
+                "pid speed speed=200,150 position=20,0,20 yaw=12,2,5",
+                "mode and controller gains, each 0-255",
+            )
+        },
+        Verb {
+            frames: text("the requests"),
+            axes: vec![words(
+                "what is asked for",
+                &std::array::from_fn::<_, 10, _>(|at| {
+                    (QUERIES.get(at).copied().unwrap_or_default(), i32::try_from(at).unwrap_or_default())
+                }),
+            )],
+            ..verb(
+                "request",
+                "request WHAT",
+                "request voltage",
+                "asks the board for data: report-start, report-stop, encoder-1 to encoder-4, voltage, pitch, roll, yaw",
+            )
+        },
+        Verb {
+            axes: vec![
+                Axis { takes: Takes::Byte, ..value("the function byte", BYTE) },
+                Axis { takes: Takes::Bytes(frame::MAX_PAYLOAD), ..value("a payload byte", BYTE) },
+            ],
+            frames: text("the raw frames"),
+            sets: Sets::Opaque(vec![
+                (codec::DRIVE_FUNCTION, resource::DRIVE),
+                (codec::BUZZER_FUNCTION, resource::BUZZER),
+            ]),
+            ..verb(
+                "raw",
+                "raw FUNCTION BYTE BYTE …",
+                "raw 0x04 0x01",
+                "a frame of any function and payload, bytes 0-255; header, length and checksum are added",
+            )
+        },
+    ]
+}

@@ -1,0 +1,28 @@
+//! What the board sends back: lines such as `{A-120:35:9000:1187}#`, in hundredths of a degree and of a volt.
+//!
+//! Source: users' programs; the single requests' replies are not published.
+
+use crate::board::{Hundredths, Report, ReportLine};
+
+/// The rows of the quantities: voltage, pitch, roll, yaw. A line has pitch, roll, yaw and voltage, in this order.
+pub(super) const LINE: ReportLine = ReportLine { bounds: (b'{', b'#'), read, write };
+
+fn write(report: &Report) -> String {
+    let [pitch, roll, yaw, voltage] = [1, 2, 3, 0].map(|quantity| report.value(quantity).0);
+    format!("{{A{pitch}:{roll}:{yaw}:{voltage}}}#")
+}
+
+fn read(line: &[u8]) -> Option<Report> {
+    let body = std::str::from_utf8(line.strip_prefix(b"A")?).ok()?;
+    let mut fields = body.strip_suffix('}')?.split(':').map(field);
+    let [pitch, roll, yaw, voltage] = [fields.next()??, fields.next()??, fields.next()??, fields.next()??];
+    fields.next().is_none().then(|| Report::new(&[voltage, pitch, roll, yaw]))
+}
+
+/// A signed decimal integer; Rust would also take a leading `+`, which the board does not send.
+fn field(text: &str) -> Option<Hundredths> {
+    if text.starts_with('+') {
+        return None;
+    }
+    text.parse().ok().map(Hundredths)
+}

@@ -1,0 +1,366 @@
+//! What follows from the table of a board.
+
+use std::fmt::{self, Write as _};
+
+use smallvec::SmallVec;
+
+use super::Text;
+use super::command::{Command, Values, VerbId};
+use super::quantity::Report;
+use super::table::{
+    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, ProperLimit, Resource, ResourceId, Resources,
+    Sets, Takes, Verb,
+};
+
+impl Board {
+    /// A verb.
+    pub fn verb(&self, id: VerbId) -> Option<&Verb> {
+        self.verbs.get(id.row())
+    }
+
+    /// All verbs, with their rows.
+    pub fn verbs(&self) -> impl Iterator<Item = (VerbId, &Verb)> {
+        (0..=u8::MAX).map(VerbId).zip(&self.verbs)
+    }
+
+    /// The verb with this word.
+    pub fn find(&self, word: &str) -> Option<(VerbId, &Verb)> {
+        self.verbs().find(|(_, verb)| verb.word == word)
+    }
+
+    /// The command of a verb with these values, an index first.
+    ///
+    /// # Errors
+    /// [`NotACommand::OutOfRange`] for the first value that the board does not take, and [`NotACommand::Unknown`] where there are too many
+    /// or too few, or there is no such verb.
+    pub fn command(&self, verb: VerbId, values: &[i32]) -> Result<Command, NotACommand> {
+        let row = self.verb(verb).ok_or(NotACommand::Unknown)?;
+        if let Some(is) = row.is.as_ref().filter(|_| values.is_empty()) {
+            return Ok(is.clone());
+        }
+        let mut rest = values.iter();
+        for axis in &row.axes {
+            if let Takes::Bytes(most) = axis.takes {
+                for value in rest.by_ref().take(most) {
+                    OutOfRange::check(*value, axis.range)?;
+                }
+            }
+            for _ in 0..axis.count() {
+                OutOfRange::check(*rest.next().ok_or(NotACommand::Unknown)?, axis.range)?;
+            }
+        }
+        if rest.next().is_some() || row.is.is_some() {
+            return Err(NotACommand::Unknown);
+        }
+        Ok(Command::new(verb, values))
+    }
+
+    /// The command with this word and these values, an index first: `say("servo", &[1, 1500])`.
+    ///
+    /// # Errors
+    /// As [`command`](Self::command).
+    pub fn say(&self, word: &str, values: &[i32]) -> Result<Command, NotACommand> {
+        let (verb, _) = self.find(word).ok_or(NotACommand::Unknown)?;
+        self.command(verb, values)
+    }
+
+    /// The resources that a command occupies, as `for` and `over` do. What is not interpreted occupies none.
+    pub fn occupies(&self, command: &Command) -> Resources {
+        self.occupied(command.verb(), command.value(0))
+    }
+
+    /// The same, of a verb and its index.
+    pub fn occupied(&self, verb: VerbId, index: Option<i32>) -> Resources {
+        let Some(verb) = self.verb(verb) else { return Resources::new() };
+        match &verb.sets {
+            Sets::Nothing | Sets::Opaque(_) => Resources::new(),
+            Sets::One(resource) => Resources::from_slice(&[*resource]),
+            Sets::Indexed(_) => indexed(verb, index.unwrap_or(i32::MIN)).into_iter().collect(),
+            Sets::Parts(parts) => parts.iter().filter_map(|part| indexed(self.verb(part.verb)?, part.index)).collect(),
+        }
+    }
+
+    /// The resources that are not what they were behind a command: those that it occupies, and that which it makes unknown.
+    pub fn touches(&self, command: &Command) -> Resources {
+        match self.verb(command.verb()).map(|verb| &verb.sets) {
+            Some(Sets::Opaque(known)) => {
+                let found = known.iter().find(|(first, _)| command.value(0) == Some(*first));
+                found.map(|(_, resource)| *resource).into_iter().collect()
+            }
+            _ => self.occupies(command),
+        }
+    }
+
+    /// Whether a command is not interpreted, so that nobody knows what it leaves behind.
+    pub fn is_opaque(&self, command: &Command) -> bool {
+        matches!(self.verb(command.verb()), Some(Verb { sets: Sets::Opaque(_), .. }))
+    }
+
+    /// A resource.
+    pub fn resource(&self, id: ResourceId) -> Option<&Resource> {
+        self.resources.get(id)
+    }
+
+    /// The command that brings a resource to rest.
+    pub fn rest(&self, resource: ResourceId) -> Option<&Command> {
+        self.resource(resource)?.rest.as_ref()
+    }
+
+    /// Whether a command is one that brings its resource to rest.
+    pub fn is_rest(&self, command: &Command) -> bool {
+        self.occupies(command).into_iter().any(|resource| self.rest(resource) == Some(command))
+    }
+
+    /// Whether a command touches a resource that must be fed while it is active.
+    pub fn is_drive(&self, command: &Command) -> bool {
+        self.touches(command).into_iter().any(|resource| self.is_fed(resource))
+    }
+
+    /// Whether a resource must be fed while it is active.
+    pub fn is_fed(&self, resource: ResourceId) -> bool {
+        self.resource(resource).is_some_and(|resource| resource.is_fed)
+    }
+
+    /// Whether the resource of a command is active until another command ends that.
+    pub fn is_active(&self, command: &Command) -> bool {
+        match self.verb(command.verb()).map(|verb| verb.activity) {
+            Some(Activity::Always) => true,
+            Some(Activity::Unless0) => !command.is_zero(),
+            _ => false,
+        }
+    }
+
+    /// Whether a command keeps a resource active that must be fed.
+    pub fn keeps_driving(&self, command: &Command) -> bool {
+        self.is_active(command) && self.is_drive(command)
+    }
+
+    /// Whether its resource is active for a time that nobody knows.
+    pub fn is_passing(&self, command: &Command) -> bool {
+        matches!(self.verb(command.verb()), Some(Verb { activity: Activity::Passing, .. }))
+    }
+
+    /// Whether the frame of a command can be read in two ways.
+    pub fn is_doubtful(&self, command: &Command) -> bool {
+        self.doubt.as_ref().is_some_and(|doubt| doubt.verb == command.verb())
+    }
+
+    /// What must come before a command.
+    pub fn needs(&self, command: &Command) -> Option<&Needs> {
+        self.verb(command.verb())?.needs.as_ref()
+    }
+
+    /// Whether other verbs need a verb before them.
+    pub fn is_needed(&self, verb: VerbId) -> bool {
+        let sets = self.occupied(verb, None);
+        self.verbs.iter().filter_map(|verb| verb.needs.as_ref()).any(|needs| sets.contains(&needs.resource))
+    }
+
+    /// Whether nothing is left of `older` once the board has `newer`: it touches all that the other does.
+    pub fn overtakes(&self, newer: &Command, older: &Command) -> bool {
+        let (newer, older) = (self.touches(newer), self.touches(older));
+        !older.is_empty() && older.iter().all(|resource| newer.contains(resource))
+    }
+
+    /// A command as what it sets, each in the words of the verb for one resource.
+    pub fn parts(&self, command: &Command) -> SmallVec<[Command; 2]> {
+        match self.verb(command.verb()).map(|verb| &verb.sets) {
+            Some(Sets::Parts(parts)) => {
+                let values = command.values();
+                let parts = parts.iter().zip(values);
+                parts.map(|(part, value)| Command::new(part.verb, &[part.index, value])).collect()
+            }
+            _ => SmallVec::from_iter([command.clone()]),
+        }
+    }
+
+    /// The lane of a command: one for each resource, and one for each verb that sets several of them or none.
+    pub fn lane(&self, command: &Command) -> usize {
+        match self.occupies(command).as_slice() {
+            [resource] => *resource,
+            _ => self.resources.len() + command.verb().row(),
+        }
+    }
+
+    /// How many lanes there are.
+    pub fn lanes(&self) -> usize {
+        self.resources.len() + self.verbs.len()
+    }
+
+    /// What a lane is called.
+    pub fn lane_name(&self, lane: usize) -> Text {
+        let verb = |lane: usize| self.verbs.get(lane - self.resources.len()).map(|verb| verb.frames.clone());
+        self.resource(lane).map(|resource| resource.name.clone()).or_else(|| verb(lane)).unwrap_or_default()
+    }
+
+    /// The range of what is limited, inside of which a limit lies.
+    pub fn range(&self, limited: Limited) -> Option<(i32, i32)> {
+        Some(self.axis(limited)?.range)
+    }
+
+    /// The axis of what is limited; the first one where each is.
+    pub fn axis(&self, limited: Limited) -> Option<&Axis> {
+        self.verb(limited.verb)?.moving().get(limited.axis.unwrap_or(0))
+    }
+
+    /// The values of a command that a limit is for.
+    pub fn limited_values(&self, limited: Limited, command: &Command) -> Values {
+        let Some(verb) = self.verb(command.verb()) else { return Values::new() };
+        if let Sets::Parts(parts) = &verb.sets {
+            let is_limited = |part: &Part| part.verb == limited.verb && Some(part.index) == limited.index;
+            let values = parts.iter().zip(command.values());
+            return values.filter(|(part, _)| is_limited(part)).map(|(_, value)| value).collect();
+        }
+        let is_indexed = verb.is_indexed();
+        if command.verb() != limited.verb || is_indexed && command.value(0) != limited.index {
+            return Values::new();
+        }
+        let values = command.values().into_iter().skip(usize::from(is_indexed)).enumerate();
+        values.filter(|(at, _)| limited.axis.is_none_or(|axis| axis == *at)).map(|(_, value)| value).collect()
+    }
+
+    /// What is limited, as a script writes it: `servo 2`, `rocker x`.
+    pub fn limited_name(&self, limited: Limited) -> String {
+        let mut name = self.verb(limited.verb).map(|verb| verb.word.to_string()).unwrap_or_default();
+        if let Some(index) = limited.index {
+            let _ = write!(name, " {index}");
+        }
+        if let Some(axis) = limited.axis.and_then(|_| self.axis(limited)).filter(|axis| !axis.name.is_empty()) {
+            let _ = write!(name, " {}", axis.name);
+        }
+        name
+    }
+
+    /// The proper limit of this, if it has one.
+    pub fn proper_limit(&self, limited: Limited) -> Option<&ProperLimit> {
+        self.limits.iter().find(|limit| limit.limited == limited)
+    }
+
+    /// The canonical notation of a command: what a script would say to send exactly this frame.
+    pub fn show<'b>(&'b self, command: &'b Command) -> Said<'b> {
+        Said { board: self, command }
+    }
+
+    /// Appends the frame that carries a command.
+    pub fn encode(&self, command: &Command, out: &mut Vec<u8>) {
+        (self.codec.encode)(self, command, out);
+    }
+
+    /// How many bytes the frame of a command has.
+    pub fn frame_length(&self, command: &Command) -> usize {
+        (self.codec.length)(self, command)
+    }
+
+    /// The frame that carries a command, in a vector of its own.
+    pub fn to_frame(&self, command: &Command) -> Vec<u8> {
+        let mut out = Vec::with_capacity(self.frame_length(command));
+        self.encode(command, &mut out);
+        out
+    }
+
+    /// Reads the bytes of one frame. Strict: what it returns, [`encode`](Self::encode) gives back byte for byte.
+    ///
+    /// # Errors
+    /// Says why it is no command.
+    pub fn decode(&self, frame: &[u8]) -> Result<Command, NotACommand> {
+        (self.codec.decode)(self, frame)
+    }
+
+    /// Any frame, as the verb that sends any frame.
+    pub fn raw(&self, frame: &[u8]) -> Option<Command> {
+        (self.codec.raw)(self, frame)
+    }
+
+    /// Reads a frame; what is no command becomes one that is not interpreted, if there is such a verb.
+    pub fn decode_or_raw(&self, frame: &[u8]) -> Option<Command> {
+        self.decode(frame).ok().or_else(|| self.raw(frame))
+    }
+
+    /// How many zeros must follow a flush of a line that carries these commands, before a stop: a flush can cut a frame, and a receiver
+    /// that waits for the rest of it would take the stop for that.
+    pub fn zeros_behind_flush<'c>(&self, commands: impl IntoIterator<Item = &'c Command>) -> usize {
+        commands
+            .into_iter()
+            .map(|command| (self.codec.resync)(Some(command)))
+            .max()
+            .unwrap_or(0)
+            .max(self.fewest_zeros())
+    }
+
+    fn fewest_zeros(&self) -> usize {
+        self.stop.iter().map(|command| (self.codec.resync)(Some(command))).max().unwrap_or(0)
+    }
+
+    /// How many zeros do the same for any frame at all.
+    pub fn most_zeros(&self) -> usize {
+        (self.codec.resync)(None)
+    }
+
+    /// The quantity with this name.
+    pub fn quantity(&self, name: &str) -> Option<usize> {
+        self.quantities.iter().position(|quantity| quantity.name == name)
+    }
+
+    /// The first quantity of a report, as it is shown.
+    pub fn vital(&self, report: &Report) -> Option<String> {
+        self.quantities.first().map(|quantity| quantity.show(report.value(0)))
+    }
+
+    /// All quantities of a report, as they are shown.
+    pub fn report(&self, report: &Report) -> String {
+        let all = self.quantities.iter().enumerate().map(|(row, quantity)| quantity.show(report.value(row)));
+        all.clone().skip(1).chain(all.take(1)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The line that carries a report.
+    pub fn report_line(&self, report: &Report) -> String {
+        (self.codec.replies.write)(report)
+    }
+}
+
+/// The resource of a verb with an index.
+fn indexed(verb: &Verb, index: i32) -> Option<ResourceId> {
+    let Sets::Indexed(first) = verb.sets else { return None };
+    let (least, most) = verb.axes.first()?.range;
+    let offset = usize::try_from(index.checked_sub(least)?).ok().filter(|_| index <= most)?;
+    Some(first + offset)
+}
+
+/// A command in the notation of scripts.
+#[derive(Clone, Copy, Debug)]
+pub struct Said<'b> {
+    board: &'b Board,
+    command: &'b Command,
+}
+
+impl fmt::Display for Said<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Said { board, command } = self;
+        let is_other = |verb: &&Verb| verb.is.as_ref() == Some(command);
+        if let Some(verb) = board.verbs.iter().find(is_other) {
+            return f.write_str(&verb.word);
+        }
+        let Some(verb) = board.verb(command.verb()) else { return f.write_str("?") };
+        f.write_str(&verb.word)?;
+        let mut values = command.values().into_iter();
+        for axis in &verb.axes {
+            match &axis.takes {
+                Takes::Bytes(_) => values.by_ref().try_for_each(|byte| write!(f, " 0x{byte:02X}"))?,
+                Takes::Byte => write!(f, " 0x{:02X}", values.next().unwrap_or_default())?,
+                Takes::Word(words) => {
+                    let value = values.next();
+                    let word = words.iter().find(|(_, of)| Some(*of) == value).map_or("?", |(word, _)| word);
+                    write!(f, " {word}")?;
+                }
+                Takes::Number | Takes::Index | Takes::List(..) => {
+                    let sign = if axis.name.is_empty() { "" } else { "=" };
+                    write!(f, " {}{sign}", axis.name)?;
+                    for (at, value) in values.by_ref().take(axis.count()).enumerate() {
+                        write!(f, "{}{value}", if at == 0 { "" } else { "," })?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,172 @@
+//! The arguments of a verb of the board, read as its table says.
+
+use smallvec::SmallVec;
+
+use super::arguments::Bound;
+use super::commands::Args;
+use super::motion::{Glide, Motion};
+use crate::board::{Axis, Command, MAX_MOVING, Takes, Values, Verb, VerbId};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::syntax::{Item, Value};
+
+/// What a line with a verb says.
+pub(super) enum Spoken {
+    /// One command.
+    Command(Command),
+    /// A command that may go somewhere over a time.
+    Motion(Motion),
+}
+
+/// Reads the arguments of a verb; what is wrong is reported.
+pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Spoken> {
+    if let Some(is) = &verb.is {
+        return Some(Spoken::Command(is.clone()));
+    }
+    if verb.moves {
+        return motion(args, id, verb).map(Spoken::Motion);
+    }
+    let mut values = Some(Values::new());
+    for axis in &verb.axes {
+        let read = one(args, axis);
+        values = values.and_then(|mut values| {
+            values.extend(read?);
+            Some(values)
+        });
+    }
+    has_axis(args, verb)?;
+    let command = args.context.board.command(id, &values?).ok()?;
+    if args.context.board.is_opaque(&command) {
+        args.context.report(Diagnostic::new(
+            Code::RawFrame,
+            args.command.span,
+            "nothing checks what this frame makes the robot do",
+            "use the command that sends it, or end the line with `# allow: raw-frame`",
+        ));
+    }
+    Some(Spoken::Command(command))
+}
+
+fn motion(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Motion> {
+    let mut index = None;
+    if let Some(axis) = verb.axes.first().filter(|_| verb.is_indexed()) {
+        let value = args.next()?;
+        index = Some(args.whole(value, axis.into()));
+    }
+    let mut glides: SmallVec<[Option<Glide>; MAX_MOVING]> = SmallVec::new();
+    for axis in verb.moving() {
+        let argument = if axis.name.is_empty() { Some(args.next_argument()?) } else { args.named(&axis.name) };
+        glides.push(match argument {
+            // One with a name may be left out.
+            None => Some(Glide::default()),
+            Some(argument) => args.glide(argument, axis.into()),
+        });
+    }
+    has_axis(args, verb)?;
+    let glides: SmallVec<[Glide; 1]> = glides.into_iter().collect::<Option<_>>()?;
+    let index = match index {
+        None => None,
+        Some(index) => Some(index?),
+    };
+    Some(Motion::new(id, index, glides))
+}
+
+/// The values of one axis of a verb that does not move.
+fn one(args: &mut Args<'_, '_, '_, '_>, axis: &Axis) -> Option<Values> {
+    let bound = Bound::from(axis);
+    let value = match &axis.takes {
+        Takes::List(what, letters) => return list(args, axis, what, letters),
+        Takes::Bytes(most) => return bytes(args, bound, *most),
+        Takes::Number if !axis.name.is_empty() => match args.named(&axis.name) {
+            None => 0,
+            Some(argument) => {
+                let value = args.one(argument)?;
+                args.ranged(value, bound)?
+            }
+        },
+        Takes::Number => {
+            let value = args.next()?;
+            args.ranged(value, bound)?
+        }
+        Takes::Index | Takes::Byte => {
+            let value = args.next()?;
+            args.whole(value, bound)?
+        }
+        Takes::Word(words) => {
+            let value = args.next()?;
+            let known: Vec<&str> = words.iter().map(|(word, _)| &**word).collect();
+            let found = args.word(value, &known)?;
+            words.iter().find(|(word, _)| word == found)?.1
+        }
+    };
+    Some(Values::from_slice(&[value]))
+}
+
+/// A named list of whole numbers, as many as there are letters.
+fn list(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: &str) -> Option<Values> {
+    let Some(argument) = args.named(&axis.name) else {
+        args.missing();
+        return None;
+    };
+    let given: &[Value<'_>] = match &argument.item {
+        Item::List(values) => values,
+        Item::One(value) => std::slice::from_ref(value),
+        _ => &[],
+    };
+    let bound = Bound { what, ..axis.into() };
+    let values: Values = given.iter().filter_map(|value| args.whole(value, bound)).collect();
+    let count = axis.count();
+    if given.len() != count {
+        let (name, called, (least, most)) = (&axis.name, &axis.what, axis.range);
+        args.context.report(Diagnostic::new(
+            Code::Arguments,
+            argument.span,
+            format!("`{name}` has {count} {called}"),
+            format!("write `{name}={letters}`, each {least} to {most}"),
+        ));
+    }
+    (values.len() == count && given.len() == count).then_some(values)
+}
+
+/// All that is left, as bytes.
+fn bytes(args: &mut Args<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) -> Option<Values> {
+    let mut values = Values::new();
+    let mut is_complete = true;
+    while args.more() {
+        let byte = match args.next() {
+            Some(value) => args.whole(value, bound),
+            None => None,
+        };
+        is_complete &= byte.is_some();
+        values.extend(byte);
+    }
+    let length = values.len();
+    if length > most {
+        args.context.report(Diagnostic::new(
+            Code::OutOfRange,
+            args.command.span,
+            format!("a frame carries at most {most} bytes, and these are {length}"),
+            "split it into several frames",
+        ));
+        return None;
+    }
+    is_complete.then_some(values)
+}
+
+/// A value without its name, or no value at all, is a mistake where all of them have names and may be left out.
+fn has_axis(args: &mut Args<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
+    let is_optional = |axis: &Axis| axis.takes == Takes::Number && !axis.name.is_empty();
+    let is_given = args.command.arguments.iter().any(|argument| argument.name.is_some());
+    if is_given || verb.axes.is_empty() || !verb.axes.iter().all(is_optional) {
+        return Some(());
+    }
+    // Reports that more is needed where nothing was given.
+    let argument = args.next_argument()?;
+    let row = args.row;
+    let message = format!("`{}` wants each value with its axis", row.name);
+    args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, row.how()));
+    // The rest of them would only repeat it.
+    while args.more() {
+        args.next_argument();
+    }
+    None
+}

@@ -1,0 +1,404 @@
+//! A family of boards that nobody sells: three lamps that fade, a fan, and a chime. Its table is made at run time, its frames are text, and
+//! it does not drive. Whatever the program does with a board, it does with this one, and no file but this knows its words.
+
+use std::sync::Arc;
+
+use motionseq::board::{
+    Activity, Axis, Board, Codec, Command, Frame, FrameError, Front, NotACommand, OutOfRange, Quantity, Report,
+    ReportLine, Resource, Sets, Simulation, Skip, State, Takes, Text, Unit, Verb, VerbId,
+};
+use motionseq::capture::{Reading, Scribe, TimedDecoder, decode};
+use motionseq::diagnostic::Code;
+use motionseq::playback::{Cause, Input, Order, Player, Stop};
+use motionseq::plot::{Shows, plot};
+use motionseq::program::Options;
+use motionseq::sim::{Settings, VirtualBoard};
+use motionseq::source::{Source, Sources};
+use motionseq::timeline::{Kind, Part, Snapshot, Timeline, diff, part, read_snapshot, write_listing, write_snapshot};
+use motionseq::verify::rehearse;
+
+use crate::support::messages;
+
+const LAMP: VerbId = VerbId(0);
+const FAN: VerbId = VerbId(1);
+const CHIME: VerbId = VerbId(2);
+
+/// `<L 2 500>`: a letter for the verb, and its values.
+fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
+    let letter = ['L', 'F', 'C'][command.verb().row()];
+    let values: String = command.values().iter().map(|value| format!(" {value}")).collect();
+    out.extend(format!("<{letter}{values}>").bytes());
+}
+
+fn length(board: &Board, command: &Command) -> usize {
+    let mut out = Vec::new();
+    encode(board, command, &mut out);
+    out.len()
+}
+
+fn check(bytes: &[u8]) -> Result<(), FrameError> {
+    match bytes {
+        [b'<', inner @ .., b'>'] if !inner.contains(&b'>') => Ok(()),
+        [b'<', ..] => Err(FrameError::Length),
+        _ => Err(FrameError::NoHeader),
+    }
+}
+
+fn read(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
+    let text = std::str::from_utf8(frame).map_err(|_| NotACommand::Unknown)?;
+    let inner = text.strip_prefix('<').and_then(|text| text.strip_suffix('>')).ok_or(NotACommand::Unknown)?;
+    let mut words = inner.split(' ');
+    let verb = match words.next() {
+        Some("L") => LAMP,
+        Some("F") => FAN,
+        Some("C") => CHIME,
+        _ => return Err(NotACommand::Unknown),
+    };
+    let values: Result<Vec<i32>, _> = words.map(str::parse).collect();
+    let command = board.command(verb, &values.map_err(|_| NotACommand::Unknown)?)?;
+    if board.to_frame(&command) == frame { Ok(command) } else { Err(NotACommand::Inconsistent) }
+}
+
+fn next_start(bytes: &[u8]) -> usize {
+    bytes.iter().skip(1).position(|byte| *byte == b'<').map_or(bytes.len(), |at| at + 1)
+}
+
+fn front(bytes: &[u8], _: bool) -> Front {
+    match bytes.iter().position(|byte| *byte == b'>') {
+        _ if bytes[0] != b'<' => Front::Skip(next_start(bytes), Skip::Noise),
+        Some(end) => Front::Frame(end + 1),
+        None if bytes.len() > 32 => Front::Skip(next_start(bytes), Skip::Torn),
+        None => Front::NeedMore,
+    }
+}
+
+fn owned(text: &str) -> Text {
+    Text::Owned(text.to_owned())
+}
+
+fn axis(what: &str, range: (i32, i32), takes: Takes) -> Axis {
+    let (name, key, why) = (owned(""), owned(""), owned(""));
+    Axis { name, what: owned(what), key, range, takes, unit: Unit::None, why }
+}
+
+fn verb(word: &str, usage: &str, axes: Vec<Axis>, sets: Sets) -> Verb {
+    Verb {
+        word: owned(word),
+        usage: owned(usage),
+        example: owned(usage),
+        meaning: owned(usage),
+        axes,
+        sets,
+        activity: Activity::Still,
+        holds: false,
+        moves: false,
+        needs: None,
+        frames: owned("the chimes"),
+        is: None,
+        tolerance: 3,
+    }
+}
+
+fn resource(name: &str, key: &str) -> Resource {
+    let [activity, idle, about] = ["", "", ""].map(owned);
+    let (rest, speed) = (None, None);
+    Resource {
+        name: owned(name),
+        key: owned(key),
+        about,
+        rest,
+        activity,
+        idle,
+        is_fed: false,
+        is_exclusive: true,
+        speed,
+    }
+}
+
+/// The table, made anew.
+fn lamps() -> Arc<Board> {
+    let fan = |on| {
+        Takes::Word([("on", 1), ("off", 0)].map(|(word, value)| (owned(word), value)).into_iter().take(on).collect())
+    };
+    let board = Board {
+        name: owned("Lamps"),
+        baud: 9_600,
+        resources: vec![
+            resource("lamp 1", "lamp_1"),
+            resource("lamp 2", "lamp_2"),
+            resource("lamp 3", "lamp_3"),
+            resource("the fan", "fan"),
+        ],
+        verbs: vec![
+            Verb {
+                moves: true,
+                ..verb(
+                    "lamp",
+                    "lamp 1 500",
+                    vec![axis("a lamp number", (1, 3), Takes::Index), axis("a level", (0, 1_000), Takes::Number)],
+                    Sets::Indexed(0),
+                )
+            },
+            Verb {
+                holds: true,
+                activity: Activity::Unless0,
+                ..verb("fan", "fan on", vec![axis("on or off", (0, 1), fan(2))], Sets::One(3))
+            },
+            verb(
+                "chime",
+                "chime high",
+                vec![axis("a tone", (0, 2), Takes::Word(vec![(owned("low"), 0), (owned("high"), 2)]))],
+                Sets::Nothing,
+            ),
+        ],
+        limits: Vec::new(),
+        quantities: vec![Arc::new(Quantity {
+            name: owned("warmth"),
+            key: owned("warmth"),
+            unit: owned(""),
+            shown: owned("{} warm"),
+        })],
+        reporting: None,
+        stop: Vec::new(),
+        doubt: None,
+        foreign: vec![(owned("blink"), owned("lamp 1 0 -> 1000 over 1s"))],
+        picture: None,
+        simulation: Simulation::State,
+        codec: Codec {
+            encode,
+            length,
+            check,
+            decode: read,
+            raw: |_, _| None,
+            front,
+            next_start,
+            longest: 64,
+            resync: |_| 0,
+            replies: ReportLine { bounds: (b'(', b')'), read: |_| None, write: |_: &Report| String::new() },
+        },
+    };
+    let off = board.say("fan", &[0]).unwrap();
+    let mut board = Board { stop: vec![off.clone()], ..board };
+    let fan = &mut board.resources[3];
+    (fan.rest, fan.activity, fan.idle) = (Some(off), owned("on"), owned("is off"));
+    Arc::new(board)
+}
+
+fn compiled(text: &str) -> Timeline {
+    let sources = Sources::from(Source::new("lamps.motion", text));
+    let compiled = motionseq::compile(&sources, &Options { board: lamps(), ..Options::default() });
+    compiled.timeline.unwrap_or_else(|| panic!("{}", messages(&sources, &compiled.diagnostics)))
+}
+
+/// What is wrong with a script: codes and messages.
+fn wrong(text: &str) -> Vec<(Code, String)> {
+    let compiled = motionseq::compile(
+        &Source::new("lamps.motion", text).into(),
+        &Options { board: lamps(), ..Options::default() },
+    );
+    compiled.diagnostics.sorted().iter().map(|found| (found.code, found.message.clone())).collect()
+}
+
+fn listing(timeline: &Timeline) -> String {
+    let mut out = Vec::new();
+    write_listing(&timeline.board, timeline.events(), &mut out).unwrap();
+    String::from_utf8(out).unwrap()
+}
+
+const SHOW: &str = "\
+lamp 1 200
+lamp 2 100 -> 300 over 40ms
+chime high
+fan on for 50ms
+wait 10ms
+lamp 1 205
+";
+
+#[test]
+fn it_is_compiled_and_rendered() {
+    // `<L 1 200>` and so on, by hand: every 20 ms a step, half of the way in the middle.
+    assert_eq!(
+        listing(&compiled(SHOW)),
+        "0.000000\t3C 4C 20 31 20 32 30 30 3E\tlamp 1 200\n\
+         0.000000\t3C 4C 20 32 20 31 30 30 3E\tlamp 2 100\tsample\n\
+         0.020000\t3C 4C 20 32 20 32 30 30 3E\tlamp 2 200\tsample\n\
+         0.040000\t3C 4C 20 32 20 33 30 30 3E\tlamp 2 300\tsample\n\
+         0.040000\t3C 43 20 32 3E\tchime high\n\
+         0.040000\t3C 46 20 31 3E\tfan on\n\
+         0.090000\t3C 46 20 30 3E\tfan off\n\
+         0.100000\t3C 4C 20 31 20 32 30 35 3E\tlamp 1 205\n"
+    );
+    assert_eq!(compiled("lamp 3 7\n").baud, 9_600);
+}
+
+#[test]
+fn what_is_wrong_with_it_is_said_in_its_words() {
+    let first = |text: &str| wrong(text).into_iter().next().unwrap();
+    assert_eq!(first("fan on; fan off\n"), (Code::Clash, "the fan is told two things at 0.000000 s".to_owned()));
+    let (code, message) = first("lamp 2 0 -> 9 over 1s; lamp 2 5\n");
+    assert!(code == Code::Clash && message.starts_with("lamp 2 is busy until 1.000000 s"), "{message}");
+    let message = "a level is from 0 to 1000, and 1001 is outside".to_owned();
+    assert_eq!(first("lamp 1 1001\n"), (Code::OutOfRange, message));
+    assert_eq!(first("lamp 4 10\n").1, "a lamp number is from 1 to 3, and 4 is outside");
+    assert_eq!(first("lamp 1 10 over 1s\n").0, Code::UnknownStart);
+    assert_eq!(first("fan on\nwait 1s\n"), (Code::LeftRunning, "the fan is still on when the script ends".to_owned()));
+    assert_eq!(first("limit lamp 2 0..500\nlamp 2 501\n").0, Code::Limit);
+    assert_eq!(first("chime loud\n").1, "`chime` does not know `loud`");
+    let compiled =
+        motionseq::compile(&Source::new("x", "blink\n").into(), &Options { board: lamps(), ..Options::default() });
+    assert_eq!(compiled.diagnostics.sorted()[0].help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
+    // Words of another family are none of this one.
+    for line in ["servo 1 1500\n", "stop\n", "raw 4 1\n"] {
+        assert_eq!(first(line).0, Code::UnknownWord, "{line}");
+    }
+    // It reports warmth, and nothing that another board does.
+    assert_eq!(first("expect voltage > 3V\n").0, Code::Arguments);
+    assert!(wrong("expect warmth > 3 within 1s\n").is_empty());
+}
+
+#[test]
+fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would_be() {
+    let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
+    let closing = whole.events().last().unwrap();
+    assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
+    let cut = part(&whole, &Part { from_us: 1_500_000, to_us: None, lead_in_us: 100_000 }, &State::default());
+    let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
+    assert_eq!(lines, ["lamp 1 200", "fan on", "lamp 1 300", "fan off"]);
+}
+
+#[test]
+fn it_is_played_and_simulated_and_stopped() {
+    let timeline = compiled(SHOW);
+    let rehearsal = rehearse(&timeline, Settings::default());
+    assert!(rehearsal.is_complete(&timeline) && rehearsal.is_at_rest(&timeline), "{rehearsal:?}");
+    let told = rehearsal.received.state.told(0).unwrap();
+    assert_eq!(timeline.board.show(told).to_string(), "lamp 1 205");
+    // Something ends it early: its own stop goes out, once, and nothing else.
+    let mut player = Player::new(&timeline, 50_000_000);
+    let mut sent = Vec::new();
+    let (mut now, mut input) = (0, Input::Tick);
+    while player.outcome().is_none() {
+        let order = player.poll(now, input, &mut |_| {});
+        input = match order {
+            Order::Write => {
+                sent.push(String::from_utf8(player.bytes().to_vec()).unwrap());
+                Input::Wrote(player.bytes().len())
+            }
+            Order::Wait { until, .. } | Order::Pause { until } => {
+                now = until;
+                if now >= 40_000_000 { Input::Signal(2) } else { Input::Tick }
+            }
+            _ => Input::Tick,
+        };
+    }
+    let outcome = player.outcome().unwrap();
+    assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(2), Stop::Sent));
+    assert_eq!(sent, ["<L 1 200><L 2 100>", "<L 2 200>", "<F 0>"]);
+    // A board takes what it is sent however it is cut, and passes over the rest.
+    let mut board = VirtualBoard::new(lamps(), Settings::default());
+    for byte in b"x<L 3 7><Z><F 1" {
+        board.receive(0, &[*byte]);
+    }
+    let received = board.finish();
+    assert_eq!((received.frames, received.not_understood, received.skipped), (1, 1, 5));
+}
+
+#[test]
+fn it_is_decoded_and_folded() {
+    let mut out = Vec::new();
+    decode(&b"<L 1 5>?<L 1 5000><C 2>"[..], Reading { board: lamps(), ..Reading::default() }, &mut out).unwrap();
+    assert_eq!(
+        String::from_utf8(out).unwrap(),
+        "0\t3C 4C 20 31 20 35 3E\tlamp 1 5\n\
+         7\t3F\t\tskipped 1: no frame starts here\n\
+         8\t3C 4C 20 31 20 35 30 30 30 3E\t\tunknown: 5000 is outside 0 to 1000\n\
+         18\t3C 43 20 32 3E\tchime high\n"
+    );
+    let board = lamps();
+    let played = compiled("lamp 2 0\nwait 500ms\nlamp 2 1000 over 1s\nfan on\nwait 300ms\nfan off\n");
+    let mut scribe = Scribe::new(Arc::clone(&board), false, board.baud);
+    let mut decoder = TimedDecoder::of_times(&board);
+    for event in played.events() {
+        decoder.feed(event.at_us * 1_000, &board.to_frame(&event.command), |at_us, item| scribe.take(at_us, item));
+    }
+    scribe.finish(2_000_000);
+    let text = scribe.settled();
+    let lines: Vec<&str> = text.lines().skip(1).collect();
+    assert_eq!(lines, ["at 0s lamp 2 0", "at 0.5s lamp 2 1000 over 1s", "at 1.5s fan on", "at 1.8s fan off"], "{text}");
+    assert_eq!(compiled(&text).events().len(), played.events().len());
+}
+
+#[test]
+fn it_is_pinned_compared_and_drawn() {
+    let timeline = compiled(SHOW);
+    let mut text = Vec::new();
+    write_snapshot("lamps.motion", &timeline, &mut text).unwrap();
+    let kept = read_snapshot(&lamps(), &text).unwrap();
+    assert_eq!(kept, Snapshot::of(&timeline));
+    let later = Snapshot::of(&compiled(&SHOW.replace("chime high", "chime low")));
+    let changes: Vec<String> =
+        diff(&kept, &later, |change| change.new).iter().map(|change| change.words(None)).collect();
+    assert_eq!(changes, ["at 0.040 s: chime high -> low"]);
+
+    let sources = Sources::from(Source::new("lamps.motion", SHOW));
+    let compiled = motionseq::compile(&sources, &Options { board: lamps(), ..Options::default() });
+    let picture = plot(&timeline, &sources, &compiled.diagnostics);
+    let lanes: Vec<&str> = picture.tracks[0].lanes.iter().map(|lane| &*lane.name).collect();
+    assert_eq!(lanes, ["lamp 1", "lamp 2", "fan", "other"]);
+    let Shows::Curve { range, points, .. } = &picture.tracks[0].lanes[1].shows else { panic!("{picture:?}") };
+    let steps = [(0, Some(100.0)), (20_000, Some(200.0)), (40_000, Some(300.0))];
+    assert_eq!((*range, points.as_slice()), ([0.0, 1_000.0], steps.as_slice()));
+    assert!(picture.to_svg(motionseq::plot::Theme::Auto).contains(">fan<"));
+}
+
+/// The values of a verb at every corner of its ranges; a list that may be longer is empty, and full.
+fn corners(verb: &Verb) -> Vec<Vec<i32>> {
+    let mut all = vec![Vec::new()];
+    for axis in &verb.axes {
+        let choices: Vec<Vec<i32>> = match &axis.takes {
+            Takes::Bytes(most) => vec![Vec::new(), vec![axis.range.1; *most]],
+            Takes::Word(words) => words.iter().map(|(_, value)| vec![*value]).collect(),
+            _ => [axis.range.0, axis.range.1, 0.clamp(axis.range.0, axis.range.1)]
+                .map(|value| vec![value; axis.count()])
+                .into(),
+        };
+        all = all.iter().flat_map(|values| choices.iter().map(move |more| [&values[..], more].concat())).collect();
+    }
+    all
+}
+
+/// What every family must keep: a frame that a verb sends is read back as the same bytes, and a value outside is refused.
+#[test]
+fn every_corner_of_every_verb_passes_both_ways() {
+    for board in [lamps(), motionseq::board::raspblock::board(), motionseq::board::raspblock::with_older_move()] {
+        let is_older = board.doubt.as_ref().is_some_and(|doubt| doubt.note.starts_with("it is read as older"));
+        for (id, verb) in board.verbs() {
+            for values in corners(verb) {
+                let command = board.command(id, &values).unwrap();
+                let frame = board.to_frame(&command);
+                assert_eq!(frame.len(), board.frame_length(&command));
+                assert!(Frame::new(&board, &frame).is_ok());
+                // The older way to read a displacement is not the way that we send it.
+                if is_older && board.is_doubtful(&command) {
+                    continue;
+                }
+                let read = board.decode_or_raw(&frame).unwrap();
+                assert_eq!(board.to_frame(&read), frame, "{}", board.show(&command));
+                assert!(board.is_opaque(&command) || read == command, "{}", board.show(&command));
+                // Its notation says the same, and each value one further out is refused.
+                assert!(
+                    board.show(&read).to_string().starts_with(&*board.verb(read.verb()).unwrap().word)
+                        || read.is_zero()
+                );
+            }
+            for (at, axis) in verb.axes.iter().enumerate().filter(|(_, axis)| axis.count() == 1) {
+                for value in [axis.range.0 - 1, axis.range.1 + 1] {
+                    let mut values = corners(verb)[0].clone();
+                    values[at] = value;
+                    let (min, max) = axis.range;
+                    assert_eq!(board.command(id, &values), Err(OutOfRange { value, min, max }.into()), "{}", verb.word);
+                }
+            }
+        }
+    }
+}
