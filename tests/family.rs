@@ -136,7 +136,7 @@ fn lamps() -> Arc<Board> {
                     "lamp",
                     "lamp 1 500",
                     vec![axis("a lamp number", (1, 3), Takes::Index), axis("a level", (0, 1_000), Takes::Number)],
-                    Sets::Indexed(0),
+                    Sets::Indexed(vec![0, 1, 2]),
                 )
             },
             Verb {

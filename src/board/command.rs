@@ -53,8 +53,11 @@ impl Command {
     /// Its values.
     pub fn values(&self) -> Values {
         match &self.0 {
-            Packed::Few { count, values, .. } => values.iter().take(usize::from(*count)).map(unpack).collect(),
-            Packed::Many { values, .. } => values.iter().copied().collect(),
+            Packed::Few { count, values, .. } => {
+                let [a, b, c, d] = values;
+                Values::from_buf_and_len([a, b, c, d].map(unpack), usize::from(*count))
+            }
+            Packed::Many { values, .. } => Values::from_slice(values),
         }
     }
 

@@ -30,7 +30,7 @@ fn of_verb(id: VerbId, verb: &Verb) -> Vec<Of> {
     if is_switch(verb) {
         return vec![Of::Switch(id)];
     }
-    if !verb.moves || matches!(verb.sets, Sets::Parts(_)) {
+    if !verb.moves || matches!(verb.sets, Sets::Parts(..)) {
         return Vec::new();
     }
     let indices = verb.indices().map_or_else(|| vec![None], |indices| indices.map(Some).collect());
@@ -71,15 +71,19 @@ fn lane(board: &Board, of: &Of) -> Lane {
 
 fn draw(board: &Board, command: &Command) -> Vec<(usize, Shown)> {
     let mut shown = Vec::new();
+    let mut parts = Vec::new();
+    board.each_part(command, |_, part| parts.push(part.clone()));
     for (lane, of) in lanes(board).enumerate() {
-        for part in board.parts(command) {
+        if of == Of::Rest && shown.is_empty() {
+            shown.push((lane, Shown::Tick));
+        }
+        for part in &parts {
             match of {
                 Of::Switch(id) if id == part.verb() => shown.push((lane, Shown::Switch(!part.is_zero()))),
                 Of::Value(id, index, axis) if id == part.verb() && (index.is_none() || part.value(0) == index) => {
                     let value = part.value(axis + usize::from(index.is_some()));
                     shown.push((lane, Shown::Value(value.map(f64::from))));
                 }
-                Of::Rest if shown.is_empty() => shown.push((lane, Shown::Tick)),
                 _ => {}
             }
         }

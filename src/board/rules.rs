@@ -2,14 +2,12 @@
 
 use std::fmt::{self, Write as _};
 
-use smallvec::SmallVec;
-
 use super::Text;
-use super::command::{Command, Values, VerbId};
+use super::command::{Command, VerbId};
 use super::quantity::Report;
 use super::table::{
-    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, ProperLimit, Resource, ResourceId, Resources,
-    Sets, Takes, Verb,
+    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, ProperLimit, Resource, ResourceId, Sets,
+    Takes, Verb,
 };
 
 impl Board {
@@ -65,27 +63,30 @@ impl Board {
     }
 
     /// The resources that a command occupies, as `for` and `over` do. What is not interpreted occupies none.
-    pub fn occupies(&self, command: &Command) -> Resources {
+    pub fn occupies(&self, command: &Command) -> &[ResourceId] {
         self.occupied(command.verb(), command.value(0))
     }
 
     /// The same, of a verb and its index.
-    pub fn occupied(&self, verb: VerbId, index: Option<i32>) -> Resources {
-        let Some(verb) = self.verb(verb) else { return Resources::new() };
+    pub fn occupied(&self, verb: VerbId, index: Option<i32>) -> &[ResourceId] {
+        let Some(verb) = self.verb(verb) else { return &[] };
         match &verb.sets {
-            Sets::Nothing | Sets::Opaque(_) => Resources::new(),
-            Sets::One(resource) => Resources::from_slice(&[*resource]),
-            Sets::Indexed(_) => indexed(verb, index.unwrap_or(i32::MIN)).into_iter().collect(),
-            Sets::Parts(parts) => parts.iter().filter_map(|part| indexed(self.verb(part.verb)?, part.index)).collect(),
+            Sets::Nothing | Sets::Opaque(_) => &[],
+            Sets::One(resource) => std::slice::from_ref(resource),
+            Sets::Indexed(resources) => {
+                let place = verb.axes.first().and_then(|axis| usize::try_from(index? - axis.range.0).ok());
+                place.and_then(|place| resources.get(place)).map_or(&[], std::slice::from_ref)
+            }
+            Sets::Parts(_, resources) => resources,
         }
     }
 
     /// The resources that are not what they were behind a command: those that it occupies, and that which it makes unknown.
-    pub fn touches(&self, command: &Command) -> Resources {
+    pub fn touches(&self, command: &Command) -> &[ResourceId] {
         match self.verb(command.verb()).map(|verb| &verb.sets) {
             Some(Sets::Opaque(known)) => {
                 let found = known.iter().find(|(first, _)| command.value(0) == Some(*first));
-                found.map(|(_, resource)| *resource).into_iter().collect()
+                found.map_or(&[], |(_, resource)| std::slice::from_ref(resource))
             }
             _ => self.occupies(command),
         }
@@ -108,12 +109,12 @@ impl Board {
 
     /// Whether a command is one that brings its resource to rest.
     pub fn is_rest(&self, command: &Command) -> bool {
-        self.occupies(command).into_iter().any(|resource| self.rest(resource) == Some(command))
+        self.occupies(command).iter().any(|resource| self.rest(*resource) == Some(command))
     }
 
     /// Whether a command touches a resource that must be fed while it is active.
     pub fn is_drive(&self, command: &Command) -> bool {
-        self.touches(command).into_iter().any(|resource| self.is_fed(resource))
+        self.touches(command).iter().any(|resource| self.is_fed(*resource))
     }
 
     /// Whether a resource must be fed while it is active.
@@ -162,21 +163,21 @@ impl Board {
         !older.is_empty() && older.iter().all(|resource| newer.contains(resource))
     }
 
-    /// A command as what it sets, each in the words of the verb for one resource.
-    pub fn parts(&self, command: &Command) -> SmallVec<[Command; 2]> {
+    /// Takes a command apart: each resource that it sets, with the command that sets it alone.
+    pub fn each_part(&self, command: &Command, mut take: impl FnMut(ResourceId, &Command)) {
         match self.verb(command.verb()).map(|verb| &verb.sets) {
-            Some(Sets::Parts(parts)) => {
-                let values = command.values();
-                let parts = parts.iter().zip(values);
-                parts.map(|(part, value)| Command::new(part.verb, &[part.index, value])).collect()
+            Some(Sets::Parts(parts, resources)) => {
+                for ((part, resource), value) in parts.iter().zip(resources).zip(command.values()) {
+                    take(*resource, &Command::new(part.verb, &[part.index, value]));
+                }
             }
-            _ => SmallVec::from_iter([command.clone()]),
+            _ => self.occupies(command).iter().for_each(|resource| take(*resource, command)),
         }
     }
 
     /// The lane of a command: one for each resource, and one for each verb that sets several of them or none.
     pub fn lane(&self, command: &Command) -> usize {
-        match self.occupies(command).as_slice() {
+        match self.occupies(command) {
             [resource] => *resource,
             _ => self.resources.len() + command.verb().row(),
         }
@@ -203,20 +204,21 @@ impl Board {
         self.verb(limited.verb)?.moving().get(limited.axis.unwrap_or(0))
     }
 
-    /// The values of a command that a limit is for.
-    pub fn limited_values(&self, limited: Limited, command: &Command) -> Values {
-        let Some(verb) = self.verb(command.verb()) else { return Values::new() };
-        if let Sets::Parts(parts) = &verb.sets {
+    /// The first value of a command that a limit is for and that is outside of it.
+    pub fn outside(&self, limited: Limited, (low, high): (f64, f64), command: &Command) -> Option<i32> {
+        let verb = self.verb(command.verb())?;
+        let is_outside = |value: &i32| f64::from(*value) < low || f64::from(*value) > high;
+        if let Sets::Parts(parts, _) = &verb.sets {
             let is_limited = |part: &Part| part.verb == limited.verb && Some(part.index) == limited.index;
-            let values = parts.iter().zip(command.values());
-            return values.filter(|(part, _)| is_limited(part)).map(|(_, value)| value).collect();
+            let values = parts.iter().enumerate().filter(|(_, part)| is_limited(part));
+            return values.filter_map(|(at, _)| command.value(at)).find(is_outside);
         }
-        let is_indexed = verb.is_indexed();
-        if command.verb() != limited.verb || is_indexed && command.value(0) != limited.index {
-            return Values::new();
+        let offset = usize::from(verb.is_indexed());
+        if command.verb() != limited.verb || offset == 1 && command.value(0) != limited.index {
+            return None;
         }
-        let values = command.values().into_iter().skip(usize::from(is_indexed)).enumerate();
-        values.filter(|(at, _)| limited.axis.is_none_or(|axis| axis == *at)).map(|(_, value)| value).collect()
+        let axes = limited.axis.map_or(0..command.len() - offset, |axis| axis..axis + 1);
+        axes.filter_map(|axis| command.value(axis + offset)).find(is_outside)
     }
 
     /// What is limited, as a script writes it: `servo 2`, `rocker x`.
@@ -316,14 +318,6 @@ impl Board {
     pub fn report_line(&self, report: &Report) -> String {
         (self.codec.replies.write)(report)
     }
-}
-
-/// The resource of a verb with an index.
-fn indexed(verb: &Verb, index: i32) -> Option<ResourceId> {
-    let Sets::Indexed(first) = verb.sets else { return None };
-    let (least, most) = verb.axes.first()?.range;
-    let offset = usize::try_from(index.checked_sub(least)?).ok().filter(|_| index <= most)?;
-    Some(first + offset)
 }
 
 /// A command in the notation of scripts.

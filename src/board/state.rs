@@ -24,15 +24,13 @@ impl State {
     pub fn apply(&mut self, board: &Board, command: &Command) {
         if board.is_opaque(command) {
             for resource in board.touches(command) {
-                self.set(board, resource, Told { command: None, is_unclear: true });
+                self.set(board, *resource, Told { command: None, is_unclear: true });
             }
             return;
         }
-        for part in board.parts(command) {
-            for resource in board.occupies(&part) {
-                self.set(board, resource, Told { command: Some(part.clone()), is_unclear: false });
-            }
-        }
+        board.each_part(command, |resource, part| {
+            self.set(board, resource, Told { command: Some(part.clone()), is_unclear: false });
+        });
     }
 
     fn set(&mut self, board: &Board, resource: ResourceId, told: Told) {
@@ -51,10 +49,9 @@ impl State {
 
     /// Whether a command would change nothing: all that it sets was told the same.
     pub fn has(&self, board: &Board, command: &Command) -> bool {
-        board.parts(command).iter().all(|part| {
-            let resources = board.occupies(part);
-            !resources.is_empty() && resources.iter().all(|resource| self.told(*resource) == Some(part))
-        })
+        let mut has_all = !board.occupies(command).is_empty();
+        board.each_part(command, |resource, part| has_all &= self.told(resource) == Some(part));
+        has_all
     }
 
     /// The commands that bring a board to this state again, in the order of its resources. What is at rest, or comes to rest by itself, is
@@ -91,7 +88,7 @@ impl State {
     /// that brings its resource to rest.
     pub fn values(&self, board: &Board, verb: VerbId, index: Option<i32>) -> SmallVec<[Option<i32>; MAX_MOVING]> {
         let Some(row) = board.verb(verb) else { return SmallVec::new() };
-        if let Sets::Parts(parts) = &row.sets {
+        if let Sets::Parts(parts, _) = &row.sets {
             let value = |part: &Part| self.values(board, part.verb, Some(part.index)).first().copied().flatten();
             return parts.iter().map(value).collect();
         }

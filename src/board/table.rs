@@ -3,8 +3,6 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
-use smallvec::SmallVec;
-
 use super::Text;
 use super::command::{Command, VerbId};
 use super::frame::{FrameError, Front};
@@ -12,9 +10,6 @@ use super::quantity::{Quantity, ReportLine};
 
 /// A resource, by its row in the table of its board.
 pub type ResourceId = usize;
-
-/// The resources of one command.
-pub type Resources = SmallVec<[ResourceId; 2]>;
 
 /// A family of boards.
 #[derive(Clone, Debug)]
@@ -169,10 +164,10 @@ pub enum Sets {
     Nothing,
     /// This one.
     One(ResourceId),
-    /// One for each value of its first axis, an index. This one is that of the smallest index.
-    Indexed(ResourceId),
-    /// Several, each as another verb would.
-    Parts(Vec<Part>),
+    /// One for each value of its first axis, an index.
+    Indexed(Vec<ResourceId>),
+    /// Several, each as another verb would; and these.
+    Parts(Vec<Part>, Vec<ResourceId>),
     /// It is not interpreted: nobody knows what it leaves behind, but certain first values make a resource unknown.
     Opaque(Vec<(i32, ResourceId)>),
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use super::curve::{Axes, Room};
-use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Resources, Sets, VerbId};
+use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Sets, VerbId};
 
 /// What the script has said so far.
 #[derive(Clone, Debug)]
@@ -60,9 +60,9 @@ impl Known {
 
     /// The value of a thing, and from when on a move may begin there.
     pub(super) fn value(&self, thing: Thing) -> Option<(u64, Axes)> {
-        let board = &self.board;
-        let is_several = matches!(board.verb(thing.verb)?.sets, Sets::Parts(_));
-        let resources = thing.resources(board);
+        let board = Arc::clone(&self.board);
+        let is_several = matches!(board.verb(thing.verb)?.sets, Sets::Parts(..));
+        let resources = thing.resources(&board);
         let (mut since_us, mut axes) = (0, Axes::default());
         for (at, resource) in resources.iter().enumerate() {
             let told = self.told(*resource)?;
@@ -70,7 +70,7 @@ impl Known {
             if is_several {
                 *axes.get_mut(at)? = *told.command.values().last()?;
             } else if told.command.verb() == thing.verb {
-                axes = Thing::of(board, &told.command)?.1;
+                axes = Thing::of(&board, &told.command)?.1;
             } else if !(told.command.is_zero() && board.is_rest(&told.command)) {
                 // Behind the command that brings its resource to rest, every value is 0.
                 return None;
@@ -93,19 +93,17 @@ impl Known {
             Some((thing, axes)) => (thing, self.repeats(thing, axes)),
             None => (Thing { verb: command.verb(), index: None }, false),
         };
-        for part in board.parts(command) {
-            for resource in board.occupies(&part) {
-                if let Some(fed) = self.fed_us.get_mut(resource).filter(|_| board.is_fed(resource)) {
-                    *fed = board.is_active(command).then_some(at_us);
-                }
-                if let Some(told) = self.told.get_mut(resource) {
-                    *told = match told.take() {
-                        Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
-                        _ => Some(Told { command: part.clone(), by, said_us: at_us, came_us: at_us }),
-                    };
-                }
+        board.each_part(command, |resource, part| {
+            if let Some(fed) = self.fed_us.get_mut(resource).filter(|_| board.is_fed(resource)) {
+                *fed = board.is_active(command).then_some(at_us);
             }
-        }
+            if let Some(told) = self.told.get_mut(resource) {
+                *told = match told.take() {
+                    Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
+                    _ => Some(Told { command: part.clone(), by, said_us: at_us, came_us: at_us }),
+                };
+            }
+        });
     }
 
     /// What is not interpreted may have changed anything, but it is known whether it is for a resource that must be fed.
@@ -117,7 +115,7 @@ impl Known {
                 self.forget(resource);
             }
         }
-        board.touches(raw).into_iter().for_each(|resource| self.forget(resource));
+        board.touches(raw).iter().for_each(|resource| self.forget(*resource));
     }
 
     /// Nobody knows a resource any more.
@@ -155,7 +153,7 @@ impl Thing {
     }
 
     /// What it sets.
-    fn resources(self, board: &Board) -> Resources {
+    fn resources(self, board: &Board) -> &[ResourceId] {
         board.occupied(self.verb, self.index)
     }
 

@@ -156,7 +156,7 @@ impl Scribe {
         let board = &self.known.board;
         board.limits.iter().any(|limit| {
             let (least, most) = limit.range;
-            board.limited_values(limit.limited, command).iter().any(|value| !(least..=most).contains(value))
+            board.outside(limit.limited, (least.into(), most.into()), command).is_some()
         })
     }
 

@@ -37,10 +37,9 @@ impl Limit {
 
 /// The first limit that a command breaks, with the value that does.
 pub fn broken<'l>(board: &Board, limits: &'l [Limit], command: &Command) -> Option<(&'l Limit, i32)> {
-    limits.iter().find_map(|limit| {
-        let outside = |value: &i32| f64::from(*value) < limit.low || f64::from(*value) > limit.high;
-        board.limited_values(limit.limited, command).into_iter().find(outside).map(|value| (limit, value))
-    })
+    limits
+        .iter()
+        .find_map(|limit| board.outside(limit.limited, (limit.low, limit.high), command).map(|value| (limit, value)))
 }
 
 /// Says that a command breaks a limit, and how to widen it.

@@ -202,7 +202,7 @@ fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
     let thing = args.next()?;
     let word = if let ValueKind::Word(word) = thing.kind { word } else { "" };
     if let Some((_, verb)) = board.find(word)
-        && let Sets::Parts(parts) = &verb.sets
+        && let Sets::Parts(parts, _) = &verb.sets
     {
         let range = args.next_argument().and_then(range_text).unwrap_or_else(|| "900..1700".to_owned());
         let limited = |part: &crate::board::Part| Limited { verb: part.verb, index: Some(part.index), axis: None };
@@ -244,7 +244,7 @@ fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
 
 /// The verbs that may be limited.
 fn limitable(board: &Board) -> impl Iterator<Item = &Verb> {
-    board.verbs.iter().filter(|verb| verb.moves && !matches!(verb.sets, Sets::Parts(_)))
+    board.verbs.iter().filter(|verb| verb.moves && !matches!(verb.sets, Sets::Parts(..)))
 }
 
 /// A range as it was written.

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use super::arguments::Bound;
 use super::commands::Args;
 use super::motion::{Glide, Motion};
-use crate::board::{Axis, Command, MAX_MOVING, Takes, Values, Verb, VerbId};
+use crate::board::{Axis, Command, Takes, Values, Verb, VerbId};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Item, Value};
 
@@ -52,17 +52,19 @@ fn motion(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Mo
         let value = args.next()?;
         index = Some(args.whole(value, axis.into()));
     }
-    let mut glides: SmallVec<[Option<Glide>; MAX_MOVING]> = SmallVec::new();
+    let mut glides: SmallVec<[Glide; 1]> = SmallVec::new();
     for axis in verb.moving() {
         let argument = if axis.name.is_empty() { Some(args.next_argument()?) } else { args.named(&axis.name) };
-        glides.push(match argument {
+        match argument {
             // One with a name may be left out.
-            None => Some(Glide::default()),
-            Some(argument) => args.glide(argument, axis.into()),
-        });
+            None => glides.push(Glide::default()),
+            Some(argument) => glides.extend(args.glide(argument, axis.into())),
+        }
     }
     has_axis(args, verb)?;
-    let glides: SmallVec<[Glide; 1]> = glides.into_iter().collect::<Option<_>>()?;
+    if glides.len() < verb.moving().len() {
+        return None;
+    }
     let index = match index {
         None => None,
         Some(index) => Some(index?),

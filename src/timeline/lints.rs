@@ -54,13 +54,13 @@ fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
     let mut walk = Walk::new(board, timeline.tweens());
     for event in timeline.events() {
         let part = walk.take(&event.command, event.kind);
-        for command in board.parts(&event.command) {
-            let resource = board.occupies(&command).first().copied();
-            let servo = resource.and_then(|resource| paced.get_mut(resource)).and_then(Option::as_mut);
-            if let (Some(servo), Some(pulse)) = (servo, command.values().last()) {
-                servo.take(event, *pulse, &part);
+        board.each_part(&event.command, |resource, command| {
+            let servo = paced.get_mut(resource).and_then(Option::as_mut);
+            let value = command.len().checked_sub(1).and_then(|last| command.value(last));
+            if let (Some(servo), Some(pulse)) = (servo, value) {
+                servo.take(event, pulse, &part);
             }
-        }
+        });
     }
     paced
 }

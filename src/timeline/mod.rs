@@ -15,7 +15,7 @@ pub mod wire;
 
 use std::sync::Arc;
 
-use crate::board::{Board, Command, Resources};
+use crate::board::{Board, Command, ResourceId};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
@@ -252,9 +252,9 @@ pub fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
 }
 
 /// The resources that a step occupies.
-fn occupied(board: &Board, action: &Action) -> Resources {
+fn occupied<'b>(board: &'b Board, action: &Action) -> &'b [ResourceId] {
     match action {
-        Action::Say(_) | Action::Expect(_) => Resources::new(),
+        Action::Say(_) | Action::Expect(_) => &[],
         Action::Send(command) => board.occupies(command),
         Action::Hold(held) => board.occupies(&held.0),
         Action::Go(going) => board.occupied(going.motion.verb, going.motion.index),

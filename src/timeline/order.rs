@@ -7,7 +7,7 @@
 
 use super::listing::Seconds;
 use super::{Event, Timeline, occupied};
-use crate::board::{Board, Needs, ResourceId, Resources};
+use crate::board::{Board, Needs, ResourceId};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Step, TraceId, Traces};
 use crate::source::Span;
@@ -51,7 +51,7 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
                 diagnostics.push(traces.attach(missing(needs, step.span), step.trace));
             }
             for resource in board.occupies(command) {
-                if let Some(first) = first_values.get_mut(resource) {
+                if let Some(first) = first_values.get_mut(*resource) {
                     *first = command.value(0);
                 }
             }
@@ -118,8 +118,9 @@ pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut
 }
 
 /// Those that do one thing at a time.
-fn exclusive(board: &Board, resources: Resources) -> impl Iterator<Item = ResourceId> {
-    resources.into_iter().filter(|resource| board.resource(*resource).is_some_and(|found| found.is_exclusive))
+fn exclusive<'b>(board: &'b Board, resources: &'b [ResourceId]) -> impl Iterator<Item = ResourceId> {
+    let is_exclusive = |resource: &ResourceId| board.resource(*resource).is_some_and(|found| found.is_exclusive);
+    resources.iter().copied().filter(is_exclusive)
 }
 
 fn missing(needs: &Needs, span: Span) -> Diagnostic {

@@ -158,7 +158,7 @@ impl Cut<'_> {
     fn note(&mut self, event: &Event) {
         self.state.apply(self.board, &event.command);
         for resource in self.board.touches(&event.command) {
-            if let Some(mark) = self.marks.get_mut(resource) {
+            if let Some(mark) = self.marks.get_mut(*resource) {
                 *mark = Some((event.span, event.trace));
             }
         }

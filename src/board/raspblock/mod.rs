@@ -301,7 +301,7 @@ fn verbs() -> Vec<Verb> {
                 },
                 pulse("a pulse width", PULSE),
             ],
-            sets: Sets::Indexed(resource::SERVO_1),
+            sets: Sets::Indexed((resource::SERVO_1..resource::SERVO_1 + 4).collect()),
             moves: true,
             tolerance: 5,
             ..verb("servo", "servo N PULSE", "servo 1 1500", "one servo, N 1-4, to a pulse width of 500-2500 µs")
@@ -312,7 +312,10 @@ fn verbs() -> Vec<Verb> {
                 Axis { why: text("a tilt servo driven further is damaged"), ..pulse("the tilt pulse width", TILT) },
             ],
             frames: text("the servos together"),
-            sets: Sets::Parts([1, 2].map(|index| Part { verb: verb::SERVO, index }).into()),
+            sets: Sets::Parts(
+                [1, 2].map(|index| Part { verb: verb::SERVO, index }).into(),
+                vec![resource::SERVO_1, resource::SERVO_1 + 1],
+            ),
             moves: true,
             tolerance: 5,
             ..verb(

@@ -64,12 +64,12 @@ fn draw(board: &Board, command: &Command) -> Vec<(usize, Shown)> {
     let value = |value: i32| Shown::Value(Some(f64::from(value)));
     match command.verb() {
         verb::SERVO | verb::SERVOS => {
-            let parts = board.parts(command);
-            let lanes = parts.iter().filter_map(|part| {
-                let lane = usize::try_from(part.value(0)? - 1).ok()?;
-                Some((SERVO_1 + lane, value(part.value(1)?)))
+            let mut shown = Vec::new();
+            board.each_part(command, |_, part| {
+                let lane = part.value(0).and_then(|index| usize::try_from(index - 1).ok());
+                shown.extend(lane.zip(part.value(1)).map(|(lane, pulse)| (SERVO_1 + lane, value(pulse))));
             });
-            lanes.collect()
+            shown
         }
         verb::BUZZER => vec![(BUZZER, Shown::Switch(!command.is_zero()))],
         _ if board.is_drive(command) => {

@@ -56,7 +56,7 @@ impl Starts {
                 Action::Go(_) | Action::Say(_) | Action::Expect(_) => continue,
             };
             for resource in board.occupies(command) {
-                if let Some([first, second]) = self.0.get_mut(resource) {
+                if let Some([first, second]) = self.0.get_mut(*resource) {
                     *second = first.and(second.or(Some(step.order)));
                     first.get_or_insert(step.order);
                 }
@@ -67,7 +67,7 @@ impl Starts {
     /// Whether the end of a `for` is left out, because another command for the same resource starts at that very moment. A move
     /// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
     pub(super) fn supersede(&self, board: &Board, end: &End) -> bool {
-        let mut starts = board.occupies(&end.command).into_iter().filter_map(|resource| self.0.get(resource));
+        let mut starts = board.occupies(&end.command).iter().filter_map(|resource| self.0.get(*resource));
         starts.any(|starts| starts.iter().flatten().any(|order| *order != end.from.order))
     }
 }

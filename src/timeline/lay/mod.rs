@@ -223,7 +223,7 @@ impl<'d> Lay<'d> {
             Action::Hold(held) => {
                 self.plain(step.at, &held.0, from);
                 for resource in self.board.occupies(&held.0) {
-                    if let Some(held) = self.held.get_mut(resource).and_then(Option::as_mut) {
+                    if let Some(held) = self.held.get_mut(*resource).and_then(Option::as_mut) {
                         held.is_open_ended = false;
                     }
                 }
@@ -243,7 +243,7 @@ impl<'d> Lay<'d> {
 
     /// The command that ends another.
     fn rest_of(&self, command: &Command) -> Option<Command> {
-        self.board.occupies(command).into_iter().find_map(|resource| self.board.rest(resource).cloned())
+        self.board.occupies(command).iter().find_map(|resource| self.board.rest(*resource).cloned())
     }
 
     fn last(&self, resource: ResourceId) -> From {
@@ -282,7 +282,7 @@ impl<'d> Lay<'d> {
             // The move that it is in the middle of has told it already, between two of its samples.
             return;
         }
-        for resource in board.touches(command).into_iter().filter(|resource| board.is_fed(*resource)) {
+        for resource in board.touches(command).iter().copied().filter(|resource| board.is_fed(*resource)) {
             self.long_hold(resource, at);
             self.release(resource, at);
             let held = || Held { since: at, command: command.clone(), from, is_open_ended: true };
@@ -291,7 +291,7 @@ impl<'d> Lay<'d> {
             }
         }
         for resource in board.occupies(command) {
-            if let Some(last) = self.last.get_mut(resource) {
+            if let Some(last) = self.last.get_mut(*resource) {
                 *last = from;
             }
         }

@@ -88,7 +88,7 @@ impl Lay<'_> {
                 if let Some(target) = motion.target(board) {
                     self.state.apply(board, &target);
                     for resource in occupied {
-                        if let Some(last) = self.last.get_mut(resource) {
+                        if let Some(last) = self.last.get_mut(*resource) {
                             *last = from;
                         }
                     }
