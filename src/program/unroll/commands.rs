@@ -41,7 +41,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                     self.report(Code::OutOfRange, value.span, "time cannot be taken back with `wait`", help);
                     return None;
                 }
-                if frame.together {
+                if frame.together.is_some() {
                     let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
                     self.report(Code::WaitInTogether, command.span, "a `wait` delays nothing inside `together`", help);
                 }

@@ -113,8 +113,8 @@ struct Frame {
     now: Time,
     /// When everything in it so far has ended.
     latest: Time,
-    /// Whether each line starts at the start.
-    together: bool,
+    /// In a `together`, when each line starts, if it says nothing else.
+    together: Option<Time>,
     /// Whether it is the top level of the script.
     top: bool,
     /// Whether anything but a setting has come.
@@ -131,7 +131,7 @@ impl Frame {
             start,
             now: start,
             latest: start,
-            together: false,
+            together: None,
             top: false,
             begun: false,
             given: Vec::new(),
@@ -241,7 +241,7 @@ impl<'s> Unroll<'s, '_> {
     /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
     fn block(&mut self, block: &Block<'s>, start: Time, together: bool, depth: usize) -> Time {
         let mark = self.context.scope.open();
-        let frame = self.body(block, Frame { together, ..Frame::new(start) }, depth);
+        let frame = self.body(block, Frame { together: together.then_some(start), ..Frame::new(start) }, depth);
         self.context.scope.close(mark, false);
         frame.latest
     }
@@ -298,7 +298,7 @@ impl<'s> Unroll<'s, '_> {
         }
         frame.begun = true;
         self.begun = true;
-        let from = if frame.together { frame.start } else { frame.now };
+        let from = frame.together.unwrap_or(frame.now);
         let start = match &line.start {
             None => from,
             Some(start) => self.start(start, line, frame.start, from)?,
@@ -309,7 +309,12 @@ impl<'s> Unroll<'s, '_> {
         {
             frame.now = start;
             frame.latest = frame.latest.max(start);
-            return self.branch(each, frame, depth);
+            // In a `together`, every line of the branch starts when the `if` does.
+            let together = frame.together;
+            frame.together = together.map(|_| start);
+            let done = self.branch(each, frame, depth);
+            frame.together = together;
+            return done;
         }
         // Every part is looked at, so that every mistake in the line is found.
         let mut end = Some(start);
