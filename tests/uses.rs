@@ -161,6 +161,26 @@ fn a_setting_in_a_used_file_is_the_only_mistake() {
 }
 
 #[test]
+fn blocks_of_a_used_file_may_have_a_tempo() {
+    let body = "  tempo 60bpm\n  wait 1 beat\n  servo 1 1000\n  repeat 2 {\n    meter 3/4\n    wait 1 bar\n  }\n  servo 1 1100\n";
+    let files = [
+        ("main.motion", "use \"u.motion\"\nlate()\nwait 1 beat\nservo 1 1200\n"),
+        ("u.motion", &*format!("def late() {{\n{body}}}\n")),
+        ("wrong.motion", "use \"u_wrong.motion\"\nlate()\n"),
+        ("u_wrong.motion", "def late() {\n  wait 1s\n  tempo 60bpm\n  { rate 20hz }\n}\n"),
+    ];
+    let folder = Folder::new("tempo", &files);
+    let text = folder.render("main.motion");
+    let lines: Vec<_> = text.lines().map(|line| line.split('\t').next().unwrap_or_default()).collect();
+    assert_eq!(lines, ["1.000000", "7.000000", "7.500000"], "{text}");
+    let text = folder.render("wrong.motion");
+    assert!(
+        text.contains("`tempo` stands behind a command") && text.contains("the setting `rate` stands in a block"),
+        "{text}"
+    );
+}
+
+#[test]
 fn one_name_in_two_files_shows_both() {
     let folder = Folder::new(
         "names",

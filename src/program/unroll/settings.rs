@@ -26,7 +26,7 @@ impl<'s> Unroll<'s, '_> {
         } else if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
             let message = format!("the setting `{name}` has no time and is not joined to anything");
             Diagnostic::new(Code::SettingPlace, span, message, "give it a line of its own, before the first command")
-        } else if frame.begun || (!frame.top && !in_block) || !self.context.scope.main {
+        } else if frame.begun || !(in_block || frame.top && self.context.scope.main) {
             let (message, help) = if in_block {
                 (format!("`{name}` stands behind a command"), "put it first in its block")
             } else {
