@@ -89,6 +89,9 @@ fn said_lines_are_shown_and_quiet_is_quiet() {
     let said = script("say", "say \"here \\\"I\\\" go\"\nservo 1 1500\n");
     let text = stderr(&run(&["play", &said]));
     assert!(text.contains("0.000 s: here \"I\" go\n"), "{text}");
+    let braces = script("say-braces", "let n = 5\nsay \"{{}} {{n}} {{{n}}}\"\nservo 1 1500\n");
+    let text = stderr(&run(&["play", &braces]));
+    assert!(text.contains("0.000 s: {} {n} {5}\n"), "{text}");
     assert_eq!(stderr(&run(&["play", "-q", &said])), "");
     assert!(stderr(&run(&["play", "-v", &said])).contains("0.000 s: servo 1 1500\n"));
 }

@@ -18,6 +18,7 @@ mod say;
 mod scope;
 mod settings;
 mod suggest;
+mod template;
 mod tempo;
 mod time;
 mod trace;

@@ -1,7 +1,9 @@
 //! The words of a `say`.
 
 use super::context::Context;
+use super::template::{Piece, pieces};
 use crate::diagnostic::{Code, Diagnostic};
+use crate::source::Span;
 use crate::syntax::{Value, ValueKind};
 
 /// The words of a `say`: escapes undone, values put in.
@@ -16,42 +18,31 @@ pub(super) fn say<'s>(value: &Value<'s>, context: &mut Context<'s, '_>) -> Optio
         ));
         return None;
     };
-    let inner = quoted.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(quoted);
-    let mut text = String::with_capacity(inner.len());
-    let mut chars = inner.chars();
-    while let Some(c) = chars.next() {
-        match c {
-            '\\' => {
-                if let Some(escaped @ ('"' | '\\')) = chars.next() {
-                    text.push(escaped);
-                } else {
-                    context.report(Diagnostic::new(
-                        Code::Arguments,
-                        value.span,
-                        "a `\\` in a text stands before `\"` or `\\` only",
-                        "write `\\\\` for a backslash",
-                    ));
-                    return None;
-                }
+    let mut text = String::with_capacity(quoted.len());
+    for piece in pieces(quoted) {
+        match piece {
+            Piece::Char(c) => text.push(c),
+            Piece::LoneBackslash => {
+                context.report(Diagnostic::new(
+                    Code::Arguments,
+                    value.span,
+                    "a `\\` in a text stands before `\"` or `\\` only",
+                    "write `\\\\` for a backslash",
+                ));
+                return None;
             }
-            '{' => {
-                let rest = chars.as_str();
-                let name = rest.split_once('}').map(|(name, _)| name);
-                let value = name.and_then(|name| context.scope.value(name.trim()));
-                let Some((name, found)) = name.zip(value) else {
-                    context.report(Diagnostic::new(
-                        Code::UnknownName,
-                        span,
-                        format!("nothing is called `{}` here", name.unwrap_or(rest).trim()),
-                        "put the name of a `let` between `{` and `}`",
-                    ));
-                    return None;
-                };
-                text.push_str(&found.to_string());
-                chars = rest.get(name.len() + 1..).unwrap_or_default().chars();
-            }
-            _ => text.push(c),
+            Piece::Name(name) => match context.scope.value(name) {
+                Some(found) => text.push_str(&found.to_string()),
+                None => return unknown(format!("nothing is called `{name}` here"), span, context),
+            },
+            Piece::Unclosed => return unknown("a `{` in a text has no `}` behind its name", span, context),
         }
     }
     Some(text)
+}
+
+fn unknown<T>(message: impl Into<String>, span: Span, context: &mut Context<'_, '_>) -> Option<T> {
+    let help = "put the name of a `let` between `{` and `}`; write `{{` and `}}` to show braces";
+    context.report(Diagnostic::new(Code::UnknownName, span, message, help));
+    None
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use smallvec::SmallVec;
 
 use super::suggest::suggest;
+use super::template;
 use super::value::{Quantity, UNITS};
 use crate::board::Board;
 use crate::source::Span;
@@ -386,11 +387,7 @@ fn names_of<'s>(value: &Value<'s>, found: &mut dyn FnMut(&'s str)) {
         ValueKind::Word(word) => found(word),
         ValueKind::Expression(expression) => names_in(expression, found),
         // The names that a `say` puts in.
-        ValueKind::Text(text) => {
-            for part in text.split('{').skip(1) {
-                found(part.split('}').next().unwrap_or_default().trim());
-            }
-        }
+        ValueKind::Text(text) => template::names(text).for_each(found),
         ValueKind::Number(..) => {}
     }
 }
