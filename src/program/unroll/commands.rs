@@ -37,8 +37,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 args.finish();
                 let time = time?;
                 if time < Time::ZERO {
-                    let help = "write `at TIME` to start a line at an earlier time";
-                    self.report(Code::OutOfRange, value.span, "time cannot be taken back with `wait`", help);
+                    self.taken_back("wait", value.span);
                     return None;
                 }
                 if frame.together.is_some() {

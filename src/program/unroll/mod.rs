@@ -367,7 +367,7 @@ impl<'s> Unroll<'s, '_> {
                 self.no_unit_behind(value, line)?;
                 let delay = arguments::time(value, &mut self.context)?;
                 if delay < Time::ZERO {
-                    self.before_start(value.span);
+                    self.taken_back("+", value.span);
                     return None;
                 }
                 Some(now.plus(delay))
@@ -484,7 +484,13 @@ impl<'s> Unroll<'s, '_> {
         }
     }
 
-    pub(super) fn before_start(&mut self, span: Span) {
+    /// A delay below zero; `word` is what it is written behind.
+    fn taken_back(&mut self, word: &str, span: Span) {
+        let help = "write `at TIME` to start a line at an earlier time";
+        self.report(Code::OutOfRange, span, format!("time cannot be taken back with `{word}`"), help);
+    }
+
+    fn before_start(&mut self, span: Span) {
         self.report(
             Code::StartTime,
             span,

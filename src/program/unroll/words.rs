@@ -51,12 +51,6 @@ impl<'s> Unroll<'s, '_> {
         if !self.unknown.insert(command.head.span) {
             return;
         }
-        if word == "at"
-            && command.arguments.first().is_some_and(|first| matches!(&first.item, Item::One(value) if value.negative))
-        {
-            self.before_start(command.head.span);
-            return;
-        }
         if word == "at" {
             let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
             self.report(
