@@ -10,10 +10,7 @@ A script whose frames depend on the last bit of a sine or a power of two (a samp
 
 Not covered: several robots, gates (`wait until`, `wait go`), boards other than the Raspblock, and the text of messages.
 
-Known faults of the program, which the random scripts avoid; remove each from this list, and let the scripts contain it, once it is
-fixed: `{{` and `}}` in a `say`; `tempo` and `meter` first in a block of a used file (`check_use`); `at` and `+` before an `if` in a
-`together` (`Generator.together`); `--loop` of a script that ends with a command of what its first `for` uses (`check_loop` accepts
-that it is refused).
+If a fault of the program is known, name it here and let the random scripts avoid it until it is fixed.
 """
 
 import argparse
@@ -227,19 +224,33 @@ def check_unroll(program, text, _):
     return None
 
 
-def check_wrapped(program, text, dice):
-    """Everything behind the settings in a block that changes nothing sends the same."""
+def wrapped(text, head, foot):
+    """The script with everything behind its settings and phrases between two lines; None where that is not possible."""
     lines = text.splitlines()
     top = [number for number, line in enumerate(lines) if line.startswith(("def ", "on ", *SETTINGS))]
     ends = {first: last for first, last in blocks_of(lines)}
     begin = max([ends.get(number, number) + 1 for number in top], default=0)
     if begin == len(lines) or any(not line.startswith(("let ", "def ", " ", "}", *SETTINGS)) for line in lines[:begin]):
         return None
-    head, foot = dice.choice(
-        [("{", "}"), ("together {\n{", "}\n}"), ("repeat 1 {", "}"), ("if 1 == 1 {", "}"), ("def all() {", "}\nall()")]
+    return "\n".join(lines[:begin] + [head] + lines[begin:] + [foot]) + "\n"
+
+
+def check_wrapped(program, text, dice):
+    """Everything behind the settings in a block that changes nothing sends the same."""
+    changed = wrapped(
+        text,
+        *dice.choice(
+            [
+                ("{", "}"),
+                ("together {\n{", "}\n}"),
+                ("together {\nif 1 == 1 {\n{", "}\n}\n}"),
+                ("repeat 1 {", "}"),
+                ("if 1 == 1 {", "}"),
+                ("def all() {", "}\nall()"),
+            ]
+        ),
     )
-    changed = "\n".join(lines[:begin] + [head] + lines[begin:] + [foot]) + "\n"
-    return difference(without_lines(program.render(text)), without_lines(program.render(changed)))
+    return changed and difference(without_lines(program.render(text)), without_lines(program.render(changed)))
 
 
 def check_use(program, text, dice):
@@ -250,8 +261,6 @@ def check_use(program, text, dice):
     end = begin
     while end < len(lines) and lines[end].startswith(("let ", "def ")):
         end = ends.get(end, end) + 1
-    if any(line.strip().startswith(("tempo", "meter")) for line in lines[begin:end]):
-        return None  # a known fault
     name = f"used{dice.randint(0, 10**9)}.motion"
     path = os.path.join(program.folder, name)
     with open(path, "w", encoding="utf-8") as file:
@@ -300,10 +309,14 @@ def check_parts(program, text, dice):
 
 
 def check_loop(program, text, _):
-    """Two passes are one and the same one again."""
+    """Two passes are one and the same one again; they are refused only where two passes of a `repeat` are."""
     once, twice = program.render(text), program.render(text, "--loop", "2")
-    if isinstance(once, str) or isinstance(twice, str) or not once:
+    if isinstance(once, str) or not once:
         return None
+    if isinstance(twice, str):
+        repeated = wrapped(text, "repeat 2 {", "}")
+        is_fine = repeated and not isinstance(program.render(repeated), str)
+        return f"refused, and the same `repeat` is not: {twice}" if is_fine else None
     again = twice[len(once) :]
     shift = again[0][0] - once[0][0] if again else 0
     return difference(once + [(at + shift, *rest) for at, *rest in once], twice)

@@ -364,8 +364,9 @@ class Evaluator:
         return start
 
     def run_say(self, node, place, start):
-        for name in re.findall(r"(?<!\{)\{([a-z_][a-z0-9_]*)\}", node.name):
-            if place.scope.find(name) is None:
+        for found in re.finditer(r"\{\{|\{([^}]*)(\}?)", node.name[1:-1]):
+            name, close = found.groups()
+            if name is not None and (not close or place.scope.find(name.strip()) is None):
                 raise Refused("unknown-name")
         return start
 

@@ -168,6 +168,12 @@ class Generator:
             "yawhold z=1",
             "+1s +1s stop",
             "at 1s - 2s stop",
+            "+-1s stop",
+            "at -1s stop",
+            "at bar -1 stop",
+            "let back = -1s\n+back stop",
+            'say "{{{unknown}}}"',
+            'say "{"',
             "wait 1s; stop",
             "let x = 1s + 2",
             "servos 1500 1951",
@@ -236,6 +242,7 @@ class Generator:
         choices += [
             f"raw {function} {self.whole(0, 255)} 0xFF",
             f'say "{{{self.names[-1][1]}}}"' if self.names else "stop",
+            'say "{{}} and {{name}}"',
         ]
         choices += [self.one("expect voltage > 10V", "expect yaw in -5deg..5deg", "expect pitch < 3deg within 300ms")]
         return self.dice.choice(choices)
@@ -257,9 +264,10 @@ class Generator:
         marks = self.known("mark")
         if marks and self.chance(0.3):
             return f"at {self.dice.choice(marks)} {self.one('', f'+ {self.time()} ', f'- {self.time()} ')}"
-        changed = self.one("", "", f"+ {self.time()} ")
+        changed = self.one("", "", f"+ {self.time()} ", f"- -{self.time()} ", f"+ -{self.time()} + {self.time()} ")
         moment = self.one(
             f"{self.dice.randint(0, 15 if self.coarse else 60) / 10}s",
+            f"-{self.time()} + {self.dice.randint(1, 4)}s",
             f"bar {self.dice.randint(1, 4)}",
             f"bar 2 beat {self.dice.randint(1, 3)}",
         )
@@ -308,7 +316,6 @@ class Generator:
             ["} else {"] + self.body(1, depth, things) + ["}"],
             ["}", "else if 2 > 1 {"] + self.body(1, depth, things) + ["}"],
         )
-        # In a `together`, the program loses the delay of an `if`; elsewhere it may have one.
         prefix = self.one("", "", f"+{self.time()} ", self.start()) if things is None else ""
         return [f"{prefix}if {condition} {{"] + self.body(size, depth, things) + otherwise
 
@@ -341,7 +348,8 @@ class Generator:
             if self.chance(0.5):
                 prefix = self.one("", "", f"+{self.time()} ", self.start() if self.chance(0.2) else "")
                 line = "  " + prefix + self.commands([thing])[0]
-                lines += ["  if 1 < 2 {", "  " + line, "  }"] if self.chance(0.2) else [line]
+                delay = self.one("", "", f"+{self.time()} ", self.start() if self.chance(0.3) else "")
+                lines += [f"  {delay}if 1 < 2 {{", "  " + line, "  }"] if self.chance(0.3) else [line]
             else:
                 lines += (
                     ["  {"] + ["  " + line for line in self.body(self.dice.randint(1, 3), depth + 1, [thing])] + ["  }"]
