@@ -134,7 +134,7 @@ pub const COMMANDS: &[Row] = &[
         "say",
         "say \"TEXT\"",
         "say \"here I go\"",
-        "shows a line while playing; `{NAME}` puts in a value; sends nothing",
+        "shows a line while playing; `{NAME}` puts in a value, `{{` and `}}` are braces; sends nothing",
         Build::Say,
     ),
     Row::new("wait", "wait TIME", "wait 0.5s", "passes time", Build::Wait),
