@@ -214,7 +214,7 @@ class Schedule:
         part = step / (self.script.rate * action.lasts)
         is_target = part >= 1
         share = 1.0 if is_target else eased(action.node.ease or "linear", float(part))
-        is_settled = bool(re.search("linear|quad|cubic|quart|quint|back|bounce", action.node.ease or "linear"))
+        is_settled = bool(re.search("linear|quad|cubic|quart|quint|back", action.node.ease or "linear"))
         values = []
         for start, (_, target) in zip(action.starts, action.axes):
             values.append(target if is_target else start if step == 0 else start + (target - start) * share)
