@@ -34,7 +34,8 @@ enum Packed {
 }
 
 impl Command {
-    pub(super) fn new(verb: VerbId, values: &[i32]) -> Self {
+    /// A command whose values are known to be those that its verb has, in their ranges.
+    pub(crate) fn new(verb: VerbId, values: &[i32]) -> Self {
         let mut few = [[0; 3]; MAX_MOVING];
         let fits = values.len() <= MAX_MOVING && few.iter_mut().zip(values).all(|(place, value)| pack(*value, place));
         Command(match u8::try_from(values.len()) {

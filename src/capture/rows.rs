@@ -127,7 +127,9 @@ fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<Strin
     }
     let occupied = board.occupies(command);
     if board.is_passing(command) {
-        occupied.iter().for_each(|resource| known.forget(*resource));
+        for resource in occupied {
+            known.forget(*resource);
+        }
         let is_met =
             |needs: &&Needs| known.command(needs.resource).and_then(|command| command.value(0)) == Some(needs.value);
         if let Some(needs) = board.needs(command).filter(|needs| !is_met(needs))

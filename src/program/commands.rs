@@ -66,6 +66,7 @@ pub(super) enum Word<'t> {
 }
 
 impl<'t> Word<'t> {
+    #[inline]
     pub(super) fn signature(self) -> Signature<'t> {
         match self {
             Word::Verb(_, verb) => Signature::of(verb),

@@ -67,7 +67,7 @@ impl Motion {
             let value = round(*value).filter(|value| (range.0..=range.1).contains(value));
             whole.push(value.ok_or(at)?);
         }
-        board.command(self.verb, &whole).map_err(|_| 0)
+        Ok(Command::new(self.verb, &whole))
     }
 
     /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.

@@ -163,7 +163,7 @@ fn has_axis(args: &mut Args<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     }
     // Reports that more is needed where nothing was given.
     let argument = args.next_argument()?;
-    let row = args.row;
+    let row = args.row();
     let message = format!("`{}` wants each value with its axis", row.name);
     args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, row.how()));
     // The rest of them would only repeat it.

@@ -45,12 +45,13 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
     let mut busy: Vec<Option<Occupied>> = vec![None; board.resources.len()];
     let mut first_values: Vec<Option<i32>> = vec![None; board.resources.len()];
     for step in steps {
+        let resources = occupied(board, &step.action);
         if let Action::Send(command) = &step.action {
             let is_met = |needs: &&Needs| first_values.get(needs.resource) == Some(&Some(needs.value));
             if let Some(needs) = board.needs(command).filter(|needs| !is_met(needs)) {
                 diagnostics.push(traces.attach(missing(needs, step.span), step.trace));
             }
-            for resource in board.occupies(command) {
+            for resource in resources {
                 if let Some(first) = first_values.get_mut(*resource) {
                     *first = command.value(0);
                 }
@@ -66,7 +67,7 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
         let next =
             Occupied { start, end, order: step.order, instant: lasting.is_none(), span: step.span, trace: step.trace };
         let mut reported = false;
-        for resource in exclusive(board, occupied(board, &step.action)) {
+        for resource in exclusive(board, resources) {
             let Some(slot) = busy.get_mut(resource) else {
                 continue;
             };

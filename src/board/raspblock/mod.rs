@@ -51,7 +51,7 @@ mod resource {
     use super::ResourceId;
 
     pub(super) const GAINS: ResourceId = 0;
-    pub(super) const SERVO_1: ResourceId = 1;
+    pub(super) const SERVOS: [ResourceId; 4] = [1, 2, 3, 4];
     pub(super) const BUZZER: ResourceId = 5;
     pub(super) const DRIVE: ResourceId = 6;
 }
@@ -301,7 +301,7 @@ fn verbs() -> Vec<Verb> {
                 },
                 pulse("a pulse width", PULSE),
             ],
-            sets: Sets::Indexed((resource::SERVO_1..resource::SERVO_1 + 4).collect()),
+            sets: Sets::Indexed(resource::SERVOS.to_vec()),
             moves: true,
             tolerance: 5,
             ..verb("servo", "servo N PULSE", "servo 1 1500", "one servo, N 1-4, to a pulse width of 500-2500 µs")
@@ -314,7 +314,7 @@ fn verbs() -> Vec<Verb> {
             frames: text("the servos together"),
             sets: Sets::Parts(
                 [1, 2].map(|index| Part { verb: verb::SERVO, index }).into(),
-                vec![resource::SERVO_1, resource::SERVO_1 + 1],
+                resource::SERVOS.iter().copied().take(2).collect(),
             ),
             moves: true,
             tolerance: 5,

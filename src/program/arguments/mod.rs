@@ -4,7 +4,7 @@ mod values;
 
 use smallvec::SmallVec;
 
-use super::commands::{self, Signature};
+use super::commands::{self, Signature, Word};
 use super::context::Context;
 use super::ease::Ease;
 use super::suggest::{list, suggest};
@@ -21,8 +21,8 @@ const MODIFIERS: &[&str] = &["for", "over", "ease", "within", "every", "as"];
 
 /// The arguments of one command that are not taken yet.
 pub(super) struct Arguments<'r, 'a, 's, 'd> {
-    /// The command's row in the table.
-    pub(super) row: Signature<'d>,
+    /// What its word is.
+    word: Word<'d>,
     /// The command itself.
     pub(super) command: &'a Command<'s>,
     pub(super) context: &'r mut Context<'s, 'd>,
@@ -55,7 +55,8 @@ impl Lasting {
 
 impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     /// Sorts the arguments; `None` where they cannot be, which is reported.
-    pub(super) fn new(row: Signature<'d>, command: &'a Command<'s>, context: &'r mut Context<'s, 'd>) -> Option<Self> {
+    pub(super) fn new(word: Word<'d>, command: &'a Command<'s>, context: &'r mut Context<'s, 'd>) -> Option<Self> {
+        let row = word.signature();
         match &command.block {
             Some(block) if !row.block => {
                 let span = Span { end: block.span.start + 1, ..block.span };
@@ -75,7 +76,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         }
         let errors_before = context.diagnostics.errors();
         let mut args = Arguments {
-            row,
+            word,
             command,
             context,
             positional: SmallVec::new().into_iter(),
@@ -86,6 +87,11 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         };
         args.sort()?;
         Some(args)
+    }
+
+    /// How a line with its word looks.
+    pub(super) fn row(&self) -> Signature<'d> {
+        self.word.signature()
     }
 
     fn sort(&mut self) -> Option<()> {
@@ -171,7 +177,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         if self.positional.as_slice().is_empty() && self.named.is_empty() && self.modifiers.is_empty() {
             return Some(());
         }
-        let usage = self.row.how();
+        let row = self.row();
+        let usage = row.how();
         let mut clean = true;
         // The first one too many is enough: the others often belong to it.
         if let Some(argument) = self.positional.as_slice().first() {
@@ -179,7 +186,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             self.context.report(Diagnostic::new(
                 Code::Arguments,
                 argument.span,
-                format!("`{}` takes no more arguments", self.row.name),
+                format!("`{}` takes no more arguments", row.name),
                 self.meant(argument).unwrap_or_else(|| usage.clone()),
             ));
         }
@@ -189,7 +196,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             self.context.report(Diagnostic::new(
                 Code::Arguments,
                 argument.span,
-                format!("`{}` has no `{name}=`", self.row.name),
+                format!("`{}` has no `{name}=`", row.name),
                 usage.clone(),
             ));
         }
@@ -197,13 +204,13 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             clean = false;
             let help = match (word.text, number_text(operand)) {
                 ("for", Some(time)) => format!("give the time a line of its own: `wait {time}`"),
-                ("ease", _) if self.row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
+                ("ease", _) if row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
                 _ => usage.clone(),
             };
             self.context.report(Diagnostic::new(
                 Code::Arguments,
                 word.span.to(operand.span),
-                format!("`{}` takes no `{}`", self.row.name, word.text),
+                format!("`{}` takes no `{}`", row.name, word.text),
                 help,
             ));
         }
@@ -213,27 +220,27 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     /// What an argument that is one too many may have been meant for.
     fn meant(&self, argument: &Argument<'_>) -> Option<String> {
         let time = number_text(argument).filter(|text| text.ends_with(['s', 'm', 'h']));
-        if let Some(time) = time.filter(|_| self.row.holds) {
+        if let Some(time) = time.filter(|_| self.row().holds) {
             return Some(format!("write `for {time}` for how long it holds"));
         }
-        if let Some(time) = time.filter(|_| self.row.moves) {
+        if let Some(time) = time.filter(|_| self.row().moves) {
             return Some(format!("write `over {time}` for how long it takes to get there"));
         }
         let word = bare_word(argument)?.text;
-        if self.row.moves && Ease::named(word).is_some() {
+        if self.row().moves && Ease::named(word).is_some() {
             return Some(format!("write `over 1s ease {word}`"));
         }
-        if self.row.moves && matches!(word, "to" | "from") {
+        if self.row().moves && matches!(word, "to" | "from") {
             return Some("write an arrow from the one value to the other: `1500 -> 900`".to_owned());
         }
-        if self.row.moves && word == "in" {
+        if self.row().moves && word == "in" {
             return Some("write `over 1s` for how long it takes to get there".to_owned());
         }
-        if self.row.block && word == "times" {
+        if self.row().block && word == "times" {
             return Some("take `times` away: `repeat 3 { … }`".to_owned());
         }
         if word == "at" {
-            return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row.name));
+            return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row().name));
         }
         if commands::find(self.context.board, word).is_some() {
             return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
@@ -264,10 +271,10 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         if told {
             return;
         }
-        let message = format!("`{}` needs more than this", self.row.name);
+        let message = format!("`{}` needs more than this", self.row().name);
         let span =
             self.command.arguments.last().map_or(self.command.head.span, |last| self.command.head.span.to(last.span));
-        self.context.report(Diagnostic::new(Code::Arguments, span, message, self.row.how()));
+        self.context.report(Diagnostic::new(Code::Arguments, span, message, self.row().how()));
     }
 
     /// Whether arguments without a name are left.
@@ -290,8 +297,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
 
     /// How long it takes, with `for` or `over`; `Err` where that is wrong, which is reported.
     pub(super) fn lasting(&mut self) -> Result<Lasting, ()> {
-        let hold = if self.row.holds { self.behind("for") } else { None };
-        let over = if self.row.moves { self.behind("over") } else { None };
+        let hold = if self.row().holds { self.behind("for") } else { None };
+        let over = if self.row().moves { self.behind("over") } else { None };
         let ease = if over.is_some() { self.behind("ease") } else { None };
         match (hold, over) {
             (None, None) => Ok(Lasting::Instant),
@@ -357,9 +364,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     pub(super) fn one(&mut self, argument: &'a Argument<'s>) -> Option<&'a Value<'s>> {
         let (message, help) = match &argument.item {
             Item::One(value) => return Some(value),
-            Item::Arrow(ends) if self.row.moves && self.is_first(argument) => {
+            Item::Arrow(ends) if self.row().moves && self.is_first(argument) => {
                 let [number, to] = [&ends.0, &ends.1].map(|value| text_of(value).unwrap_or_else(|| "…".to_owned()));
-                let name = self.row.name;
+                let name = self.row().name;
                 let help = format!(
                     "write `{name} {number} {to} over 1s` to go there from the last value, or the start too: `{name} {number} A -> {to} over 1s`"
                 );
@@ -371,10 +378,10 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 let message = "a move from one value to another has no place here".to_owned();
                 (message, format!("`A -> B` stands in {}, with `over`", list(moving.iter().map(String::as_str))))
             }
-            Item::Range(..) => ("one value is needed here, not a range".to_owned(), self.row.how()),
+            Item::Range(..) => ("one value is needed here, not a range".to_owned(), self.row().how()),
             Item::List(list) => ("one value is needed here, not a list".to_owned(), without_commas(list, argument)),
             Item::Comparison(sign) => {
-                (format!("`{}` compares, and nothing is compared here", sign.text), self.row.how())
+                (format!("`{}` compares, and nothing is compared here", sign.text), self.row().how())
             }
         };
         self.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));

@@ -114,7 +114,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("write one of {}", list(words.iter().copied())),
         };
-        let message = format!("`{}` does not know `{found}`", self.row.name);
+        let message = format!("`{}` does not know `{found}`", self.row().name);
         self.context.report(Diagnostic::new(Code::Arguments, value.span, message, help));
         None
     }

@@ -2,7 +2,7 @@
 
 use super::super::Abort;
 use super::super::arguments::{self, Arguments, bare_word};
-use super::super::commands::Row;
+use super::super::commands::{Row, Word};
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
@@ -31,7 +31,7 @@ impl<'s> Unroll<'s, '_> {
         depth: usize,
     ) -> Option<Time> {
         let block = command.block.as_ref()?;
-        let mut args = Arguments::new(row.signature(), command, &mut self.context)?;
+        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
         let value = args.next()?;
         let count = args.number(value, "a number of passes");
         let every = match args.behind("every") {
@@ -140,7 +140,7 @@ impl<'s> Unroll<'s, '_> {
         depth: usize,
     ) -> Option<Time> {
         const LONGEST: Time = Time::from_millis(2_000);
-        let mut args = Arguments::new(row.signature(), command, &mut self.context)?;
+        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
         let word = args.next()?;
         args.word(word, &["abort"])?;
         args.finish()?;

@@ -1,7 +1,7 @@
 //! One command of a script: its row in the table decides what becomes of it.
 
 use super::super::arguments::{self, Arguments, Lasting, bare_word};
-use super::super::commands::{self, Build, Signature, Word};
+use super::super::commands::{self, Build, Word};
 use super::super::motion::Move;
 use super::super::time::Time;
 use super::super::value::Quantity;
@@ -29,7 +29,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
             self.malformed_or_later(row, command);
             return None;
         }
-        let mut args = Arguments::new(row.signature(), command, &mut self.context)?;
+        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
         match row.build {
             Build::Wait => {
                 let value = args.next()?;
@@ -127,7 +127,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
     /// A verb of the board: one command, or a move.
     fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
         let board = self.context.board;
-        let mut args = Arguments::new(Signature::of(verb), command, &mut self.context)?;
+        let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.context)?;
         let spoken = verbs::read(&mut args, id, verb);
         let lasting = args.lasting();
         let complete = args.finish();
@@ -169,8 +169,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
             return;
         }
         // A stop is never refused.
-        let broken =
-            if board.is_rest(&command) { None } else { limits::broken(board, &self.settings.limits, &command) };
+        let broken = limits::broken(board, &self.settings.limits, &command).filter(|_| !board.is_rest(&command));
         if let Some((limit, value)) = broken {
             let diagnostic = limits::diagnostic(board, limit, value, span);
             self.context.report(diagnostic);

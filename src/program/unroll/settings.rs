@@ -2,7 +2,7 @@
 
 use super::super::Settings;
 use super::super::arguments::Arguments;
-use super::super::commands::Build;
+use super::super::commands::{Build, Word};
 use super::super::settings::SETTINGS;
 use super::super::value::not_yet;
 use super::{Frame, Unroll};
@@ -57,7 +57,7 @@ impl<'s> Unroll<'s, '_> {
         let given = if frame.top { &mut self.given } else { &mut frame.given };
         given.push((row.name, command.span));
         let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
-        if let Some(mut args) = Arguments::new(row.signature(), command, &mut self.context) {
+        if let Some(mut args) = Arguments::new(Word::Row(row), command, &mut self.context) {
             // Behind a wrong value, what is left over often belongs to the same mistake.
             if build(&mut args, &mut settings).is_some() {
                 args.finish();

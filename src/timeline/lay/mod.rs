@@ -276,26 +276,27 @@ impl<'d> Lay<'d> {
     /// The hold before a command ends, and its own begins.
     fn tell(&mut self, at: Time, command: &Command, from: From) {
         let board = self.board;
-        if is_raw_drive(board, command)
-            && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none()
-        {
+        let is_opaque = board.is_opaque(command);
+        let touched = board.touches(command);
+        let is_raw_drive = is_opaque && touched.iter().any(|resource| board.is_fed(*resource));
+        if is_raw_drive && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none() {
             // The move that it is in the middle of has told it already, between two of its samples.
             return;
         }
-        for resource in board.touches(command).iter().copied().filter(|resource| board.is_fed(*resource)) {
-            self.long_hold(resource, at);
-            self.release(resource, at);
-            let held = || Held { since: at, command: command.clone(), from, is_open_ended: true };
-            if let Some(place) = self.held.get_mut(resource) {
-                *place = board.is_active(command).then(held);
+        for resource in touched.iter().copied() {
+            if board.is_fed(resource) {
+                self.long_hold(resource, at);
+                self.release(resource, at);
+                let held = || Held { since: at, command: command.clone(), from, is_open_ended: true };
+                if let Some(place) = self.held.get_mut(resource) {
+                    *place = board.is_active(command).then(held);
+                }
             }
-        }
-        for resource in board.occupies(command) {
-            if let Some(last) = self.last.get_mut(*resource) {
+            if let Some(last) = self.last.get_mut(resource).filter(|_| !is_opaque) {
                 *last = from;
             }
         }
-        if board.is_opaque(command) {
+        if is_opaque {
             self.raw = self.raw.or(Some(from));
         }
         self.state.apply(board, command);
