@@ -23,7 +23,8 @@ impl Board {
 
     /// The verb with this word.
     pub fn find(&self, word: &str) -> Option<(VerbId, &Verb)> {
-        self.verbs().find(|(_, verb)| verb.word == word)
+        let row = self.verbs.iter().position(|verb| verb.word == word)?;
+        Some((VerbId(u8::try_from(row).ok()?), self.verbs.get(row)?))
     }
 
     /// The command of a verb with these values, an index first.

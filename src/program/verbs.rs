@@ -22,7 +22,7 @@ pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> 
     if let Some(is) = &verb.is {
         return Some(Spoken::Command(is.clone()));
     }
-    if verb.moves {
+    if verb.moves && args.may_go() {
         return motion(args, id, verb).map(Spoken::Motion);
     }
     let mut values = Some(Values::new());
@@ -34,7 +34,7 @@ pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> 
         });
     }
     has_axis(args, verb)?;
-    let command = args.context.board.command(id, &values?).ok()?;
+    let command = Command::new(id, &values?);
     if args.context.board.is_opaque(&command) {
         args.context.report(Diagnostic::new(
             Code::RawFrame,

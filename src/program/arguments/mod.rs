@@ -289,6 +289,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         Some(self.named.remove(at))
     }
 
+    /// Whether it may say where its values go: with an arrow, or with `over`.
+    pub(super) fn may_go(&self) -> bool {
+        let is_arrow = |argument: &Argument<'_>| matches!(argument.item, Item::Arrow(_));
+        self.modifiers.iter().any(|(name, _)| name.text == "over") || self.command.arguments.iter().any(is_arrow)
+    }
+
     /// The argument behind a word such as `every`.
     pub(super) fn behind(&mut self, word: &str) -> Option<&'a Argument<'s>> {
         let at = self.modifiers.iter().position(|(name, _)| name.text == word)?;

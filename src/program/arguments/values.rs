@@ -34,10 +34,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             _ => (None, self.one(argument)?),
         };
         let mut checked = |value: &'a Value<'s>| {
-            let number = match bound.unit {
-                Unit::Micros { .. } => self.micros(value, bound.what, bound.unit)?,
-                Unit::None => self.number(value, bound.what)?,
-            };
+            let number = self.measure(value, bound)?;
             self.in_range(number, value.span, bound)?;
             Some(number)
         };
@@ -48,10 +45,17 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         Some(Glide { from, to: checked(to)? })
     }
 
-    /// A bare number, rounded to a whole one.
+    /// A number in its unit, rounded to a whole one.
     pub(in crate::program) fn ranged(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<i32> {
-        let number = self.number(value, bound.what)?;
+        let number = self.measure(value, bound)?;
         self.in_range(number, value.span, bound)
+    }
+
+    fn measure(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<f64> {
+        match bound.unit {
+            Unit::Micros { .. } => self.micros(value, bound.what, bound.unit),
+            Unit::None => self.number(value, bound.what),
+        }
     }
 
     /// A whole number: an index, a count or a byte is never rounded. `what` names it in messages.
