@@ -348,10 +348,16 @@ impl fmt::Display for Said<'_> {
                     write!(f, " {word}")?;
                 }
                 Takes::Number | Takes::Index | Takes::List(..) => {
-                    let sign = if axis.name.is_empty() { "" } else { "=" };
-                    write!(f, " {}{sign}", axis.name)?;
+                    f.write_char(' ')?;
+                    if !axis.name.is_empty() {
+                        f.write_str(&axis.name)?;
+                        f.write_char('=')?;
+                    }
                     for (at, value) in values.by_ref().take(axis.count()).enumerate() {
-                        write!(f, "{}{value}", if at == 0 { "" } else { "," })?;
+                        if at > 0 {
+                            f.write_char(',')?;
+                        }
+                        value.fmt(f)?;
                     }
                 }
             }

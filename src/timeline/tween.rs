@@ -51,7 +51,10 @@ impl<'t> Walk<'t> {
 
     /// Takes the next frame.
     pub(super) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
-        let Some(left) = self.left.get_mut(self.board.lane(command)).filter(|_| kind == Kind::Sample) else {
+        if kind != Kind::Sample {
+            return Part::None;
+        }
+        let Some(left) = self.left.get_mut(self.board.lane(command)) else {
             return Part::None;
         };
         if let Some(fewer) = left.checked_sub(1) {

@@ -171,13 +171,9 @@ impl<'s> Unroll<'s, '_> {
         Some(start)
     }
 
-    /// Whether a command may be sent here: not the drive in `on abort`.
-    pub(super) fn no_drive_in_abort(&mut self, is_servo: bool, span: Span) -> bool {
-        let forbidden = self.in_abort && !is_servo;
-        if forbidden {
-            let help = "leave it out: the drive was stopped before, and stays so";
-            self.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
-        }
-        !forbidden
+    /// Reports a command for the drive in `on abort`.
+    pub(super) fn drive_in_abort(&mut self, span: Span) {
+        let help = "leave it out: the drive was stopped before, and stays so";
+        self.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
     }
 }

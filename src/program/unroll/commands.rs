@@ -140,7 +140,9 @@ impl<'s, 'd> Unroll<'s, 'd> {
         let sent = match (spoken, lasting) {
             (Spoken::Motion(motion), Lasting::Over(over, ease)) => {
                 let touches = board.occupied(motion.verb, motion.index);
-                if self.no_drive_in_abort(!touches.iter().any(|resource| board.is_fed(*resource)), span) {
+                if self.in_abort && touches.iter().any(|resource| board.is_fed(*resource)) {
+                    self.drive_in_abort(span);
+                } else {
                     self.push(start, span, Action::Go(Box::new(Move { motion, over, ease })));
                 }
                 return Some(end);
@@ -165,7 +167,8 @@ impl<'s, 'd> Unroll<'s, 'd> {
 
     pub(super) fn send(&mut self, at: Time, span: Span, command: board::Command, hold: Option<Time>) {
         let board = self.context.board;
-        if !self.no_drive_in_abort(!board.is_drive(&command), span) {
+        if self.in_abort && board.is_drive(&command) {
+            self.drive_in_abort(span);
             return;
         }
         // A stop is never refused.
