@@ -218,8 +218,10 @@ impl Board {
         if command.verb() != limited.verb || offset == 1 && command.value(0) != limited.index {
             return None;
         }
-        let axes = limited.axis.map_or(0..command.len() - offset, |axis| axis..axis + 1);
-        axes.filter_map(|axis| command.value(axis + offset)).find(is_outside)
+        if let Some(axis) = limited.axis {
+            return command.value(axis + offset).filter(is_outside);
+        }
+        command.values().into_iter().skip(offset).find(is_outside)
     }
 
     /// What is limited, as a script writes it: `servo 2`, `rocker x`.

@@ -25,16 +25,16 @@ pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> 
     if verb.moves && args.may_go() {
         return motion(args, id, verb).map(Spoken::Motion);
     }
-    let mut values = Some(Values::new());
+    let mut values = Values::new();
+    let mut is_whole = true;
     for axis in &verb.axes {
-        let read = one(args, axis);
-        values = values.and_then(|mut values| {
-            values.extend(read?);
-            Some(values)
-        });
+        is_whole &= one(args, axis, &mut values).is_some();
     }
     has_axis(args, verb)?;
-    let command = Command::new(id, &values?);
+    if !is_whole {
+        return None;
+    }
+    let command = Command::new(id, &values);
     if args.context.board.is_opaque(&command) {
         args.context.report(Diagnostic::new(
             Code::RawFrame,
@@ -73,11 +73,17 @@ fn motion(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Mo
 }
 
 /// The values of one axis of a verb that does not move.
-fn one(args: &mut Args<'_, '_, '_, '_>, axis: &Axis) -> Option<Values> {
+fn one(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -> Option<()> {
     let bound = Bound::from(axis);
     let value = match &axis.takes {
-        Takes::List(what, letters) => return list(args, axis, what, letters),
-        Takes::Bytes(most) => return bytes(args, bound, *most),
+        Takes::List(what, letters) => {
+            values.extend(list(args, axis, what, letters)?);
+            return Some(());
+        }
+        Takes::Bytes(most) => {
+            values.extend(bytes(args, bound, *most)?);
+            return Some(());
+        }
         Takes::Number if !axis.name.is_empty() => match args.named(&axis.name) {
             None => 0,
             Some(argument) => {
@@ -100,7 +106,8 @@ fn one(args: &mut Args<'_, '_, '_, '_>, axis: &Axis) -> Option<Values> {
             words.iter().find(|(word, _)| word == found)?.1
         }
     };
-    Some(Values::from_slice(&[value]))
+    values.push(value);
+    Some(())
 }
 
 /// A named list of whole numbers, as many as there are letters.
@@ -156,9 +163,9 @@ fn bytes(args: &mut Args<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) -> Opti
 
 /// A value without its name, or no value at all, is a mistake where all of them have names and may be left out.
 fn has_axis(args: &mut Args<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
-    let is_optional = |axis: &Axis| axis.takes == Takes::Number && !axis.name.is_empty();
-    let is_given = args.command.arguments.iter().any(|argument| argument.name.is_some());
-    if is_given || verb.axes.is_empty() || !verb.axes.iter().all(is_optional) {
+    let is_optional = |axis: &Axis| !axis.name.is_empty() && axis.takes == Takes::Number;
+    let is_given = || args.command.arguments.iter().any(|argument| argument.name.is_some());
+    if verb.axes.is_empty() || !verb.axes.iter().all(is_optional) || is_given() {
         return Some(());
     }
     // Reports that more is needed where nothing was given.
