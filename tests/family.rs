@@ -95,6 +95,7 @@ fn verb(word: &str, usage: &str, axes: Vec<Axis>, sets: Sets) -> Verb {
         needs: None,
         frames: owned("the chimes"),
         is: None,
+        alias: None,
         tolerance: 3,
     }
 }

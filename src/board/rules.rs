@@ -333,11 +333,11 @@ pub struct Said<'b> {
 impl fmt::Display for Said<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Said { board, command } = self;
-        let is_other = |verb: &&Verb| verb.is.as_ref() == Some(command);
-        if let Some(verb) = board.verbs.iter().find(is_other) {
-            return f.write_str(&verb.word);
-        }
         let Some(verb) = board.verb(command.verb()) else { return f.write_str("?") };
+        let alias = verb.alias.and_then(|alias| board.verb(alias));
+        if let Some(alias) = alias.filter(|alias| alias.is.as_ref() == Some(command)) {
+            return f.write_str(&alias.word);
+        }
         f.write_str(&verb.word)?;
         let mut values = command.values().into_iter();
         for axis in &verb.axes {

@@ -93,6 +93,8 @@ pub struct Verb {
     pub frames: Text,
     /// The command that it is another word for.
     pub is: Option<Command>,
+    /// The verb that is another word for one of its commands, and is shown instead.
+    pub alias: Option<VerbId>,
     /// How far a folded move may be from what was recorded, at any time, in the unit of its values.
     pub tolerance: i32,
 }

@@ -278,6 +278,7 @@ fn verb(word: &'static str, usage: &'static str, example: &'static str, meaning:
         needs: None,
         frames: text(""),
         is: None,
+        alias: None,
         tolerance: 1,
     }
 }
@@ -327,6 +328,7 @@ fn verbs() -> Vec<Verb> {
         },
         Verb {
             axes: vec![speed("x", "the speed x"), speed("y", "the speed y"), named("z", "the turning speed z", TURN)],
+            alias: Some(verb::STOP),
             ..driving(verb(
                 "rocker",
                 "rocker x=RIGHT y=FORWARD z=CLOCKWISE",
