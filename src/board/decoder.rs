@@ -13,7 +13,7 @@ impl<'a> Frame<'a> {
     /// Checks that `bytes` are exactly one frame for this board.
     ///
     /// # Errors
-    /// Says why they are none.
+    /// Says why the bytes are not one frame.
     pub fn new(board: &Board, bytes: &'a [u8]) -> Result<Self, FrameError> {
         (board.codec.check)(bytes).map(|()| Frame(bytes))
     }
@@ -30,7 +30,7 @@ impl fmt::Debug for Frame<'_> {
     }
 }
 
-/// Upper-case hex with blanks between, as the listing shows it.
+/// Upper-case hex with spaces between, as the listing shows it.
 impl fmt::Display for Frame<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         Hex(self.0).fmt(f)

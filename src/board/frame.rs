@@ -1,15 +1,15 @@
-//! What every framing speaks of: where a frame ends, why bytes are none, and how bytes are shown.
+//! The terms that every framing shares: where a frame ends, why bytes are not a frame, and how bytes are shown.
 
 use std::fmt;
 
 /// What the bytes at the front of the buffer are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Front {
-    /// A whole frame of so many bytes.
+    /// A whole frame, with its length in bytes.
     Frame(usize),
-    /// So many bytes that belong to no frame, and why.
+    /// Bytes outside any frame: how many, and why they are skipped.
     Skip(usize, Skip),
-    /// That depends on what follows.
+    /// More bytes are needed to decide.
     NeedMore,
 }
 
@@ -36,7 +36,7 @@ pub enum Skip {
     Checksum {
         /// What the bytes add up to.
         expected: u8,
-        /// What stands in the frame.
+        /// The checksum in the frame.
         found: u8,
     },
     /// The stream ended inside a frame.
@@ -68,7 +68,7 @@ impl fmt::Display for Hex<'_> {
     }
 }
 
-/// Why bytes are no frame.
+/// Why bytes are not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
     /// The bytes do not start as a frame does.
@@ -82,7 +82,7 @@ pub enum FrameError {
     Checksum {
         /// What the bytes add up to.
         expected: u8,
-        /// What stands in the frame.
+        /// The checksum in the frame.
         found: u8,
     },
 }

@@ -68,10 +68,10 @@ impl Report {
     }
 }
 
-/// How the reports of a board stand in its replies.
+/// How the replies of a board contain its reports.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportLine {
-    /// The byte before a report, and the one behind it.
+    /// The byte before a report, and the byte after it.
     pub bounds: (u8, u8),
     /// Reads what is between them.
     pub read: fn(&[u8]) -> Option<Report>,
@@ -84,11 +84,11 @@ pub struct ReportLine {
 pub enum ReportItem {
     /// A whole report.
     Report(Report),
-    /// Something between the bounds that is no report.
+    /// Something between the bounds that is not a report.
     Malformed,
 }
 
-/// The longest report: four fields of ten digits with signs and what stands around them, and a little room.
+/// The longest report: four fields of ten digits with their signs and separators, and a little room.
 const MAX_REPORT: usize = 64;
 
 /// Finds reports in a stream, however it is cut into reads. Noise between reports is passed over.

@@ -82,7 +82,7 @@ impl Board {
         }
     }
 
-    /// The resources that are not what they were behind a command: those that it occupies, and that which it makes unknown.
+    /// The resources that a command may change: those that it occupies, and the one that it makes unknown.
     pub fn touches(&self, command: &Command) -> &[ResourceId] {
         match self.verb(command.verb()).map(|verb| &verb.sets) {
             Some(Sets::Opaque(known)) => {
@@ -93,7 +93,7 @@ impl Board {
         }
     }
 
-    /// Whether a command is not interpreted, so that nobody knows what it leaves behind.
+    /// Whether a command is not interpreted, so that its effect is unknown.
     pub fn is_opaque(&self, command: &Command) -> bool {
         matches!(self.verb(command.verb()), Some(Verb { sets: Sets::Opaque(_), .. }))
     }
@@ -137,7 +137,7 @@ impl Board {
         self.is_active(command) && self.is_drive(command)
     }
 
-    /// Whether its resource is active for a time that nobody knows.
+    /// Whether its resource is active for an unknown time, and then at rest.
     pub fn is_passing(&self, command: &Command) -> bool {
         matches!(self.verb(command.verb()), Some(Verb { activity: Activity::Passing, .. }))
     }
@@ -299,11 +299,6 @@ impl Board {
     /// How many zeros do the same for any frame at all.
     pub fn most_zeros(&self) -> usize {
         (self.codec.resync)(None)
-    }
-
-    /// The quantity with this name.
-    pub fn quantity(&self, name: &str) -> Option<usize> {
-        self.quantities.iter().position(|quantity| quantity.name == name)
     }
 
     /// The first quantity of a report, as it is shown.

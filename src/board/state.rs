@@ -1,4 +1,4 @@
-//! What a board was last told.
+//! The last command that each resource of a board received.
 
 use smallvec::SmallVec;
 
@@ -42,12 +42,12 @@ impl State {
         }
     }
 
-    /// What a resource was told, if it ever was.
+    /// The last command of a resource, if there was one.
     pub fn told(&self, resource: ResourceId) -> Option<&Command> {
         self.told.get(resource)?.command.as_ref()
     }
 
-    /// Whether a command would change nothing: all that it sets was told the same.
+    /// Whether a command would change nothing: each resource that it sets has that value.
     pub fn has(&self, board: &Board, command: &Command) -> bool {
         let mut has_all = !board.occupies(command).is_empty();
         board.each_part(command, |resource, part| has_all &= self.told(resource) == Some(part));
@@ -64,7 +64,7 @@ impl State {
         })
     }
 
-    /// The resources that are active, with what they were told.
+    /// The active resources, each with its last command.
     pub fn active<'s>(&'s self, board: &'s Board) -> impl Iterator<Item = (ResourceId, &'s Command)> {
         let told = self.told.iter().enumerate();
         let told = told.filter_map(|(resource, told)| Some((resource, told.command.as_ref()?)));

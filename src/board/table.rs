@@ -71,7 +71,7 @@ pub struct Resource {
 pub struct Verb {
     /// The word that a line starts with.
     pub word: Text,
-    /// What stands behind it.
+    /// The whole line, with its arguments.
     pub usage: Text,
     /// A line that works.
     pub example: Text,
@@ -81,11 +81,11 @@ pub struct Verb {
     pub axes: Vec<Axis>,
     /// Which resources it sets.
     pub sets: Sets,
-    /// What goes on behind it.
+    /// What stays active after it.
     pub activity: Activity,
-    /// Whether `for D` may stand behind it.
+    /// Whether `for D` may follow it.
     pub holds: bool,
-    /// Whether `over D` may stand behind it; then it has at most [`MAX_MOVING`](super::MAX_MOVING) values besides an index.
+    /// Whether `over D` may follow it; then it has at most [`MAX_MOVING`](super::MAX_MOVING) values besides an index.
     pub moves: bool,
     /// What must come before it.
     pub needs: Option<Needs>,
@@ -102,7 +102,7 @@ pub struct Verb {
 /// One value of a verb.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
-    /// What stands before its `=` in a script; empty where it is told by its place.
+    /// Its name before the `=` in a script; empty for a positional value.
     pub name: Text,
     /// What messages call it, with its article: `the speed x`.
     pub what: Text,
@@ -150,7 +150,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// It as messages say it, behind a number and a space; empty for none.
+    /// Its symbol in messages, after a number and a space; empty for none.
     pub fn symbol(self) -> &'static str {
         match self {
             Unit::None => "",
@@ -170,7 +170,7 @@ pub enum Sets {
     Indexed(Vec<ResourceId>),
     /// Several, each as another verb would; and these.
     Parts(Vec<Part>, Vec<ResourceId>),
-    /// It is not interpreted: nobody knows what it leaves behind, but certain first values make a resource unknown.
+    /// It is not interpreted, so its effect is unknown; certain first values make a resource unknown.
     Opaque(Vec<(i32, ResourceId)>),
 }
 
@@ -183,7 +183,7 @@ pub struct Part {
     pub index: i32,
 }
 
-/// What goes on behind a command.
+/// What stays active after a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Activity {
     /// Nothing: the value stays.
@@ -192,7 +192,7 @@ pub enum Activity {
     Unless0,
     /// Its resource is active, also where every value is 0.
     Always,
-    /// Its resource is active for a time that nobody knows, and then at rest.
+    /// Its resource is active for an unknown time, and then at rest.
     Passing,
 }
 
@@ -244,7 +244,7 @@ pub struct Doubt {
     pub note: Text,
 }
 
-/// What the virtual board does besides keeping what it was told.
+/// What the virtual board does besides keeping its state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Simulation {
     /// Nothing.
@@ -288,7 +288,7 @@ pub enum LaneKind {
         limited: Vec<Limited>,
         /// Whether it is left out where it is zero all the time, and so are all of this group.
         group: Option<u8>,
-        /// Whether it is shown nevertheless, where a robot is only told to stand.
+        /// Whether it is shown nevertheless, where the script only stops the robot.
         shows_rest: bool,
     },
     /// Something that is on or off.
@@ -316,7 +316,7 @@ pub enum Shown {
     Tick,
 }
 
-/// The way to bytes and back. Frames must be told apart in a stream however it is cut into reads.
+/// The codec. It must find the frames in a stream however the stream is cut into reads.
 #[derive(Clone, Copy, Debug)]
 pub struct Codec {
     /// Appends the frame that carries a command.
@@ -337,7 +337,7 @@ pub struct Codec {
     pub longest: usize,
     /// How many zeros bring a receiver back in step that a flush has cut off inside the frame of this command; `None` for any frame at all.
     pub resync: fn(Option<&Command>) -> usize,
-    /// How the board's replies are told apart, and read.
+    /// How reports are found in the board's replies, and read.
     pub replies: ReportLine,
 }
 

@@ -309,7 +309,7 @@ fn hex(frames: &[Vec<u8>]) -> String {
     frames.iter().map(frame).collect::<Vec<_>>().join(",")
 }
 
-/// The frames in an argument that a player has added; `None` where it is none.
+/// Reads the frames in an argument that a player has added; `None` if it is not hexadecimal.
 pub fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
     let frames = argument.split(',').filter(|frame| !frame.is_empty());

@@ -18,7 +18,7 @@ const MAX_FAILURES: u32 = 10;
 /// The most bytes given to the port at once.
 const BATCH: usize = 16 * 1024;
 
-/// The frames of a stop, and those of `on abort` behind it, as bytes: a guard knows no board.
+/// The frames of a stop and of the `on abort` after it, as bytes: the guard does not depend on a board family.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stops {
     /// Those that every early end sends. A first one that comes several times is sent at intervals.
@@ -28,7 +28,7 @@ pub struct Stops {
 }
 
 impl Stops {
-    /// Those of a board, and what a script sends behind them.
+    /// The stop of a board, and what a script sends after it.
     pub fn of(board: &Board, abort: &[Event]) -> Self {
         let frames = board.stop.iter().map(|command| board.to_frame(command)).collect();
         Stops { frames, abort: abort.iter().map(|event| (event.at_us, board.to_frame(&event.command))).collect() }
@@ -44,7 +44,7 @@ impl Stops {
         self.frames.get(at).is_some_and(|frame| self.frames.first() == Some(frame))
     }
 
-    /// How many of the first ones the port must take: one may be lost behind a frame that was cut.
+    /// How many of the first frames the port must take: one may be lost after a frame that was cut.
     fn needed(&self) -> usize {
         (0..self.frames.len()).filter(|at| self.is_first(*at)).count().min(2)
     }

@@ -1,4 +1,4 @@
-//! The envelope of every frame: header, function, length, payload, checksum; and how frames are told apart in a stream.
+//! The envelope of every frame: header, function, length, payload, checksum; and how frames are found in a stream.
 
 use crate::board::frame::{FrameError, Front, Skip};
 
@@ -11,7 +11,7 @@ pub(super) const MAX_FRAME: usize = OVERHEAD + MAX_PAYLOAD;
 /// Header, function, length and checksum.
 pub(super) const OVERHEAD: usize = 5;
 /// How many zeros bring a receiver back in step that was cut off inside the frame of any command but `raw`, whatever length it
-/// trusts. The longest payload has 9 bytes, and a frame that was cut right behind its header becomes one of function 0 and length 0.
+/// trusts. The longest payload has 9 bytes, and a frame that was cut right after its header becomes one of function 0 and length 0.
 pub(super) const ZEROS: usize = 12;
 /// The same for any frame at all.
 pub(super) const MOST_ZEROS: usize = MAX_PAYLOAD + 2;

@@ -124,7 +124,7 @@ pub fn report(voltage: Hundredths, yaw: Hundredths) -> Report {
     Report::new(&[voltage, Hundredths(0), Hundredths(0), yaw])
 }
 
-/// Whether a board that was told this takes displacements.
+/// Whether a board in this state takes displacements.
 pub fn is_in_position_mode(state: &super::State) -> bool {
     state.told(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
 }
