@@ -1,7 +1,6 @@
 //! A script line by line: flat lines by hand, all others by the grammar, and so the lines of long blocks.
 
 use pest::Parser as _;
-use pest::iterators::Pair;
 
 use super::ast::{Kept, Line, Lost};
 use super::build::Builder;
@@ -10,9 +9,6 @@ use super::grammar::{Grammar, Rule};
 use super::scan::{Inside, Scanned};
 use crate::diagnostic::Diagnostics;
 use crate::source::Source;
-
-/// How many bytes of lines are cut at once.
-const FEW: usize = 4 * 1024;
 
 /// A script that is being read.
 pub struct Reading<'s> {
@@ -27,8 +23,6 @@ struct Level<'s> {
     at: usize,
     /// Where the piece ends that is being read.
     end: usize,
-    /// Where its next lines end, as the grammar has cut them.
-    ends: std::vec::IntoIter<usize>,
     /// Lines that the grammar has read.
     lines: std::vec::IntoIter<Line<'s>>,
 }
@@ -88,7 +82,7 @@ impl<'s> Builder<'s, '_> {
 impl<'s> Level<'s> {
     fn new(inside: Inside) -> Self {
         let at = inside.range.start;
-        Level { inside, at, end: at, ends: Vec::new().into_iter(), lines: Vec::new().into_iter() }
+        Level { inside, at, end: at, lines: Vec::new().into_iter() }
     }
 
     /// The next line, with its blocks. What cannot be read is reported and left out.
@@ -114,25 +108,11 @@ impl<'s> Level<'s> {
         self.at < self.end
     }
 
-    /// Cuts the next few lines. A piece is long where empty lines and comments follow each other, and a token is longer than they are.
-    fn cut(&mut self, scanned: &Scanned<'_>) {
-        let rest = scanned.text(self.at..self.end);
-        let most = rest.floor_char_boundary(FEW);
-        let end = rest.bytes().skip(most).position(|byte| byte == b'\n').map_or(rest.len(), |at| most + at + 1);
-        let few = rest.get(..end).unwrap_or_default();
-        let lines = Grammar::parse(Rule::text_lines, few).into_iter().flatten().flat_map(Pair::into_inner);
-        let ends: Vec<usize> = lines.map(|line| self.at + line.as_span().end()).collect();
-        self.ends = ends.into_iter();
-    }
-
     /// Reads a flat line, which may be empty.
     fn flat_line(&mut self, scanned: &Scanned<'s>) -> Result<Option<Line<'s>>, NotFlat> {
-        if self.ends.as_slice().is_empty() {
-            self.cut(scanned);
-        }
-        let end = self.ends.next().ok_or(NotFlat)?;
-        // The same bytes as the grammar has seen, of the source itself.
-        let line = scanned.source.text().get(self.at..end).ok_or(NotFlat)?;
+        let rest = scanned.source.text().get(self.at..self.end).ok_or(NotFlat)?;
+        let length = rest.bytes().position(|byte| byte == b'\n').map_or(rest.len(), |at| at + 1);
+        let (line, end) = (rest.get(..length).ok_or(NotFlat)?, self.at + length);
         let line = flat::line(line, scanned.source.base() as usize + self.at)?;
         self.at = end;
         Ok(line)
@@ -157,9 +137,5 @@ impl<'s> Level<'s> {
         let (lines, names) = builder.finish();
         self.lines = lines.into_iter();
         lost.add(names);
-        // It ends where a line ends, perhaps further down.
-        while self.ends.as_slice().first().is_some_and(|end| *end <= self.at) {
-            self.ends.next();
-        }
     }
 }
