@@ -76,17 +76,33 @@ fn part(number: &str, nanos: i64) -> Result<Time, Wrong> {
 
 /// A short time with one unit, as nearly all lines of a long script have one: the same, sooner. `None` is any other.
 fn one_unit(text: &str) -> Option<Time> {
-    let (number, nanos) = [("ms", 1_000_000), ("us", 1_000), ("s", 1_000_000_000)]
-        .into_iter()
-        .find_map(|(unit, nanos)| Some((text.strip_suffix(unit)?, nanos)))?;
-    let (whole, part) = number.split_once('.').unwrap_or((number, "0"));
-    let is_number = |digits: &str, most| digits.len() <= most && digits.bytes().all(|byte| byte.is_ascii_digit());
-    if !is_number(whole, 6) || !is_number(part, 9) {
+    let mut rest = text.as_bytes();
+    let (mut number, mut digits, mut places) = (0_i64, 0, None);
+    while let [byte @ (b'0'..=b'9' | b'.'), behind @ ..] = rest {
+        match (byte, &mut places) {
+            (b'.', None) if digits > 0 => places = Some(0),
+            (b'.', _) => return None,
+            (byte, places) => {
+                number = number * 10 + i64::from(byte - b'0');
+                digits += 1;
+                *places = places.map(|places: u32| places + 1);
+            }
+        }
+        if digits > MAX_DIGITS {
+            return None;
+        }
+        rest = behind;
+    }
+    let nanos = match rest {
+        b"s" => 1_000_000_000,
+        b"ms" => 1_000_000,
+        b"us" => 1_000,
+        _ => return None,
+    };
+    if digits == 0 || places == Some(0) {
         return None;
     }
-    let parts = 10_i64.pow(u32::try_from(part.len()).ok()?);
-    let all = i64::from(whole.parse::<u32>().ok()?) * parts + i64::from(part.parse::<u32>().ok()?);
-    let nanos = all.checked_mul(nanos)?;
+    let (nanos, parts) = (number.checked_mul(nanos)?, 10_i64.pow(places.unwrap_or(0)));
     // What is finer than a nanosecond is a fraction.
     (nanos % parts == 0).then(|| Time::from_nanos(nanos / parts))
 }

@@ -177,6 +177,9 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
 
 /// A number with letters behind it, or none.
 fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
+    if let Some(number) = small(text) {
+        return Ok(Quantity::Number(number));
+    }
     let digits_end = text.bytes().position(|byte| !byte.is_ascii_digit() && byte != b'.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
     let Some(number) = float(digits) else {
@@ -212,12 +215,23 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
 
 /// A decimal number. Whole ones, which most are, take a shorter way to the same number.
 fn float(digits: &str) -> Option<f64> {
-    if digits.len() < 10
-        && let Ok(whole) = digits.parse::<u32>()
-    {
-        return Some(f64::from(whole));
+    small(digits).or_else(|| digits.parse().ok())
+}
+
+/// A whole number of few digits.
+fn small(digits: &str) -> Option<f64> {
+    if !(1..=9).contains(&digits.len()) {
+        return None;
     }
-    digits.parse().ok()
+    let mut number = 0_u32;
+    for byte in digits.bytes() {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return None;
+        }
+        number = number * 10 + u32::from(digit);
+    }
+    Some(f64::from(number))
 }
 
 /// A time, as [`duration`](super::duration) reads it.

@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use super::arguments::Bound;
 use super::commands::Args;
 use super::motion::{Glide, Motion};
-use crate::board::{Axis, Command, Takes, Values, Verb, VerbId};
+use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Item, Value};
 
@@ -35,7 +35,7 @@ pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> 
         return None;
     }
     let command = Command::new(id, &values);
-    if args.context.board.is_opaque(&command) {
+    if let Sets::Opaque(_) = verb.sets {
         args.context.report(Diagnostic::new(
             Code::RawFrame,
             args.command.span,
