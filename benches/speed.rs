@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use motionseq::diagnostic::Diagnostics;
-use motionseq::source::Source;
+use motionseq::source::{Disk, Files as _};
 use motionseq::syntax;
 use serde::Deserialize;
 
@@ -129,7 +129,7 @@ fn median(mut times: Vec<f64>) -> f64 {
 }
 
 fn parse(folder: &Path) {
-    let source = Source::read(&folder.join("flat-1000000.motion")).unwrap();
+    let source = Disk.read(&folder.join("flat-1000000.motion")).unwrap();
     let json = fs::read(folder.join("flat-1000000.json")).unwrap();
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for _ in 0..PASSES {

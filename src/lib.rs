@@ -21,19 +21,19 @@
 //! assert_eq!(board.to_frame(&first.command), [0xFF, 0xFE, 0x02, 0x03, 0x01, 0x05, 0xDC, 0xE7]);
 //! ```
 
-#[cfg(not(target_os = "linux"))]
-compile_error!("motionseq runs on Linux only: it needs Linux's clocks, ptys and serial ports");
-
 pub mod board;
 pub mod capture;
+#[cfg(all(feature = "player", target_os = "linux"))]
 mod clock;
 pub mod diagnostic;
+#[cfg(all(feature = "player", target_os = "linux"))]
 pub mod link;
 pub mod playback;
 pub mod plot;
 pub mod program;
 mod random;
 pub mod report;
+#[cfg(all(feature = "player", target_os = "linux"))]
 pub mod serve;
 pub mod sim;
 pub mod source;

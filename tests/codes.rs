@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use crate::support::{run, script, stderr, stdout};
 use motionseq::diagnostic::{Code, Diagnostic, Severity};
 use motionseq::program::Options;
-use motionseq::source::{Source, Sources};
+use motionseq::source::{Disk, Files as _, Sources};
 
 /// The codes of a script that stands in a folder beside a file of phrases.
 fn codes(text: &[u8]) -> Vec<Code> {
@@ -17,14 +17,14 @@ fn codes(text: &[u8]) -> Vec<Code> {
     fs::write(folder.join("phrases.motion"), "def nod() { servo 2 1700 }\n").unwrap();
     let path = folder.join("x.motion");
     fs::write(&path, text).unwrap();
-    let source = match Source::read(&path) {
+    let source = match Disk.read(&path) {
         Ok(source) => source,
         Err(error) => {
             fs::remove_dir_all(&folder).unwrap();
             return vec![Diagnostic::of_source(error).unwrap().1.code];
         }
     };
-    let compiled = motionseq::compile(&Sources::from(source), &Options::default());
+    let compiled = motionseq::compile(&Sources::new(source, Disk), &Options::default());
     fs::remove_dir_all(&folder).unwrap();
     assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
     let mut codes: Vec<Code> = compiled.diagnostics.sorted().into_iter().map(|diagnostic| diagnostic.code).collect();

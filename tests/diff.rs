@@ -5,7 +5,7 @@ use std::fs;
 use crate::support::board::board;
 use crate::support::{run, script, stderr, stdout};
 use motionseq::program::Options;
-use motionseq::source::{Lines, Source, Sources};
+use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Change, Moment, Snapshot, Timeline, What, diff, is_snapshot, read_snapshot, write_snapshot};
 use proptest::prelude::*;
 
@@ -49,7 +49,7 @@ fn every_edit_is_said_in_the_words_of_the_script() {
 fn a_script_and_its_snapshot_are_the_same() {
     for name in ["hello", "dance", "sweep", "checkup"] {
         let path = format!("scripts/{name}.motion");
-        let sources = Sources::from(Source::read(path.as_ref()).unwrap());
+        let sources = Sources::read(path.as_ref(), Disk).unwrap();
         let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
         let mut snapshot = Vec::new();
         write_snapshot(&path, &timeline, &mut snapshot).unwrap();

@@ -9,7 +9,7 @@ use std::process::Stdio;
 use crate::support::{motionseq, run, script, stderr, stdout};
 use motionseq::diagnostic::Diagnostics;
 use motionseq::program::Options;
-use motionseq::source::{Source, Sources};
+use motionseq::source::{Disk, Files as _, Source, Sources};
 use motionseq::syntax;
 use proptest::prelude::*;
 
@@ -48,7 +48,7 @@ fn comments_and_lines(text: &str) -> (Vec<String>, usize) {
 }
 
 fn is_kept(path: &str, text: &str) {
-    let source = |text: &str| Source::read(Path::new(path)).unwrap().with_text(text);
+    let source = |text: &str| Disk.read(Path::new(path)).unwrap().with_text(text);
     let once = formatted(&source(text)).unwrap();
     assert_eq!(formatted(&source(&once)).unwrap(), once, "{path}: twice is once");
     assert_eq!(meaning(source(&once)), meaning(source(text)), "{path}");
@@ -61,7 +61,7 @@ fn formatted_scripts_look_like_this() {
     let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "fmt", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("fmt/*.motion", |path| {
-            let source = Source::read(path).unwrap();
+            let source = Disk.read(path).unwrap();
             insta::assert_snapshot!("fmt", formatted(&source).unwrap());
         });
     });
@@ -79,7 +79,7 @@ fn scripts() -> Vec<PathBuf> {
 fn nothing_that_a_script_sends_ever_changes() {
     let mut count = 0;
     for path in scripts() {
-        let Ok(source) = Source::read(&path) else { continue };
+        let Ok(source) = Disk.read(&path) else { continue };
         if formatted(&source).is_some() {
             is_kept(path.to_str().unwrap(), source.text());
             count += 1;
@@ -141,7 +141,7 @@ proptest! {
     fn blanks_and_comments_change_nothing(which in 0..1_000_usize, seed in prop::collection::vec(0..8_u8, 1..200)) {
         let scripts = scripts();
         let path = &scripts[which % scripts.len()];
-        let Ok(source) = Source::read(path) else { return Ok(()) };
+        let Ok(source) = Disk.read(path) else { return Ok(()) };
         let mut seeds = seed.iter().cycle();
         let mut text = String::new();
         let mut is_text = false;

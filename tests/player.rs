@@ -5,7 +5,7 @@ use crate::support::far::commands;
 use motionseq::board::State;
 use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
 use motionseq::program::Options;
-use motionseq::source::Source;
+use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Timeline, write_bin};
 
 const MS: u64 = 1_000_000;
@@ -17,7 +17,7 @@ fn timeline(script: &str) -> Timeline {
 
 /// A script that is shipped, with the files that it uses.
 fn shipped(path: &std::path::Path) -> Timeline {
-    let compiled = motionseq::compile(&Source::read(path).unwrap().into(), &Options::default());
+    let compiled = motionseq::compile(&Sources::read(path, Disk).unwrap(), &Options::default());
     // No board reports in these tests; tests/sim.rs judges what is expected.
     Timeline { expects: Vec::new(), ..compiled.timeline.expect("the script compiles") }
 }

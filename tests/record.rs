@@ -12,7 +12,7 @@ use crate::support::{messages, run, stderr};
 use motionseq::board::Command;
 use motionseq::capture::{Decoded, Reading, Scribe, TimedDecoder, decode, transcribe};
 use motionseq::program::{Ease, Options};
-use motionseq::source::{Source, Sources};
+use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
 use proptest::prelude::*;
 use rustix::process::Signal;
@@ -97,7 +97,7 @@ fn an_exact_recording_sends_every_frame_of_the_script_again() {
     assert!(scripts.len() > 8);
     for (name, text) in scripts {
         let sources = if Path::new(&name).exists() {
-            Sources::from(Source::read(Path::new(&name)).unwrap())
+            Sources::read(Path::new(&name), Disk).unwrap()
         } else {
             Sources::from(Source::new("test.motion", text.as_str()))
         };

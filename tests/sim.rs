@@ -5,7 +5,7 @@ use motionseq::board::{Command, Hundredths, Report, ReportDecoder, ReportItem};
 use motionseq::playback::{Cause, Found, Input, Notice, Order, Player, Verdict};
 use motionseq::program::Options;
 use motionseq::sim::{Faults, Pose, Settings, VirtualBoard};
-use motionseq::source::Source;
+use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::Timeline;
 use motionseq::verify::{Rehearsal, rehearse};
 use proptest::prelude::*;
@@ -239,9 +239,9 @@ fn every_hundredth_of_a_volt_is_what_it_says() {
 fn every_script_of_the_tests_is_played_as_it_is_rendered() {
     let mut count = 0;
     for entry in std::fs::read_dir("tests/frames").unwrap().map(|entry| entry.unwrap().path()) {
-        let Ok(source) = Source::read(&entry) else { continue };
+        let Ok(sources) = Sources::read(&entry, Disk) else { continue };
         let is_script = entry.extension().is_some_and(|extension| extension == "motion");
-        let compiled = motionseq::compile(&source.into(), &Options::default());
+        let compiled = motionseq::compile(&sources, &Options::default());
         let Some(timeline) = compiled.timeline.filter(|timeline| is_script && timeline.expects.is_empty()) else {
             continue;
         };

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::report::{self, Finding, Totals};
-use motionseq::source::{Lines, Source, Sources};
+use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Timeline, wire};
-use motionseq::verify::{expectation, expected_error, find};
+use motionseq::verify::{expectation, expected_error};
 
 use super::exit::Exit;
+use super::find::find;
 use super::output;
 use super::screen::{Screen, Warnings, plural, seconds};
 use super::{Deny, Options, read, read_source, repository};
@@ -82,7 +83,7 @@ impl Check {
                     continue;
                 }
             };
-            let sources = Sources::from(source);
+            let sources = Sources::new(source, Disk);
             let compiled = motionseq::compile(&sources, &self.options.of_library());
             if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
                 && expectation(expected, &compiled.diagnostics).is_ok()

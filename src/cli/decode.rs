@@ -8,13 +8,14 @@ use std::sync::Arc;
 use clap::Args;
 use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, transcribe};
 
-use motionseq::source::{Replacement, Source};
+use motionseq::board::Board;
+use motionseq::source::{Disk, Files as _};
 
 use super::Reading;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
+use super::replace::Replacement;
 use super::screen::{Screen, plural};
-use super::watcher::doubt;
 
 /// Show the frames in a stream of bytes, or of hex digits, or make a script of them
 #[derive(Debug, Args)]
@@ -105,7 +106,7 @@ impl Decode {
 
     /// Reads when the bytes came.
     fn timing(&self, path: &Path, screen: &Screen) -> Result<Timing, Exit> {
-        let text = Source::read(path).map_err(|error| {
+        let text = Disk.read(path).map_err(|error| {
             screen.error(&error.to_string());
             Exit::Script
         })?;
@@ -135,4 +136,14 @@ fn summary(decoded: Decoded, screen: &Screen) {
     let found = format!("{} in {}", count(decoded.frames, "frame"), count(decoded.bytes, "byte"));
     let parts = parts.into_iter().filter(|(count, _)| *count > 0).map(|(_, words)| words);
     screen.note(&std::iter::once(found).chain(parts).collect::<Vec<_>>().join(", "));
+}
+
+/// What must be said of the first frame of a stream that can be read in two ways.
+pub(super) fn doubt(board: &Board) -> String {
+    let Some(doubt) = &board.doubt else { return String::new() };
+    let word = board.verb(doubt.verb).map(|verb| &*verb.word).unwrap_or_default();
+    format!(
+        "a `{word}` came; {}. The two cannot always be told apart, and which one a board expects is unknown",
+        doubt.note
+    )
 }

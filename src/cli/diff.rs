@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use motionseq::board::raspblock;
-use motionseq::source::{Lines, Sources, read_file};
+use motionseq::source::{Disk, Lines, Sources, read_file};
 use motionseq::timeline::{Change, Snapshot, Timeline, diff, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
@@ -64,7 +64,7 @@ impl Diff {
         if is_snapshot(source.text().as_bytes()) {
             return snapshot(source.name(), source.text().as_bytes(), None, screen);
         }
-        let sources = Sources::from(source);
+        let sources = Sources::new(source, Disk);
         let timeline = self.options.compile(&sources, screen).timeline.ok_or(Exit::Script)?;
         let sent = Snapshot::of(&timeline);
         Ok(Side { sent, script: Some((sources, timeline)) })

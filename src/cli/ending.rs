@@ -10,7 +10,7 @@ use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::Served;
 use motionseq::sim::Received;
-use motionseq::source::{Replacement, Sources, Span};
+use motionseq::source::{Sources, Span};
 use motionseq::timeline::Timeline;
 use motionseq::timeline::wire::load;
 
@@ -18,12 +18,10 @@ use super::exit::Exit;
 use super::log::Level;
 use super::news::Told;
 use super::notes::{Asking, Facts, Notes};
-use super::screen::{Screen, plural, seconds};
+use super::replace::Replacement;
+use super::screen::{PATIENCE, Screen, plural, seconds};
 use super::start_thread;
 
-/// How long the end of a run waits for a screen that takes nothing, and for a file for the report that takes nothing. Neither waits for
-/// the other.
-pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 /// How long it waits for the thread that has heard the run; it has nothing to do but to write down what it has heard.
 const NEWS: Duration = Duration::from_millis(1_500);
 

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use motionseq::diagnostic::Diagnostics;
-use motionseq::source::replace_file;
 use motionseq::syntax;
 
 use super::exit::Exit;
 use super::output;
 use super::read;
+use super::replace::replace_file;
 use super::screen::{Screen, Warnings, plural};
 
 /// Format scripts: blanks, indentation, comments below each other; never what is sent

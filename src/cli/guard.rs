@@ -9,9 +9,9 @@ use std::time::Duration;
 use clap::Args;
 use motionseq::playback::{self, Fate, Stop, Ward, frames, guard};
 
-use super::ending::{PATIENCE, closing_line, stop_words};
+use super::ending::{closing_line, stop_words};
 use super::exit::Exit;
-use super::screen::Screen;
+use super::screen::{PATIENCE, Screen};
 
 /// What stands for this command on the command line.
 pub(super) const WORD: &str = "guard-a-player";

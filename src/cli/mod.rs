@@ -1,32 +1,55 @@
 //! Arguments in, exit codes out; one file a command.
 
-mod board;
+#![cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "shared with the commands that need Linux"))]
+
 mod check;
 mod decode;
 mod diff;
-mod ending;
 mod exit;
 mod explain;
+mod find;
 mod fmt;
-mod guard;
-mod latency;
-mod log;
-mod news;
-mod notes;
 mod output;
-mod play;
 mod plot;
-mod ports;
 mod progress;
-mod record;
-mod recording;
 mod render;
+mod replace;
 mod screen;
 mod shell;
 mod show;
-mod tape;
 mod test;
+
+// What plays, and offers ports.
+#[cfg(target_os = "linux")]
+mod board;
+#[cfg(target_os = "linux")]
+mod ending;
+#[cfg(target_os = "linux")]
+mod growing;
+#[cfg(target_os = "linux")]
+mod guard;
+#[cfg(target_os = "linux")]
+mod latency;
+#[cfg(target_os = "linux")]
+mod log;
+#[cfg(target_os = "linux")]
+mod news;
+#[cfg(target_os = "linux")]
+mod notes;
+#[cfg(target_os = "linux")]
+mod play;
+#[cfg(target_os = "linux")]
+mod ports;
+#[cfg(target_os = "linux")]
+mod record;
+#[cfg(target_os = "linux")]
+mod recording;
+#[cfg(target_os = "linux")]
+mod tape;
+#[cfg(target_os = "linux")]
 mod watcher;
+#[cfg(not(target_os = "linux"))]
+mod elsewhere;
 
 use std::io;
 use std::path::PathBuf;
@@ -42,8 +65,10 @@ use motionseq::board::{Board as Family, raspblock};
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::Speed;
 use motionseq::report::Repository;
-use motionseq::source::{Source, SourceError, Sources};
+use motionseq::source::{Disk, Files as _, Source, SourceError, Sources};
 
+#[cfg(not(target_os = "linux"))]
+use elsewhere::{board, latency, play, ports, record};
 use exit::Exit;
 use screen::{Color, Screen, Volume, Warnings};
 
@@ -77,6 +102,7 @@ enum Command {
     Latency(latency::Latency),
     Completions(shell::Completions),
     Man(shell::Man),
+    #[cfg(target_os = "linux")]
     #[command(name = guard::WORD, hide = true)]
     Guard(guard::Guard),
 }
@@ -176,12 +202,13 @@ pub(crate) fn main() -> ExitCode {
         Command::Board(board) => board.run(&screen),
         Command::Record(record) => record.run(&screen),
         Command::Latency(latency) => latency.run(&screen),
-        Command::Ports(_) => ports::Ports::run(&screen),
+        Command::Ports(ports) => ports.run(&screen),
         Command::Completions(completions) => completions.run(&screen),
         Command::Man(man) => man.run(&screen),
+        #[cfg(target_os = "linux")]
         Command::Guard(guard) => guard.run(&screen),
     };
-    Screen::is_written(ending::PATIENCE);
+    Screen::is_written(screen::PATIENCE);
     exit.into()
 }
 
@@ -232,7 +259,7 @@ fn start_thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<
 
 /// Reads a script, or standard input where it is called `-`.
 fn read_source(path: &std::path::Path) -> Result<Source, SourceError> {
-    if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Source::read(path) }
+    if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Disk.read(path) }
 }
 
 /// Reads a script and shows why it cannot be read.

@@ -10,7 +10,6 @@ use clap::ValueEnum;
 use motionseq::board::{Board, Report, State};
 use motionseq::link::Taken;
 use motionseq::playback::{Notice, Verdict, now};
-use motionseq::program::Speed;
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
 use rtrb::Consumer;
@@ -20,6 +19,7 @@ use super::notes::Notes;
 use super::progress::bar;
 use super::recording::Recording;
 use super::screen::{Screen, seconds};
+use super::show::ScriptTime;
 use super::start_thread;
 
 /// How often the screen and the recording are brought up to date.
@@ -47,26 +47,6 @@ pub(super) struct Desk {
     pub(super) progress: Progress,
     /// What a time of the run is in the script.
     pub(super) script: ScriptTime,
-}
-
-/// How times of a run and times of its script go together, in a run that is not simply the script from its start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ScriptTime {
-    /// Where in the script the part begins, after so long a lead-in, both in microseconds of the run.
-    pub(super) from_us: u64,
-    pub(super) lead_us: u64,
-    pub(super) speed: Speed,
-}
-
-impl ScriptTime {
-    /// ` (1.200 s in the script)`, where that is not the time of the run.
-    fn words(self, at_us: u64) -> String {
-        if (self.from_us, self.lead_us) == (0, 0) && self.speed.factor() == 1.0 {
-            return String::new();
-        }
-        let in_part = at_us.saturating_sub(self.lead_us).saturating_add(self.from_us);
-        format!(" ({} s in the script)", seconds(self.speed.of_script(in_part)))
-    }
 }
 
 /// How often a plain line is written.

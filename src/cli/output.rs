@@ -2,13 +2,13 @@
 
 use std::fs::{File, Metadata};
 use std::io::{self, Read as _};
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use motionseq::source::{Replacement, Sources, open_in_place};
+use motionseq::source::Sources;
 
 use super::exit::Exit;
+use super::replace::Replacement;
 use super::screen::Screen;
 
 /// What a result may be written over.
@@ -19,9 +19,33 @@ pub(super) struct Force {
     force: bool,
 }
 
-/// The files that a run reads, by device and number, whatever their names. No result is written over one of them.
+impl Force {
+    /// Whatever is there.
+    #[cfg(target_os = "linux")]
+    pub(super) const ALWAYS: Force = Force { force: true };
+}
+
+/// The files that a run reads, whatever their names. No result is written over one of them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Inputs(Vec<(u64, u64)>);
+pub(super) struct Inputs(Vec<Identity>);
+
+/// What tells a file from all others: its device and its number.
+#[cfg(unix)]
+type Identity = (u64, u64);
+/// What tells a file from all others: its path, with links followed.
+#[cfg(not(unix))]
+type Identity = PathBuf;
+
+#[cfg(unix)]
+fn identity(path: &Path) -> Option<Identity> {
+    use std::os::unix::fs::MetadataExt as _;
+    path.metadata().ok().map(|meta| (meta.dev(), meta.ino()))
+}
+
+#[cfg(not(unix))]
+fn identity(path: &Path) -> Option<Identity> {
+    path.canonicalize().ok()
+}
 
 impl Inputs {
     /// Files and, of scripts, their snapshots.
@@ -31,21 +55,13 @@ impl Inputs {
             snapshot.push(".frames");
             [path.as_ref().to_owned(), PathBuf::from(snapshot)]
         };
-        let files = paths.into_iter().flat_map(with_snapshot).filter_map(|path| path.metadata().ok());
-        Inputs(files.map(|meta| (meta.dev(), meta.ino())).collect())
+        Inputs(paths.into_iter().flat_map(with_snapshot).filter_map(|path| identity(&path)).collect())
     }
 
     /// A script and every file that it uses.
     pub(super) fn of_sources(sources: &Sources) -> Self {
         Inputs::of(sources.iter().filter_map(|source| source.path()))
     }
-}
-
-/// Opens a file for a result that grows while it is written. What is in it stays until [`begin`]. Never waits for the reader of a
-/// named pipe.
-pub(super) fn open(path: &Path, inputs: &Inputs, force: Force) -> io::Result<File> {
-    check(path, inputs, force)?;
-    open_in_place(path)
 }
 
 /// Begins a result that takes the place of what was there when it is whole.
@@ -55,7 +71,7 @@ pub(super) fn whole(path: &Path, inputs: &Inputs, force: Force) -> io::Result<Re
 }
 
 /// Whether a result may be written there, before anything of it is changed.
-fn check(path: &Path, inputs: &Inputs, force: Force) -> io::Result<()> {
+pub(super) fn check(path: &Path, inputs: &Inputs, force: Force) -> io::Result<()> {
     let refused = |why: &str| Err(io::Error::other(why));
     if path.as_os_str() == "-" {
         return refused("`-` is no file here; name one");
@@ -65,7 +81,7 @@ fn check(path: &Path, inputs: &Inputs, force: Force) -> io::Result<()> {
     if is_terminal(&meta) {
         return refused("it is a terminal or a serial port; name a file");
     }
-    if meta.is_file() && inputs.0.contains(&(meta.dev(), meta.ino())) {
+    if meta.is_file() && identity(path).is_some_and(|file| inputs.0.contains(&file)) {
         return refused("this run reads it; name another file");
     }
     let is_precious = path.extension().is_some_and(|ending| ending == "motion" || ending == "frames");
@@ -83,65 +99,22 @@ fn is_ours(path: &Path) -> bool {
 }
 
 /// Whether something is a terminal of any kind, serial ports included.
+#[cfg(target_os = "linux")]
 fn is_terminal(meta: &Metadata) -> bool {
+    use std::os::unix::fs::{FileTypeExt as _, MetadataExt as _};
     let (major, minor) = (rustix::fs::major(meta.rdev()), rustix::fs::minor(meta.rdev()));
     let class = || std::fs::read_link(format!("/sys/dev/char/{major}:{minor}/subsystem"));
     meta.file_type().is_char_device() && (PTYS.contains(&major) || class().is_ok_and(|class| class.ends_with("tty")))
 }
 
 /// The numbers of the drivers of pseudo-terminals, which the system does not list (Linux, devices.txt).
+#[cfg(target_os = "linux")]
 const PTYS: std::ops::RangeInclusive<u32> = 136..=143;
 
-/// A file that was made for what cannot be made again.
-pub(super) struct Created {
-    pub(super) file: File,
-    /// Whether it was not there before.
-    is_new: bool,
-}
-
-impl Created {
-    /// Takes the file away again where this run has made it, and nothing was written.
-    pub(super) fn undo(self, path: &Path) {
-        let is_it =
-            |meta: &Metadata| self.file.metadata().is_ok_and(|own| (own.dev(), own.ino()) == (meta.dev(), meta.ino()));
-        if self.is_new && path.symlink_metadata().is_ok_and(|meta| meta.is_file() && meta.len() == 0 && is_it(&meta)) {
-            let _ = std::fs::remove_file(path);
-        }
-    }
-}
-
-/// Makes a file for what cannot be made again. One that is there, with anything in it, stays as it is.
-pub(super) fn create(path: &Path, inputs: &Inputs) -> io::Result<Created> {
-    let is_new = path.symlink_metadata().is_err();
-    let file = open(path, inputs, Force { force: true })?;
-    let of_file = file.metadata()?;
-    if of_file.is_file() && of_file.len() > 0 {
-        return Err(io::Error::other("it is there already, and stays as it is; choose another name"));
-    }
-    Ok(Created { file, is_new })
-}
-
-/// Where a path leads, also where nothing is there yet.
-pub(super) fn place(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let by_folder = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
-    path.canonicalize().ok().or_else(by_folder).unwrap_or_else(|| path.to_owned())
-}
-
-/// Whether any number of results may go there, such as to `/dev/null`.
-pub(super) fn takes_everything(path: &Path) -> bool {
-    path.metadata().is_ok_and(|meta| !meta.is_file())
-}
-
-/// Whether two open files are one.
-pub(super) fn is_same(left: &File, right: &File) -> bool {
-    let identity = |file: &File| file.metadata().map(|meta| (meta.is_file(), meta.dev(), meta.ino()));
-    matches!((identity(left), identity(right)), (Ok(left), Ok(right)) if left.0 && left == right)
-}
-
-/// Throws away what stood in the file before.
-pub(super) fn begin(file: &File) -> io::Result<()> {
-    if file.metadata()?.is_file() { file.set_len(0) } else { Ok(()) }
+/// Elsewhere than on Linux, what is not a file is taken for what its user says.
+#[cfg(not(target_os = "linux"))]
+fn is_terminal(_: &Metadata) -> bool {
+    false
 }
 
 /// The exit code of a command whose result went to a file, or to standard output, and what is to be said about it.

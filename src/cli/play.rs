@@ -14,7 +14,7 @@ use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Sig
 use motionseq::program::Time;
 use motionseq::serve::Served;
 use motionseq::sim::{Faults, Settings, VirtualBoard};
-use motionseq::source::{Lines, Replacement, Sources};
+use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
 use rtrb::RingBuffer;
 
@@ -25,7 +25,9 @@ use super::log::Log;
 use super::news::{Desk, Files, News, Progress};
 use super::notes::Asking;
 use super::output::{self, Force, Inputs};
+use super::growing;
 use super::recording::Recording;
+use super::replace::Replacement;
 use super::screen::Screen;
 use super::show::{Show, Staged};
 
@@ -146,7 +148,7 @@ impl Play {
         let name = port.as_ref().map(|port| port.display().to_string());
         let port = Port::open(port.as_deref(), &timeline, settings, screen)?;
         if let Some((path, file)) = &recording {
-            output::begin(file).map_err(|error| refused(path, &error))?;
+            growing::begin(file).map_err(|error| refused(path, &error))?;
         }
         let log = match log {
             None => None,
@@ -257,19 +259,19 @@ impl Play {
         let mut places: Vec<(&str, PathBuf)> = Vec::new();
         for (option, path) in asked {
             let Some(path) = path else { continue };
-            let place = output::place(path);
+            let place = growing::place(path);
             if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
                 return Err(refused(path, &io::Error::other(format!("it is the file of {other}"))));
             }
-            places.extend((!output::takes_everything(path)).then_some((option, place)));
+            places.extend((!growing::takes_everything(path)).then_some((option, place)));
         }
         Ok(Results {
-            recording: open_result(self.record.as_ref(), refused, |path| output::open(path, &inputs, self.force))?,
+            recording: open_result(self.record.as_ref(), refused, |path| growing::open(path, &inputs, self.force))?,
             report: open_result(self.report.as_ref(), refused, |path| {
                 output::whole(path, &inputs, self.force).map(|file| file.is_in_place().then_some(file))
             })?,
             log: open_result(self.log.as_ref(), refused, |path| {
-                output::create(path, &inputs).map(|created| created.file)
+                growing::create(path, &inputs).map(|created| created.file)
             })?,
         })
     }

@@ -16,7 +16,8 @@ pub(super) struct Ports {}
 
 impl Ports {
     /// Lists them.
-    pub(super) fn run(screen: &Screen) -> Exit {
+    #[expect(clippy::unused_self, reason = "like every command")]
+    pub(super) fn run(&self, screen: &Screen) -> Exit {
         let found = match ports() {
             Ok(found) => found,
             Err(error) => {

@@ -14,13 +14,13 @@ use motionseq::sim::{Faults, Settings, VirtualBoard};
 
 use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
-use super::ending::PATIENCE;
 use super::exit::Exit;
 use super::guard;
 use super::log::Log;
+use super::growing;
 use super::output::{self, Inputs};
 use super::play;
-use super::screen::{Screen, plural};
+use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::{Format, Watcher};
 
@@ -73,7 +73,7 @@ const MAX_SILENCE: u64 = 500_000_000;
 impl Record {
     /// Records until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let created = match self.output.as_deref().map(|path| (path, output::create(path, &Inputs::default()))) {
+        let created = match self.output.as_deref().map(|path| (path, growing::create(path, &Inputs::default()))) {
             None => None,
             Some((path, Ok(created))) => Some((path, created)),
             Some((path, Err(error))) => return output::exit(Err(error), Some(path), screen),

@@ -9,8 +9,10 @@ use std::time::{Duration, Instant};
 use clap::ValueEnum;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Code, Diagnostic, Diagnostics, MAX_ERRORS, Printable, Severity, escaped};
+#[cfg(target_os = "linux")]
 use motionseq::playback::is_in_foreground;
 use motionseq::source::Sources;
+use terminal_size::{Width, terminal_size_of};
 use textwrap::{WordSeparator, WordSplitter};
 
 /// When messages have colors.
@@ -57,6 +59,10 @@ const FIRST: usize = 3;
 /// Width of messages where there is no terminal.
 const WIDTH: usize = 80;
 
+/// How long the end of a run waits for a screen that takes nothing, and for a file for the report that takes nothing. Neither waits for
+/// the other.
+pub(super) const PATIENCE: Duration = Duration::from_secs(2);
+
 /// What waits to be written, once [`Screen::never_wait`] was called.
 static QUEUE: OnceLock<Queue> = OnceLock::new();
 
@@ -80,6 +86,12 @@ struct Text {
     text: String,
     /// Whether a newer one of its kind takes its place.
     is_live: bool,
+}
+
+/// Whether this process may draw on the terminal; elsewhere than on Linux it is taken to.
+#[cfg(not(target_os = "linux"))]
+fn is_in_foreground(_: io::Stderr) -> bool {
+    true
 }
 
 /// How many lines may wait, but for those that must be said.
@@ -251,14 +263,18 @@ impl Screen {
 
     /// Columns that a line may fill.
     pub(super) fn width(&self) -> usize {
-        let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
-        size.map_or(WIDTH, |size| usize::from(size.ws_col).clamp(24, 120))
+        self.columns().map_or(WIDTH, |columns| columns.clamp(24, 120))
     }
 
     /// Columns that a line may fill that is drawn over and over: no more than there are, or it would not be drawn over.
     pub(super) fn live_width(&self) -> usize {
-        let size = self.terminal.then(|| rustix::termios::tcgetwinsize(io::stderr()).ok()).flatten();
-        size.map_or(WIDTH, |size| usize::from(size.ws_col)).saturating_sub(1)
+        self.columns().unwrap_or(WIDTH).saturating_sub(1)
+    }
+
+    /// Columns of the terminal.
+    fn columns(&self) -> Option<usize> {
+        let (Width(columns), _) = self.terminal.then(|| terminal_size_of(io::stderr())).flatten()?;
+        Some(usize::from(columns))
     }
 
     /// Whether somebody looks on at a terminal that cannot draw over a line.

@@ -7,11 +7,10 @@ use motionseq::board::State;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::program::{Speed, Time};
 use motionseq::report::Asked;
-use motionseq::source::Sources;
+use motionseq::source::{Disk, Sources};
 use motionseq::timeline::{Part, Timeline, check_passes, part, passes, state_after};
 
 use super::exit::Exit;
-use super::news::ScriptTime;
 use super::screen::{Screen, Warnings, seconds};
 use super::{Options, read};
 
@@ -107,6 +106,26 @@ pub(super) struct Staged {
     pub(super) diagnostics: Diagnostics,
 }
 
+/// How times of a run and times of its script go together, in a run that is not simply the script from its start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ScriptTime {
+    /// Where in the script the part begins, after so long a lead-in, both in microseconds of the run.
+    pub(super) from_us: u64,
+    pub(super) lead_us: u64,
+    pub(super) speed: Speed,
+}
+
+impl ScriptTime {
+    /// ` (1.200 s in the script)`, where that is not the time of the run.
+    pub(super) fn words(self, at_us: u64) -> String {
+        if (self.from_us, self.lead_us) == (0, 0) && self.speed.factor() == 1.0 {
+            return String::new();
+        }
+        let in_part = at_us.saturating_sub(self.lead_us).saturating_add(self.from_us);
+        format!(" ({} s in the script)", seconds(self.speed.of_script(in_part)))
+    }
+}
+
 impl<L: Args + Copy + Into<Count>> Show<L> {
     /// Compiles a script, and takes out of it what is asked for.
     pub(super) fn compile(
@@ -116,7 +135,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         warnings: Warnings,
         screen: &Screen,
     ) -> Result<(Sources, Staged), Exit> {
-        let sources = Sources::from(read(file, screen)?);
+        let sources = Sources::new(read(file, screen)?, Disk);
         let compiled = options.compile_at(&sources, screen, self.speed, warnings);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         let mut diagnostics = compiled.diagnostics.clone();

@@ -7,11 +7,14 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::report;
 use motionseq::sim::Faults;
-use motionseq::verify::{Case, Job, Verdict, find};
+use motionseq::verify::{Case, Job, Replace, Verdict};
+use rayon::prelude::*;
 
 use super::exit::Exit;
+use super::find::{Found, find};
 use super::output::{self, Force, Inputs};
 use super::progress::Progress;
+use super::replace::replace_file;
 use super::screen::{Screen, plural};
 use super::{Deny, Options, repository};
 
@@ -84,7 +87,7 @@ impl Test {
         let faults = self.fault.clone().unwrap_or_default();
         let job = Job {
             options: self.options.of_library(),
-            bless: self.bless,
+            bless: self.bless.then_some(replace_file as Replace),
             play: self.play,
             faults,
             deny: self.deny.is_some(),
@@ -95,7 +98,7 @@ impl Test {
         let cases = match pool {
             Ok(pool) => {
                 let progress = Progress::new(screen, "scripts", found.scripts.len());
-                pool.install(|| job.run(&found, || progress.add(1)))
+                pool.install(|| run(&job, &found, || progress.add(1)))
             }
             Err(error) => {
                 screen.error(&format!("cannot start threads: {error}"));
@@ -131,6 +134,19 @@ impl Test {
         };
         io::stdout().lock().write_all(text.as_bytes())
     }
+}
+
+/// Every script, on all threads of the pool. The order is that of `found`: first what cannot be looked into, then scripts, then
+/// snapshots without one. `done` is called after each script, from any thread.
+fn run(job: &Job, found: &Found, done: impl Fn() + Sync) -> Vec<Case> {
+    let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
+    cases.par_extend(found.scripts.par_iter().map(|script| {
+        let case = job.case(script);
+        done();
+        case
+    }));
+    cases.extend(found.orphans.iter().map(|orphan| Case::orphan(orphan, job.deny)));
+    cases
 }
 
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {

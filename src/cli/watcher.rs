@@ -12,6 +12,7 @@ use motionseq::link::{Happened, LineSettings};
 use motionseq::sim::{Pose, VirtualBoard};
 use motionseq::timeline::Seconds;
 
+use super::decode::doubt;
 use super::log::{Entry, Level, Log};
 use super::news::{active_words, drive_words};
 use super::screen::{Screen, plural, seconds};
@@ -428,16 +429,6 @@ impl Display {
         parts.extend(active_words(board, state));
         parts
     }
-}
-
-/// What must be said of the first frame of a stream that can be read in two ways.
-pub(super) fn doubt(board: &Board) -> String {
-    let Some(doubt) = &board.doubt else { return String::new() };
-    let word = board.verb(doubt.verb).map(|verb| &*verb.word).unwrap_or_default();
-    format!(
-        "a `{word}` came; {}. The two cannot always be told apart, and which one a board expects is unknown",
-        doubt.note
-    )
 }
 
 /// Logs what happens at a board.

@@ -44,7 +44,7 @@ pub enum Input {
 
 impl Input {
     /// What became of bytes that were given to a port.
-    pub(super) fn of_write(result: io::Result<usize>) -> Self {
+    pub fn of_write(result: io::Result<usize>) -> Self {
         match result {
             Ok(count) => Input::Wrote(count),
             Err(error) => match error.kind() {

@@ -4,27 +4,39 @@
 //! [`drive`] is the loop that asks it what to do and does it, under the real clock. A [`Guard`] is a second process that
 //! stops the robot if this one cannot.
 
-mod driver;
-mod guard;
 mod halt;
 mod judge;
-mod latency;
 mod messages;
-pub(crate) mod os;
 mod player;
+
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod driver;
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod guard;
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod latency;
+#[cfg(all(feature = "player", target_os = "linux"))]
+pub(crate) mod os;
+#[cfg(all(feature = "player", target_os = "linux"))]
 mod stop;
+#[cfg(all(feature = "player", target_os = "linux"))]
 mod watch;
 
-pub use crate::clock::now;
-pub use driver::{Rig, drive};
-pub use guard::{Guard, Guarded, Ward, frames, guard};
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
-pub use latency::lateness;
 pub use messages::{Cause, Input, Notice, Order, Outcome, Stop};
-pub use os::{Keys, Realtime, Signals, is_in_foreground};
 pub use player::Player;
-pub use watch::Fate;
 
-pub(crate) use halt::Outbox;
-pub(crate) use stop::stop_robot;
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod real {
+    pub use super::driver::{Rig, drive};
+    pub use super::guard::{Guard, Guarded, Ward, frames, guard};
+    pub use super::latency::lateness;
+    pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
+    pub use super::watch::Fate;
+    pub use crate::clock::now;
+    pub(crate) use super::halt::Outbox;
+    pub(crate) use super::stop::stop_robot;
+}
+#[cfg(all(feature = "player", target_os = "linux"))]
+pub use real::*;

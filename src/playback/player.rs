@@ -151,7 +151,7 @@ impl<'t> Player<'t> {
     }
 
     /// The same, with the passes before this one.
-    pub(super) fn run_time(&self, now: u64) -> u64 {
+    pub fn run_time(&self, now: u64) -> u64 {
         self.passed.saturating_add(self.script_time(now))
     }
 
@@ -167,7 +167,7 @@ impl<'t> Player<'t> {
     }
 
     /// Whether an `expect` is due at `now`, so that all reports that have come should be heard before.
-    pub(super) fn judges_at(&self, now: u64) -> bool {
+    pub fn judges_at(&self, now: u64) -> bool {
         let is_due = |due: u64| due <= self.since_origin(now);
         matches!(self.phase, Phase::Playing) && self.judge.next_due().is_some_and(is_due)
     }
@@ -221,7 +221,7 @@ impl<'t> Player<'t> {
     }
 
     /// Ends the run at once, for a driver that cannot go on.
-    pub(super) fn give_up(&self, now: u64) -> Outcome {
+    pub fn give_up(&self, now: u64) -> Outcome {
         self.outcome_at(Cause::Panicked, self.script_time(now))
     }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{data, property};
 use crate::diagnostic::{Code, Diagnostics, Severity};
-use crate::source::Sources;
+use crate::source::{Encoding, Lines, Position, Sources};
 
 /// One error or warning at its place. Lines and columns count from 1, columns in characters; the end is behind the last one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -71,11 +71,16 @@ impl Finding {
 
 /// The errors and warnings of one script, sorted by place.
 pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
+    let lines = Lines::of(sources);
+    let place = |offset| {
+        let Position { line, column } = lines.position(offset, Encoding::Utf32);
+        (line as usize + 1, column as usize + 1)
+    };
     let sorted = diagnostics.sorted();
     let all = sorted.iter().map(|diagnostic| {
         let file = sources.file(diagnostic.span);
-        let (line, column) = file.line_and_column(diagnostic.span.start);
-        let (end_line, end_column) = file.line_and_column(diagnostic.span.end);
+        let (line, column) = place(diagnostic.span.start);
+        let (end_line, end_column) = place(diagnostic.span.end);
         Finding {
             file: file.name().to_owned(),
             line,

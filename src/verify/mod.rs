@@ -1,6 +1,5 @@
-//! Holds scripts against their snapshots: finds both, compiles, compares, and gives data. It prints nothing.
+//! Compares scripts with their snapshots: compiles, compares, rehearses, and returns data. It prints nothing.
 
-mod find;
 mod play;
 mod rehearse;
 
@@ -8,16 +7,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::Options;
 use crate::sim::Faults;
-use crate::source::{Lines, Source, Sources, read_file, replace_file};
+use crate::source::{Disk, Lines, Source, Sources, read_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
 
-pub use find::{Found, find};
 pub use rehearse::{Rehearsal, rehearse};
 
 /// What stands behind the name of a script to make the name of its snapshot.
@@ -126,57 +122,33 @@ impl Verdict {
     }
 }
 
+/// Replaces a file, all of it or nothing.
+pub type Replace = fn(&Path, &[u8]) -> io::Result<()>;
+
 /// What is done besides comparing.
 #[derive(Clone, Debug, Default)]
 pub struct Job {
     /// How scripts are compiled.
     pub options: Options,
-    /// Whether snapshots are written where they are missing or differ.
-    pub bless: bool,
+    /// How snapshots are written that are missing or differ; `None` where they are left as they are.
+    pub bless: Option<Replace>,
     /// Whether each script is also played, on a virtual board under a clock that jumps.
     pub play: bool,
     /// What goes wrong then.
     pub faults: Faults,
-    /// Whether warnings fail a script, and snapshots without one fail.
+    /// Whether warnings fail a script.
     pub deny: bool,
 }
 
 impl Job {
-    /// Holds every script against its snapshot, on all threads of the pool; the order is that of `found`: what cannot be
-    /// looked into first, then scripts, then snapshots without one.
-    ///
-    /// `done` hears of each script that is done with, from any thread.
-    pub fn run(&self, found: &Found, done: impl Fn() + Sync) -> Vec<Case> {
-        let unreadable = found.unreadable.iter().map(|(path, why)| {
-            let name = path.display().to_string();
-            Case::new(&name, Verdict::Unreadable, vec![problem(&name, 0, "unreadable", why.clone())])
-        });
-        let mut cases: Vec<Case> = unreadable.collect();
-        cases.par_extend(found.scripts.par_iter().map(|script| {
-            let case = self.case(script);
-            done();
-            case
-        }));
-        cases.extend(found.orphans.iter().map(|orphan| {
-            let name = orphan.display().to_string();
-            let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
-            let verdict = if self.deny { Verdict::DeniedOrphan } else { Verdict::Orphan };
-            Case::new(&name, verdict, vec![problem(&name, 0, "orphan", message)])
-        }));
-        cases
-    }
-
-    fn case(&self, script: &Path) -> Case {
+    /// Compares a script with its snapshot, and plays it if that is asked for.
+    pub fn case(&self, script: &Path) -> Case {
         let name = script.display().to_string();
         let case = |verdict, problems| Case::new(&name, verdict, problems);
-        let source = match Source::read(script) {
-            Ok(source) => source,
-            Err(error) => {
-                let message = error.to_string();
-                return case(Verdict::Unreadable, vec![problem(&name, 0, "unreadable", message)]);
-            }
+        let sources = match Sources::read(script, Disk) {
+            Ok(sources) => sources,
+            Err(error) => return Case::unreadable(script, &error.to_string()),
         };
-        let sources = Sources::from(source);
         let compiled = crate::compile(&sources, &self.options);
         let lines = Lines::of(&sources);
         match (expected_error(sources.main()), compiled.timeline) {
@@ -238,19 +210,20 @@ impl Job {
         let new = Snapshot::of(timeline);
         let script_name = shell_word(&script.display().to_string());
         let command = format!("motionseq test --bless {script_name}");
-        match read_old(&timeline.board, &snapshot, &command) {
-            Ok(None) if self.bless => bless(script, &snapshot, timeline),
-            Ok(None) => {
+        match (read_old(&timeline.board, &snapshot, &command), self.bless) {
+            (Ok(None), None) => {
                 let message = format!("there is no {name}; `{command}` writes it");
                 (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
             }
             // An old format says less of moves than this one.
-            Ok(Some(old)) if old.does_the_same(&new) && (old == new || !self.bless) => (Verdict::Same, Vec::new()),
+            (Ok(Some(old)), write) if old.does_the_same(&new) && (old == new || write.is_none()) => {
+                (Verdict::Same, Vec::new())
+            }
+            (Err(wrong), None) => (Verdict::BadSnapshot, vec![wrong]),
             // A newer motionseq wrote it, and knows more.
-            Err(wrong) if wrong.code == NEWER || !self.bless => (Verdict::BadSnapshot, vec![wrong]),
-            _ if self.bless => bless(script, &snapshot, timeline),
-            Err(wrong) => (Verdict::BadSnapshot, vec![wrong]),
-            Ok(Some(old)) => {
+            (Err(wrong), _) if wrong.code == NEWER => (Verdict::BadSnapshot, vec![wrong]),
+            (_, Some(write)) => bless(script, &snapshot, timeline, write),
+            (Ok(Some(old)), None) => {
                 let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
                 let place = |change: &Change| event(change).map(|event| lines.place(event.span));
                 let line = |change: &Change| place(change).map(|place| (place.file, place.line));
@@ -289,6 +262,20 @@ impl Case {
         let left_out = problems.len().saturating_sub(KEPT);
         let problems = problems.into_iter().take(KEPT).collect();
         Case { name: name.to_owned(), verdict, problems, left_out }
+    }
+
+    /// A script or a folder that cannot be read.
+    pub fn unreadable(path: &Path, why: &str) -> Self {
+        let name = path.display().to_string();
+        Case::new(&name, Verdict::Unreadable, vec![problem(&name, 0, "unreadable", why.to_owned())])
+    }
+
+    /// A snapshot whose script is not there; whether that fails.
+    pub fn orphan(path: &Path, is_denied: bool) -> Self {
+        let name = path.display().to_string();
+        let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
+        let verdict = if is_denied { Verdict::DeniedOrphan } else { Verdict::Orphan };
+        Case::new(&name, verdict, vec![problem(&name, 0, "orphan", message)])
     }
 
     /// What to type where the script is meant to send something else than its snapshot says.
@@ -358,10 +345,10 @@ pub fn snapshot_of(script: &Path) -> PathBuf {
 }
 
 /// Writes a snapshot, whole or not at all.
-fn bless(script: &Path, snapshot: &Path, timeline: &Timeline) -> (Verdict, Vec<Problem>) {
+fn bless(script: &Path, snapshot: &Path, timeline: &Timeline, write: Replace) -> (Verdict, Vec<Problem>) {
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
-    let written = write_snapshot(&name, timeline, &mut text).and_then(|()| replace_file(snapshot, &text));
+    let written = write_snapshot(&name, timeline, &mut text).and_then(|()| write(snapshot, &text));
     match written {
         Ok(()) => (Verdict::Blessed, Vec::new()),
         Err(error) => {

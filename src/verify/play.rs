@@ -9,7 +9,7 @@ use super::rehearse::{Rehearsal, rehearse};
 use super::{Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::playback::Cause;
 use crate::sim::{Faults, Settings};
-use crate::source::{Lines, Sources, replace_file};
+use crate::source::{Lines, Sources};
 use crate::timeline::{Moment, Seconds, Snapshot, Timeline, diff, write_aborted};
 
 /// How a comment begins that names faults to rehearse.
@@ -99,25 +99,25 @@ impl Job {
         }
         let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
         let new = Snapshot { board: Arc::clone(&timeline.board), moments: rehearsal.aborted.clone(), more: None };
-        match read_old(&timeline.board, &path, &bless) {
-            Ok(Some(old)) if old.moments == new.moments => Vec::new(),
-            Err(wrong) if wrong.code == NEWER || !self.bless => vec![wrong],
-            _ if self.bless => {
+        match (read_old(&timeline.board, &path, &bless), self.bless) {
+            (Ok(Some(old)), _) if old.moments == new.moments => Vec::new(),
+            (Err(wrong), None) => vec![wrong],
+            (Err(wrong), _) if wrong.code == NEWER => vec![wrong],
+            (_, Some(write)) => {
                 let mut text = Vec::new();
                 let title = format!("{} {faults}", script.file_name().unwrap_or_default().to_string_lossy());
                 let written = write_aborted(&timeline.board, &title, &new.moments, timeline.baud, &mut text)
-                    .and_then(|()| replace_file(&path, &text));
+                    .and_then(|()| write(&path, &text));
                 let failed =
                     |error: std::io::Error| problem(&path.display().to_string(), 0, "snapshot", error.to_string());
                 written.err().map(failed).into_iter().collect()
             }
-            Err(wrong) => vec![wrong],
-            Ok(None) => {
+            (Ok(None), None) => {
                 let message =
                     format!("there is no {}; `{bless}` writes it; {}", path.display(), frames(timeline, rehearsal));
                 here("snapshot", message)
             }
-            Ok(Some(old)) => {
+            (Ok(Some(old)), None) => {
                 let old = Snapshot { more: None, ..old };
                 let changes = diff(&old, &new, |_| None::<usize>);
                 let words = changes.iter().filter(|change| !change.what.is_total());

@@ -14,14 +14,14 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
 use motionseq::program::Options;
-use motionseq::source::{Source, Sources};
+use motionseq::source::{Disk, Files as _, Sources};
 use motionseq::timeline::write_listing;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT};
 
 /// A script's listing and its messages, as they are pinned.
 pub(crate) fn listing_and_messages(path: &Path) -> String {
     let name = path.file_name().unwrap().to_str().unwrap();
-    let source = match Source::read(path) {
+    let source = match Disk.read(path) {
         Ok(source) => source.named(name),
         Err(error) => {
             let (source, diagnostic) = Diagnostic::of_source(error).unwrap();
@@ -30,7 +30,7 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
             return messages(&source.named(name).into(), &diagnostics);
         }
     };
-    let sources = Sources::from(source);
+    let sources = Sources::new(source, Disk);
     let compiled = motionseq::compile(&sources, &Options::default());
     let mut text = Vec::new();
     if let Some(timeline) = &compiled.timeline {

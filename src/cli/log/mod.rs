@@ -12,6 +12,7 @@ use motionseq::playback::now;
 use motionseq::sim::Pose;
 
 use super::exit::Exit;
+use super::growing;
 use super::output::{self, Inputs};
 use super::screen::Screen;
 use super::start_thread;
@@ -80,8 +81,8 @@ impl Log {
         screen: &Screen,
     ) -> Result<Option<Self>, Exit> {
         let Some(path) = path else { return Ok(None) };
-        let file = output::create(path, &Inputs::default()).and_then(|created| match beside {
-            Some(other) if output::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
+        let file = growing::create(path, &Inputs::default()).and_then(|created| match beside {
+            Some(other) if growing::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
             _ => Ok(created.file),
         });
         let started = file.and_then(|file| Log::start(file, path, board, *screen));
@@ -93,7 +94,7 @@ impl Log {
         if let Some(why_not) = keeper::WHY_NOT {
             return Err(io::Error::other(why_not));
         }
-        output::begin(&file)?;
+        growing::begin(&file)?;
         let (entries, to_write) = mpsc::sync_channel(ROOM);
         let (keep, kept) = mpsc::channel();
         let name = path.to_owned();

@@ -86,8 +86,8 @@ impl<'s> Unroll<'s, '_> {
             return None;
         }
         let errors = self.context.diagnostics.errors();
-        let source = match Source::read(&path) {
-            Ok(source) => source.named(&self.sources.name_of(&path)),
+        let source = match self.sources.load(&path) {
+            Ok(source) => source,
             Err(error) => {
                 let words = error.to_string();
                 self.report(Code::Use, value.span, words, "look at the name of the file, and whether it is a script");

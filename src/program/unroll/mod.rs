@@ -68,13 +68,7 @@ pub(super) fn unroll<'s, 'd>(
         kept: 0,
         counted: HashMap::new(),
         loaded: Vec::new(),
-        loading: sources
-            .main()
-            .path()
-            .and_then(|path| path.canonicalize().ok())
-            .map(|path| (path, Span::default()))
-            .into_iter()
-            .collect(),
+        loading: sources.main_path().map(|path| (path, Span::default())).into_iter().collect(),
         begun: false,
         steps: Vec::new(),
         marks: Vec::new(),

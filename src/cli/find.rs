@@ -8,19 +8,19 @@ use walkdir::{DirEntry, WalkDir};
 
 /// The files below some paths.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Found {
+pub(super) struct Found {
     /// Every script, sorted by name, each folder's files together.
-    pub scripts: Vec<PathBuf>,
+    pub(super) scripts: Vec<PathBuf>,
     /// Snapshots whose script is not there.
-    pub orphans: Vec<PathBuf>,
+    pub(super) orphans: Vec<PathBuf>,
     /// What could not be looked into, and why.
-    pub unreadable: Vec<(PathBuf, String)>,
+    pub(super) unreadable: Vec<(PathBuf, String)>,
 }
 
 /// Finds the scripts below each path: `*.motion` in folders, and any file that is named itself; a snapshot that is
 /// named stands for its script. Links are followed, but not
 /// round in a circle; names that begin with a dot are passed over.
-pub fn find(paths: &[PathBuf]) -> Found {
+pub(super) fn find(paths: &[PathBuf]) -> Found {
     let mut found = Found::default();
     for path in paths {
         let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().as_encoded_bytes().starts_with(b".");

@@ -1,0 +1,118 @@
+//! Files that are replaced as a whole.
+
+use std::fs::{File, Metadata};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Replaces what a file contains, all of it or nothing.
+pub(super) fn replace_file(path: &Path, text: &[u8]) -> io::Result<()> {
+    let mut file = Replacement::begin(path)?;
+    file.write_all(text)?;
+    file.finish()
+}
+
+/// What replaces a file once it is whole: until then it is another file next to it, which is removed if it never is. Anything that
+/// is not a file, such as a pipe or `/dev/null`, is written in place, and so is a file whose owner could not be kept.
+#[derive(Debug)]
+pub(super) struct Replacement {
+    file: File,
+    /// The file next to it, and the one that it replaces.
+    part: Option<(PathBuf, PathBuf)>,
+}
+
+impl Replacement {
+    /// Begins one; a link leads to the file that is replaced. Owner, group and mode stay.
+    pub(super) fn begin(path: &Path) -> io::Result<Self> {
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let old = path.metadata().ok();
+        if old.as_ref().is_some_and(|old| !old.is_file()) {
+            return Ok(Replacement { file: open_in_place(&path)?, part: None });
+        }
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = path.with_file_name(name);
+        let file = File::create(&part)?;
+        let new = Replacement { file, part: Some((part, path)) };
+        match old.map(|old| new.becomes(&old)) {
+            None | Some(Ok(true)) => Ok(new),
+            Some(Err(error)) => Err(error),
+            Some(Ok(false)) => {
+                let Some((_, path)) = new.part.clone() else { return Ok(new) };
+                let file = open_in_place(&path)?;
+                file.set_len(0)?;
+                Ok(Replacement { file, part: None })
+            }
+        }
+    }
+
+    /// Gives it the mode, the owner and the group of another file; says whether it may have them.
+    #[cfg(unix)]
+    fn becomes(&self, old: &Metadata) -> io::Result<bool> {
+        use std::os::unix::fs::{MetadataExt as _, fchown};
+        let new = self.file.metadata()?;
+        if (new.uid(), new.gid()) != (old.uid(), old.gid())
+            && fchown(&self.file, Some(old.uid()), Some(old.gid())).is_err()
+        {
+            return Ok(false);
+        }
+        self.file.set_permissions(old.permissions())?;
+        Ok(true)
+    }
+
+    /// A new file inherits the rights of its folder.
+    #[cfg(not(unix))]
+    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as on Unix")]
+    fn becomes(&self, _: &Metadata) -> io::Result<bool> {
+        Ok(true)
+    }
+
+    /// Whether it is written in place.
+    pub(super) fn is_in_place(&self) -> bool {
+        self.part.is_none()
+    }
+
+    /// It is whole.
+    pub(super) fn finish(mut self) -> io::Result<()> {
+        let Some((part, path)) = &self.part else { return self.file.flush() };
+        self.file.sync_all()?;
+        std::fs::rename(part, path)?;
+        self.part = None;
+        Ok(())
+    }
+}
+
+impl Write for Replacement {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Replacement {
+    fn drop(&mut self) {
+        if let Some((part, _)) = &self.part {
+            let _ = std::fs::remove_file(part);
+        }
+    }
+}
+
+/// Opens a file to write to it, without waiting for the reader of a named pipe.
+#[cfg(target_os = "linux")]
+pub(super) fn open_in_place(path: &Path) -> io::Result<File> {
+    use std::os::unix::fs::OpenOptionsExt as _;
+
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    let file = File::options().write(true).create(true).truncate(false).custom_flags(flags).open(path)?;
+    fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
+    Ok(file)
+}
+
+/// Opens a file to write to it.
+#[cfg(not(target_os = "linux"))]
+pub(super) fn open_in_place(path: &Path) -> io::Result<File> {
+    File::options().write(true).create(true).truncate(false).open(path)
+}

@@ -1,0 +1,184 @@
+//! Where the texts of scripts come from.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
+
+use super::{MAX_SOURCE, Source, SourceError, UseError, describe};
+
+/// Where the texts of scripts come from: the [`Disk`], [`Memory`], or whatever else knows texts by paths, such as an editor.
+pub trait Files: Send + Sync {
+    /// The path of the file that `name` means in the script at `from`, which [`read`](Self::read) takes. A file has one path,
+    /// however it is named. `main` is the script that uses all the others, and nothing outside of its folder is used. A script
+    /// that has no path has an empty one.
+    ///
+    /// # Errors
+    /// Says why there is no such file, or that it lies outside.
+    fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError>;
+
+    /// Reads a script.
+    ///
+    /// # Errors
+    /// Says why it cannot be read, or is not a text.
+    fn read(&self, path: &Path) -> Result<Source, SourceError>;
+}
+
+/// The files of this computer. Names are taken from the folder of the script that they are in; links are followed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Disk;
+
+impl Files for Disk {
+    fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError> {
+        if Path::new(name).is_absolute() {
+            return Err(UseError::Outside(name.to_owned()));
+        }
+        let missing = |error: io::Error| UseError::Missing { name: name.to_owned(), cause: describe(&error) };
+        let here = |path| Path::new(".").join(folder(path));
+        // Links are followed first, so that none leads out.
+        let path = here(from).join(name).canonicalize().map_err(missing)?;
+        let root = here(main).canonicalize().map_err(missing)?;
+        match path.strip_prefix(root) {
+            Ok(inside) => Ok(folder(main).join(inside)),
+            Err(_) => Err(UseError::Outside(name.to_owned())),
+        }
+    }
+
+    /// Reads a regular file.
+    ///
+    /// Never blocks and never reads more than [`MAX_SOURCE`] bytes: a pipe, a device or a folder is refused before it is opened.
+    fn read(&self, path: &Path) -> Result<Source, SourceError> {
+        let name = path.display().to_string();
+        let unreadable = |error: &io::Error| SourceError::Unreadable { name: name.clone(), cause: describe(error) };
+        let data = path.metadata().map_err(|error| unreadable(&error))?;
+        if data.is_dir() {
+            return Err(SourceError::Unreadable { name, cause: "it is a folder; name a script in it".into() });
+        }
+        if !data.is_file() {
+            return Err(SourceError::Unreadable {
+                name,
+                cause: "it is not a regular file; to read a script from a pipe, write `-` and pipe it in".into(),
+            });
+        }
+        if data.len() > MAX_SOURCE {
+            return Err(SourceError::TooLarge(name));
+        }
+        let file = File::open(path).map_err(|error| unreadable(&error))?;
+        let source = Source::read_from(name, file)?;
+        Ok(Source { path: Some(path.to_owned()), ..source })
+    }
+}
+
+/// Texts in memory, by paths with `/` between their parts: for editors, web pages and tests.
+#[derive(Clone, Debug, Default)]
+pub struct Memory {
+    texts: BTreeMap<PathBuf, String>,
+}
+
+impl Memory {
+    /// Adds a text, in the place of one that has the same path.
+    pub fn insert(&mut self, path: impl AsRef<Path>, text: impl Into<String>) {
+        let path = path.as_ref();
+        self.texts.insert(plain(path).unwrap_or_else(|| path.to_owned()), text.into());
+    }
+}
+
+impl<P: AsRef<Path>, T: Into<String>> FromIterator<(P, T)> for Memory {
+    fn from_iter<I: IntoIterator<Item = (P, T)>>(texts: I) -> Self {
+        let mut memory = Memory::default();
+        texts.into_iter().for_each(|(path, text)| memory.insert(path, text));
+        memory
+    }
+}
+
+impl<P: AsRef<Path>, T: Into<String>, const N: usize> From<[(P, T); N]> for Memory {
+    fn from(texts: [(P, T); N]) -> Self {
+        texts.into_iter().collect()
+    }
+}
+
+impl Files for Memory {
+    fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError> {
+        let outside = || UseError::Outside(name.to_owned());
+        let path = plain(&folder(from).join(name)).ok_or_else(outside)?;
+        let root = plain(folder(main)).ok_or_else(outside)?;
+        if Path::new(name).has_root() || !path.starts_with(root) {
+            return Err(outside());
+        }
+        if self.texts.contains_key(&path) {
+            return Ok(path);
+        }
+        Err(UseError::Missing { name: name.to_owned(), cause: MISSING.to_owned() })
+    }
+
+    fn read(&self, path: &Path) -> Result<Source, SourceError> {
+        let name = path.display().to_string();
+        let Some((path, text)) = plain(path).and_then(|path| self.texts.get_key_value(&path)) else {
+            return Err(SourceError::Unreadable { name, cause: MISSING.to_owned() });
+        };
+        if text.len() as u64 > MAX_SOURCE {
+            return Err(SourceError::TooLarge(name));
+        }
+        Ok(Source { path: Some(path.clone()), ..Source::new(name, text.as_str()) })
+    }
+}
+
+/// What Linux says of a file that is not there.
+const MISSING: &str = "no such file or directory";
+
+/// The folder of a file; empty for the current one.
+fn folder(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+/// A path without `.` and `..`; `None` where it leads out of where it begins.
+fn plain(path: &Path) -> Option<PathBuf> {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if plain.pop() => {}
+            Component::ParentDir => return None,
+            part => plain.push(part),
+        }
+    }
+    Some(plain)
+}
+
+/// Reads a regular file of the disk that is no longer than `most` bytes.
+///
+/// # Errors
+/// Those of the system, and that it is not a regular file or too long.
+pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    // Before it is opened, which would wait for the writer of a named pipe.
+    if !path.metadata()?.is_file() {
+        return Err(io::Error::other("it is not a regular file"));
+    }
+    let mut bytes = Vec::new();
+    File::open(path)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(io::Error::other(format!("it is longer than {most} bytes")));
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_in_memory_are_taken_as_those_on_disk() {
+        let memory = Memory::from([("show/a.motion", "stop"), ("./show/lib/b.motion", "stop"), ("c.motion", "stop")]);
+        let (main, lib) = (Path::new("show/a.motion"), Path::new("show/lib/b.motion"));
+        let resolve = |from, name| memory.resolve(main, from, name);
+        assert_eq!(resolve(main, "lib/b.motion").as_deref(), Ok(lib));
+        assert_eq!(resolve(main, "./lib/../lib/b.motion").as_deref(), Ok(lib));
+        assert_eq!(resolve(lib, "../a.motion").as_deref(), Ok(main));
+        for outside in ["../c.motion", "/show/a.motion", "../../../c.motion"] {
+            assert_eq!(resolve(main, outside), Err(UseError::Outside(outside.to_owned())));
+        }
+        assert!(matches!(resolve(main, "b.motion"), Err(UseError::Missing { .. })));
+        assert_eq!(memory.read(lib).unwrap().text(), "stop");
+        assert!(matches!(memory.read(Path::new("d.motion")), Err(SourceError::Unreadable { .. })));
+    }
+}

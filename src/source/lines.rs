@@ -1,0 +1,186 @@
+//! Places in a text as people and editors count: in lines, and in columns of three encodings.
+
+use std::fmt;
+
+use super::{Source, Sources, Span};
+
+/// A line of a file, shown as `FILE:LINE`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place<'s> {
+    /// What messages call the file.
+    pub file: &'s str,
+    /// The line, counted from 1.
+    pub line: usize,
+}
+
+impl fmt::Display for Place<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.file, self.line)
+    }
+}
+
+/// What a column counts. The names are those of the Language Server Protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Bytes.
+    Utf8,
+    /// Code units of UTF-16, as editors and JavaScript count.
+    Utf16,
+    /// Characters (Unicode scalar values).
+    Utf32,
+}
+
+/// A place in a file, counted from 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Position {
+    /// The line. Lines end with `\n`.
+    pub line: u32,
+    /// How far into the line, in units of an [`Encoding`].
+    pub column: u32,
+}
+
+/// An index of every file: finds lines and columns without reading the text again.
+#[derive(Debug)]
+pub struct Lines<'s> {
+    files: Vec<Index<'s>>,
+}
+
+/// The index of one file.
+#[derive(Debug)]
+struct Index<'s> {
+    source: &'s Source,
+    /// The offsets at which its lines begin, counted as those of spans.
+    starts: Vec<u32>,
+    /// What comes before each block of [`BLOCK`] bytes; empty where the text is ASCII.
+    blocks: Vec<Count>,
+}
+
+/// The length of a block, in bytes: the most that is counted to find a column.
+const BLOCK: usize = 512;
+
+/// Characters in some bytes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    chars: u32,
+    /// Those that take two code units in UTF-16.
+    wide: u32,
+}
+
+impl Count {
+    fn add(self, bytes: &[u8]) -> Count {
+        bytes.iter().fold(self, |count, byte| Count {
+            // All but the bytes that continue a character.
+            chars: count.chars + u32::from(byte & 0xC0 != 0x80),
+            wide: count.wide + u32::from(*byte >= 0xF0),
+        })
+    }
+}
+
+impl<'s> Lines<'s> {
+    /// Reads every file once.
+    pub fn of(sources: &'s Sources) -> Self {
+        Lines { files: sources.iter().map(Index::of).collect() }
+    }
+
+    /// The file that holds an offset.
+    fn file(&self, offset: u32) -> Option<&Index<'s>> {
+        self.files.get(self.files.partition_point(|file| file.source.base <= offset).saturating_sub(1))
+    }
+
+    /// Where a span begins.
+    pub fn place(&self, span: Span) -> Place<'s> {
+        match self.file(span.start) {
+            Some(file) => Place { file: &file.source.name, line: file.line(span.start) },
+            None => Place { file: "", line: 0 },
+        }
+    }
+
+    /// The line and the column of an offset in its file; one inside a character counts as its start.
+    pub fn position(&self, offset: u32, encoding: Encoding) -> Position {
+        self.file(offset).map(|file| file.position(offset, encoding)).unwrap_or_default()
+    }
+}
+
+impl<'s> Index<'s> {
+    fn of(source: &'s Source) -> Self {
+        let text = source.text.as_bytes();
+        let after_newline = text.iter().zip(1u32..).filter(|(byte, _)| **byte == b'\n').map(|(_, at)| at);
+        let starts = std::iter::once(0).chain(after_newline).map(|at| source.base.saturating_add(at)).collect();
+        let mut blocks = Vec::new();
+        if !source.text.is_ascii() {
+            let mut before = Count::default();
+            for block in text.chunks(BLOCK) {
+                blocks.push(before);
+                before = before.add(block);
+            }
+            blocks.push(before);
+        }
+        Index { source, starts, blocks }
+    }
+
+    /// The line that holds an offset, counted from 1.
+    fn line(&self, offset: u32) -> usize {
+        self.starts.partition_point(|&at| at <= offset)
+    }
+
+    fn position(&self, offset: u32, encoding: Encoding) -> Position {
+        let local = (offset.saturating_sub(self.source.base) as usize).min(self.source.text.len());
+        let line = self.line(offset).saturating_sub(1);
+        let start = self.starts.get(line).map_or(0, |start| start.saturating_sub(self.source.base) as usize);
+        let units = |at: usize| self.units(self.source.text.floor_char_boundary(at), encoding);
+        Position { line: u32::try_from(line).unwrap_or(u32::MAX), column: units(local).saturating_sub(units(start)) }
+    }
+
+    /// How many units of an encoding come before a place in the text.
+    fn units(&self, at: usize, encoding: Encoding) -> u32 {
+        let block = at / BLOCK;
+        match (encoding, self.blocks.get(block)) {
+            (Encoding::Utf8, _) | (_, None) => u32::try_from(at).unwrap_or(u32::MAX),
+            (encoding, Some(before)) => {
+                let rest = self.source.text.as_bytes().get(block * BLOCK..at).unwrap_or_default();
+                let Count { chars, wide } = before.add(rest);
+                if encoding == Encoding::Utf16 { chars + wide } else { chars }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::source::Memory;
+
+    proptest! {
+        /// Counted the slow way, it is the same, in every file.
+        #[test]
+        fn positions_are_those_of_the_text(texts in prop::collection::vec("[a-c\n\réµ→𝄞]{0,1500}", 1..3)) {
+            let sources = Sources::new(Source::new("x", texts[0].as_str()), Memory::default());
+            for text in texts.iter().skip(1) {
+                sources.add(Source::new("y", text.as_str())).unwrap();
+            }
+            let lines = Lines::of(&sources);
+            for source in sources.iter() {
+                for (at, _) in source.text().char_indices().chain([(source.text().len(), ' ')]) {
+                    let before = &source.text()[..at];
+                    let line = before.rsplit('\n').next().unwrap();
+                    let offset = source.base() + u32::try_from(at).unwrap();
+                    let column = |encoding| usize::try_from(lines.position(offset, encoding).column).unwrap();
+                    prop_assert_eq!(lines.position(offset, Encoding::Utf8).line as usize, before.matches('\n').count());
+                    prop_assert_eq!(column(Encoding::Utf8), line.len());
+                    prop_assert_eq!(column(Encoding::Utf16), line.encode_utf16().count());
+                    prop_assert_eq!(column(Encoding::Utf32), line.chars().count());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_offset_inside_a_character_is_its_start() {
+        let sources = Sources::from(Source::new("x", "é𝄞z"));
+        let lines = Lines::of(&sources);
+        let column = |offset| lines.position(offset, Encoding::Utf16).column;
+        assert_eq!([0, 1, 2, 3, 5, 6, 7, 99].map(column), [0, 0, 1, 1, 1, 3, 4, 4]);
+    }
+}
