@@ -45,4 +45,5 @@ mod tap;
 mod trees;
 mod uses;
 mod verify;
+mod wasm;
 mod wire;

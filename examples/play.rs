@@ -1,0 +1,67 @@
+//! Plays a script on a robot, stops it at Ctrl-C, and has it stopped if this program is killed:
+//!
+//! ```text
+//! cargo run --example play -- scripts/hello.motion /dev/serial0
+//! ```
+//!
+//! Without a robot, `motionseq board --link /tmp/board` is one at `/tmp/board`.
+
+#[cfg(target_os = "linux")]
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    use std::path::Path;
+    use std::process::Command;
+
+    use motionseq::link::{Link as _, Serial};
+    use motionseq::playback::{Guard, Notice, Player, Rig, Signals, Ward, drive, guard, now};
+    use motionseq::program::Options;
+    use motionseq::source::{Disk, Lines, Sources};
+
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    // The guard of the player is this program, started by `Guard::start` below.
+    if let [word, rest @ ..] = arguments.as_slice()
+        && word == "guard"
+    {
+        if let Some(guarded) = guard(rest)? {
+            eprintln!("the player was lost at {} s; {:?}", guarded.at, guarded.stop);
+        }
+        return Ok(());
+    }
+    let [script, port] = arguments.as_slice() else {
+        return Err("usage: play SCRIPT PORT".into());
+    };
+
+    let sources = Sources::read(Path::new(script), Disk)?;
+    let lines = Lines::of(&sources);
+    let compiled = motionseq::compile(&sources, &Options::default());
+    for diagnostic in &compiled.diagnostics {
+        eprintln!("{}: {}; {}", lines.place(diagnostic.span), diagnostic.message, diagnostic.help);
+    }
+    let timeline = compiled.timeline.ok_or("the script has errors")?;
+
+    let link = Serial::open(Path::new(port), timeline.baud)?;
+    let ward = Ward::of(&timeline);
+    let mut program = Command::new(std::env::current_exe()?);
+    program.arg("guard");
+    let guard = Guard::start(program, link.descriptor(), &ward)?;
+    let mut rig =
+        Rig { link, signals: Signals::catch()?, guard: Some(guard), keys: None, lines, realtime: ward.realtime };
+
+    let mut player = Player::new(&timeline, ward.max_late);
+    let outcome = drive(&mut player, &mut rig, now(), |notice| {
+        if let Notice::Sent { event, .. } = notice
+            && let Some(event) = timeline.events().get(event)
+        {
+            println!("{:.3} s: {}", event.at, timeline.board.show(&event.command));
+        }
+    });
+    if let Some(guard) = rig.guard.take() {
+        guard.goodbye();
+    }
+    println!("{:?} at {} s; the robot: {:?}", outcome.cause, outcome.at, outcome.stop);
+    Ok(())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn main() {
+    eprintln!("a player needs Linux");
+}
