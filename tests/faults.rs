@@ -13,6 +13,7 @@ use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopp
 use crate::support::{motionseq, rendered, run, script, stderr};
 use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::{Guard, Ward};
+use motionseq::units::Nanos;
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Something of everything, a frame every 10 ms and less, and longer than any test lets it live.
@@ -218,7 +219,7 @@ fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
 fn a_run_whose_guard_does_not_start_does_not_start() {
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), 115_200).unwrap();
-    let ward = Ward { max_late: 1_000_000_000, zeros: 12, realtime: false, stop: vec![STOP.to_vec(); 3] };
+    let ward = Ward { max_late: Nanos::from_millis(1_000), zeros: 12, realtime: false, stop: vec![STOP.to_vec(); 3] };
     for program in ["true", "echo", "/no/such/program"] {
         assert!(Guard::start(Command::new(program), port.descriptor(), &ward).is_err(), "{program}");
     }

@@ -26,10 +26,10 @@ fn meaning(source: Source) -> String {
                 .events()
                 .iter()
                 .chain(timeline.abort())
-                .map(|event| (event.at_us, &event.command, event.kind))
+                .map(|event| (event.at, &event.command, event.kind))
                 .collect();
-            let said: Vec<_> = timeline.cues.iter().map(|cue| (cue.at_us, &cue.text)).collect();
-            format!("{frames:?} {said:?} {}", timeline.end_us)
+            let said: Vec<_> = timeline.cues.iter().map(|cue| (cue.at, &cue.text)).collect();
+            format!("{frames:?} {said:?} {}", timeline.end)
         }
         None => {
             let errors =

@@ -148,8 +148,8 @@ proptest! {
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
         if let Some(timeline) = result.timeline {
             let events = timeline.events();
-            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.rank(board()))));
-            prop_assert!(events.iter().all(|event| event.at_us <= timeline.end_us));
+            prop_assert!(events.is_sorted_by_key(|event| (event.at, event.rank(board()))));
+            prop_assert!(events.iter().all(|event| event.at <= timeline.end));
             let mut state = State::default();
             for event in events {
                 let bytes = event.command.to_frame();
@@ -185,8 +185,8 @@ proptest! {
         let written = compiled(&format!("{start}{written}stop\nbuzzer off\n"));
         let sent = |compiled: &Compiled| {
             let timeline = compiled.timeline.as_ref()?;
-            let frames = timeline.events().iter().map(|event| (event.at_us, event.command.clone(), event.kind));
-            Some((frames.collect::<Vec<_>>(), timeline.end_us))
+            let frames = timeline.events().iter().map(|event| (event.at, event.command.clone(), event.kind));
+            Some((frames.collect::<Vec<_>>(), timeline.end))
         };
         prop_assert_eq!(sent(&repeated), sent(&written));
     }

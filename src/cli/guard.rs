@@ -1,13 +1,14 @@
 //! The hidden command that `play` and `record` start this program again with: the guard of their robot.
 
 use std::io;
+use std::num::ParseIntError;
 use std::os::fd::BorrowedFd;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
-use std::time::Duration;
 
 use clap::Args;
 use motionseq::playback::{self, Fate, Stop, Ward, frames, guard};
+use motionseq::units::Nanos;
 
 use super::ending::{PATIENCE, closing_line, stop_words};
 use super::exit::Exit;
@@ -37,11 +38,17 @@ pub(super) struct Guard {
     #[arg(long)]
     with_board: bool,
     player: i32,
-    max_late: u64,
+    #[arg(value_parser = nanos)]
+    max_late: Nanos,
     zeros: usize,
     #[arg(action = clap::ArgAction::Set)]
     realtime: bool,
     stop: String,
+}
+
+/// Reads a time as a player hands it over: a number of nanoseconds.
+fn nanos(text: &str) -> Result<Nanos, ParseIntError> {
+    text.parse().map(Nanos)
 }
 
 impl Guard {
@@ -60,14 +67,13 @@ impl Guard {
             Ok(Some(guarded)) => {
                 let cause = match guarded.fate {
                     Fate::Hung => {
-                        let silent = Duration::from_nanos(self.max_late.saturating_mul(2));
-                        format!("motionseq hung for {} ms and was killed", silent.as_millis())
+                        format!("motionseq hung for {:.0} ms and was killed", (max_late * 2).in_millis())
                     }
                     Fate::Died => "motionseq was killed".to_owned(),
                     Fate::DiedBehindTheEnd => "motionseq was killed before it could say how the run ended".to_owned(),
                 };
                 let robot = if self.with_board { "the virtual board ended with it" } else { stop_words(guarded.stop) };
-                let line = closing_line(&cause, guarded.place, guarded.at_us, robot);
+                let line = closing_line(&cause, guarded.place, guarded.at, robot);
                 if Screen::never_wait().is_ok() {
                     screen.late_error(&line);
                     Screen::is_written(PATIENCE);

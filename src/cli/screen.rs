@@ -368,8 +368,3 @@ fn count(diagnostics: &Diagnostics) -> String {
 pub(super) fn plural(count: usize, word: &str) -> String {
     if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
 }
-
-/// Microseconds as seconds for people to read, to the millisecond.
-pub(super) fn seconds(micros: u64) -> String {
-    format!("{}.{:03}", micros / 1_000_000, micros / 1_000 % 1_000)
-}

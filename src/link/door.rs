@@ -15,6 +15,7 @@ use rustix::io::Errno;
 use rustix::termios::QueueSelector;
 
 use super::{LineSettings, Pty};
+use crate::units::{Micros, Nanos};
 
 /// Where Linux keeps pseudo-terminals. A link to anything else is not one of ours.
 const TERMINALS: &str = "/dev/pts/";
@@ -26,12 +27,12 @@ pub enum Happened<'a> {
     Opened,
     /// It has closed it, or has ended.
     Closed,
-    /// Bytes of the program came, the first of them at this time, in nanoseconds from the start.
-    Came(u64, &'a [u8]),
+    /// Bytes of the program came, the first of them at this time from the start.
+    Came(Nanos, &'a [u8]),
     /// The board has sent bytes to the program.
     Answered(&'a [u8]),
-    /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
-    Behind(u64, u64),
+    /// The program sends more than the line carries: so many bytes wait, for so long.
+    Behind(u64, Micros),
     /// The program has set its line up otherwise than the board's.
     SetUp(LineSettings),
     /// At the end, so many bytes that the program had written could not be read.

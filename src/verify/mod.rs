@@ -16,6 +16,7 @@ use crate::program::Options;
 use crate::sim::Faults;
 use crate::source::{Lines, Source, Sources, read_file, replace_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
+use crate::units::Micros;
 
 pub use find::{Found, find};
 pub use rehearse::{Rehearsal, rehearse};
@@ -347,7 +348,7 @@ pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), Stri
 
 /// Whether a script does nothing: it is there for its phrases.
 fn is_phrases(timeline: &Timeline) -> bool {
-    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end_us == 0
+    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
 }
 
 /// The path of a script's snapshot.
