@@ -15,10 +15,11 @@ use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::{Guard, Player, Realtime, Rig, Signals, Ward, drive, guard, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
+use motionseq::units::Nanos;
 
 /// The word that makes this program the guard.
 const GUARD: &str = "guard";
-const MAX_LATE: u64 = 1_000_000_000;
+const MAX_LATE: Nanos = Nanos::from_millis(1_000);
 
 /// Bytes of the frame of one servo.
 const FRAME: usize = 8;
@@ -27,7 +28,7 @@ const FRAME: usize = 8;
 /// before the first.
 struct Stamped {
     port: Serial,
-    stamps: Vec<u64>,
+    stamps: Vec<Nanos>,
 }
 
 impl Link for Stamped {
@@ -52,13 +53,7 @@ impl Link for Stamped {
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     if args.first().is_some_and(|word| word == GUARD) {
-        let ward = Ward {
-            max_late: args[2].parse().unwrap(),
-            zeros: args[3].parse().unwrap(),
-            realtime: args[4] == "true",
-            stop: motionseq::playback::frames(&args[5]).unwrap(),
-        };
-        guard(args[1].parse().unwrap(), ward).unwrap();
+        guard(&args[1..]).unwrap();
         return;
     }
     let number = |name: &str, default: u64| {
@@ -83,17 +78,9 @@ fn main() {
     let guard = (!has("--no-guard")).then(|| {
         let mut program = Command::new("/proc/self/exe");
         program.arg(GUARD);
-        Guard::start(
-            program,
-            port.descriptor(),
-            &Ward {
-                max_late: MAX_LATE,
-                zeros: 12,
-                realtime: has("--realtime"),
-                stop: motionseq::playback::Stops::of(&timeline.board, &[]).frames,
-            },
-        )
-        .unwrap()
+        let mut ward = Ward::of(&timeline);
+        (ward.max_late, ward.realtime) = (MAX_LATE, has("--realtime"));
+        Guard::start(program, port.descriptor(), &ward).unwrap()
     });
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
     let mut rig = Rig {
@@ -114,9 +101,9 @@ fn main() {
     far.join().unwrap();
 
     assert_eq!(outcome.sent, timeline.events().len(), "{outcome:?}");
-    let due = timeline.events().iter().map(|event| start + event.at_us * 1_000);
+    let due = timeline.events().iter().map(|event| start + event.at.nanos());
     let mut late: Vec<u64> =
-        stamps.iter().zip(due).map(|(stamp, due)| stamp.checked_sub(due).expect("no frame is early")).collect();
+        stamps.iter().zip(due).map(|(stamp, due)| stamp.0.checked_sub(due.0).expect("no frame is early")).collect();
     assert_eq!(late.len(), timeline.events().len());
     let last = late.last().copied().unwrap();
     late.sort_unstable();

@@ -9,13 +9,14 @@
 //!
 //! ```
 //! use motionseq::source::Source;
+//! use motionseq::units::Micros;
 //!
 //! let source = Source::new("hello.motion", "at 0.5s servo 1 1500; rocker x=10 z=50\nat 1.5s stop\n");
 //! let compiled = motionseq::compile(&source.into(), &motionseq::program::Options::default());
 //! let timeline = compiled.timeline.expect("the script has no errors");
 //!
 //! let first = &timeline.events()[0];
-//! assert_eq!(first.at_us, 500_000);
+//! assert_eq!(first.at, Micros(500_000));
 //! let board = &timeline.board;
 //! assert_eq!(board.show(&first.command).to_string(), "servo 1 1500");
 //! assert_eq!(board.to_frame(&first.command), [0xFF, 0xFE, 0x02, 0x03, 0x01, 0x05, 0xDC, 0xE7]);
@@ -39,6 +40,7 @@ pub mod sim;
 pub mod source;
 pub mod syntax;
 pub mod timeline;
+pub mod units;
 pub mod verify;
 
 use diagnostic::{Code, Diagnostic, Diagnostics};

@@ -113,6 +113,7 @@ fn decoded(chunks: &[&[u8]]) -> Vec<String> {
         found.push(match item {
             Item::Frame(frame) => frame.to_string(),
             Item::Skipped { at, bytes, why } => format!("{} at {at}: {why}", bytes.len()),
+            other => panic!("{other:?}"),
         });
     };
     for chunk in chunks {
@@ -174,6 +175,7 @@ fn found(chunks: &[&[u8]]) -> (Vec<Vec<u8>>, Vec<u64>) {
     let mut take = |item: Item<'_>| match item {
         Item::Frame(frame) => frames.push(frame.bytes().to_vec()),
         Item::Skipped { at, bytes, .. } => skipped.extend(at..at + bytes.len() as u64),
+        other => panic!("{other:?}"),
     };
     for chunk in chunks {
         decoder.feed(chunk, &mut take);
@@ -217,6 +219,7 @@ fn reports(chunks: &[&[u8]]) -> (Vec<Report>, usize) {
         decoder.feed(chunk, |item| match item {
             ReportItem::Report(report) => found.push(report),
             ReportItem::Malformed => malformed += 1,
+            other => panic!("{other:?}"),
         });
     }
     (found, malformed)

@@ -27,7 +27,7 @@ fn codes(text: &[u8]) -> Vec<Code> {
     let compiled = motionseq::compile(&Sources::new(source, Disk), &Options::default());
     fs::remove_dir_all(&folder).unwrap();
     assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
-    let mut codes: Vec<Code> = compiled.diagnostics.sorted().into_iter().map(|diagnostic| diagnostic.code).collect();
+    let mut codes: Vec<Code> = compiled.diagnostics.iter().map(|diagnostic| diagnostic.code).collect();
     codes.dedup();
     codes
 }
@@ -110,7 +110,7 @@ fn a_comment_allows_every_warning_on_its_line_and_no_other() {
 /// The limits that the help of `servo-speed` suggests.
 fn suggested(text: &str) -> Vec<String> {
     let compiled = compiled(text);
-    let sorted = compiled.diagnostics.sorted();
+    let sorted: Vec<_> = compiled.diagnostics.iter().collect();
     let late = sorted.iter().filter(|warning| warning.code == Code::ServoSpeed);
     let limits = late.flat_map(|warning| warning.help.split('`').filter(|part| part.starts_with("limit servo ")));
     let limits: std::collections::BTreeSet<&str> = limits.collect();

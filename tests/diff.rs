@@ -7,6 +7,7 @@ use crate::support::{run, script, stderr, stdout};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Change, Moment, Snapshot, Timeline, What, diff, is_snapshot, read_snapshot, write_snapshot};
+use motionseq::units::Micros;
 use proptest::prelude::*;
 
 /// The words for an edit, each with its place as `diff` chooses it.
@@ -204,7 +205,7 @@ proptest! {
         for (at, (servo, old_us, by_us)) in moved.into_iter().enumerate() {
             let thing = format!("servo {servo}");
             let mut said = 0;
-            for change in changes.iter().filter(|change| change.at_us <= old_us) {
+            for change in changes.iter().filter(|change| change.at <= Micros(old_us)) {
                 if let What::Shifted { things, by } = &change.what
                     && (things.is_empty() || things.contains(&thing))
                 {
@@ -221,7 +222,7 @@ proptest! {
     }
 }
 
-fn sent(text: &str) -> (Vec<Moment>, u64) {
+fn sent(text: &str) -> (Vec<Moment>, Micros) {
     let timeline = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default()).timeline.unwrap();
-    (timeline.events().iter().map(Moment::from).collect(), timeline.end_us)
+    (timeline.events().iter().map(Moment::from).collect(), timeline.end)
 }

@@ -15,6 +15,7 @@ use motionseq::program::Options;
 use motionseq::sim::{Settings, VirtualBoard};
 use motionseq::source::{Source, Sources};
 use motionseq::timeline::{Kind, Part, Snapshot, Timeline, diff, part, read_snapshot, write_listing, write_snapshot};
+use motionseq::units::{Micros, Nanos};
 use motionseq::verify::rehearse;
 
 use crate::support::messages;
@@ -197,7 +198,7 @@ fn wrong(text: &str) -> Vec<(Code, String)> {
         &Source::new("lamps.motion", text).into(),
         &Options { board: lamps(), ..Options::default() },
     );
-    compiled.diagnostics.sorted().iter().map(|found| (found.code, found.message.clone())).collect()
+    compiled.diagnostics.iter().map(|found| (found.code, found.message.clone())).collect()
 }
 
 fn listing(timeline: &Timeline) -> String {
@@ -247,7 +248,7 @@ fn what_is_wrong_with_it_is_said_in_its_words() {
     assert_eq!(first("chime loud\n").1, "`chime` does not know `loud`");
     let compiled =
         motionseq::compile(&Source::new("x", "blink\n").into(), &Options { board: lamps(), ..Options::default() });
-    assert_eq!(compiled.diagnostics.sorted()[0].help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
+    assert_eq!(compiled.diagnostics.iter().next().unwrap().help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
     // Words of another family are none of this one.
     for line in ["servo 1 1500\n", "stop\n", "raw 4 1\n"] {
         assert_eq!(first(line).0, Code::UnknownWord, "{line}");
@@ -262,7 +263,7 @@ fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
     let closing = whole.events().last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
-    let cut = part(&whole, &Part { from_us: 1_500_000, to_us: None, lead_in_us: 100_000 }, &State::default());
+    let cut = part(&whole, &Part { from: Micros(1_500_000), to: None, lead_in: Micros(100_000) }, &State::default());
     let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
     assert_eq!(lines, ["lamp 1 200", "fan on", "lamp 1 300", "fan off"]);
 }
@@ -275,9 +276,9 @@ fn it_is_played_and_simulated_and_stopped() {
     let told = rehearsal.received.state.told(0).unwrap();
     assert_eq!(timeline.board.show(told).to_string(), "lamp 1 205");
     // Something ends it early: its own stop goes out, once, and nothing else.
-    let mut player = Player::new(&timeline, 50_000_000);
+    let mut player = Player::new(&timeline, Nanos::from_millis(50));
     let mut sent = Vec::new();
-    let (mut now, mut input) = (0, Input::Tick);
+    let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
     while player.outcome().is_none() {
         let order = player.poll(now, input, &mut |_| {});
         input = match order {
@@ -287,7 +288,7 @@ fn it_is_played_and_simulated_and_stopped() {
             }
             Order::Wait { until, .. } | Order::Pause { until } => {
                 now = until;
-                if now >= 40_000_000 { Input::Signal(2) } else { Input::Tick }
+                if now >= Nanos::from_millis(40) { Input::Signal(2) } else { Input::Tick }
             }
             _ => Input::Tick,
         };
@@ -298,7 +299,7 @@ fn it_is_played_and_simulated_and_stopped() {
     // A board takes what it is sent however it is cut, and passes over the rest.
     let mut board = VirtualBoard::new(lamps(), Settings::default());
     for byte in b"x<L 3 7><Z><F 1" {
-        board.receive(0, &[*byte]);
+        board.receive(Micros::ZERO, &[*byte]);
     }
     let received = board.finish();
     assert_eq!((received.frames, received.not_understood, received.skipped), (1, 1, 5));
@@ -320,9 +321,9 @@ fn it_is_decoded_and_folded() {
     let mut scribe = Scribe::new(Arc::clone(&board), false, board.baud);
     let mut decoder = TimedDecoder::of_times(&board);
     for event in played.events() {
-        decoder.feed(event.at_us * 1_000, &board.to_frame(&event.command), |at_us, item| scribe.take(at_us, item));
+        decoder.feed(event.at.nanos(), &board.to_frame(&event.command), |at, item| scribe.take(at, item));
     }
-    scribe.finish(2_000_000);
+    scribe.finish(Micros(2_000_000));
     let text = scribe.settled();
     let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(lines, ["at 0s lamp 2 0", "at 0.5s lamp 2 1000 over 1s", "at 1.5s fan on", "at 1.8s fan off"], "{text}");
@@ -347,7 +348,7 @@ fn it_is_pinned_compared_and_drawn() {
     let lanes: Vec<&str> = picture.tracks[0].lanes.iter().map(|lane| &*lane.name).collect();
     assert_eq!(lanes, ["lamp 1", "lamp 2", "fan", "other"]);
     let Shows::Curve { range, points, .. } = &picture.tracks[0].lanes[1].shows else { panic!("{picture:?}") };
-    let steps = [(0, Some(100.0)), (20_000, Some(200.0)), (40_000, Some(300.0))];
+    let steps = [(0, 100.0), (20, 200.0), (40, 300.0)].map(|(at, value)| (Micros::from_millis(at), Some(value)));
     assert_eq!((*range, points.as_slice()), ([0.0, 1_000.0], steps.as_slice()));
     assert!(picture.to_svg(motionseq::plot::Theme::Auto).contains(">fan<"));
 }

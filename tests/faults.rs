@@ -218,7 +218,7 @@ fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
 fn a_run_whose_guard_does_not_start_does_not_start() {
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), 115_200).unwrap();
-    let ward = Ward { max_late: 1_000_000_000, zeros: 12, realtime: false, stop: vec![STOP.to_vec(); 3] };
+    let ward = Ward::of_board(crate::support::board::board());
     for program in ["true", "echo", "/no/such/program"] {
         assert!(Guard::start(Command::new(program), port.descriptor(), &ward).is_err(), "{program}");
     }

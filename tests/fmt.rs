@@ -26,14 +26,14 @@ fn meaning(source: Source) -> String {
                 .events()
                 .iter()
                 .chain(timeline.abort())
-                .map(|event| (event.at_us, &event.command, event.kind))
+                .map(|event| (event.at, &event.command, event.kind))
                 .collect();
-            let said: Vec<_> = timeline.cues.iter().map(|cue| (cue.at_us, &cue.text)).collect();
-            format!("{frames:?} {said:?} {}", timeline.end_us)
+            let said: Vec<_> = timeline.cues.iter().map(|cue| (cue.at, &cue.text)).collect();
+            format!("{frames:?} {said:?} {}", timeline.end)
         }
         None => {
             let errors =
-                compiled.diagnostics.sorted().into_iter().map(|error| format!("{} {}", error.code, error.message));
+                compiled.diagnostics.iter().map(|error| format!("{} {}", error.code, error.message));
             errors.collect::<Vec<_>>().join("\n")
         }
     }

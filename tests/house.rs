@@ -6,23 +6,24 @@ use std::path::{Path, PathBuf};
 
 /// Every room and the rooms that it may import, in the order of the flow. ARCHITECTURE.md says why.
 const ROOMS: &[(&str, &[&str])] = &[
+    ("units", &[]),
     ("source", &[]),
     ("diagnostic", &["source"]),
     ("syntax", &["source", "diagnostic"]),
     ("board", &[]),
-    ("clock", &[]),
+    ("clock", &["units"]),
     ("random", &[]),
-    ("program", &["source", "diagnostic", "syntax", "board", "random"]),
-    ("timeline", &["source", "diagnostic", "program", "board"]),
-    ("link", &["clock"]),
-    ("playback", &["source", "timeline", "link", "board", "clock"]),
-    ("sim", &["board", "random"]),
-    ("serve", &["board", "clock", "link", "playback", "sim"]),
-    ("capture", &["board", "program", "timeline"]),
-    ("plot", &["source", "diagnostic", "program", "timeline", "board", "sim"]),
+    ("program", &["units", "source", "diagnostic", "syntax", "board", "random"]),
+    ("timeline", &["units", "source", "diagnostic", "program", "board"]),
+    ("link", &["units", "clock"]),
+    ("playback", &["units", "source", "timeline", "link", "board", "clock"]),
+    ("sim", &["units", "board", "random"]),
+    ("serve", &["units", "board", "clock", "link", "playback", "sim"]),
+    ("capture", &["units", "board", "program", "timeline"]),
+    ("plot", &["units", "source", "diagnostic", "program", "timeline", "board", "sim"]),
     // `compile` stands in the library's root.
-    ("verify", &["source", "diagnostic", "program", "timeline", "board", "playback", "sim", "compile"]),
-    ("report", &["source", "diagnostic", "verify"]),
+    ("verify", &["units", "source", "diagnostic", "program", "timeline", "board", "playback", "sim", "compile"]),
+    ("report", &["units", "source", "diagnostic", "verify"]),
 ];
 
 /// Files of one room that import each other in a circle. Each of them is to be removed, and none may be added.
@@ -37,7 +38,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("resvg::", "src/plot/png.rs"),
     ("svg::node", "src/plot/sheet.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
-    ("humantime::", "src/program/duration.rs src/sim/faults.rs"),
+    ("humantime::", "src/units.rs"),
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),
     ("unsafe ", "src/playback/os.rs src/link/serial.rs"),

@@ -15,6 +15,7 @@ use motionseq::link::{Link, Pty, Recorder, Serial};
 use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Stop, Ward, drive, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
+use motionseq::units::Nanos;
 use rustix::process::{Signal, getpid, kill_process};
 use support::far::{assert_stopped, commands};
 
@@ -54,12 +55,9 @@ fn the_thread_that_sends_allocates_nothing() {
     });
     let mut program = Command::new(env!("CARGO_BIN_EXE_motionseq"));
     program.arg("guard-a-player");
-    let guard = Guard::start(
-        program,
-        port.descriptor(),
-        &Ward { max_late: 5_000_000_000, zeros: 12, realtime: false, stop: Vec::new() },
-    )
-    .unwrap();
+    let mut ward = Ward::of(&timeline);
+    ward.max_late = Nanos::from_millis(5_000);
+    let guard = Guard::start(program, port.descriptor(), &ward).unwrap();
     let (bytes, _recorded) = rtrb::RingBuffer::new(64 * 1024);
     let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
     let mut rig = Rig {
@@ -70,7 +68,7 @@ fn the_thread_that_sends_allocates_nothing() {
         lines: Lines::of(&sources),
         realtime: false,
     };
-    let mut player = Player::new(&timeline, 5_000_000_000);
+    let mut player = Player::new(&timeline, Nanos::from_millis(5_000));
     let mut outcome = None;
     let counted = allocation_counter::measure(|| {
         outcome = Some(drive(&mut player, &mut rig, now(), |notice| {
@@ -119,7 +117,7 @@ fn a_program_that_fails_still_stops_the_robot() {
     let sources = Sources::from(source);
     let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
     let (near, mut far) = UnixStream::pair().unwrap();
-    let mut player = Player::new(&timeline, 1_000_000_000);
+    let mut player = Player::new(&timeline, Nanos::from_millis(1_000));
     let mut rig = Rig {
         link: Fragile(near, 0),
         signals: Signals::catch().unwrap(),

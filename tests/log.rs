@@ -88,9 +88,9 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
     assert_eq!((frames.len(), late.len()), (rows.len(), rows.len()));
     for ((row, frame), late) in rows.iter().zip(&frames).zip(&late) {
         assert_eq!(frame["hex"], row[1]);
-        let at_us = (row[0].parse::<f64>().unwrap() * 1e6).round();
-        assert_eq!(late["script_us"].as_f64().unwrap(), at_us, "{late}");
-        assert!(late["late_us"].as_f64().unwrap() >= 0.0 && frame["t_us"].as_f64().unwrap() >= at_us, "{frame} {late}");
+        let at = (row[0].parse::<f64>().unwrap() * 1e6).round();
+        assert_eq!(late["script_us"].as_f64().unwrap(), at, "{late}");
+        assert!(late["late_us"].as_f64().unwrap() >= 0.0 && frame["t_us"].as_f64().unwrap() >= at, "{frame} {late}");
         assert!(late["file"].as_str().unwrap().ends_with("run.motion"));
     }
     assert_eq!((&frames[0]["command"], &late[0]["line"]), (&Value::from("request report-start"), &Value::from(1)));

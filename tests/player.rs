@@ -7,9 +7,10 @@ use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Timeline, write_bin};
+use motionseq::units::{Micros, Nanos};
 
-const MS: u64 = 1_000_000;
-const MAX_LATE: u64 = 50 * MS;
+const MS: Nanos = Nanos::from_millis(1);
+const MAX_LATE: Nanos = Nanos::from_millis(50);
 
 fn timeline(script: &str) -> Timeline {
     motionseq::compile(&Source::new("test", script).into(), &Options::default()).timeline.expect("the script compiles")
@@ -30,21 +31,21 @@ fn rendered(timeline: &Timeline) -> Vec<u8> {
 
 /// What a world without time and port does to a player.
 struct World<F> {
-    now: u64,
+    now: Nanos,
     /// What the port was given, with the time; `None` where it was flushed.
-    given: Vec<(u64, Vec<u8>)>,
+    given: Vec<(Nanos, Vec<u8>)>,
     notices: Vec<Notice>,
     /// Asked at every order: what happens instead of what was ordered.
     meddle: F,
 }
 
-impl<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>> World<F> {
+impl<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>> World<F> {
     fn run(meddle: F, timeline: &Timeline) -> (Self, Outcome) {
         Self::run_with(MAX_LATE, meddle, timeline)
     }
 
-    fn run_with(max_late: u64, meddle: F, timeline: &Timeline) -> (Self, Outcome) {
-        let mut world = World { now: 0, given: Vec::new(), notices: Vec::new(), meddle };
+    fn run_with(max_late: Nanos, meddle: F, timeline: &Timeline) -> (Self, Outcome) {
+        let mut world = World { now: Nanos::ZERO, given: Vec::new(), notices: Vec::new(), meddle };
         let mut player = Player::new(timeline, max_late);
         let mut input = Input::Tick;
         for _ in 0..100_000 {
@@ -71,7 +72,7 @@ impl<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>> World<F> {
                     Input::Tick
                 }
                 Order::Discard | Order::Done | Order::Suspend => Input::Tick,
-                Order::Stay => panic!("nobody is there to end the pause"),
+                other => panic!("nobody is there to end {other:?}"),
             };
         }
         panic!("the player never ends");
@@ -90,12 +91,13 @@ fn frames_due_together_are_one_write_at_their_time() {
     let timeline = timeline(SCRIPT);
     let (world, outcome) = World::run(|_, _, _| None, &timeline);
     assert_eq!(world.bytes(), rendered(&timeline));
-    let writes: Vec<(u64, usize)> = world.given.iter().map(|(at, bytes)| (at / MS, commands(bytes).len())).collect();
+    let writes: Vec<(u64, usize)> =
+        world.given.iter().map(|(at, bytes)| (at.0 / MS.0, commands(bytes).len())).collect();
     assert_eq!(writes, [(0, 3), (50, 1), (100, 1), (120, 2), (220, 1)]);
     assert!(world.notices.contains(&Notice::Say { cue: 0 }));
     assert_eq!(
-        (outcome.cause, outcome.stop, outcome.sent, outcome.at_us),
-        (Cause::Finished, Stop::NotNeeded, 8, 270_000)
+        (outcome.cause, outcome.stop, outcome.sent, outcome.at),
+        (Cause::Finished, Stop::NotNeeded, 8, Micros(270_000))
     );
 }
 
@@ -110,9 +112,9 @@ fn a_port_that_takes_little_at_once_gets_every_byte_in_order() {
         }
         Order::Write => {
             full = true;
-            Some((now + MS / 10, Input::Wrote(1)))
+            Some((now + Micros(100).nanos(), Input::Wrote(1)))
         }
-        Order::Wait { writable: true, .. } => Some((now + MS / 10, Input::Tick)),
+        Order::Wait { writable: true, .. } => Some((now + Micros(100).nanos(), Input::Tick)),
         _ => None,
     };
     let (world, outcome) = World::run(meddle, &timeline);
@@ -121,14 +123,14 @@ fn a_port_that_takes_little_at_once_gets_every_byte_in_order() {
 }
 
 /// After an early end: three stops 20 ms apart, buzzer off, nothing else, and the board at rest.
-fn assert_stopped<F: FnMut(u64, Order, usize) -> Option<(u64, Input)>>(world: &World<F>, before: usize) {
+fn assert_stopped<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>>(world: &World<F>, before: usize) {
     let end = &world.given[before..];
     let frames: Vec<String> = end.iter().flat_map(|(_, bytes)| commands(bytes)).map(|command| command.said()).collect();
     assert_eq!(frames[..4], ["stop", "stop", "stop", "buzzer off"]);
     // Behind it only what the script's `on abort` says, which is never for the drive.
     assert!(frames[4..].iter().all(|frame| frame.starts_with("servo") || frame.starts_with("buzzer")), "{frames:?}");
-    assert_eq!(end[1].0 - end[0].0, 20 * MS);
-    assert_eq!(end[2].0 - end[1].0, 20 * MS);
+    assert_eq!(end[1].0 - end[0].0, MS * 20);
+    assert_eq!(end[2].0 - end[1].0, MS * 20);
     assert!(state(&commands(&world.bytes())).at_rest(board()));
 }
 
@@ -143,7 +145,7 @@ const ENDS: [(Input, Cause); 6] = [
 ];
 
 /// Does something to a run once, when the port was given so many writes.
-fn once(cut: usize, input: Input) -> impl FnMut(u64, Order, usize) -> Option<(u64, Input)> {
+fn once(cut: usize, input: Input) -> impl FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)> {
     let mut done = false;
     move |now, order, given| {
         let now_is_the_time = given == cut && !done && !matches!(order, Order::Discard);
@@ -198,7 +200,7 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
                 Order::Suspend => {
                     at_rest.set(at_rest.get() + 1);
                     // The shell continues it an hour later.
-                    Some((now + 3_600_000 * MS, Input::Tick))
+                    Some((now + MS * 3_600_000, Input::Tick))
                 }
                 Order::Stay => Some((now + MS, Input::Resume)),
                 _ => suspend(now, order, given),
@@ -211,7 +213,7 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
                 "{} at {cut}",
                 path.display()
             );
-            assert_eq!(outcome.at_us, timeline.end_us);
+            assert_eq!(outcome.at, timeline.end);
             // What was given before, the stop, what brings the board back to its state, and the rest of the script.
             let mut state = State::default();
             let mut expected: Vec<Vec<u8>> = Vec::new();
@@ -232,7 +234,7 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
             assert_eq!(given, expected, "{} at {cut}", path.display());
             // Every frame of the rest comes later by the same time.
             let rest = world.given.iter().rev().zip(all.given.iter().rev()).take(all.given.len() - cut);
-            let shifts: Vec<u64> = rest.map(|((at, _), (due, _))| at - due).collect();
+            let shifts: Vec<Nanos> = rest.map(|((at, _), (due, _))| *at - *due).collect();
             assert!(shifts.windows(2).all(|pair| pair[0] == pair[1]), "{shifts:?}");
         }
     }
@@ -259,7 +261,7 @@ fn what_held_at_a_pause_holds_again_behind_it() {
         "rocker x=10 y=0 z=0",
     ];
     assert_eq!(again, expected);
-    assert!(world.notices.contains(&Notice::Resumed { at_us: 100_000 }));
+    assert!(world.notices.contains(&Notice::Resumed { at: Micros(100_000) }));
 }
 
 #[test]
@@ -341,11 +343,11 @@ fn a_frame_that_is_too_late_is_not_sent() {
     let timeline = timeline("servo 1 1500\nat 100ms servo 1 1600\nat 101ms servo 1 1700");
     // The machine sleeps through the second frame and most of the patience.
     let meddle = |now, order, _| {
-        matches!(order, Order::Wait { until, .. } if until == 100 * MS && now < until)
-            .then_some((151 * MS, Input::Tick))
+        matches!(order, Order::Wait { until, .. } if until == MS * 100 && now < until)
+            .then_some((MS * 151, Input::Tick))
     };
     let (world, outcome) = World::run(meddle, &timeline);
-    assert_eq!(outcome.cause, Cause::Late(51 * MS));
+    assert_eq!(outcome.cause, Cause::Late(MS * 51));
     assert_eq!(world.given[0].1, commands(&world.given[0].1)[0].to_frame());
     assert_stopped(&world, 1);
     // The place is that of the frame that was not sent.
@@ -357,14 +359,14 @@ fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
     let timeline = timeline("refresh 10ms\nrocker x=10 for 60ms");
     // 45 ms late at the first refresh: four of them are due at once, and only the newest is sent.
     let meddle = |now, order, given| {
-        (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((45 * MS, Input::Tick))
+        (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 45, Input::Tick))
     };
     let (world, outcome) = World::run(meddle, &timeline);
     let dropped: Vec<_> = world
         .notices
         .iter()
         .filter_map(|notice| match notice {
-            Notice::Dropped { event } => Some(timeline.events()[*event].at_us / 1_000),
+            Notice::Dropped { event } => Some(timeline.events()[*event].at.0 / 1_000),
             _ => None,
         })
         .collect();
@@ -379,7 +381,7 @@ fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
     let timeline = timeline("together {\nservo 1 1000 -> 2000 over 100ms\nservo 3 1000 -> 2000 over 100ms\n}");
     // Asleep until 70 ms: of each servo the samples at 20, 40 and 60 ms are due.
     let meddle = |now, order, given| {
-        (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
+        (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 70, Input::Tick))
     };
     let (world, outcome) = World::run_with(MAX_LATE * 2, meddle, &timeline);
     let sent: Vec<String> = commands(&world.given[1].1).iter().map(OnBoard::said).collect();
@@ -393,7 +395,7 @@ fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
 fn samples_of_one_servo_are_overtaken_by_both_in_one_frame() {
     let timeline = timeline("servo 2 1500 -> 1600 over 50ms\nwait 1ms\nservos 900 900\nservo 3 900");
     let meddle = |now, order, given| {
-        (given == 1 && matches!(order, Order::Wait { .. }) && now == 0).then_some((70 * MS, Input::Tick))
+        (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 70, Input::Tick))
     };
     let (world, outcome) = World::run_with(MAX_LATE * 2, meddle, &timeline);
     let sent: Vec<String> = commands(&world.given[1].1).iter().map(OnBoard::said).collect();
@@ -405,7 +407,9 @@ fn a_command_is_never_dropped() {
     let timeline =
         timeline("servo 1 1500\nwait 10ms\nservo 1 1600\nwait 10ms\nservos 1700 1700\nrocker x=1\nwait 1ms\nstop");
     let meddle = |now, order, given| {
-        (given == 1 && matches!(order, Order::Wait { .. })).then_some((40 * MS, Input::Tick)).filter(|_| now == 0)
+        (given == 1 && matches!(order, Order::Wait { .. }))
+            .then_some((MS * 40, Input::Tick))
+            .filter(|_| now == Nanos::ZERO)
     };
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((world.bytes(), outcome.dropped), (rendered(&timeline), 0));
@@ -418,7 +422,7 @@ fn a_port_that_stops_taking_bytes_ends_the_run() {
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((outcome.cause, outcome.stop, outcome.sent), (Cause::Stalled, Stop::NotSent, 3));
     // It is given up: the stop has half a second.
-    assert!(world.now < 700 * MS);
+    assert!(world.now < MS * 700);
 }
 
 #[test]
@@ -477,7 +481,7 @@ fn on_abort_follows_the_stop_at_its_times() {
     let sent: Vec<(u64, String)> = world
         .given
         .iter()
-        .flat_map(|(at, bytes)| commands(bytes).into_iter().map(move |command| (at / MS, command.said())))
+        .flat_map(|(at, bytes)| commands(bytes).into_iter().map(move |command| (at.0 / MS.0, command.said())))
         .collect();
     let sent: Vec<(u64, &str)> = sent.iter().map(|(at, command)| (*at, command.as_str())).collect();
     assert_eq!(
@@ -505,7 +509,7 @@ fn a_machine_that_stalls_during_the_stop_still_sends_all_of_it() {
     let timeline = timeline(SCRIPT);
     let mut signal = once(2, Input::Signal(2));
     let meddle = |now, order, given| match order {
-        Order::Pause { until } => Some((until + 10_000 * MS, Input::Tick)),
+        Order::Pause { until } => Some((until + MS * 10_000, Input::Tick)),
         _ => signal(now, order, given),
     };
     let (world, outcome) = World::run(meddle, &timeline);
@@ -539,7 +543,7 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
         timeline("rocker x=10\nwait 100ms\nservo 1 1000\nwait 10s\nrocker y=5\nservo 2 1200\nwait 10s\nstop");
     let mut player = Player::new(&timeline, MAX_LATE);
     let mut sent = Vec::new();
-    let (mut now, mut input) = (0, Input::Tick);
+    let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
     // Pauses after 50 ms, plays three steps at once, goes on, and quits at 19 s of the script.
     let mut keys = [Input::Pause, Input::Step, Input::Step, Input::Resume].into_iter();
     let outcome = loop {
@@ -550,14 +554,14 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
         input = Input::Tick;
         match order {
             Order::Write => {
-                sent.extend(commands(player.bytes()).iter().map(|command| (now / MS, command.said())));
+                sent.extend(commands(player.bytes()).iter().map(|command| (now.0 / MS.0, command.said())));
                 input = Input::Wrote(player.bytes().len());
             }
-            Order::Wait { until, .. } if until > 60 * MS && keys.len() == 4 => {
-                now = 60 * MS;
+            Order::Wait { until, .. } if until > MS * 60 && keys.len() == 4 => {
+                now = MS * 60;
                 input = keys.next().unwrap();
             }
-            Order::Wait { .. } if player.script_time(now) >= 19_000 * MS => input = Input::Quit,
+            Order::Wait { .. } if player.script_time(now) >= MS * 19_000 => input = Input::Quit,
             Order::Wait { until, .. } | Order::Pause { until } => now = until.max(now),
             Order::Stay => input = keys.next().unwrap(),
             _ => {}
@@ -576,7 +580,7 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
     let refreshes = sent[at + 5..].iter().filter(|(_, command)| *command == "rocker x=0 y=5 z=0").count();
     assert!((175..=180).contains(&refreshes), "{refreshes}");
     assert_eq!((outcome.cause, outcome.stop), (Cause::Quit, Stop::Sent));
-    assert!((19_000_000..19_100_000).contains(&outcome.at_us), "{outcome:?}");
+    assert!((Micros(19_000_000)..Micros(19_100_000)).contains(&outcome.at), "{outcome:?}");
     assert!(sent.ends_with(&[(sent[sent.len() - 1].0, "buzzer off")]));
 }
 
@@ -615,12 +619,12 @@ fn a_receiver_that_trusts_lengths_is_back_in_step_before_the_first_stop() {
         let timeline = timeline(&script);
         // Ended while it drives: what follows the flush is the stop.
         let meddle = |now, order, given| match order {
-            Order::Wait { .. } if given > 0 && now < 500 * MS => Some((500 * MS, Input::Signal(2))),
+            Order::Wait { .. } if given > 0 && now < MS * 500 => Some((MS * 500, Input::Signal(2))),
             _ => None,
         };
         let (world, _) = World::run(meddle, &timeline);
         let flushed = world.given.iter().position(|(_, bytes)| bytes.starts_with(&[0; 12])).unwrap();
-        let bytes = |given: &[(u64, Vec<u8>)]| given.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
+        let bytes = |given: &[(Nanos, Vec<u8>)]| given.iter().flat_map(|(_, bytes)| bytes.clone()).collect::<Vec<u8>>();
         let (before, stop) = (bytes(&world.given[..flushed]), bytes(&world.given[flushed..]));
         assert!(!before.is_empty());
         for cut in 0..=before.len() {

@@ -7,6 +7,7 @@ use crate::support::{run, stderr, stdout};
 use motionseq::plot::{Plot, Shows, Theme, plot};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
+use motionseq::units::Micros;
 use serde_json::Value;
 
 /// What there is to see of a text that is called `name`.
@@ -125,10 +126,10 @@ fn a_late_frame_and_a_warning_are_where_they_happen() {
     let plot = plotted("x.motion", text);
     let late = &plot.tracks[0].wire.late;
     // 8 bytes at 9600 baud take 8.3 ms, and the next ones wait for them; so do the closing frames for the 13 of the stop.
-    let late: Vec<(u64, u64)> = late.iter().map(|late| (late.t_us, late.late_us)).collect();
+    let late: Vec<(u64, u64)> = late.iter().map(|late| (late.at.0, late.late.0)).collect();
     assert_eq!(late, [(1_000_000, 8_334), (1_000_000, 16_667), (2_000_000, 13_542)]);
     let raw = plot.warnings.iter().find(|warning| warning.code == "raw-frame").unwrap();
-    assert_eq!((raw.t_us, raw.line), (Some(1_000_000), 3));
+    assert_eq!((raw.at, raw.line), (Some(Micros::SECOND), 3));
 }
 
 #[test]

@@ -148,8 +148,8 @@ proptest! {
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
         if let Some(timeline) = result.timeline {
             let events = timeline.events();
-            prop_assert!(events.is_sorted_by_key(|event| (event.at_us, event.rank(board()))));
-            prop_assert!(events.iter().all(|event| event.at_us <= timeline.end_us));
+            prop_assert!(events.is_sorted_by_key(|event| (event.at, event.rank(board()))));
+            prop_assert!(events.iter().all(|event| event.at <= timeline.end));
             let mut state = State::default();
             for event in events {
                 let bytes = event.command.to_frame();
@@ -185,8 +185,8 @@ proptest! {
         let written = compiled(&format!("{start}{written}stop\nbuzzer off\n"));
         let sent = |compiled: &Compiled| {
             let timeline = compiled.timeline.as_ref()?;
-            let frames = timeline.events().iter().map(|event| (event.at_us, event.command.clone(), event.kind));
-            Some((frames.collect::<Vec<_>>(), timeline.end_us))
+            let frames = timeline.events().iter().map(|event| (event.at, event.command.clone(), event.kind));
+            Some((frames.collect::<Vec<_>>(), timeline.end))
         };
         prop_assert_eq!(sent(&repeated), sent(&written));
     }
@@ -196,7 +196,7 @@ proptest! {
     fn any_text_gets_an_answer(text in soup()) {
         let result = compiled(&text);
         prop_assert_eq!(result.timeline.is_none(), result.diagnostics.has_errors());
-        for diagnostic in result.diagnostics.sorted() {
+        for diagnostic in &result.diagnostics {
             prop_assert!(diagnostic.span.end as usize <= text.len() + 1, "{diagnostic:?}");
             prop_assert!(!diagnostic.help.is_empty() && !diagnostic.message.is_empty());
             prop_assert!(diagnostic.message != "this cannot be read", "the grammar and the scan disagree");
@@ -212,7 +212,7 @@ proptest! {
         let here = compiled(&text);
         let there = compiled(&format!("{comment}{text}"));
         let spans = |result: &Compiled, by: u32| -> Vec<_> {
-            result.diagnostics.sorted().into_iter().map(|diagnostic| (diagnostic.code, moved(diagnostic.span, by), diagnostic.message.clone())).collect()
+            result.diagnostics.iter().map(|diagnostic| (diagnostic.code, moved(diagnostic.span, by), diagnostic.message.clone())).collect()
         };
         prop_assert_eq!(spans(&here, by), spans(&there, 0));
     }

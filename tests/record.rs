@@ -14,6 +14,7 @@ use motionseq::capture::{Decoded, Reading, Scribe, TimedDecoder, decode, transcr
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
+use motionseq::units::{Micros, Nanos};
 use proptest::prelude::*;
 use rustix::process::Signal;
 
@@ -33,11 +34,11 @@ fn compiled(text: &str) -> Timeline {
 fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
     let mut scribe = Scribe::new(Arc::clone(board()), exact, BAUD);
     let mut decoder = TimedDecoder::new(board(), BAUD);
-    let (mut text, mut settled_us, mut last_us) = (String::new(), 0, 0);
-    for (at_us, frame) in frames {
-        while settled_us + 300_000 < *at_us {
-            settled_us += 300_000;
-            scribe.settle(settled_us);
+    let (mut text, mut settled, mut last) = (String::new(), 0, 0);
+    for (at, frame) in frames {
+        while settled + 300_000 < *at {
+            settled += 300_000;
+            scribe.settle(Micros(settled));
             text += &scribe.settled();
             amend(&mut scribe, &mut text);
             if scribe.frames() > 0 {
@@ -45,10 +46,10 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
                 compiled(&(text.clone() + &scribe.tail()));
             }
         }
-        decoder.feed(at_us * 1_000, frame, |at_us, item| scribe.take(at_us, item));
-        last_us = *at_us;
+        decoder.feed(Micros(*at).nanos(), frame, |at, item| scribe.take(at, item));
+        last = *at;
     }
-    scribe.finish(last_us + 2_000);
+    scribe.finish(Micros(last + 2_000));
     text += &scribe.settled();
     amend(&mut scribe, &mut text);
     text
@@ -70,14 +71,14 @@ fn amend(scribe: &mut Scribe, text: &mut String) {
 }
 
 fn sent(timeline: &Timeline) -> Vec<(u64, Vec<u8>)> {
-    timeline.events().iter().map(|event| (event.at_us, event.command.to_frame())).collect()
+    timeline.events().iter().map(|event| (event.at.0, event.command.to_frame())).collect()
 }
 
 /// When each frame begins on the line, and what it is.
 fn on_the_line(frames: &[(u64, Vec<u8>)]) -> Vec<(u64, Vec<u8>)> {
     let mut free = 0.0_f64;
-    let begin = |(at_us, frame): &(u64, Vec<u8>)| {
-        let begin = free.max(*at_us as f64);
+    let begin = |(at, frame): &(u64, Vec<u8>)| {
+        let begin = free.max(*at as f64);
         free = begin + frame.len() as f64 * 1e7 / f64::from(BAUD);
         (begin as u64, frame.clone())
     };
@@ -182,9 +183,9 @@ struct Act {
     /// How it gets there: by an easing, at once, or at random.
     how: Option<Ease>,
     steps: u64,
-    step_us: u64,
-    jitter_us: u64,
-    pause_us: u64,
+    step: u64,
+    jitter: u64,
+    pause: u64,
     seed: u64,
 }
 
@@ -196,16 +197,7 @@ fn act() -> impl Strategy<Value = Act> {
     let pause = prop_oneof![Just(0), Just(3_000), 10_000..400_000_u64, 600_000..900_000_u64];
     let to = [0.0..1.0, 0.0..1.0, 0.0..1.0];
     (lane, to, how, 1..60_u64, step, 0..800_u64, pause, any::<u64>()).prop_map(
-        |(lane, to, how, steps, step_us, jitter_us, pause_us, seed)| Act {
-            lane,
-            to,
-            how,
-            steps,
-            step_us,
-            jitter_us,
-            pause_us,
-            seed,
-        },
+        |(lane, to, how, steps, step, jitter, pause, seed)| Act { lane, to, how, steps, step, jitter, pause, seed },
     )
 }
 
@@ -231,12 +223,12 @@ fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
                 }
                 None => act.lane.values([random(), random(), random()]),
             };
-            now += act.step_us;
-            let at_us = now + (random() * act.jitter_us as f64) as u64;
-            frames.push((at_us, act.lane, values));
+            now += act.step;
+            let at = now + (random() * act.jitter as f64) as u64;
+            frames.push((at, act.lane, values));
             last.push((act.lane, values));
         }
-        now += act.pause_us + 1_000;
+        now += act.pause + 1_000;
     }
     frames
 }
@@ -253,24 +245,24 @@ fn given(command: &Command, lane: Lane) -> Option<[i32; 3]> {
 }
 
 /// Microseconds between two samples of a move.
-const SAMPLE_US: u64 = 20_000;
+const SAMPLE: u64 = 20_000;
 
 /// The least and the most of each value that was held from a time to another.
-fn held(values: &[(u64, [i32; 3])], from_us: u64, to_us: u64) -> Option<([i32; 3], [i32; 3])> {
-    let first = values.partition_point(|(at_us, _)| *at_us <= from_us).saturating_sub(1);
-    let end = values.partition_point(|(at_us, _)| *at_us <= to_us);
+fn held(values: &[(u64, [i32; 3])], from: u64, to: u64) -> Option<([i32; 3], [i32; 3])> {
+    let first = values.partition_point(|(at, _)| *at <= from).saturating_sub(1);
+    let end = values.partition_point(|(at, _)| *at <= to);
     let all = values.get(first..end)?.iter().map(|(_, values)| *values);
     let both = |one: [i32; 3], two: [i32; 3], of: fn(i32, i32) -> i32| [0, 1, 2].map(|axis| of(one[axis], two[axis]));
     all.map(|values| (values, values)).reduce(|one, two| (both(one.0, two.0, i32::min), both(one.1, two.1, i32::max)))
 }
 
 /// Stops a drive that got no frame for half a second, as a board does.
-fn starve(sent: &mut Vec<(u64, [i32; 3])>, end_us: u64) {
-    let next = sent.iter().skip(1).map(|(at_us, _)| *at_us).chain([end_us]);
+fn starve(sent: &mut Vec<(u64, [i32; 3])>, end: u64) {
+    let next = sent.iter().skip(1).map(|(at, _)| *at).chain([end]);
     let fed = sent.clone().into_iter().zip(next.collect::<Vec<_>>());
-    let stops = fed.filter(|((at_us, values), next_us)| *values != [0; 3] && at_us + 500_000 < *next_us);
-    sent.extend(stops.map(|((at_us, _), _)| (at_us + 500_000, [0; 3])).collect::<Vec<_>>());
-    sent.sort_by_key(|(at_us, _)| *at_us);
+    let stops = fed.filter(|((at, values), next)| *values != [0; 3] && at + 500_000 < *next);
+    sent.extend(stops.map(|((at, _), _)| (at + 500_000, [0; 3])).collect::<Vec<_>>());
+    sent.sort_by_key(|(at, _)| *at);
 }
 
 proptest! {
@@ -280,36 +272,36 @@ proptest! {
     fn a_folded_recording_differs_by_at_most_the_tolerance(acts in prop::collection::vec(act(), 1..8)) {
         let program = program(&acts);
         let frames: Vec<_> =
-            program.iter().map(|(at_us, lane, values)| (*at_us, lane.command(*values).to_frame())).collect();
+            program.iter().map(|(at, lane, values)| (*at, lane.command(*values).to_frame())).collect();
         let text = recorded(false, &frames);
         let folded = compiled(&text);
         let received = on_the_line(&frames);
         let begin_us = received[0].0;
-        let end_us = received.last().unwrap().0 - begin_us;
+        let end = received.last().unwrap().0 - begin_us;
         for lane in [Lane::Servo(1), Lane::Servo(2), Lane::Servo(3), Lane::Rocker] {
             let tolerance = if lane == Lane::Rocker { DRIVE_TOLERANCE } else { SERVO_TOLERANCE };
-            let sent = program.iter().zip(&received).filter_map(|((_, of, values), (at_us, _))| {
-                Some((at_us - begin_us, given(&of.command(*values), lane)?))
+            let sent = program.iter().zip(&received).filter_map(|((_, of, values), (at, _))| {
+                Some((at - begin_us, given(&of.command(*values), lane)?))
             });
             let mut sent: Vec<(u64, [i32; 3])> = sent.collect();
             if lane == Lane::Rocker {
-                starve(&mut sent, end_us);
+                starve(&mut sent, end);
             }
             let events = folded.events().iter().filter(|event| event.kind != Kind::Refresh);
-            let again: Vec<_> = events.filter_map(|event| Some((event.at_us, given(&event.command, lane)?))).collect();
-            let Some((first_us, _)) = sent.first().copied() else {
+            let again: Vec<_> = events.filter_map(|event| Some((event.at.0, given(&event.command, lane)?))).collect();
+            let Some((first, _)) = sent.first().copied() else {
                 prop_assert!(again.is_empty(), "{lane:?} was never given anything\n{text}");
                 continue;
             };
-            for at_us in (first_us..=end_us).step_by(1_000) {
-                let [here, there] = [&sent, &again].map(|values| held(values, at_us, at_us));
-                let [soon_here, soon_there] = [&sent, &again].map(|values| held(values, at_us.saturating_sub(1_000), at_us + SAMPLE_US + 1_000));
+            for at in (first..=end).step_by(1_000) {
+                let [here, there] = [&sent, &again].map(|values| held(values, at, at));
+                let [soon_here, soon_there] = [&sent, &again].map(|values| held(values, at.saturating_sub(1_000), at + SAMPLE + 1_000));
                 let is_near = [(here, soon_there), (there, soon_here)].into_iter().any(|(one, other)| {
                     one.zip(other).is_some_and(|((one, _), (least, most))| {
                         (0..3).all(|axis| (least[axis] - tolerance..=most[axis] + tolerance).contains(&one[axis]))
                     })
                 });
-                prop_assert!(is_near, "{lane:?} at {at_us} us was {soon_here:?} and is {soon_there:?}\n{text}");
+                prop_assert!(is_near, "{lane:?} at {at} us was {soon_here:?} and is {soon_there:?}\n{text}");
             }
         }
     }
@@ -357,7 +349,7 @@ fn an_owners_program_is_recorded_and_its_script_sends_the_same() {
     let times: Vec<f64> = times.collect();
     for (event, time) in again.events().iter().zip(&times) {
         let received_us = (time - times[0]) * 1e6;
-        assert!((event.at_us as f64 - received_us).abs() < 2.0, "{} {received_us}", event.at_us);
+        assert!((event.at.0 as f64 - received_us).abs() < 2.0, "{} {received_us}", event.at);
     }
 }
 
@@ -463,7 +455,7 @@ fn a_recording_is_never_put_over_anything() {
 
 /// Commands at times in microseconds, folded.
 fn folded(sent: &[(u64, Command)]) -> String {
-    recorded(false, &sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect::<Vec<_>>())
+    recorded(false, &sent.iter().map(|(at, command)| (*at, command.to_frame())).collect::<Vec<_>>())
 }
 
 #[test]
@@ -495,9 +487,9 @@ fn what_would_harm_or_mislead_is_left_out_and_said() {
     let unknown = [0xFF, 0xFE, 0x40, 1, 5, 0x46];
     let moves = say("move", &[5, 0, 0]);
     for part in [&tilt[..], &[1, 2, 3], &unknown, &moves.to_frame(), &stop()] {
-        decoder.feed(0, part, |at_us, item| scribe.take(at_us, item));
+        decoder.feed(Nanos::ZERO, part, |at, item| scribe.take(at, item));
     }
-    scribe.finish(1_000_000);
+    scribe.finish(Micros::SECOND);
     let text = scribe.settled();
     let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(
@@ -540,18 +532,18 @@ fn a_yaw_hold_at_zero_is_recorded_as_a_hold() {
 fn a_move_after_wheels_at_zero_says_where_it_starts() {
     let zero = say("wheels", &[0; 4]);
     let ramp = (0..=50).map(|step| (step as u64 * 20_000, Lane::Rocker.command([step * 2 / 5, 0, 0])));
-    let text = folded(&[(0, zero)].into_iter().chain(ramp.map(|(at_us, to)| (at_us + 10_000, to))).collect::<Vec<_>>());
+    let text = folded(&[(0, zero)].into_iter().chain(ramp.map(|(at, to)| (at + 10_000, to))).collect::<Vec<_>>());
     assert!(text.contains("rocker x=0 -> 20") || text.contains("\nat 0.01s stop\n"), "{text}");
     compiled(&text);
 }
 
 #[test]
 fn a_recording_widens_the_limit_of_the_tilt_only_where_it_must() {
-    let tilt = |at_us, pulse| (at_us, Lane::Servo(2).command([pulse, 0, 0]));
+    let tilt = |at, pulse| (at, Lane::Servo(2).command([pulse, 0, 0]));
     for exact in [false, true] {
         // The first is inside, and was written down long before the second comes.
         let sent = [tilt(0, 1_950), tilt(5_000_000, 1_951), tilt(9_000_000, 1_500)];
-        let frames: Vec<_> = sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect();
+        let frames: Vec<_> = sent.iter().map(|(at, command)| (*at, command.to_frame())).collect();
         let wide = recorded(exact, &frames);
         assert_eq!(wide.lines().nth(1), Some("limit servo 2 500..2500"), "{wide}");
         compiled(&wide);
@@ -590,8 +582,8 @@ fn a_recording_under_way_gets_the_limit_that_it_needs() {
 }
 
 /// What a thing is given: a value at a time in microseconds.
-fn servo(at_us: u64, pulse: i32) -> (u64, Command) {
-    (at_us, Lane::Servo(1).command([pulse, 0, 0]))
+fn servo(at: u64, pulse: i32) -> (u64, Command) {
+    (at, Lane::Servo(1).command([pulse, 0, 0]))
 }
 
 #[test]
@@ -611,7 +603,7 @@ fn a_recording_does_not_move_while_the_program_stands_still() {
     let sent: Vec<_> = (0..=20).map(|step| servo(pause(step), 1_000 + step as i32 * 40)).collect();
     let again = compiled(&folded(&sent));
     let events: Vec<_> =
-        again.events().iter().filter_map(|event| Some((event.at_us, given(&event.command, Lane::Servo(1))?))).collect();
+        again.events().iter().filter_map(|event| Some((event.at.0, given(&event.command, Lane::Servo(1))?))).collect();
     let (least, most) = held(&events, 200_000, 260_000).unwrap();
     assert!(1_395 <= least[0] && most[0] <= 1_405, "{events:?}");
 }
@@ -633,13 +625,13 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
     ];
     for shape in shapes {
         let sent: Vec<_> = (0..20_000).map(|step| servo(u64::try_from(step).unwrap() * 800, shape(step))).collect();
-        let frames: Vec<_> = sent.iter().map(|(at_us, command)| (*at_us, command.to_frame())).collect();
+        let frames: Vec<_> = sent.iter().map(|(at, command)| (*at, command.to_frame())).collect();
         let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
         let mut decoder = TimedDecoder::new(board(), BAUD);
-        for (at_us, frame) in &frames {
-            decoder.feed(at_us * 1_000, frame, |at_us, item| scribe.take(at_us, item));
+        for (at, frame) in &frames {
+            decoder.feed(Micros(*at).nanos(), frame, |at, item| scribe.take(at, item));
         }
-        scribe.finish(20_000 * 800);
+        scribe.finish(Micros(20_000 * 800));
         assert!(scribe.settled().lines().count() <= 20_001);
     }
 }
@@ -653,9 +645,8 @@ fn script_of(capture: &[u8], exact: bool, baud: Option<u32>) -> (String, Decoded
 
 #[test]
 fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
-    for (baud, gap_us) in [(9_600, 20_000), (115_200, 2_000), (1_000_000, 200)] {
-        let lines =
-            (0..200).map(|line| format!("at {}us servo {} {}\n", (line + 1) * gap_us, line % 4 + 1, 1_000 + line));
+    for (baud, gap) in [(9_600, 20_000), (115_200, 2_000), (1_000_000, 200)] {
+        let lines = (0..200).map(|line| format!("at {}us servo {} {}\n", (line + 1) * gap, line % 4 + 1, 1_000 + line));
         let script = compiled(
             &(format!("baud {baud}\nservos 1500 1500\nbuzzer on\nrequest voltage\n") + &lines.collect::<String>()),
         );
@@ -673,7 +664,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
     let coarse =
         "0.0\tFF FE 02 03 01 05 DC E7\n0.0\tFF FE 02 03 01 05 DD E8\n0.0\tFF FE 04 01 01 06\n0.0\tFF FE 04 01 00 05\n";
     let (text, _) = script_of(coarse.as_bytes(), false, None);
-    assert_eq!(sent(&compiled(&text)).into_iter().map(|(at_us, _)| at_us).collect::<Vec<_>>(), [0, 1, 1, 2], "{text}");
+    assert_eq!(sent(&compiled(&text)).into_iter().map(|(at, _)| at).collect::<Vec<_>>(), [0, 1, 1, 2], "{text}");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use motionseq::playback::{Cause, Input, Notice, Order, Player};
 use motionseq::program::{Options, Speed};
 use motionseq::source::Source;
 use motionseq::timeline::{Kind, Part, Timeline, part, passes, state_after};
+use motionseq::units::{Micros, Nanos};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
     let options = Options { speed, ..Options::default() };
@@ -19,7 +20,7 @@ fn timeline(text: &str) -> Timeline {
 
 /// Time, command and kind of each frame.
 fn frames(timeline: &Timeline) -> Vec<(u64, String, Kind)> {
-    timeline.events().iter().map(|event| (event.at_us, event.command.said(), event.kind)).collect()
+    timeline.events().iter().map(|event| (event.at.0, event.command.said(), event.kind)).collect()
 }
 
 const SHOW: &str = "\
@@ -45,10 +46,10 @@ stop
 #[test]
 fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
     let whole = timeline(SHOW);
-    for from_us in (1..whole.end_us).step_by(37_000).chain(whole.marks.iter().map(|mark| mark.at_us)) {
-        let cut = part(&whole, &Part { from_us, to_us: None, lead_in_us: 1_000_000 }, &State::default());
+    for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
+        let cut = part(&whole, &Part { from, to: None, lead_in: Micros::SECOND }, &State::default());
         let mut there = State::default();
-        for event in whole.events().iter().take_while(|event| event.at_us < from_us) {
+        for event in whole.events().iter().take_while(|event| event.at < from) {
             there.apply(board(), &event.command);
         }
         // What brings it there, without what comes at that very time.
@@ -59,7 +60,7 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
         }
         // What the drive and the buzzer are told anew at that very time is not told before.
         let anew: Vec<&Command> =
-            whole.events().iter().filter(|event| event.at_us == from_us).map(|event| &event.command).collect();
+            whole.events().iter().filter(|event| event.at == from).map(|event| &event.command).collect();
         let is_anew = |command: &Command| {
             anew.iter().any(|new| {
                 let is_buzzer = |command: &Command| command.said().starts_with("buzzer");
@@ -68,35 +69,31 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
         };
         let told: Vec<Command> = state.commands(board()).cloned().collect();
         let wanted: Vec<Command> = there.commands(board()).filter(|command| !is_anew(command)).cloned().collect();
-        assert_eq!(told, wanted, "{from_us}");
+        assert_eq!(told, wanted, "{from}");
         // The servos come first and get their time; the drive runs only when they are there.
         let drives = cut.events()[..count].iter().find(|event| event.command.is_drive());
-        assert!(
-            drives.is_none_or(|event| event.at_us == 1_000_000 && event.at_us == cut.end_us - (whole.end_us - from_us))
-        );
+        assert!(drives.is_none_or(|event| event.at == Micros::SECOND && event.at == cut.end - (whole.end - from)));
         // Behind it, the same frames in the same distances.
-        let rest: Vec<_> = whole.events().iter().filter(|event| event.at_us >= from_us).collect();
-        let by_us = cut.end_us - (whole.end_us - from_us);
+        let rest: Vec<_> = whole.events().iter().filter(|event| event.at >= from).collect();
+        let by = cut.end - (whole.end - from);
         assert_eq!(rest.len(), cut.events().len() - count);
         for (event, other) in rest.iter().zip(&cut.events()[count..]) {
-            assert_eq!((event.at_us - from_us + by_us, &event.command), (other.at_us, &other.command));
+            assert_eq!((event.at - from + by, &event.command), (other.at, &other.command));
         }
         let mut end = State::default();
         cut.events().iter().for_each(|event| end.apply(board(), &event.command));
-        assert!(end.at_rest(board()), "{from_us}");
+        assert!(end.at_rest(board()), "{from}");
     }
 }
 
 #[test]
 fn wherever_it_is_cut_off_nothing_is_left_running() {
     let whole = timeline(SHOW);
-    for to_us in (1..whole.end_us).step_by(53_000) {
-        let cut = part(&whole, &Part { to_us: Some(to_us), ..Part::default() }, &State::default());
-        assert_eq!(cut.end_us, to_us);
-        assert!(state_after(&cut).at_rest(board()), "{to_us}");
-        assert!(
-            cut.events().is_sorted_by_key(|event| event.at_us) && cut.events().iter().all(|event| event.at_us <= to_us)
-        );
+    for to in (1..whole.end.0).step_by(53_000).map(Micros) {
+        let cut = part(&whole, &Part { to: Some(to), ..Part::default() }, &State::default());
+        assert_eq!(cut.end, to);
+        assert!(state_after(&cut).at_rest(board()), "{to}");
+        assert!(cut.events().is_sorted_by_key(|event| event.at) && cut.events().iter().all(|event| event.at <= to));
     }
     assert_eq!(part(&whole, &Part::default(), &State::default()), whole);
 }
@@ -104,7 +101,7 @@ fn wherever_it_is_cut_off_nothing_is_left_running() {
 #[test]
 fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
     let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
-    let asked = Part { from_us: 500_000, to_us: None, lead_in_us: 100_000 };
+    let asked = Part { from: Micros(500_000), to: None, lead_in: Micros(100_000) };
     // Nobody knows where it is: sent at once, and given the time.
     let first = part(&whole, &asked, &State::default());
     assert_eq!(
@@ -114,7 +111,7 @@ fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
     // Behind the first pass it is at 2000: in-out-sine over 100 ms, at 20 ms 2000 - 1000 · (1 - cos(π/5)) / 2 = 1905.
     let again = part(&whole, &asked, &state_after(&first));
     let found = frames(&again);
-    let steps: Vec<(u64, &str)> = found.iter().map(|(at_us, command, _)| (*at_us, command.as_str())).collect();
+    let steps: Vec<(u64, &str)> = found.iter().map(|(at, command, _)| (*at, command.as_str())).collect();
     assert_eq!(
         steps,
         [
@@ -132,10 +129,10 @@ fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
 fn passes_follow_each_other_exactly() {
     let whole = timeline("servo 1 1000\nwait 333333us\nservo 1 1100\nwait 1us\n");
     let all = passes(&whole, &whole, 1_000, 10_000_000).unwrap();
-    assert_eq!((all.events().len(), all.end_us), (2_000, 333_334_000));
+    assert_eq!((all.events().len(), all.end), (2_000, Micros(333_334_000)));
     for (at, event) in all.events().iter().enumerate() {
         let pass = u64::try_from(at / 2).unwrap();
-        assert_eq!(event.at_us, pass * 333_334 + if at % 2 == 0 { 0 } else { 333_333 });
+        assert_eq!(event.at, Micros(pass * 333_334 + if at % 2 == 0 { 0 } else { 333_333 }));
     }
     assert!(passes(&whole, &whole, 10_000_000, 10_000_000).is_none());
     assert!(passes(&whole, &whole, u64::MAX, 10_000_000).is_none());
@@ -145,9 +142,9 @@ fn passes_follow_each_other_exactly() {
 fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
     let text = "servo 1 1000 -> 1100 over 100ms\nrocker x=5 for 100ms\nmark end\nwait 100ms\n";
     let half = compiled(text, Speed::of("0.5").unwrap());
-    assert_eq!((half.end_us, half.marks[0].at_us), (600_000, 400_000));
+    assert_eq!((half.end, half.marks[0].at), (Micros(600_000), Micros(400_000)));
     let found = frames(&half);
-    let kind = |kind| found.iter().filter(|(_, _, found)| *found == kind).map(|(at_us, ..)| *at_us).collect::<Vec<_>>();
+    let kind = |kind| found.iter().filter(|(_, _, found)| *found == kind).map(|(at, ..)| *at).collect::<Vec<_>>();
     // Steps every 20 ms, ten of them and not five; refreshes every 50 ms.
     assert_eq!(
         kind(Kind::Sample),
@@ -157,7 +154,7 @@ fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
     assert_eq!(kind(Kind::Command), [200_000, 400_000]);
     // Exact: a third as fast and three times as long.
     let third = compiled("wait 100ms\nservo 1 1000\n", Speed::of("3").unwrap());
-    assert_eq!(third.events()[0].at_us, 33_333);
+    assert_eq!(third.events()[0].at, Micros(33_333));
     for wrong in ["0.09", "10.001", "11", "", "x", "1.0000", "-1", "1e1", "0"] {
         assert_eq!(Speed::of(wrong), None, "{wrong}");
     }
@@ -166,8 +163,8 @@ fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
 #[test]
 fn a_run_without_end_does_not_drift_and_comes_to_rest_when_it_is_ended() {
     let whole = timeline("servo 1 1000\nwait 100ms\nrocker y=5 for 233333us\nwait 1us\n");
-    let mut player = Player::new(&whole, 1_000_000_000).again_and_again(&whole);
-    let (mut now, mut input, mut sent, mut newest) = (0, Input::Tick, Vec::new(), 0);
+    let mut player = Player::new(&whole, Nanos::from_millis(1_000)).again_and_again(&whole);
+    let (mut now, mut input, mut sent, mut newest) = (Nanos::ZERO, Input::Tick, Vec::new(), 0);
     let outcome = loop {
         let order = player.poll(now, input, &mut |notice| {
             if let Notice::Pass { pass } = notice {
@@ -192,10 +189,10 @@ fn a_run_without_end_does_not_drift_and_comes_to_rest_when_it_is_ended() {
         }
     };
     assert_eq!(outcome.cause, Cause::Signal(2));
-    let servos: Vec<u64> = sent.iter().filter(|(_, bytes)| bytes[2] == 0x02).map(|(at, _)| *at).collect();
+    let servos: Vec<Nanos> = sent.iter().filter(|(_, bytes)| bytes[2] == 0x02).map(|(at, _)| *at).collect();
     assert!(servos.len() >= 4_999);
     for (pass, at) in servos.iter().enumerate() {
-        assert_eq!(*at, u64::try_from(pass).unwrap() * 333_334_000);
+        assert_eq!(*at, Micros(333_334).nanos() * u64::try_from(pass).unwrap());
     }
 }
 
@@ -232,7 +229,8 @@ fn times_and_marks_that_are_none_say_what_there_is() {
         (vec!["--from", "2"], "`2` is no time such as 2s, and no mark"),
         (vec!["--from", "1s1s"], "`1s1s` is no time such as 1.5s, and no mark"),
         (vec!["--to", "1d"], "`1d` is no time such as 1.5s, and no mark"),
-        (vec!["--lead-in", "1s1s"], "write a time such as 500ms, 1.5s or 1m30s"),
+        (vec!["--lead-in", "1d"], "write a time such as 500ms, 1.5s or 1m30s"),
+        (vec!["--lead-in", "1s1s"], "write the units of a time from long to short, each once, such as 1m30s"),
         (vec!["--loop", "99999999"], "99999999 passes are more than 24 hours or 10000000 frames"),
         (vec!["--loop", "0"], "write how often, 1 or more"),
         (vec!["--speed", "20"], "write a number from 0.1 to 10 with at most three digits behind its point"),

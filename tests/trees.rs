@@ -37,11 +37,13 @@ fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
                         (bar, None) => format!("bar {}", value(bar)),
                         (bar, Some(beat)) => format!("bar {} beat {}", value(bar), value(beat)),
                     },
+                    other => panic!("{other:?}"),
                 };
                 let sign = |away: &bool| if *away { '-' } else { '+' };
                 let offsets = moment.offsets.iter().map(|(away, offset)| format!(" {} {}", sign(away), value(offset)));
                 format!(" at {origin}{}", offsets.collect::<String>())
             }
+            Some(other) => panic!("{other:?}"),
         };
         out.push_str(&format!("{indent}line{start}  [{}]\n", source.slice(*span).replace('\n', "↵")));
         for part in parts {
@@ -93,6 +95,7 @@ fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
                         self::block(inner, depth + 2, source, out);
                     }
                 }
+                other => panic!("{other:?}"),
             }
         }
     }
@@ -106,6 +109,7 @@ fn argument(argument: &Argument<'_>) -> String {
         Item::Range(ends) => format!("range({} {})", value(&ends.0), value(&ends.1)),
         Item::List(list) => format!("list({})", list.iter().map(value).collect::<Vec<_>>().join(" ")),
         Item::Comparison(sign) => format!("compare`{}`", sign.text),
+        other => panic!("{other:?}"),
     };
     format!("{name}{item}")
 }
@@ -117,6 +121,7 @@ fn value(value: &Value<'_>) -> String {
         ValueKind::Text(text) => format!("{minus}text{text}"),
         ValueKind::Word(text) => format!("{minus}word`{text}`"),
         ValueKind::Expression(inner) => format!("{minus}({})", expression(inner)),
+        other => panic!("{other:?}"),
     }
 }
 
@@ -129,6 +134,7 @@ fn expression(expression: &Expression<'_>) -> String {
         NodeKind::Binary(binary) => format!("{binary:?}"),
         NodeKind::Skip(binary, over) => format!("{binary:?}?{over}"),
         NodeKind::Call(name, count) => format!("{name}/{count}"),
+        other => panic!("{other:?}"),
     });
     steps.collect::<Vec<_>>().join(" ")
 }

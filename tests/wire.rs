@@ -8,6 +8,7 @@ use motionseq::diagnostic::Code;
 use motionseq::program::Options;
 use motionseq::source::Source;
 use motionseq::timeline::wire::{Wire, load};
+use motionseq::units::Micros;
 use proptest::prelude::*;
 
 fn compiled(text: &str) -> Compiled {
@@ -19,7 +20,7 @@ fn compiled(text: &str) -> Compiled {
 fn simulated(frames: &[(u64, usize)], baud: u64) -> Vec<(usize, u128, u128)> {
     let byte_time = 10 * 1_000_000_u128;
     let mut coming: VecDeque<(usize, u128, usize)> =
-        frames.iter().enumerate().map(|(at, &(due_us, bytes))| (at, u128::from(due_us * baud), bytes)).collect();
+        frames.iter().enumerate().map(|(at, &(due, bytes))| (at, u128::from(due * baud), bytes)).collect();
     let mut queue = VecDeque::new();
     let mut sent = Vec::new();
     let mut now = 0;
@@ -49,12 +50,12 @@ proptest! {
         gaps in prop::collection::vec((0u64..4_000, 1usize..32), 0..200),
         baud in prop::sample::select(vec![1_200u32, 9_600, 57_600, 115_200, 999_983, 4_000_000]),
     ) {
-        let mut due_us = 0;
-        let frames: Vec<(u64, usize)> = gaps.into_iter().map(|(gap, bytes)| { due_us += gap; (due_us, bytes) }).collect();
+        let mut due = 0;
+        let frames: Vec<(u64, usize)> = gaps.into_iter().map(|(gap, bytes)| { due += gap; (due, bytes) }).collect();
         let sent = simulated(&frames, u64::from(baud));
         let mut wire = Wire::new(baud);
-        for (at, &(due_us, bytes)) in frames.iter().enumerate() {
-            let departure = wire.send(due_us, bytes);
+        for (at, &(due, bytes)) in frames.iter().enumerate() {
+            let departure = wire.send(Micros(due), bytes);
             let first = sent.iter().find(|(of, ..)| *of == at).unwrap();
             let last = sent.iter().rfind(|(of, ..)| *of == at).unwrap();
             prop_assert_eq!((u128::from(departure.begins), u128::from(departure.left)), (first.1, last.2));
@@ -72,7 +73,7 @@ proptest! {
         }
         let Some(timeline) = compiled(&text).timeline else { return Ok(()) };
         let frames: Vec<(u64, usize)> =
-            timeline.events().iter().map(|event| (event.at_us, crate::support::board::OnBoard::to_frame(&event.command).len())).collect();
+            timeline.events().iter().map(|event| (event.at.0, crate::support::board::OnBoard::to_frame(&event.command).len())).collect();
         let second = 1_000_000 * u128::from(baud);
         let mut seconds: Vec<u64> = Vec::new();
         for (_, _, left) in simulated(&frames, u64::from(baud)) {
@@ -92,7 +93,7 @@ fn together(count: usize) -> String {
 #[test]
 fn the_bounds_are_five_and_fifty_milliseconds() {
     let codes = |text: &str| -> Vec<Code> {
-        compiled(text).diagnostics.sorted().into_iter().map(|diagnostic| diagnostic.code).collect()
+        compiled(text).diagnostics.iter().map(|diagnostic| diagnostic.code).collect()
     };
     // The n-th of them begins to leave (n - 1) · 1.12847 ms after it is due: the fifth 4.514 ms, the sixth 5.642 ms, the 45th
     // 49.653 ms, the 46th 50.781 ms. Closing frames follow behind each script with a raw frame: the stop is one more, and
@@ -103,7 +104,7 @@ fn the_bounds_are_five_and_fifty_milliseconds() {
         assert_eq!(codes(&format!("{}wait 1s\n", together(count))), expected, "{count}");
     }
     let compiled = compiled(&format!("servo 1 1500\nwait 1s\n{}wait 1s\n", together(8)));
-    let diagnostics = compiled.diagnostics.sorted();
+    let diagnostics = compiled.diagnostics.iter().collect::<Vec<_>>();
     assert_eq!(
         diagnostics[0].message,
         "`raw 0x40 0x00 0x00 0x00 0x00 0x00 0x00 0x00 0x00` is due at 1.000000 s and begins to leave 7.9 ms later, because the line is busy; 2 more frames leave late, too"

@@ -20,13 +20,13 @@ fuzz_target!(|text: &str| {
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }
     let Some(timeline) = compiled.timeline else { return };
-    assert!(timeline.events().is_sorted_by_key(|event| (event.at_us, event.rank(&timeline.board))));
+    assert!(timeline.events().is_sorted_by_key(|event| (event.at, event.rank(&timeline.board))));
     for event in timeline.events() {
         let board = &timeline.board;
         let bytes = board.to_frame(&event.command);
         // A raw frame may be that of a command.
         assert_eq!(board.to_frame(&board.decode_or_raw(&bytes).expect("a frame")), bytes);
-        assert!(event.at_us <= timeline.end_us);
+        assert!(event.at <= timeline.end);
     }
     let picture = plot(&timeline, &sources, &compiled.diagnostics);
     assert!(picture.to_svg(Theme::Auto).len() < 2_000_000 && !picture.to_json().is_empty());

@@ -13,11 +13,11 @@ fn meaning(text: &str) -> String {
     let compiled = motionseq::compile(&sources, &Options { events: 1_000, ..Options::default() });
     match compiled.timeline {
         Some(timeline) => {
-            let frames: Vec<_> = timeline.events().iter().map(|event| (event.at_us, &event.command, event.kind)).collect();
-            format!("{frames:?} {:?}", timeline.cues.iter().map(|cue| (cue.at_us, &cue.text)).collect::<Vec<_>>())
+            let frames: Vec<_> = timeline.events().iter().map(|event| (event.at, &event.command, event.kind)).collect();
+            format!("{frames:?} {:?}", timeline.cues.iter().map(|cue| (cue.at, &cue.text)).collect::<Vec<_>>())
         }
         None => {
-            let errors = compiled.diagnostics.sorted().into_iter().filter(|error| error.is_error());
+            let errors = compiled.diagnostics.iter().filter(|error| error.is_error());
             errors.map(|error| error.code.name()).collect::<Vec<_>>().join(" ")
         }
     }

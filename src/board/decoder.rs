@@ -39,6 +39,7 @@ impl fmt::Display for Frame<'_> {
 
 /// What the decoder found next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Item<'a> {
     /// A whole frame with the right checksum.
     Frame(Frame<'a>),

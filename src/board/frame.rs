@@ -4,6 +4,7 @@ use std::fmt;
 
 /// What the bytes at the front of the buffer are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Front {
     /// A whole frame, with its length in bytes.
     Frame(usize),
@@ -15,6 +16,7 @@ pub enum Front {
 
 /// Why bytes were skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Skip {
     /// They do not start a frame.
     #[error("no frame starts here")]
@@ -70,6 +72,7 @@ impl fmt::Display for Hex<'_> {
 
 /// Why bytes are not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FrameError {
     /// The bytes do not start as a frame does.
     #[error("no frame header")]

@@ -81,6 +81,7 @@ pub struct ReportLine {
 
 /// What the decoder found next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ReportItem {
     /// A whole report.
     Report(Report),

@@ -120,6 +120,7 @@ pub struct Axis {
 
 /// How a value is written in a script.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Takes {
     /// A number, which is rounded. One with a name may be left out, and is 0 then.
     Number,
@@ -137,6 +138,7 @@ pub enum Takes {
 
 /// The unit of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Unit {
     /// None, or the board's own.
     None,
@@ -161,6 +163,7 @@ impl Unit {
 
 /// Which resources a verb sets.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Sets {
     /// None.
     Nothing,
@@ -185,6 +188,7 @@ pub struct Part {
 
 /// What stays active after a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Activity {
     /// Nothing: the value stays.
     Still,
@@ -246,6 +250,7 @@ pub struct Doubt {
 
 /// What the virtual board does besides keeping its state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Simulation {
     /// Nothing.
     State,
@@ -275,6 +280,7 @@ pub struct Lane {
 
 /// What a lane shows.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LaneKind {
     /// A value over time.
     Curve {
@@ -307,6 +313,7 @@ pub enum LaneKind {
 
 /// What a command shows in a lane.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Shown {
     /// A value from here on, or that it is unknown.
     Value(Option<f64>),
@@ -343,6 +350,7 @@ pub struct Codec {
 
 /// A frame that is whole but says nothing that the table of the board knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum NotACommand {
     /// No verb sends it.
     #[error("no command has this function and length")]

@@ -1,11 +1,12 @@
 //! A move, compared with what was sent at every moment of it.
 
 use crate::program::Ease;
+use crate::units::Micros;
 
-/// How much earlier or later a value may have been meant, in microseconds: those of several things wait for each other on the line.
-pub(super) const QUEUE_US: u64 = 1_000;
-/// Microseconds between two samples of a move, at the rate that a script has.
-pub(super) const SAMPLE_US: u64 = 20_000;
+/// How much earlier or later a value may have been meant: those of several things wait for each other on the line.
+pub(super) const QUEUE: Micros = Micros::from_millis(1);
+/// The time between two samples of a move, at the rate that a script has.
+pub(super) const SAMPLE: Micros = Micros::from_millis(20);
 
 /// Values of the axes of one thing; those that it does not have are 0.
 pub(super) type Axes = [i32; 4];
@@ -13,8 +14,7 @@ pub(super) type Axes = [i32; 4];
 /// A value that a thing was given at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Point {
-    /// Microseconds.
-    pub(super) at_us: u64,
+    pub(super) at: Micros,
     pub(super) axes: Axes,
     /// Whether it is the value that the thing had already.
     pub(super) repeats: bool,
@@ -33,12 +33,12 @@ pub(super) struct Room {
 /// Values of the axes before they are rounded.
 type Values = [f64; 4];
 
-/// A move: when it begins and ends, in microseconds, the values there, and how it gets from one to the other.
+/// A move: when it begins and ends, the values there, and how it gets from one to the other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Curve {
-    pub(super) begin_us: u64,
+    pub(super) begin_at: Micros,
     pub(super) begin: Axes,
-    pub(super) end_us: u64,
+    pub(super) end_at: Micros,
     pub(super) end: Axes,
     pub(super) ease: Ease,
 }
@@ -52,13 +52,13 @@ impl Curve {
         let mut next = 0;
         let mut now = self.begin.map(f64::from);
         let mut sent = 0;
-        for (until_us, after) in self.samples() {
+        for (until, after) in self.samples() {
             *work += 2;
             sent += usize::from(now != after);
-            while let Some(point) = points.get(next).filter(|point| point.at_us < until_us) {
+            while let Some(point) = points.get(next).filter(|point| point.at < until) {
                 *work += 2;
                 let values = point.axes.map(f64::from);
-                let far = self.at(point.at_us);
+                let far = self.at(point.at);
                 if !is_near(values, &[now, after], room) || !self.is_near(far, point, room) {
                     return Err(next);
                 }
@@ -66,7 +66,7 @@ impl Curve {
                 next += 1;
             }
             let around = points.split_at_checked(next).unwrap_or((points, &[]));
-            if !room.holds(after) || !self.is_held(around, led.saturating_sub(next), (until_us, after), room) {
+            if !room.holds(after) || !self.is_held(around, led.saturating_sub(next), (until, after), room) {
                 return Err(next);
             }
             now = after;
@@ -80,10 +80,10 @@ impl Curve {
     }
 
     /// Its samples but for the one at its beginning, as a script sends them, with their times. The last one is its end.
-    fn samples(&self) -> impl Iterator<Item = (u64, Values)> {
-        let times = (1..).map(|sample| self.begin_us.saturating_add(sample * SAMPLE_US));
-        let samples = times.take_while(|at_us| *at_us < self.end_us);
-        samples.map(|at_us| (at_us, self.at(at_us).map(libm::round))).chain([(self.end_us, self.end.map(f64::from))])
+    fn samples(&self) -> impl Iterator<Item = (Micros, Values)> {
+        let times = (1..).map(|sample| self.begin_at + SAMPLE * sample);
+        let samples = times.take_while(|at| *at < self.end_at);
+        samples.map(|at| (at, self.at(at).map(libm::round))).chain([(self.end_at, self.end.map(f64::from))])
     }
 
     /// Whether a sample is near what is held when it is sent, of the points before it and the others.
@@ -91,14 +91,14 @@ impl Curve {
         &self,
         (earlier, later): (&[Point], &[Point]),
         led: usize,
-        (at_us, sample): (u64, Values),
+        (at, sample): (Micros, Values),
         room: &Room,
     ) -> bool {
         let values = |point: &Point| point.axes.map(f64::from);
         let begin = self.begin.map(f64::from);
         let held = earlier.last().map_or(begin, values);
-        let soon = later.iter().take_while(|point| point.at_us <= at_us.saturating_add(QUEUE_US)).count();
-        let leads = |point: &Point| point.at_us <= at_us.saturating_add(SAMPLE_US + QUEUE_US);
+        let soon = later.iter().take_while(|point| point.at <= at + QUEUE).count();
+        let leads = |point: &Point| point.at <= at + SAMPLE + QUEUE;
         let soon = soon + usize::from(soon >= led && later.get(soon).is_some_and(leads));
         let around: Vec<Values> = std::iter::once(held).chain(later.iter().take(soon).map(values)).collect();
         is_near(sample, &around, room)
@@ -106,23 +106,23 @@ impl Curve {
 
     /// Whether a point is near the curve within a millisecond.
     pub(super) fn follows(&self, point: &Point, room: &Room) -> bool {
-        self.is_near(self.at(point.at_us), point, room)
+        self.is_near(self.at(point.at), point, room)
     }
 
     /// The same, where it is at the time of the point.
     fn is_near(&self, now: Values, point: &Point, room: &Room) -> bool {
         let (sent, now) = (point.axes.map(f64::from), now.map(libm::round));
         is_near(sent, &[now], room) || {
-            let at = |at_us: u64| self.at(at_us).map(libm::round);
-            let [earlier, later] = [point.at_us.saturating_sub(QUEUE_US), point.at_us.saturating_add(QUEUE_US)].map(at);
+            let at = |at: Micros| self.at(at).map(libm::round);
+            let [earlier, later] = [point.at - QUEUE, point.at + QUEUE].map(at);
             is_near(sent, &[earlier, now, later], room)
         }
     }
 
     /// Where it is at a time.
-    fn at(&self, at_us: u64) -> Values {
-        let passed = at_us.clamp(self.begin_us, self.end_us) - self.begin_us;
-        let far = self.ease.at(float(passed) / float((self.end_us - self.begin_us).max(1)));
+    fn at(&self, at: Micros) -> Values {
+        let passed = at.clamp(self.begin_at, self.end_at) - self.begin_at;
+        let far = self.ease.at(float(passed.0) / float((self.end_at - self.begin_at).0.max(1)));
         let mut values = self.begin.map(f64::from);
         for (value, end) in values.iter_mut().zip(self.end) {
             *value += (f64::from(end) - *value) * far;

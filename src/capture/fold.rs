@@ -2,53 +2,54 @@
 
 use std::ops::Range;
 
-use super::curve::{Axes, Curve, Point, QUEUE_US, Room, SAMPLE_US, float};
+use super::curve::{Axes, Curve, Point, QUEUE, Room, SAMPLE, float};
 use crate::program::Ease;
+use crate::units::Micros;
 
 /// Points of one thing in a row.
 #[derive(Debug)]
 pub(super) struct Course<'p> {
     points: &'p [Point],
-    /// The usual time from one to the next, in microseconds.
-    step_us: u64,
-    /// When something else follows, in microseconds.
-    until_us: u64,
+    /// The usual time from one to the next.
+    step: Micros,
+    /// When something else follows.
+    until: Micros,
     room: Room,
 }
 
 impl<'p> Course<'p> {
-    pub(super) fn new(points: &'p [Point], until_us: u64, room: Room) -> Self {
+    pub(super) fn new(points: &'p [Point], until: Micros, room: Room) -> Self {
         let gap = |pair: &[Point]| match pair {
-            [first, second] => second.at_us.saturating_sub(first.at_us),
-            _ => 0,
+            [first, second] => second.at - first.at,
+            _ => Micros::ZERO,
         };
-        let mut gaps: Vec<u64> = points.windows(2).map(gap).collect();
+        let mut gaps: Vec<Micros> = points.windows(2).map(gap).collect();
         gaps.sort_unstable();
-        Course { points, step_us: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), until_us, room }
+        Course { points, step: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), until, room }
     }
 
     /// When a move that ends with a point may have ended: its last sample is left out where it rounds to the value before.
-    fn ends(&self, last: usize, at_us: u64) -> impl Iterator<Item = u64> {
-        let until_us = self.points.get(last + 1).map_or(self.until_us, |next| next.at_us.min(self.until_us));
-        [0, self.step_us / 2, self.step_us]
+    fn ends(&self, last: usize, at: Micros) -> impl Iterator<Item = Micros> {
+        let until = self.points.get(last + 1).map_or(self.until, |next| next.at.min(self.until));
+        [Micros::ZERO, Micros(self.step.0 / 2), self.step]
             .into_iter()
-            .map(move |more| at_us + more)
-            .filter(move |at_us| *at_us <= until_us)
+            .map(move |more| at + more)
+            .filter(move |at| *at <= until)
     }
 }
 
 /// A move that says the same as a run of points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fold {
-    /// When it begins, in microseconds, and the values there.
-    pub(super) from_us: u64,
+    /// When it begins, and the values there.
+    pub(super) from_at: Micros,
     pub(super) from: Axes,
     /// Which point it begins at, if at one: otherwise its beginning was never sent.
     pub(super) first: Option<usize>,
     /// Which point it ends at, or behind which.
     pub(super) last: usize,
-    /// When it ends, in microseconds.
-    pub(super) to_us: u64,
+    /// When it ends.
+    pub(super) to_at: Micros,
     pub(super) ease: Ease,
     /// How far it is from the points: the mean square.
     error: f64,
@@ -56,8 +57,8 @@ pub(super) struct Fold {
 
 /// The fewest values that a move stands for.
 const FEWEST: usize = 4;
-/// A move lasts at least so long, in microseconds.
-const SHORTEST_US: u64 = 4 * SAMPLE_US;
+/// A move lasts at least so long.
+const SHORTEST: Micros = SAMPLE.saturating_mul(4);
 /// How many sampling intervals before its first value that changes a move may have begun.
 const AHEAD: u64 = 64;
 /// In how many parts an easing is looked up, and how much of the way the table may be wrong.
@@ -92,10 +93,10 @@ pub(super) struct Easings {
 /// At least as many as there are; the others are nowhere.
 const EASINGS: usize = 32;
 
-/// Where a move begins: when, in microseconds, the values there, and the point that it begins at, if at one.
+/// Where a move begins: when, the values there, and the point that it begins at, if at one.
 #[derive(Clone, Copy)]
 struct Begin {
-    at_us: u64,
+    at: Micros,
     axes: Axes,
     first: Option<usize>,
     /// The first point that a sample may come before.
@@ -131,7 +132,7 @@ impl Easings {
 
     /// The moves in a course, in their order; what is in none of them is no part of a move. `before` is the value that the thing had before,
     /// and since when; the points may begin with some that repeat it.
-    pub(super) fn folds(&self, course: &Course<'_>, before: Option<(u64, Axes)>) -> Vec<Fold> {
+    pub(super) fn folds(&self, course: &Course<'_>, before: Option<(Micros, Axes)>) -> Vec<Fold> {
         let axes = |of: fn(i32, i32) -> i32| {
             let all = course.points.iter().map(|point| point.axes).chain(before.map(|(_, axes)| axes));
             all.reduce(|one, other| std::array::from_fn(|axis| of(value(one, axis), value(other, axis))))
@@ -144,8 +145,8 @@ impl Easings {
         let mut folds: Vec<Fold> = ahead.into_iter().collect();
         while let Some(point) = course.points.get(from) {
             // A move that has ended behind its last value holds the next one up.
-            let at_us = folds.last().filter(|fold| fold.last == from).map_or(point.at_us, |fold| fold.to_us);
-            match search.longest(from, Begin { at_us, axes: point.axes, first: Some(from), led: from }) {
+            let at = folds.last().filter(|fold| fold.last == from).map_or(point.at, |fold| fold.to_at);
+            match search.longest(from, Begin { at, axes: point.axes, first: Some(from), led: from }) {
                 Some(fold) => {
                     folds.push(fold);
                     from = fold.last;
@@ -190,15 +191,15 @@ struct Search<'s> {
 impl Search<'_> {
     /// The longest move that begins before the first value that changes, at a moment when nothing was sent: its first samples were left out
     /// where they changed nothing, or repeat the value.
-    fn begins_ahead(&mut self, (since_us, axes): (u64, Axes)) -> Option<Fold> {
-        let Course { points, step_us, .. } = *self.course;
+    fn begins_ahead(&mut self, (since, axes): (Micros, Axes)) -> Option<Fold> {
+        let Course { points, step, .. } = *self.course;
         let still = points.iter().position(|point| !point.repeats)?;
         let change = points.get(still)?;
-        let begins = (1..=AHEAD).map_while(|steps| change.at_us.checked_sub(steps.checked_mul(step_us)?));
-        let begins = begins.take_while(|begin_us| *begin_us >= since_us);
-        let folds = begins.filter_map(|at_us| {
-            let from = points.iter().position(|point| point.at_us > at_us)?;
-            self.longest(from, Begin { at_us, axes, first: None, led: still + 1 })
+        let begins = (1..=AHEAD).map_while(|steps| change.at.checked_sub(step * steps));
+        let begins = begins.take_while(|begin_at| *begin_at >= since);
+        let folds = begins.filter_map(|at| {
+            let from = points.iter().position(|point| point.at > at)?;
+            self.longest(from, Begin { at, axes, first: None, led: still + 1 })
         });
         let folds: Vec<Fold> = folds.collect();
         let longest = folds.iter().map(|fold| fold.last).max()?;
@@ -221,19 +222,19 @@ impl Search<'_> {
                 break;
             }
             changes -= 1;
-            for to_us in self.course.ends(last, end.at_us).filter(|_| end.axes != begin.axes) {
+            for to_at in self.course.ends(last, end.at).filter(|_| end.axes != begin.axes) {
                 let range = from_points..last + 1;
-                let Some(plausible) = self.plausible(range.clone(), begin, (to_us, end.axes)) else { continue };
+                let Some(plausible) = self.plausible(range.clone(), begin, (to_at, end.axes)) else { continue };
                 work += 1;
                 // Of many points, an end that is a little later changes little.
                 if range.len() > MANY && !plausible.contains(&true) {
                     break;
                 }
-                if let Some((ease, error)) = self.fitting(range, begin, (to_us, end.axes), plausible, &mut work)
+                if let Some((ease, error)) = self.fitting(range, begin, (to_at, end.axes), plausible, &mut work)
                     && best.is_none_or(|best| error < best.error / 2.0)
                 {
-                    let Begin { at_us: from_us, axes: from, first, .. } = begin;
-                    best = Some(Fold { from_us, from, first, last, to_us, ease, error });
+                    let Begin { at: from_at, axes: from, first, .. } = begin;
+                    best = Some(Fold { from_at, from, first, last, to_at, ease, error });
                 }
             }
         }
@@ -254,9 +255,9 @@ impl Search<'_> {
         let far = (0..4).map(far).fold(0.0, f64::max);
         // The table may be wrong by a part.
         let part = self.easings.most.partition_point(|most| *most < far).saturating_sub(1) as u64;
-        let passed_us = change.at_us.saturating_sub(begin.at_us).saturating_add(SAMPLE_US + QUEUE_US);
-        let Some(longest_us) = passed_us.saturating_mul(PARTS).checked_div(part) else { return points.len() };
-        points.partition_point(|point| point.at_us <= begin.at_us.saturating_add(longest_us))
+        let passed = change.at - begin.at + SAMPLE + QUEUE;
+        let Some(longest) = (passed * PARTS).0.checked_div(part) else { return points.len() };
+        points.partition_point(|point| point.at <= begin.at + Micros(longest))
     }
 
     /// The easing that all points of a range follow, and follow best, and how far they are from it: the mean square.
@@ -265,7 +266,7 @@ impl Search<'_> {
         &mut self,
         range: Range<usize>,
         begin: Begin,
-        (end_us, end): (u64, Axes),
+        (end_at, end): (Micros, Axes),
         plausible: Plausible,
         work: &mut usize,
     ) -> Option<(Ease, f64)> {
@@ -273,7 +274,7 @@ impl Search<'_> {
         let room = &self.course.room;
         let mut best: Option<(Ease, f64)> = None;
         for (&ease, _) in self.easings.all.iter().zip(plausible).filter(|(_, may)| *may) {
-            let curve = Curve { begin_us: begin.at_us, begin: begin.axes, end_us, end, ease };
+            let curve = Curve { begin_at: begin.at, begin: begin.axes, end_at, end, ease };
             let doubt = self.doubt.checked_sub(range.start).and_then(|doubt| points.get(doubt));
             *work += 2;
             if doubt.is_some_and(|doubt| !curve.follows(doubt, room)) {
@@ -291,27 +292,27 @@ impl Search<'_> {
 
     /// The easings that some of the points seem to follow, and that do not show before the first value that changes. `None` where the move
     /// is too short.
-    fn plausible(&self, range: Range<usize>, begin: Begin, (end_us, end): (u64, Axes)) -> Option<Plausible> {
+    fn plausible(&self, range: Range<usize>, begin: Begin, (end_at, end): (Micros, Axes)) -> Option<Plausible> {
         let points = self.course.points.get(range)?;
-        let duration = end_us.checked_sub(begin.at_us).filter(|duration| *duration >= SHORTEST_US)?;
+        let duration = end_at.checked_sub(begin.at).filter(|duration| *duration >= SHORTEST)?;
         // The axis with the longest way says the most.
         let way = |axis: usize| end.get(axis).zip(begin.axes.get(axis)).map_or(0, |(end, begin)| end - begin);
         let axis = (0..4).max_by_key(|axis| way(*axis).abs())?;
         let (way, start) = (f64::from(way(axis)), f64::from(*begin.axes.get(axis)?));
         let slack = (f64::from(self.course.room.tolerance) + 1.0) / way.abs() + SLACK;
-        let scale = float(PARTS) / float(duration);
+        let scale = float(PARTS) / float(duration.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to PARTS")]
-        let part = |passed_us: u64| (float(passed_us) * scale + 0.5) as usize;
+        let part = |passed: Micros| (float(passed.0) * scale + 0.5) as usize;
         let quarters = [2, 1, 3].into_iter().filter_map(|quarter| {
             let point = points.get(points.len() * quarter / 4)?;
             let far = (f64::from(*point.axes.get(axis)?) - start) / way;
-            Some(Probe { part: part(point.at_us.saturating_sub(begin.at_us)), far })
+            Some(Probe { part: part(point.at - begin.at), far })
         });
         // The last sample before that value.
         let change = begin.led.checked_sub(1).filter(|_| begin.first.is_none());
         let change = change.and_then(|change| self.course.points.get(change));
-        let passed = change.and_then(|change| change.at_us.checked_sub(begin.at_us + QUEUE_US + 1));
-        let still = passed.map(|us| Probe { part: part(us / SAMPLE_US * SAMPLE_US), far: 0.0 });
+        let passed = change.and_then(|change| change.at.checked_sub(begin.at + QUEUE + Micros(1)));
+        let still = passed.map(|passed| Probe { part: part(SAMPLE * (passed.0 / SAMPLE.0)), far: 0.0 });
         Some(self.easings.plausible(still.into_iter().chain(quarters), slack))
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::curve::{Axes, Room};
 use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Sets, VerbId};
+use crate::units::Micros;
 
 /// What the script has said so far.
 #[derive(Clone, Debug)]
@@ -13,7 +14,7 @@ pub(super) struct Known {
     /// Of each resource, what it was told.
     told: Vec<Option<Told>>,
     /// Of each resource that must be fed, when it was fed last, if it is active.
-    fed_us: Vec<Option<u64>>,
+    fed: Vec<Option<Micros>>,
     /// A frame that is not interpreted is in the script, so that it ends with everything brought to rest.
     pub(super) has_raw: bool,
 }
@@ -24,15 +25,15 @@ struct Told {
     /// In the words of the verb that sets it alone.
     command: Command,
     by: Thing,
-    /// When the line that says it is due, and when it came last, perhaps again; in microseconds.
-    said_us: u64,
-    came_us: u64,
+    /// When the line that says it is due, and when it came last, perhaps again.
+    said: Micros,
+    came: Micros,
 }
 
 impl Told {
     /// From when on a move of this thing may begin here. Its own repeats are looked at, those of another command are not.
-    fn since(&self, thing: Thing) -> u64 {
-        if self.by == thing { self.said_us } else { self.came_us }
+    fn since(&self, thing: Thing) -> Micros {
+        if self.by == thing { self.said } else { self.came }
     }
 }
 
@@ -46,7 +47,7 @@ pub(super) struct Thing {
 impl Known {
     pub(super) fn new(board: Arc<Board>) -> Self {
         let count = board.resources.len();
-        Known { board, told: vec![None; count], fed_us: vec![None; count], has_raw: false }
+        Known { board, told: vec![None; count], fed: vec![None; count], has_raw: false }
     }
 
     fn told(&self, resource: ResourceId) -> Option<&Told> {
@@ -59,14 +60,14 @@ impl Known {
     }
 
     /// The value of a thing, and from when on a move may begin there.
-    pub(super) fn value(&self, thing: Thing) -> Option<(u64, Axes)> {
+    pub(super) fn value(&self, thing: Thing) -> Option<(Micros, Axes)> {
         let board = Arc::clone(&self.board);
         let is_several = matches!(board.verb(thing.verb)?.sets, Sets::Parts(..));
         let resources = thing.resources(&board);
-        let (mut since_us, mut axes) = (0, Axes::default());
+        let (mut since, mut axes) = (Micros::ZERO, Axes::default());
         for (at, resource) in resources.iter().enumerate() {
             let told = self.told(*resource)?;
-            since_us = since_us.max(told.since(thing));
+            since = since.max(told.since(thing));
             if is_several {
                 *axes.get_mut(at)? = *told.command.values().last()?;
             } else if told.command.verb() == thing.verb {
@@ -76,7 +77,7 @@ impl Known {
                 return None;
             }
         }
-        (!resources.is_empty()).then_some((since_us, axes))
+        (!resources.is_empty()).then_some((since, axes))
     }
 
     /// Whether a value says nothing new. What stays active at zero is new behind another command, also at zero.
@@ -87,20 +88,20 @@ impl Known {
     }
 
     /// Takes in a command that is interpreted. What says nothing new is no line.
-    pub(super) fn set(&mut self, at_us: u64, command: &Command) {
+    pub(super) fn set(&mut self, at: Micros, command: &Command) {
         let board = Arc::clone(&self.board);
         let (by, repeats) = match Thing::of(&board, command) {
             Some((thing, axes)) => (thing, self.repeats(thing, axes)),
             None => (Thing { verb: command.verb(), index: None }, false),
         };
         board.each_part(command, |resource, part| {
-            if let Some(fed) = self.fed_us.get_mut(resource).filter(|_| board.is_fed(resource)) {
-                *fed = board.is_active(command).then_some(at_us);
+            if let Some(fed) = self.fed.get_mut(resource).filter(|_| board.is_fed(resource)) {
+                *fed = board.is_active(command).then_some(at);
             }
             if let Some(told) = self.told.get_mut(resource) {
                 *told = match told.take() {
-                    Some(old) if repeats => Some(Told { came_us: at_us, ..old }),
-                    _ => Some(Told { command: part.clone(), by, said_us: at_us, came_us: at_us }),
+                    Some(old) if repeats => Some(Told { came: at, ..old }),
+                    _ => Some(Told { command: part.clone(), by, said: at, came: at }),
                 };
             }
         });
@@ -127,14 +128,14 @@ impl Known {
     }
 
     /// The resources that are active and must be fed, when each was fed last, and the command that stops it.
-    pub(super) fn fed(&self) -> Vec<(ResourceId, u64, Command)> {
-        let fed = self.fed_us.iter().enumerate();
-        fed.filter_map(|(resource, fed_us)| Some((resource, (*fed_us)?, self.board.rest(resource)?.clone()))).collect()
+    pub(super) fn fed(&self) -> Vec<(ResourceId, Micros, Command)> {
+        let fed = self.fed.iter().enumerate();
+        fed.filter_map(|(resource, fed)| Some((resource, (*fed)?, self.board.rest(resource)?.clone()))).collect()
     }
 
     /// What was fed until now is not fed any more.
     pub(super) fn starve(&mut self, resource: ResourceId) {
-        if let Some(fed) = self.fed_us.get_mut(resource) {
+        if let Some(fed) = self.fed.get_mut(resource) {
             *fed = None;
         }
     }

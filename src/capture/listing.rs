@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::Decoded;
 use crate::board::{Board, Frame, Hex, Item, Skip};
+use crate::units::Micros;
 
 /// The most bytes of a run that are shown where they belong to no frame.
 const SHOWN: usize = 16;
@@ -109,16 +110,16 @@ impl<W: Write> Listing<W> {
     }
 }
 
-/// Writes one JSON object: when, in microseconds, and the frame with its command, or the bytes that are none, with what is wrong.
-pub fn write_json(board: &Board, at_us: u64, item: Item<'_>, out: &mut impl Write) -> io::Result<()> {
+/// Writes one JSON object: when, and the frame with its command, or the bytes that are none, with what is wrong.
+pub fn write_json(board: &Board, at: Micros, item: Item<'_>, out: &mut impl Write) -> io::Result<()> {
     let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat();
     let object = match item {
         Item::Frame(frame) => {
             let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
-            Found { t_us: at_us, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
+            Found { at, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
         }
         Item::Skipped { bytes, why, .. } => {
-            Found { t_us: at_us, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
+            Found { at, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
         }
     };
     serde_json::to_writer(&mut *out, &object)?;
@@ -133,7 +134,8 @@ fn said(board: &Board, frame: Frame<'_>) -> Option<String> {
 /// One line of JSON. Fields may be added, and never change their meaning.
 #[derive(Serialize)]
 struct Found {
-    t_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
     frame: Option<String>,
     command: Option<String>,
     skipped: Option<String>,

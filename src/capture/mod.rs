@@ -14,7 +14,7 @@ use std::io::{self, Read, Write};
 use std::sync::Arc;
 
 use crate::board::{self, Board, Command, Decoder, Item};
-use crate::timeline::Seconds;
+use crate::units::{Micros, Nanos};
 pub use listing::{Listing, write_json};
 pub use scribe::Scribe;
 use text::Text;
@@ -87,6 +87,7 @@ impl Decoded {
 
 /// Why a stream was not decoded to its end.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DecodeError {
     /// It cannot be read on.
     #[error(transparent)]
@@ -111,14 +112,14 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
             (timed, at) => {
                 // The times that stand there, not those of the line.
                 let timed = timed.get_or_insert_with(|| TimedDecoder::of_times(&reading.board));
-                timed.feed(at.unwrap_or_default(), bytes, |at_us, item| listing.take(Seconds(at_us), item));
+                timed.feed(at.unwrap_or_default(), bytes, |at, item| listing.take(format_args!("{at:.6}"), item));
             }
         }
         listing.failure()
     })?;
     decoder.finish(|item| listing.take(listing.decoded.bytes, item));
     if let Some(timed) = &mut timed {
-        timed.finish(|at_us, item| listing.take(Seconds(at_us), item));
+        timed.finish(|at, item| listing.take(format_args!("{at:.6}"), item));
     }
     listing.end_run();
     listing.failure().map_err(DecodeError::Write)?;
@@ -143,11 +144,11 @@ pub fn transcribe(
     let mut decoded = Decoded::default();
     let mut script = String::new();
     let mut now = Now::default();
-    let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at_us: u64, item: Item<'_>| {
+    let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at: Micros, item: Item<'_>| {
         decoded.count(&board, item);
-        let at_us = now.of(&board, at_us, item);
-        scribe.settle(at_us);
-        scribe.take(at_us, item);
+        let at = now.of(&board, at, item);
+        scribe.settle(at);
+        scribe.take(at, item);
     };
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
@@ -160,14 +161,14 @@ pub fn transcribe(
             }
             TimedDecoder::of_times(&board)
         });
-        frames.feed(at.unwrap_or_default(), bytes, |at_us, item| take(&mut scribe, &mut decoded, at_us, item));
+        frames.feed(at.unwrap_or_default(), bytes, |at, item| take(&mut scribe, &mut decoded, at, item));
         script += &scribe.settled();
         Ok(())
     })?;
     if let Some(frames) = &mut frames {
-        frames.finish(|at_us, item| take(&mut scribe, &mut decoded, at_us, item));
+        frames.finish(|at, item| take(&mut scribe, &mut decoded, at, item));
     }
-    scribe.finish(now.us);
+    scribe.finish(now.at);
     script += &scribe.settled();
     if let Some((at, text)) = scribe.amendment() {
         script.replace_range(at..at + text.len(), text);
@@ -184,26 +185,26 @@ pub fn transcribe(
 /// The time, and what was sent then. A script does not give one thing two values at one time, as texts with coarse times do.
 #[derive(Default)]
 struct Now {
-    us: u64,
+    at: Micros,
     sent: Vec<Command>,
 }
 
 impl Now {
-    /// The time of an item, in microseconds: later than a frame before it that is about the same thing.
-    fn of(&mut self, board: &Board, at_us: u64, item: Item<'_>) -> u64 {
+    /// The time of an item: later than a frame before it that is about the same thing.
+    fn of(&mut self, board: &Board, at: Micros, item: Item<'_>) -> Micros {
         let command = match item {
             Item::Frame(frame) => board.decode_or_raw(frame.bytes()),
             Item::Skipped { .. } => None,
         };
         let clashes = |one: &Command, other: &Command| board.overtakes(one, other) || board.overtakes(other, one);
         let is_later = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
-        let at_us = at_us.max(self.us.saturating_add(u64::from(is_later)));
-        if at_us > self.us {
+        let at = at.max(self.at + Micros(u64::from(is_later)));
+        if at > self.at {
             self.sent.clear();
         }
-        self.us = at_us;
+        self.at = at;
         self.sent.extend(command);
-        at_us
+        at
     }
 }
 
@@ -223,11 +224,11 @@ impl Beside {
     }
 }
 
-/// Reads a capture, and hands its bytes on in pieces, each with the time in nanoseconds at which it came, where that is known.
+/// Reads a capture, and hands its bytes on in pieces, each with the time at which it came, where that is known.
 fn pieces(
     mut input: impl Read,
     mut timing: Option<Timing>,
-    mut sink: impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
+    mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
 ) -> Result<Beside, DecodeError> {
     let mut buffer = vec![0; CHUNK];
     let head = head(&mut input, &mut buffer, timing.is_some())?;
@@ -235,7 +236,7 @@ fn pieces(
     let mut text = Text::of(block);
     loop {
         let mut failed = Ok(());
-        let mut give = |at: Option<u64>, bytes: &[u8]| {
+        let mut give = |at: Option<Nanos>, bytes: &[u8]| {
             if failed.is_ok() {
                 failed = match &mut text {
                     Some(text) => text.feed(bytes, |of_line, bytes| sink(of_line.or(at), bytes)),

@@ -1,19 +1,19 @@
 //! What a program sends, line by line, and the runs of values in which moves are looked for.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::sync::Arc;
 
 use super::curve::{Axes, Point};
 use super::known::{Known, Thing};
 use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
+use crate::units::Micros;
 
-/// Without a drive frame for so long, in microseconds, a drive counts as stopped, as on the virtual board. What the board does when frames
+/// Without a drive frame for so long a drive counts as stopped, as on the virtual board. What the board does when frames
 /// stop is unknown.
-const FED_US: u64 = 500_000;
-/// A move has a value at least so often, in microseconds, and one that changes at least so often.
-const GAP_US: u64 = 100_000;
-pub(super) const STILL_US: u64 = 300_000;
+const FED: Micros = Micros::from_millis(500);
+/// A move has a value at least so often, and one that changes at least so often.
+const GAP: Micros = Micros::from_millis(100);
+pub(super) const STILL: Micros = Micros::from_millis(300);
 /// How many values that repeat the one before are looked at where a move may begin.
 const LEAD: usize = 64;
 /// The most bytes of a run that are shown where they belong to no frame.
@@ -32,7 +32,7 @@ pub(super) enum Came {
 
 /// A line of the script, or none where what came says nothing new.
 pub(super) struct Row {
-    pub(super) at_us: u64,
+    pub(super) at: Micros,
     pub(super) text: Option<String>,
     says: Says,
 }
@@ -40,7 +40,7 @@ pub(super) struct Row {
 /// What a row means for the runs of values.
 enum Says {
     /// A value of a thing, what it had before and since when, and whether that is the same.
-    Value(Thing, Axes, Option<(u64, Axes)>, bool),
+    Value(Thing, Axes, Option<(Micros, Axes)>, bool),
     /// Nothing that was known before holds on.
     Break,
     Other,
@@ -49,31 +49,31 @@ enum Says {
 /// A run of values of one thing, in which moves are looked for.
 pub(super) struct Run {
     pub(super) thing: Thing,
-    pub(super) before: Option<(u64, Axes)>,
+    pub(super) before: Option<(Micros, Axes)>,
     pub(super) points: Vec<Point>,
     /// The row of each point.
     pub(super) rows: Vec<usize>,
     /// When a value came last, and when one that changed.
-    came_us: u64,
-    changed_us: u64,
-    /// When something else takes its thing over, in microseconds.
-    pub(super) until_us: u64,
+    came: Micros,
+    changed: Micros,
+    /// When something else takes its thing over.
+    pub(super) until: Micros,
 }
 
 /// What came, as lines; `known` is what the script has said then. The time is that up to which everything has come.
-pub(super) fn rows(known: &mut Known, waiting: &[(u64, Came)], exact: bool, now_us: u64, is_last: bool) -> Vec<Row> {
+pub(super) fn rows(known: &mut Known, waiting: &[(Micros, Came)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
     let mut rows = Vec::with_capacity(waiting.len());
-    for (at_us, came) in waiting {
-        starve(known, &mut rows, exact, *at_us);
-        let (text, says) = row(known, came, exact, *at_us);
-        rows.push(Row { at_us: *at_us, text, says });
+    for (at, came) in waiting {
+        starve(known, &mut rows, exact, *at);
+        let (text, says) = row(known, came, exact, *at);
+        rows.push(Row { at: *at, text, says });
     }
-    starve(known, &mut rows, exact, now_us);
+    starve(known, &mut rows, exact, now);
     // What was fed until now stops with the script, which would otherwise end where it was last told something else.
     if is_last && !exact {
-        for (resource, fed_us, rest) in known.fed() {
+        for (resource, fed, rest) in known.fed() {
             let text = Some(format!("{}  # the recording ends here", known.board.show(&rest)));
-            rows.push(Row { at_us: now_us.max(fed_us + 1_000), text, says: Says::Break });
+            rows.push(Row { at: now.max(fed + Micros::from_millis(1)), text, says: Says::Break });
             known.starve(resource);
         }
     }
@@ -81,21 +81,21 @@ pub(super) fn rows(known: &mut Known, waiting: &[(u64, Came)], exact: bool, now_
 }
 
 /// Stops what got no frames until now: played, the script would feed it, and the program did not.
-fn starve(known: &mut Known, rows: &mut Vec<Row>, exact: bool, now_us: u64) {
+fn starve(known: &mut Known, rows: &mut Vec<Row>, exact: bool, now: Micros) {
     if exact {
         return;
     }
-    for (_, fed_us, rest) in known.fed() {
-        let stopped_us = fed_us.saturating_add(FED_US);
-        if stopped_us < now_us {
-            let text = format!("{}  # no drive frame came for {}", known.board.show(&rest), Time(FED_US));
-            rows.push(Row { at_us: stopped_us, text: Some(text), says: Says::Break });
-            known.set(stopped_us, &rest);
+    for (_, fed, rest) in known.fed() {
+        let stopped = fed + FED;
+        if stopped < now {
+            let text = format!("{}  # no drive frame came for {FED}s", known.board.show(&rest));
+            rows.push(Row { at: stopped, text: Some(text), says: Says::Break });
+            known.set(stopped, &rest);
         }
     }
 }
 
-fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<String>, Says) {
+fn row(known: &mut Known, came: &Came, exact: bool, at: Micros) -> (Option<String>, Says) {
     let board = Arc::clone(&known.board);
     let command = match came {
         Came::Note(words) => return (Some(format!("# {words}")), Says::Break),
@@ -118,7 +118,7 @@ fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<Strin
     if let Some((thing, axes)) = Thing::of(&board, command) {
         let before = known.value(thing);
         let repeats = !exact && known.repeats(thing, axes);
-        known.set(at_us, command);
+        known.set(at, command);
         return ((!repeats).then_some(said), Says::Value(thing, axes, before, repeats));
     }
     if board.is_opaque(command) {
@@ -146,14 +146,14 @@ fn row(known: &mut Known, came: &Came, exact: bool, at_us: u64) -> (Option<Strin
     if !exact && occupied.iter().any(has_rest) {
         return (None, Says::Other);
     }
-    known.set(at_us, command);
+    known.set(at, command);
     (Some(said), Says::Other)
 }
 
 /// From a moment on, the thing of a run is moved by something else.
-fn end(runs: &mut [Run], run: usize, at_us: u64) {
+fn end(runs: &mut [Run], run: usize, at: Micros) {
     if let Some(run) = runs.get_mut(run) {
-        run.until_us = at_us;
+        run.until = at;
     }
 }
 
@@ -163,12 +163,12 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     // The last values of each thing that repeat what it had, with their rows.
     let mut still: BTreeMap<Thing, Vec<(usize, Point)>> = BTreeMap::new();
     let mut open: BTreeMap<Thing, usize> = BTreeMap::new();
-    for (at, Row { at_us, says, .. }) in rows.iter().enumerate() {
+    for (place, Row { at, says, .. }) in rows.iter().enumerate() {
         let (thing, axes, before, repeats) = match says {
             Says::Other => continue,
             Says::Break => {
                 for run in std::mem::take(&mut open).into_values() {
-                    end(&mut runs, run, *at_us);
+                    end(&mut runs, run, *at);
                 }
                 still.clear();
                 continue;
@@ -178,24 +178,24 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
         open.retain(|other, run| {
             let stays = *other == thing || !other.meets(board, thing);
             if !stays {
-                end(&mut runs, *run, *at_us);
+                end(&mut runs, *run, *at);
             }
             stays
         });
         still.retain(|other, _| *other == thing || !other.meets(board, thing));
-        let point = Point { at_us: *at_us, axes, repeats };
+        let point = Point { at: *at, axes, repeats };
         let run = open.get(&thing).and_then(|run| runs.get_mut(*run));
-        let goes_on = |run: &&mut Run| *at_us <= run.came_us + GAP_US && *at_us <= run.changed_us + STILL_US;
+        let goes_on = |run: &&mut Run| *at <= run.came + GAP && *at <= run.changed + STILL;
         if let Some(run) = run.filter(goes_on) {
             run.points.push(point);
-            run.rows.push(at);
-            run.came_us = *at_us;
-            run.changed_us = if repeats { run.changed_us } else { *at_us };
+            run.rows.push(place);
+            run.came = *at;
+            run.changed = if repeats { run.changed } else { *at };
             continue;
         }
         let still = still.entry(thing).or_default();
         if let Some(run) = open.remove(&thing) {
-            end(&mut runs, run, *at_us);
+            end(&mut runs, run, *at);
             // It may have stood still at its end.
             if let Some(run) = runs.get(run) {
                 let repeats = run.points.iter().rev().take_while(|point| point.repeats).count();
@@ -204,14 +204,14 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
             }
         }
         if repeats {
-            still.push((at, point));
+            still.push((place, point));
             continue;
         }
         let lead = std::mem::take(still);
         let far = lead.len().saturating_sub(LEAD);
-        let (rows, points) = lead.into_iter().skip(far).chain([(at, point)]).unzip();
+        let (rows, points) = lead.into_iter().skip(far).chain([(place, point)]).unzip();
         open.insert(thing, runs.len());
-        runs.push(Run { thing, before, points, rows, came_us: *at_us, changed_us: *at_us, until_us: u64::MAX });
+        runs.push(Run { thing, before, points, rows, came: *at, changed: *at, until: Micros::MAX });
     }
     runs
 }
@@ -220,19 +220,5 @@ pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Came {
     match board.decode(frame.bytes()) {
         Ok(command) => Came::Command(command),
         Err(why) => Came::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why),
-    }
-}
-
-/// Microseconds, as a script writes them.
-pub(super) struct Time(pub(super) u64);
-
-impl fmt::Display for Time {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (seconds, micros) = (self.0 / 1_000_000, self.0 % 1_000_000);
-        if micros == 0 {
-            return write!(f, "{seconds}s");
-        }
-        let digits = format!("{micros:06}");
-        write!(f, "{seconds}.{}s", digits.trim_end_matches('0'))
     }
 }

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use super::curve::Room;
 use super::fold::{Course, Easings};
 use super::known::{Known, Thing};
-use super::rows::{Came, Row, Run, SHOWN, STILL_US, Time, of_frame, rows, runs};
+use super::rows::{Came, Row, Run, SHOWN, STILL, of_frame, rows, runs};
 use crate::board::{Board, Command, Item, ProperLimit};
 use crate::program::Ease;
+use crate::units::Micros;
 
 /// A line of so many bits a second carries the samples of all moves at once, which are less than 2,500 bytes a second.
 const AMPLE: u32 = 38_400;
@@ -23,13 +24,13 @@ pub struct Scribe {
     exact: bool,
     easings: Easings,
     text: String,
-    /// Which time of the stream is time 0 of the script, in microseconds: that of the first frame.
-    begin_us: Option<u64>,
-    waiting: Vec<(u64, Came)>,
+    /// Which time of the stream is time 0 of the script: that of the first frame.
+    begin: Option<Micros>,
+    waiting: Vec<(Micros, Came)>,
     known: Known,
     frames: u64,
-    /// The time of the last line, in microseconds of the stream.
-    settled_us: u64,
+    /// The time of the last line, in the time of the stream.
+    settled: Micros,
     bounds: Bounds,
     /// Whether the line may be too slow for the samples of moves.
     is_scarce: bool,
@@ -91,11 +92,11 @@ impl Scribe {
             exact,
             easings: Easings::new(),
             text,
-            begin_us: None,
+            begin: None,
             waiting: Vec::new(),
             known: Known::new(board),
             frames: 0,
-            settled_us: 0,
+            settled: Micros::ZERO,
             bounds,
             is_scarce: baud < AMPLE,
         }
@@ -124,8 +125,8 @@ impl Scribe {
         std::mem::take(&mut self.bounds.is_amended).then_some((self.bounds.at, &*self.bounds.lines))
     }
 
-    /// Takes what a decoder has found, and when it began, in microseconds. Time does not go back.
-    pub fn take(&mut self, at_us: u64, item: Item<'_>) {
+    /// Takes what a decoder has found, and when it began. Time does not go back.
+    pub fn take(&mut self, at: Micros, item: Item<'_>) {
         let came = match item {
             Item::Frame(frame) => {
                 self.frames += 1;
@@ -148,7 +149,7 @@ impl Scribe {
                 Came::Skipped(bytes.iter().take(SHOWN).copied().collect(), bytes.len(), why)
             }
         };
-        self.push(at_us, came);
+        self.push(at, came);
     }
 
     /// Whether a command goes beyond a limit that holds where a script sets none.
@@ -161,32 +162,32 @@ impl Scribe {
     }
 
     /// Writes a comment.
-    pub fn note(&mut self, at_us: u64, words: &str) {
-        self.push(at_us, Came::Note(words.to_owned()));
+    pub fn note(&mut self, at: Micros, words: &str) {
+        self.push(at, Came::Note(words.to_owned()));
     }
 
-    fn push(&mut self, at_us: u64, came: Came) {
+    fn push(&mut self, at: Micros, came: Came) {
         let is_frame = matches!(came, Came::Command(_) | Came::Unknown(..));
         if is_frame {
-            self.begin_us.get_or_insert(at_us);
+            self.begin.get_or_insert(at);
         }
-        self.waiting.push((at_us, came));
+        self.waiting.push((at, came));
         if self.waiting.len() >= WAITING {
-            self.write_waiting(WAITING, at_us, false);
+            self.write_waiting(WAITING, at, false);
         }
     }
 
     /// Writes what cannot change any more, now that it is so late.
-    pub fn settle(&mut self, now_us: u64) {
+    pub fn settle(&mut self, now: Micros) {
         // What moves, or may be about to, is waited for; and so is what may be the end.
-        let moves = |(at_us, came): &(u64, Came)| {
+        let moves = |(at, came): &(Micros, Came)| {
             let is_thing = matches!(came, Came::Command(command) if Thing::of(&self.known.board, command).is_some());
-            is_thing && at_us.saturating_add(STILL_US) >= now_us
+            is_thing && *at + STILL >= now
         };
         if self.exact {
-            self.write_waiting(self.waiting.len() - self.closing(), now_us, false);
+            self.write_waiting(self.waiting.len() - self.closing(), now, false);
         } else if !self.waiting.iter().rev().any(moves) {
-            self.write_waiting(self.waiting.len(), now_us, false);
+            self.write_waiting(self.waiting.len(), now, false);
         }
     }
 
@@ -199,26 +200,26 @@ impl Scribe {
     /// What is not settled yet, as plain lines: how the script would end here.
     pub fn tail(&self) -> String {
         let mut text = String::new();
-        let now_us = self.waiting.last().map_or(self.settled_us, |(at_us, _)| *at_us);
-        let rows = rows(&mut self.known.clone(), &self.waiting, self.exact, now_us, true);
-        self.print(rows.into_iter().filter_map(|row| Some((row.at_us, row.text?))), &mut text);
+        let now = self.waiting.last().map_or(self.settled, |(at, _)| *at);
+        let rows = rows(&mut self.known.clone(), &self.waiting, self.exact, now, true);
+        self.print(rows.into_iter().filter_map(|row| Some((row.at, row.text?))), &mut text);
         text
     }
 
-    /// Ends the script, at a time in microseconds.
-    pub fn finish(&mut self, now_us: u64) {
+    /// Ends the script, at a time.
+    pub fn finish(&mut self, now: Micros) {
         if self.exact {
-            self.write_waiting(self.waiting.len() - self.closing(), now_us, false);
+            self.write_waiting(self.waiting.len() - self.closing(), now, false);
         }
         // A script with `raw` has both at its end by itself.
-        if let (true, true, Some((at_us, _))) = (self.exact, self.known.has_raw, self.waiting.first()) {
-            let end = [(*at_us, "mark end".to_owned())];
+        if let (true, true, Some((at, _))) = (self.exact, self.known.has_raw, self.waiting.first()) {
+            let end = [(*at, "mark end".to_owned())];
             self.waiting.clear();
             let mut text = std::mem::take(&mut self.text);
             self.print(end.into_iter(), &mut text);
             self.text = text;
         }
-        self.write_waiting(self.waiting.len(), now_us, true);
+        self.write_waiting(self.waiting.len(), now, true);
     }
 
     /// How many frames have come.
@@ -241,40 +242,45 @@ impl Scribe {
     }
 
     /// Writes the first of what waits; `is_last` where nothing follows.
-    fn write_waiting(&mut self, count: usize, now_us: u64, is_last: bool) {
+    fn write_waiting(&mut self, count: usize, now: Micros, is_last: bool) {
         let waiting: Vec<_> = self.waiting.drain(..count).collect();
-        let mut rows = rows(&mut self.known, &waiting, self.exact, now_us, is_last);
-        let (mut moves, mut settled_us) = (Vec::new(), 0);
+        let mut rows = rows(&mut self.known, &waiting, self.exact, now, is_last);
+        let (mut moves, mut settled) = (Vec::new(), Micros::ZERO);
         if !self.exact {
             // When the moves of each thing have ended.
-            let mut ended: Vec<(Thing, u64)> = Vec::new();
+            let mut ended: Vec<(Thing, Micros)> = Vec::new();
             let board = Arc::clone(&self.known.board);
             for mut run in runs(&board, &rows) {
-                run.until_us = run.until_us.min(now_us);
-                let busy = ended.iter().filter(|(thing, _)| thing.meets(&board, run.thing)).map(|(_, us)| *us);
-                let free_us = busy.chain([self.settled_us]).max().unwrap_or_default();
-                ended.extend(self.fold(&run, free_us, &mut rows, &mut moves).map(|us| (run.thing, us)));
+                run.until = run.until.min(now);
+                let busy = ended.iter().filter(|(thing, _)| thing.meets(&board, run.thing)).map(|(_, at)| *at);
+                let free = busy.chain([self.settled]).max().unwrap_or_default();
+                ended.extend(self.fold(&run, free, &mut rows, &mut moves).map(|at| (run.thing, at)));
             }
-            settled_us = ended.iter().map(|(_, us)| *us).max().unwrap_or_default();
+            settled = ended.iter().map(|(_, at)| *at).max().unwrap_or_default();
         }
-        self.settled_us =
-            rows.iter().map(|row| row.at_us).chain([self.settled_us, settled_us]).max().unwrap_or_default();
-        let lines = rows.into_iter().enumerate().filter_map(|(at, row)| Some((row.at_us, at, row.text?)));
+        self.settled = rows.iter().map(|row| row.at).chain([self.settled, settled]).max().unwrap_or_default();
+        let lines = rows.into_iter().enumerate().filter_map(|(place, row)| Some((row.at, place, row.text?)));
         let mut lines: Vec<_> = lines.chain(moves).collect();
-        lines.sort_by_key(|(at_us, at, _)| (*at_us, *at));
+        lines.sort_by_key(|(at, place, _)| (*at, *place));
         let mut text = std::mem::take(&mut self.text);
-        self.print(lines.into_iter().map(|(at_us, _, text)| (at_us, text)), &mut text);
+        self.print(lines.into_iter().map(|(at, _, text)| (at, text)), &mut text);
         self.text = text;
     }
 
     /// Takes the rows of every move in a run away, and gives the lines that say the moves, each with its time and the row whose place it
-    /// takes. Says when the last of them ends; none begins before `free_us`.
-    fn fold(&self, run: &Run, free_us: u64, rows: &mut [Row], lines: &mut Vec<(u64, usize, String)>) -> Option<u64> {
-        let before = run.before.map(|(since_us, axes)| (since_us.max(free_us), axes));
+    /// takes. Says when the last of them ends; none begins before `free`.
+    fn fold(
+        &self,
+        run: &Run,
+        free: Micros,
+        rows: &mut [Row],
+        lines: &mut Vec<(Micros, usize, String)>,
+    ) -> Option<Micros> {
+        let before = run.before.map(|(since, axes)| (since.max(free), axes));
         let board = &self.known.board;
         let room = Room { is_scarce: self.is_scarce, ..run.thing.room(board, self.bounds.is_wide) };
-        let folds = self.easings.folds(&Course::new(&run.points, run.until_us, room), before);
-        let ends_us = folds.last().map(|fold| fold.to_us);
+        let folds = self.easings.folds(&Course::new(&run.points, run.until, room), before);
+        let ends = folds.last().map(|fold| fold.to_at);
         let mut ended = None;
         for fold in folds {
             let covered = fold.first.unwrap_or(0)..=fold.last;
@@ -293,24 +299,24 @@ impl Scribe {
                 }
             }
             let mut text = run.thing.moved(board, said, fold.from, end.axes);
-            let _ = write!(text, " over {}", Time(fold.to_us - fold.from_us));
+            let _ = write!(text, " over {}s", fold.to_at - fold.from_at);
             if fold.ease != Ease::LINEAR {
                 let _ = write!(text, " ease {}", fold.ease.name());
             }
-            lines.push((fold.from_us, *place, text));
+            lines.push((fold.from_at, *place, text));
             ended = Some(fold.last);
         }
-        ends_us
+        ends
     }
 
     /// Writes lines, each with its time; a comment stands alone.
-    fn print(&self, lines: impl Iterator<Item = (u64, String)>, text: &mut String) {
-        let begin_us = self.begin_us.unwrap_or_default();
-        for (at_us, line) in lines {
-            let at = Time(at_us.saturating_sub(begin_us));
+    fn print(&self, lines: impl Iterator<Item = (Micros, String)>, text: &mut String) {
+        let begin = self.begin.unwrap_or_default();
+        for (at, line) in lines {
+            let at = at - begin;
             let _ = match line.strip_prefix("# ") {
-                Some(comment) => writeln!(text, "# {at}: {comment}"),
-                None => writeln!(text, "at {at} {line}"),
+                Some(comment) => writeln!(text, "# {at}s: {comment}"),
+                None => writeln!(text, "at {at}s {line}"),
             };
         }
     }

@@ -5,11 +5,11 @@ use std::io;
 
 use serde::Deserialize;
 
-use super::timing::nanos;
 use crate::timeline::Snapshot;
+use crate::units::{Micros, Nanos};
 
-/// A later time is one since 1970, in nanoseconds.
-const SINCE_1970: u64 = 100_000_000 * 1_000_000_000;
+/// A later time is one since 1970.
+const SINCE_1970: Nanos = Micros::SECOND.saturating_mul(100_000_000).nanos();
 
 /// A longer line is read in pieces.
 const LINE: usize = 64 * 1024;
@@ -36,9 +36,9 @@ pub(super) struct Text {
     aborts: u64,
     /// The speed of the line, in bits a second, where a snapshot says it.
     baud: Option<u32>,
-    /// The time of the last line that had one, and what times count from, in nanoseconds.
-    at: Option<u64>,
-    base: Option<u64>,
+    /// The time of the last line that had one, and what times count from.
+    at: Option<Nanos>,
+    base: Option<Nanos>,
     /// Room for the bytes of a block.
     bytes: Vec<u8>,
 }
@@ -67,11 +67,11 @@ impl Text {
         (begins_with_hex && block.iter().all(is_text)).then(Self::default)
     }
 
-    /// Takes a block, and gives the bytes of every line that is whole; with the time, in nanoseconds, where it says one.
+    /// Takes a block, and gives the bytes of every line that is whole; with the time where it says one.
     pub(super) fn feed(
         &mut self,
         block: &[u8],
-        mut sink: impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
+        mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
     ) -> io::Result<()> {
         let mut bytes = std::mem::take(&mut self.bytes);
         for piece in block.split_inclusive(|&byte| byte == b'\n') {
@@ -90,7 +90,7 @@ impl Text {
     }
 
     /// Takes what stands in the last line, which nothing ends.
-    pub(super) fn finish(&mut self, mut sink: impl FnMut(Option<u64>, &[u8]) -> io::Result<()>) -> io::Result<()> {
+    pub(super) fn finish(&mut self, mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>) -> io::Result<()> {
         let mut bytes = Vec::new();
         self.end_line(&mut bytes, &mut sink)?;
         if bytes.is_empty() { Ok(()) } else { sink(self.at, &bytes) }
@@ -100,7 +100,7 @@ impl Text {
     fn end_line(
         &mut self,
         bytes: &mut Vec<u8>,
-        sink: &mut impl FnMut(Option<u64>, &[u8]) -> io::Result<()>,
+        sink: &mut impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
     ) -> io::Result<()> {
         let line = std::mem::take(&mut self.line);
         self.comment(line.trim_ascii());
@@ -117,8 +117,8 @@ impl Text {
                 bytes.clear();
             }
             // Times since 1970 count from the first one.
-            let base = *self.base.get_or_insert(if at > SINCE_1970 { at } else { 0 });
-            self.at = Some(at.saturating_sub(base));
+            let base = *self.base.get_or_insert(if at > SINCE_1970 { at } else { Nanos::ZERO });
+            self.at = Some(at - base);
         }
         match logged {
             Some(logged) => self.digits(&logged.digits, bytes),
@@ -263,9 +263,9 @@ fn is_told(line: &[u8]) -> bool {
     !line.is_empty() && !line.starts_with(b"#")
 }
 
-/// A line that names bytes, and perhaps when they came, in nanoseconds.
+/// A line that names bytes, and perhaps when they came.
 struct Logged<'l> {
-    at: Option<u64>,
+    at: Option<Nanos>,
     digits: Cow<'l, [u8]>,
 }
 
@@ -284,7 +284,7 @@ impl<'l> Logged<'l> {
     fn of_listing(line: &'l [u8]) -> Option<Self> {
         let mut columns = line.split(|&byte| byte == b'\t');
         let (first, frame, more) = (columns.next()?, columns.next()?, columns.next());
-        let at = first.contains(&b'.').then(|| nanos(std::str::from_utf8(first).ok()?)).flatten();
+        let at = first.contains(&b'.').then(|| Nanos::from_seconds(std::str::from_utf8(first).ok()?)).flatten();
         let is_position = more.is_some() && first.iter().all(u8::is_ascii_digit);
         let frame = frame.strip_suffix(" …".as_bytes()).unwrap_or(frame);
         (at.is_some() || is_position).then_some(Logged { at, digits: Cow::Borrowed(frame) })
@@ -293,7 +293,7 @@ impl<'l> Logged<'l> {
     /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123 [3] 11 22 33`.
     fn of_candump(line: &'l [u8]) -> Option<Self> {
         let (at, rest) = std::str::from_utf8(line).ok()?.strip_prefix('(')?.split_once(')')?;
-        let at = nanos(at.trim())?;
+        let at = Nanos::from_seconds(at.trim())?;
         let digits = if let Some((_, data)) = rest.split_once('#') {
             // Behind the second # of a longer frame stands a digit of flags.
             data.strip_prefix('#').map_or(data, |data| data.get(1..).unwrap_or_default())
@@ -317,7 +317,7 @@ impl<'l> Logged<'l> {
         }
         let Line { t_us, frame, skipped } = serde_json::from_slice(line).ok()?;
         let digits = frame.or(skipped)?.into_bytes();
-        Some(Logged { at: Some(t_us.saturating_mul(1_000)), digits: Cow::Owned(digits) })
+        Some(Logged { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits) })
     }
 }
 

@@ -1,10 +1,12 @@
 //! When the bytes of a capture came, as `script --log-timing` writes it down for scriptreplay.
 
-/// How many bytes came, and when, in nanoseconds from the start.
+use crate::units::Nanos;
+
+/// How many bytes came, and when, from the start.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
     /// In the order of time.
-    pieces: Vec<(u64, u64)>,
+    pieces: Vec<(Nanos, u64)>,
 }
 
 /// A line of a timing file that is none.
@@ -16,8 +18,8 @@ impl Timing {
     /// Reads the lines of a timing file: `DELAY COUNT`, or with the stream before it, `O DELAY COUNT` for what came out and `I` for what
     /// went in. Of a file with both, those belong to a capture of so many bytes that add up to them; to one of another length, all.
     pub fn read(text: &str, length: Option<u64>) -> Result<Self, NoTiming> {
-        let mut pieces: Vec<(Option<char>, u64, u64)> = Vec::new();
-        let mut now = 0_u64;
+        let mut pieces: Vec<(Option<char>, Nanos, u64)> = Vec::new();
+        let mut now = Nanos::ZERO;
         for (number, line) in (1..).zip(text.lines()) {
             let mut words = line.split_ascii_whitespace().peekable();
             let Some(first) = words.peek() else { continue };
@@ -26,7 +28,7 @@ impl Timing {
                 words.next();
             }
             let mut next = || words.next().ok_or(NoTiming(number));
-            now = now.saturating_add(nanos(next()?).ok_or(NoTiming(number))?);
+            now += Nanos::from_seconds(next()?).ok_or(NoTiming(number))?;
             // Headers and signals have no bytes.
             if stream.is_none_or(|stream| matches!(stream, 'I' | 'O')) {
                 pieces.push((stream, now, next()?.parse().map_err(|_| NoTiming(number))?));
@@ -41,12 +43,12 @@ impl Timing {
 
     /// Cuts the next bytes of the capture where the times change, and hands each piece on with its time. What comes behind the last line
     /// counts to it.
-    pub(super) fn cut<'b>(&mut self, mut bytes: &'b [u8], mut sink: impl FnMut(u64, &'b [u8])) {
+    pub(super) fn cut<'b>(&mut self, mut bytes: &'b [u8], mut sink: impl FnMut(Nanos, &'b [u8])) {
         let mut done = 0;
         while !bytes.is_empty() {
             let is_last = done + 1 >= self.pieces.len();
             let Some((at, left)) = self.pieces.get_mut(done) else {
-                sink(0, bytes);
+                sink(Nanos::ZERO, bytes);
                 return;
             };
             let count = usize::try_from(*left).unwrap_or(usize::MAX);
@@ -60,14 +62,4 @@ impl Timing {
         }
         self.pieces.drain(..done);
     }
-}
-
-/// Seconds with decimals, in nanoseconds.
-pub(super) fn nanos(text: &str) -> Option<u64> {
-    let (seconds, decimals) = text.split_once('.').unwrap_or((text, ""));
-    if seconds.is_empty() || !text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.') {
-        return None;
-    }
-    let decimals: String = decimals.chars().chain("000000000".chars()).take(9).collect();
-    seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(decimals.parse().ok()?)
 }

@@ -10,6 +10,7 @@ use motionseq::link::{Door, DoorError};
 use motionseq::playback::Signals;
 use motionseq::serve::{End, ServeError, Server};
 use motionseq::sim::{Faults, Settings, VirtualBoard, volts};
+use motionseq::units::{Micros, NotATime};
 
 use super::Reading;
 use super::ending::board_summary;
@@ -42,7 +43,7 @@ pub(super) struct Board {
     fault: Option<Faults>,
     /// How often the virtual board reports, from 10ms to 10s, once it was asked to
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
-    report_every: u64,
+    report_every: Micros,
     /// Write all that happens to this MCAP file, too: frames, state, pose, telemetry; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -55,11 +56,11 @@ pub(super) fn battery(text: &str) -> Result<Hundredths, String> {
     volts(text.strip_suffix('V').unwrap_or(text)).ok_or_else(|| "write volts from 0V to 100V, such as 11.4V".to_owned())
 }
 
-/// Reads the time between two reports; gives microseconds.
-pub(super) fn report_every(text: &str) -> Result<u64, String> {
-    let micros = super::show::time(text)?.micros();
-    let is_fine = (10_000..=10_000_000).contains(&micros);
-    is_fine.then_some(micros).ok_or_else(|| "write a time from 10ms to 10s, such as 100ms".to_owned())
+/// Reads the time between two reports.
+pub(super) fn report_every(text: &str) -> Result<Micros, String> {
+    let time: Micros = text.parse().map_err(|error: NotATime| error.to_string())?;
+    let is_fine = (Micros::from_millis(10)..=Micros::from_millis(10_000)).contains(&time);
+    is_fine.then_some(time).ok_or_else(|| "write a time from 10ms to 10s, such as 100ms".to_owned())
 }
 
 impl Board {
@@ -76,7 +77,8 @@ impl Board {
         let signals = begin(screen)?;
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
         let faults = self.fault.clone().unwrap_or_default();
-        let settings = Settings { battery: self.battery, report_us: self.report_every, faults, ..Settings::default() };
+        let settings =
+            Settings { battery: self.battery, report_every: self.report_every, faults, ..Settings::default() };
         let board = VirtualBoard::new(self.reading.board(), settings);
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
@@ -107,7 +109,7 @@ pub(super) fn serve_board(
 ) -> (Exit, Option<Tape>) {
     let family = Arc::clone(board.family());
     let mut server = Server::of_board(door, board, baud, Some(signals));
-    let ended = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
+    let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     let received = server.received();
     let tape = watcher.end();
     let exit = match ended {
@@ -142,6 +144,6 @@ pub(super) fn refused(error: &DoorError, screen: &Screen) -> Exit {
             screen.ask("choose another path, or take away what is there; nothing was changed");
             Exit::Usage
         }
-        DoorError::Refused { .. } => Exit::Usage,
+        _ => Exit::Usage,
     }
 }

@@ -13,7 +13,7 @@ use motionseq::verify::{expectation, expected_error};
 use super::exit::Exit;
 use super::find::find;
 use super::output;
-use super::screen::{Screen, Warnings, plural, seconds};
+use super::screen::{Screen, Warnings, plural};
 use super::{Deny, Options, read, read_source, repository};
 
 /// Check scripts: show every error and warning, send nothing
@@ -106,7 +106,7 @@ impl Check {
             match compiled.timeline {
                 Some(timeline) if !denied => {
                     let frames = plural(timeline.events().len(), "frame");
-                    screen.note(&format!("{}: ok, {frames} in {} s", sources.main().name(), seconds(timeline.end_us)));
+                    screen.note(&format!("{}: ok, {frames} in {:.3} s", sources.main().name(), timeline.end));
                     if screen.is_verbose() {
                         for line in load(&timeline, &sources) {
                             screen.note(&line);
@@ -179,14 +179,13 @@ fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
         let (at, bytes) = busiest.map_or((0, 0), |(at, bytes)| (at, *bytes));
         lines.push(format!("  and {} s more; the busiest is {at} s with {bytes} bytes", load.len() - second));
     }
-    if let Some((at, late_us)) = worst
+    if let Some((at, late)) = worst
         && let Some(event) = timeline.events().get(at)
     {
         let origin = timeline.origin(event, sources, &Lines::of(sources));
-        let late = format!("{}.{:03} ms", late_us / 1_000, late_us % 1_000);
-        let when = seconds(event.at_us);
+        let (late, when) = (late.in_millis(), event.at);
         let said = timeline.board.show(&event.command);
-        lines.push(format!("  longest wait for the line: {late}, `{said}` at {when} s ({origin})"));
+        lines.push(format!("  longest wait for the line: {late:.3} ms, `{said}` at {when:.3} s ({origin})"));
     }
     lines
 }

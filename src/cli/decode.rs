@@ -101,6 +101,10 @@ impl Decode {
             }
             Err(DecodeError::Write(error)) => output::exit(Err(error), self.output.as_deref(), screen),
             Err(DecodeError::Read(error)) => self.unreadable(&error, screen),
+            Err(error) => {
+                screen.error(&error.to_string());
+                Exit::Script
+            }
         }
     }
 

@@ -12,14 +12,15 @@ use motionseq::serve::Served;
 use motionseq::sim::Received;
 use motionseq::source::{Sources, Span};
 use motionseq::timeline::Timeline;
-use motionseq::timeline::wire::load;
+use motionseq::timeline::wire::{LATE, load};
+use motionseq::units::Micros;
 
 use super::exit::Exit;
 use super::log::Level;
 use super::news::Told;
 use super::notes::{Asking, Facts, Notes};
 use super::replace::Replacement;
-use super::screen::{PATIENCE, Screen, plural, seconds};
+use super::screen::{PATIENCE, Screen, plural};
 use super::start_thread;
 
 /// How long it waits for the thread that has heard the run; it has nothing to do but to write down what it has heard.
@@ -94,7 +95,7 @@ impl End<'_> {
             0 => "everything was sent".to_owned(),
             dropped => format!("everything was sent but {}, which newer ones had overtaken", plural(dropped, "frame")),
         };
-        let line_us = load(timeline).worst.map_or(0, |(_, late_us)| late_us);
+        let line_late = load(timeline).worst.map_or(Micros::ZERO, |(_, late)| late);
         let Told { recorded, report: last, notes, log } = news.recv_timeout(NEWS).unwrap_or_else(|_| {
             let failed = Err(io::Error::other("the thread that keeps it failed"));
             Told { recorded: failed, report: None, notes: Notes::new(), log: None }
@@ -108,8 +109,8 @@ impl End<'_> {
                 exit: exit.code(),
                 not_noted: lost.notices,
                 place: ending.as_ref().and_then(|_| place_of(timeline, &outcome)),
-                line_us,
-                end_us: timeline.end_us,
+                line_late,
+                end: timeline.end,
                 run: &run,
             };
             // Where nobody takes it, that is said below.
@@ -136,17 +137,16 @@ impl End<'_> {
             }
         }
         summary(&screen, &timeline.board, &outcome, last);
-        if line_us > LINE_LATE_US {
+        if line_late > LATE {
             screen.note(&format!(
-                "a line of {} baud carries a frame up to {}.{} ms later than that",
+                "a line of {} baud carries a frame up to {} later than that",
                 timeline.baud,
-                line_us / 1_000,
-                line_us / 100 % 10
+                line_late.short()
             ));
         }
         board_end(&screen, &timeline.board, board);
         if let Some((mut log, timeline)) = log {
-            log.pass_marks(&timeline, outcome.at_us);
+            log.pass_marks(&timeline, outcome.at);
             match &ending {
                 None => log.log.line(now(), Level::Info, whole),
                 Some((_, line)) => log.log.line(now(), Level::Error, line),
@@ -179,9 +179,6 @@ impl End<'_> {
     }
 }
 
-/// How late frames may leave on the line before that is said: what `wire-late` warns of, in microseconds.
-const LINE_LATE_US: u64 = 5_000;
-
 /// What became of the virtual board.
 fn board_end(screen: &Screen, board: &Board, served: Option<Served>) {
     match served.map(|served| served.join(PATIENCE)) {
@@ -194,7 +191,6 @@ fn board_end(screen: &Screen, board: &Board, served: Option<Served>) {
 
 fn summary(screen: &Screen, board: &Board, outcome: &Outcome, report: Option<Report>) {
     let frames = plural(outcome.sent, "frame");
-    let worst = outcome.worst_late / 1_000;
     let dropped = match outcome.dropped {
         0 => String::new(),
         count => format!(", {count} dropped"),
@@ -204,10 +200,9 @@ fn summary(screen: &Screen, board: &Board, outcome: &Outcome, report: Option<Rep
         count => format!(", and {} of stops, pauses and `on abort`", plural(count, "frame")),
     };
     screen.note(&format!(
-        "sent {frames}{dropped} in {} s{extra}; the worst was {}.{:03} ms late",
-        seconds(outcome.at_us),
-        worst / 1_000,
-        worst % 1_000
+        "sent {frames}{dropped} in {:.3} s{extra}; the worst was {:.3} ms late",
+        outcome.at,
+        outcome.worst_late.in_millis()
     ));
     if let Some(report) = report {
         screen.note(&format!("last report of the board: {}", board.report(&report)));
@@ -287,7 +282,7 @@ fn exit_code(outcome: &Outcome) -> Exit {
         Cause::Stalled => Exit::Stalled,
         Cause::Late(_) => Exit::Late,
         Cause::Expect(_) => Exit::Expect,
-        Cause::Unguarded | Cause::Panicked => Exit::Failed,
+        _ => Exit::Failed,
     }
 }
 
@@ -300,13 +295,13 @@ fn early_end(sources: &Sources, timeline: &Timeline, outcome: &Outcome) -> Optio
         Cause::Lost(None) => "the port hung up".into(),
         Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
         Cause::Stalled => "the port stopped taking bytes".into(),
-        Cause::Late(late) => format!("a frame was {} ms late", late / 1_000_000),
+        Cause::Late(late) => format!("a frame was {:.0} ms late", late.in_millis()),
         Cause::Expect(verdict) => timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
         Cause::Unguarded => "the guard of this run was lost".into(),
-        Cause::Panicked => "motionseq failed, which is a bug".into(),
+        _ => "motionseq failed, which is a bug".into(),
     };
     let place = place_of(timeline, outcome).map(|span| sources.place(span).to_string());
-    let line = closing_line(&cause, place, outcome.at_us, stop_words(outcome.stop));
+    let line = closing_line(&cause, place, outcome.at, stop_words(outcome.stop));
     Some((cause, line))
 }
 
@@ -322,15 +317,15 @@ fn place_of(timeline: &Timeline, outcome: &Outcome) -> Option<Span> {
 /// What became of the robot, for the end of a closing line.
 pub(super) fn stop_words(stop: Stop) -> &'static str {
     match stop {
-        Stop::NotSent => "stop: NOT SENT - cut the power",
         Stop::Sent | Stop::NotNeeded => "stop: sent",
+        _ => "stop: NOT SENT - cut the power",
     }
 }
 
 /// What happened, where in the script, when, and what became of the robot.
-pub(super) fn closing_line(cause: &str, place: Option<String>, at_us: u64, robot: &str) -> String {
+pub(super) fn closing_line(cause: &str, place: Option<String>, at: Micros, robot: &str) -> String {
     let place = place.map(|place| format!(" at {place}")).unwrap_or_default();
-    format!("{cause}{place}, {} s into the run; {robot}", seconds(at_us))
+    format!("{cause}{place}, {at:.3} s into the run; {robot}")
 }
 
 fn signal_name(signal: i32) -> String {

@@ -43,15 +43,14 @@ impl Explain {
 }
 
 fn explained(code: Code) -> String {
-    let kind = match code.severity() {
-        Severity::Error => "error",
-        Severity::Warning => "warning",
-    };
+    let is_warning = code.severity() == Severity::Warning;
+    let kind = if is_warning { "warning" } else { "error" };
     let (wrong, right) = code.example();
     let indented = |text: &str| text.lines().fold(String::new(), |out, line| out + "    " + line + "\n");
-    let allowed = match code.severity() {
-        Severity::Error => String::new(),
-        Severity::Warning => format!("\nTo keep it back on one line, end the line with: # allow: {code}\n"),
+    let allowed = if is_warning {
+        format!("\nTo keep it back on one line, end the line with: # allow: {code}\n")
+    } else {
+        String::new()
     };
     format!(
         "{kind} {code}: {}\n\n{}\n\nWrong:\n{}\nRight:\n{}{allowed}",

@@ -4,10 +4,9 @@ use std::io;
 use std::os::fd::BorrowedFd;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
-use std::time::Duration;
 
 use clap::Args;
-use motionseq::playback::{self, Fate, Stop, Ward, frames, guard};
+use motionseq::playback::{self, Fate, Stop, Ward, guard};
 
 use super::ending::{closing_line, stop_words};
 use super::exit::Exit;
@@ -36,38 +35,28 @@ pub(super) struct Guard {
     /// The board is the player's own, and ends with it
     #[arg(long)]
     with_board: bool,
-    player: i32,
-    max_late: u64,
-    zeros: usize,
-    #[arg(action = clap::ArgAction::Set)]
-    realtime: bool,
-    stop: String,
+    /// What the player has added
+    #[arg(trailing_var_arg = true)]
+    arguments: Vec<String>,
 }
 
 impl Guard {
     /// Guards until the player is done, and says what was done in its place if it was not.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let Guard { max_late, zeros, realtime, .. } = *self;
-        let Some(stop) = frames(&self.stop) else {
-            screen.error("the guard cannot start: only a player can start it");
-            return Exit::Usage;
-        };
-        let ward = Ward { max_late, zeros, realtime, stop };
-        match guard(self.player, ward) {
+        match guard(&self.arguments) {
             Ok(None) => Exit::Ok,
             // All was sent, and all that is lost is a summary.
             Ok(Some(guarded)) if (guarded.fate, guarded.stop) == (Fate::DiedBehindTheEnd, Stop::NotNeeded) => Exit::Ok,
             Ok(Some(guarded)) => {
                 let cause = match guarded.fate {
                     Fate::Hung => {
-                        let silent = Duration::from_nanos(self.max_late.saturating_mul(2));
-                        format!("motionseq hung for {} ms and was killed", silent.as_millis())
+                        format!("motionseq hung for {:.0} ms and was killed", guarded.silence.in_millis())
                     }
-                    Fate::Died => "motionseq was killed".to_owned(),
                     Fate::DiedBehindTheEnd => "motionseq was killed before it could say how the run ended".to_owned(),
+                    _ => "motionseq was killed".to_owned(),
                 };
                 let robot = if self.with_board { "the virtual board ended with it" } else { stop_words(guarded.stop) };
-                let line = closing_line(&cause, guarded.place, guarded.at_us, robot);
+                let line = closing_line(&cause, guarded.place, guarded.at, robot);
                 if Screen::never_wait().is_ok() {
                     screen.late_error(&line);
                     Screen::is_written(PATIENCE);

@@ -5,12 +5,11 @@ use std::io::{self, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
 
 use clap::Args;
 use hdrhistogram::Histogram;
 use motionseq::playback::{Signals, lateness};
-use motionseq::program::Time;
+use motionseq::units::{Micros, Nanos, NotATime};
 
 use super::exit::Exit;
 use super::output;
@@ -24,36 +23,36 @@ use super::screen::Screen;
 pub(super) struct Latency {
     /// How long it measures
     #[arg(long = "for", value_name = "TIME", value_parser = time, default_value = "10s")]
-    lasts: Duration,
+    lasts: Micros,
     /// With real-time priority and locked memory, as far as the system allows, as `play --realtime`
     #[arg(long)]
     realtime: bool,
 }
 
-fn time(text: &str) -> Result<Duration, String> {
-    let time = Time::parse(text).map(Time::duration);
-    let range = Duration::from_millis(200)..=Duration::from_hours(1);
-    time.filter(|time| range.contains(time)).ok_or_else(|| "write a time from 200ms to 1h, such as 10s".into())
+fn time(text: &str) -> Result<Micros, String> {
+    let time: Result<Micros, NotATime> = text.parse();
+    let range = Micros::from_millis(200)..=Micros::SECOND * 3_600;
+    time.ok().filter(|time| range.contains(time)).ok_or_else(|| "write a time from 200ms to 1h, such as 10s".into())
 }
 
-/// Nanoseconds between two deadlines: 200 frames a second, as often as a move is sampled at most.
-const INTERVAL: u64 = 5_000_000;
-/// Nanoseconds that a drive frame takes on the wire at 115200 baud, and the lateness that ends a run.
-const FRAME: u64 = 1_128_000;
-const LIMIT: u64 = 50_000_000;
+/// The time between two deadlines: 200 frames a second, as often as a move is sampled at most.
+const INTERVAL: Nanos = Nanos::from_millis(5);
+/// How long a drive frame takes on the wire at 115200 baud, and the lateness that ends a run.
+const FRAME: Nanos = Micros(1_128).nanos();
+const LIMIT: Nanos = Nanos::from_millis(50);
 /// What is left of the limit on a good machine.
-const NEAR: u64 = 25_000_000;
-/// Upper ends of the rows of the histogram, in nanoseconds, and their names.
-const ROWS: [(u64, &str); 9] = [
-    (1_000, "up to 1 µs"),
-    (10_000, "10 µs"),
-    (100_000, "100 µs"),
-    (300_000, "300 µs"),
+const NEAR: Nanos = Nanos::from_millis(25);
+/// Upper ends of the rows of the histogram, and their names.
+const ROWS: [(Nanos, &str); 9] = [
+    (Micros(1).nanos(), "up to 1 µs"),
+    (Micros(10).nanos(), "10 µs"),
+    (Micros(100).nanos(), "100 µs"),
+    (Micros(300).nanos(), "300 µs"),
     (FRAME, "1.128 ms, a frame"),
-    (5_000_000, "5 ms"),
+    (Nanos::from_millis(5), "5 ms"),
     (NEAR, "25 ms"),
     (LIMIT, "50 ms, the limit"),
-    (u64::MAX, "more"),
+    (Nanos::MAX, "more"),
 ];
 
 impl Latency {
@@ -64,14 +63,13 @@ impl Latency {
             return Exit::Failed;
         };
         let realtime = self.realtime && super::play::become_realtime(screen);
-        let half = u64::try_from(self.lasts.as_nanos()).unwrap_or(u64::MAX) / 2;
-        let seconds = self.lasts.as_secs_f64() / 2.0;
-        screen.note(&format!("left alone for {seconds:.1} s, then every processor busy for {seconds:.1} s"));
+        let half = Nanos(self.lasts.nanos().0 / 2);
+        screen.note(&format!("left alone for {half:.1} s, then every processor busy for {half:.1} s"));
         let mut measured = Vec::new();
         for busy in [false, true] {
             let load = Load::start(if busy { thread::available_parallelism().map_or(1, usize::from) } else { 0 });
             let Ok(mut found) = Histogram::<u64>::new_with_bounds(1, 60_000_000_000, 3) else { return Exit::Failed };
-            lateness(INTERVAL, half, realtime, |late| found.saturating_record(late), || signals.pending().is_none());
+            lateness(INTERVAL, half, realtime, |late| found.saturating_record(late.0), || signals.pending().is_none());
             load.end();
             if let Some(signal) = signals.pending() {
                 return Exit::Signal(signal);
@@ -120,11 +118,7 @@ impl Load {
 
 /// A histogram: one row for each order of lateness.
 fn table(found: &Histogram<u64>, name: &str) -> String {
-    let shown = |nanos: u64| match nanos {
-        0..10_000 => format!("{}.{} µs", nanos / 1_000, nanos % 1_000 / 100),
-        10_000..1_000_000 => format!("{} µs", nanos / 1_000),
-        _ => format!("{}.{} ms", nanos / 1_000_000, nanos % 1_000_000 / 100_000),
-    };
+    let shown = |nanos: u64| Nanos(nanos).short();
     let mut text = format!(
         "{name}: {} deadlines, half of them no later than {}, 99 of 100 no later than {}, the latest {}\n",
         found.len(),
@@ -134,8 +128,8 @@ fn table(found: &Histogram<u64>, name: &str) -> String {
     );
     let mut from = 0;
     for (to, name) in ROWS {
-        let count = found.count_between(from, to.saturating_sub(1));
-        from = to;
+        let count = found.count_between(from, to.0.saturating_sub(1));
+        from = to.0;
         let stars = "#".repeat(usize::try_from((count * 50).div_ceil(found.len().max(1))).unwrap_or(0));
         if count > 0 {
             // Writing to a string does not fail.
@@ -147,7 +141,7 @@ fn table(found: &Histogram<u64>, name: &str) -> String {
 
 /// What to do.
 fn verdict(idle: &Histogram<u64>, busy: &Histogram<u64>, realtime: bool) -> &'static str {
-    let is_good = |found: &Histogram<u64>| found.value_at_quantile(0.99) < FRAME && found.max() < NEAR;
+    let is_good = |found: &Histogram<u64>| found.value_at_quantile(0.99) < FRAME.0 && found.max() < NEAR.0;
     match (is_good(idle), is_good(busy)) {
         (true, true) => {
             "good: a frame is sent while the one before it is still on the wire, also when other programs run"

@@ -12,13 +12,14 @@ use motionseq::link::Taken;
 use motionseq::playback::{Notice, Verdict, now};
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
+use motionseq::units::{Micros, Nanos};
 use rtrb::Consumer;
 
 use super::log::{Entry, Log, RunLog};
 use super::notes::Notes;
 use super::progress::bar;
 use super::recording::Recording;
-use super::screen::{Screen, seconds};
+use super::screen::Screen;
 use super::show::ScriptTime;
 use super::start_thread;
 
@@ -78,7 +79,7 @@ pub(super) struct Files {
 }
 
 /// The ends of rings at which a run is heard: what it tells, each with its time on the clock of [`now`], and what its port took.
-pub(super) type Heard = (Consumer<(u64, Notice)>, Consumer<Taken>);
+pub(super) type Heard = (Consumer<(Nanos, Notice)>, Consumer<Taken>);
 
 /// What the thread works with.
 pub(super) struct News {
@@ -93,21 +94,21 @@ pub(super) struct News {
     log: Option<RunLog>,
     report: Option<Report>,
     notes: Notes,
-    /// What the board was told so far, the worst lateness in nanoseconds, and how many frames were dropped.
+    /// What the board was told so far, the worst lateness, and how many frames were dropped.
     state: State,
-    worst_late: u64,
+    worst_late: Nanos,
     dropped: usize,
     clock: Clock,
     /// The pass and the time that a plain line has shown last.
-    shown: (u64, u64),
+    shown: (u64, Micros),
 }
 
 /// The time of the script, for the progress line.
 enum Clock {
     /// Time 0 was then on the clock of [`now`], or would have been without the pauses.
-    Runs(u64),
-    /// It stands, at so many microseconds.
-    Stands(u64),
+    Runs(Nanos),
+    /// It stands, at a time of the script.
+    Stands(Micros),
 }
 
 impl News {
@@ -133,10 +134,10 @@ impl News {
             report: None,
             notes: Notes::new(),
             state: State::default(),
-            worst_late: 0,
+            worst_late: Nanos::ZERO,
             dropped: 0,
             clock: Clock::Runs(now()),
-            shown: (0, 0),
+            shown: (0, Micros::ZERO),
         };
         start_thread("news", move || {
             let lines = sources.as_ref().map(Lines::of);
@@ -192,11 +193,11 @@ impl News {
     }
 
     #[expect(clippy::too_many_lines, reason = "one kind of notice after the other")]
-    fn tell(&mut self, at: u64, notice: Notice) {
+    fn tell(&mut self, at: Nanos, notice: Notice) {
         match notice {
             Notice::Say { cue } => {
                 if let Some(cue) = self.timeline.cues.get(cue) {
-                    self.screen.note(&format!("{} s: {}", seconds(cue.at_us), cue.text));
+                    self.screen.note(&format!("{:.3} s: {}", cue.at, cue.text));
                 }
             }
             Notice::Report(newest) => self.report = Some(newest),
@@ -226,20 +227,20 @@ impl News {
                 self.dropped += 1;
                 self.frame("dropped: ", event);
             }
-            Notice::Sleeping { at_us } => {
-                self.stand(at_us);
-                self.screen.ask(&format!("{} s: the robot stands; `fg` comes back to it", seconds(at_us)));
+            Notice::Sleeping { at } => {
+                self.stand(at);
+                self.screen.ask(&format!("{at:.3} s: the robot stands; `fg` comes back to it"));
             }
             Notice::Help => self.screen.ask(KEYS),
-            Notice::Paused { at_us } => {
-                self.stand(at_us);
+            Notice::Paused { at } => {
+                self.stand(at);
                 let how = match (self.desk.keys, self.desk.steps) {
                     _ if std::mem::replace(&mut self.told, true) => "",
                     (false, _) => "; Enter goes on (the robot may move at once), Ctrl-C ends",
                     (true, false) => "; space or Enter goes on (the robot may move at once), s plays one step, q ends",
                     (true, true) => "; space goes on (the robot may move at once), Enter or s plays one step, q ends",
                 };
-                self.screen.ask(&format!("{} s: paused{}{how}", seconds(at_us), self.desk.script.words(at_us)));
+                self.screen.ask(&format!("{at:.3} s: paused{}{how}", self.desk.script.words(at)));
             }
             Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
             Notice::Pass { pass } => {
@@ -251,10 +252,11 @@ impl News {
                     self.screen.note(&format!("pass {pass}"));
                 }
             }
-            Notice::Resumed { at_us } => {
-                self.clock = Clock::Runs(at.saturating_sub(at_us.saturating_mul(1_000)));
-                self.screen.note(&format!("{} s: goes on", seconds(at_us)));
+            Notice::Resumed { at: script } => {
+                self.clock = Clock::Runs(at - script.nanos());
+                self.screen.note(&format!("{script:.3} s: goes on"));
             }
+            _ => {}
         }
     }
 
@@ -268,15 +270,15 @@ impl News {
         is_further
     }
 
-    fn stand(&mut self, at_us: u64) {
+    fn stand(&mut self, at: Micros) {
         self.notes.pauses += u64::from(matches!(self.clock, Clock::Runs(_)));
-        self.clock = Clock::Stands(at_us);
+        self.clock = Clock::Stands(at);
     }
 
     /// An `expect` that holds; one that does not is told at the end.
     fn judged(&self, verdict: Verdict) {
         if let (Some(due), true) = (self.timeline.expects.get(verdict.expect), verdict.found.is_passed()) {
-            self.screen.note(&format!("{} s: expect {}: {}", seconds(due.at_us), due.expect, verdict.found));
+            self.screen.note(&format!("{:.3} s: expect {}: {}", due.at, due.expect, verdict.found));
         }
     }
 
@@ -284,23 +286,19 @@ impl News {
     fn frame(&self, what: &str, event: usize) {
         if let Some(event) = self.timeline.events().get(event) {
             let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
-            self.screen.note(&format!(
-                "{} s: {what}{}{kind}",
-                seconds(event.at_us),
-                self.timeline.board.show(&event.command)
-            ));
+            self.screen.note(&format!("{:.3} s: {what}{}{kind}", event.at, self.timeline.board.show(&event.command)));
         }
     }
 
     /// `1.2 / 3.0 s ████░░░░░░  rocker x=10 y=0 z=0  next bow at 2.0 s  servo 1 1500`, as much of it as there is room for.
     fn progress(&self) -> String {
-        let (end, now) = (self.timeline.end_us, self.time());
-        let mut line = format!("{} / {} s", seconds(now), seconds(end));
+        let (end, now) = (self.timeline.end, self.time());
+        let mut line = format!("{now:.3} / {end:.3} s");
         // The bar gives way to the words on a narrow terminal.
         let room = if self.screen.is_live() { self.screen.live_width() } else { self.screen.width() };
         // A pipe and a screen reader can do without.
         let room_for_bar = room.saturating_sub(line.len() + 50);
-        let bar = bar(now, end, if self.desk.progress == Progress::Plain { 0 } else { room_for_bar });
+        let bar = bar(now.0, end.0, if self.desk.progress == Progress::Plain { 0 } else { room_for_bar });
         for part in std::iter::once(bar).chain(self.parts(now)).filter(|part| !part.is_empty()) {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;
@@ -311,16 +309,16 @@ impl News {
         line
     }
 
-    /// The time of the script, in microseconds.
-    fn time(&self) -> u64 {
+    /// The time of the script.
+    fn time(&self) -> Micros {
         match self.clock {
-            Clock::Runs(begin) => (now().saturating_sub(begin) / 1_000).min(self.timeline.end_us),
-            Clock::Stands(at_us) => at_us,
+            Clock::Runs(begin) => (now() - begin).micros().min(self.timeline.end),
+            Clock::Stands(at) => at,
         }
     }
 
     /// What is said of a run besides its time, the most important first.
-    fn parts(&self, now: u64) -> Vec<String> {
+    fn parts(&self, now: Micros) -> Vec<String> {
         let mut parts = Vec::new();
         if matches!(self.clock, Clock::Stands(_)) {
             parts.push(PAUSED.to_owned());
@@ -332,15 +330,15 @@ impl News {
             parts.push(format!("pass {}", self.notes.passes));
         }
         let mut next = None;
-        if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at_us > now) {
-            next = Some(format!("next {} at {} s", mark.name, seconds(mark.at_us)));
+        if let Some(mark) = self.timeline.marks.iter().find(|mark| mark.at > now) {
+            next = Some(format!("next {} at {:.3} s", mark.name, mark.at));
         }
         let board = &self.timeline.board;
         let stands = matches!(self.clock, Clock::Stands(_));
         parts.push(if stands { STANDS.to_owned() } else { drive_words(board, &self.state) });
         parts.extend(next);
-        if self.worst_late >= 1_000_000 {
-            parts.push(format!("worst {}.{} ms late", self.worst_late / 1_000_000, self.worst_late / 100_000 % 10));
+        if self.worst_late >= Nanos::from_millis(1) {
+            parts.push(format!("worst {} late", self.worst_late.short()));
         }
         parts.extend(active_words(board, &self.state));
         parts

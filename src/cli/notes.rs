@@ -9,6 +9,7 @@ use motionseq::playback::{Cause, Outcome, Stop, Verdict};
 use motionseq::report::{self, Asked, Dropped, Expected, Frames, Lateness, Run};
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
+use motionseq::units::{Micros, Nanos};
 
 /// The most frames that are named as dropped, and the most `expect`s.
 const NAMED: usize = 1_000;
@@ -35,34 +36,34 @@ pub(super) struct Facts<'a> {
     pub(super) not_noted: u64,
     /// Where in the script it ended early.
     pub(super) place: Option<motionseq::source::Span>,
-    /// How much later than it is due a frame leaves at the worst, on a line of this speed, in microseconds.
-    pub(super) line_us: u64,
-    /// How long all passes take, in microseconds.
-    pub(super) end_us: u64,
+    /// How much later than it is due a frame leaves at the worst, on a line of this speed.
+    pub(super) line_late: Micros,
+    /// How long all passes take.
+    pub(super) end: Micros,
     pub(super) run: &'a Asking,
 }
 
 /// What is known of a run without its news.
 pub(super) struct Asking {
     pub(super) asked: Asked,
-    /// How long the first pass takes, in microseconds.
-    pub(super) first_us: u64,
+    /// How long the first pass takes.
+    pub(super) first_pass: Micros,
     pub(super) port: Option<String>,
     pub(super) started: SystemTime,
-    pub(super) elapsed_us: u64,
+    pub(super) elapsed: Micros,
     pub(super) bytes: u64,
 }
 
 impl Asking {
     /// In which pass a run was at a time; all passes take so long.
-    fn passes_until(&self, at_us: u64, end_us: u64) -> u64 {
+    fn passes_until(&self, at: Micros, end: Micros) -> u64 {
         let Some(count @ 2..) = self.asked.passes else { return 1 };
-        let each_us = end_us.saturating_sub(self.first_us) / (count - 1);
-        let more = match each_us {
+        let each = (end - self.first_pass).0 / (count - 1);
+        let more = match each {
             0 => count - 1,
-            each_us => at_us.saturating_sub(self.first_us).div_ceil(each_us),
+            each => (at - self.first_pass).0.div_ceil(each),
         };
-        if at_us < self.first_us { 1 } else { (1 + more).min(count) }
+        if at < self.first_pass { 1 } else { (1 + more).min(count) }
     }
 }
 
@@ -73,9 +74,9 @@ impl Notes {
         Notes { lateness, dropped: Vec::new(), verdicts: Vec::new(), passes: 1, pauses: 0 }
     }
 
-    pub(super) fn sent(&mut self, late: u64) {
+    pub(super) fn sent(&mut self, late: Nanos) {
         if let Some(lateness) = &mut self.lateness {
-            lateness.saturating_record(late);
+            lateness.saturating_record(late.0);
         }
     }
 
@@ -94,25 +95,25 @@ impl Notes {
     /// The report, as text.
     #[expect(clippy::too_many_lines, reason = "a table of fields")]
     pub(super) fn report(&self, facts: Facts<'_>) -> String {
-        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place, line_us, end_us, run } = facts;
+        let Facts { sources, diagnostics, outcome, cause, exit, not_noted, place, line_late, end, run } = facts;
         let lines = Lines::of(sources);
         let place = place.map(|span| lines.place(span));
         let at = |quantile: f64| {
             let nanos = self.lateness.as_ref().map_or(0, |lateness| lateness.value_at_quantile(quantile));
             // The histogram rounds up to its three digits.
-            micros(nanos.min(outcome.worst_late))
+            tenths(Nanos(nanos).min(outcome.worst_late))
         };
         let dropped = self.dropped.iter().filter_map(|(timeline, event)| {
             let event = timeline.events().get(*event)?;
             let place = lines.place(event.span);
-            let (t_us, command) = (event.at_us, timeline.board.show(&event.command).to_string());
-            Some(Dropped { t_us, command, file: place.file.to_owned(), line: place.line })
+            let (at, command) = (event.at, timeline.board.show(&event.command).to_string());
+            Some(Dropped { at, command, file: place.file.to_owned(), line: place.line })
         });
         let expects = self.verdicts.iter().filter_map(|(timeline, verdict)| {
             let due = timeline.expects.get(verdict.expect)?;
             let place = lines.place(due.span);
             Some(Expected {
-                t_us: due.at_us,
+                at: due.at,
                 expect: due.expect.to_string(),
                 why: due.expect.why.clone(),
                 found: verdict.found.to_string(),
@@ -132,31 +133,31 @@ impl Notes {
                 Cause::Late(_) => "late",
                 Cause::Expect(_) => "expect",
                 Cause::Unguarded => "guard",
-                Cause::Panicked => "failed",
+                _ => "failed",
             },
             cause,
             exit,
             started: humantime::format_rfc3339_seconds(run.started).to_string(),
             port: run.port.clone(),
             asked: run.asked.clone(),
-            end_us: outcome.at_us,
-            elapsed_us: run.elapsed_us,
+            end: outcome.at,
+            elapsed: run.elapsed,
             pauses: self.pauses,
             file: place.as_ref().map(|place| place.file.to_owned()),
             line: place.as_ref().map(|place| place.line),
             stop: match outcome.stop {
                 Stop::NotNeeded => "not needed",
                 Stop::Sent => "sent",
-                Stop::NotSent => "not sent",
+                _ => "not sent",
             },
-            passes: self.passes.max(run.passes_until(outcome.at_us, end_us)),
+            passes: self.passes.max(run.passes_until(outcome.at, end)),
             frames: Frames { sent: outcome.sent, dropped: outcome.dropped, extra: outcome.extra, not_noted },
             bytes: run.bytes,
             lateness_us: Lateness {
                 p50: at(0.5),
                 p99: at(0.99),
-                max: micros(outcome.worst_late),
-                line: micros(line_us.saturating_mul(1_000)),
+                max: tenths(outcome.worst_late),
+                line: tenths(line_late.nanos()),
             },
             dropped: dropped.collect(),
             expects: expects.collect(),
@@ -165,8 +166,8 @@ impl Notes {
     }
 }
 
-/// Nanoseconds in microseconds, to the tenth.
-fn micros(nanos: u64) -> f64 {
+/// In microseconds, to the tenth.
+fn tenths(Nanos(nanos): Nanos) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "a minute of nanoseconds fits")]
     let tenths = (nanos.saturating_add(50) / 100) as f64;
     tenths / 10.0

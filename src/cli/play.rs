@@ -6,16 +6,16 @@ use std::os::fd::BorrowedFd;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 use clap::Args;
 use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
-use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Stops, Ward, drive, now};
-use motionseq::program::Time;
+use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
 use motionseq::serve::Served;
 use motionseq::sim::{Faults, Settings, VirtualBoard};
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
+use motionseq::units::{Micros, Nanos, NotATime};
 use rtrb::RingBuffer;
 
 use super::Script;
@@ -46,7 +46,7 @@ pub(super) struct Play {
     port: Option<PathBuf>,
     /// Stop and end when a frame is later than this, from 1ms to 10s [default: 50ms, on the virtual board 1s]
     #[arg(long, value_name = "TIME", value_parser = max_late)]
-    max_late: Option<Duration>,
+    max_late: Option<Nanos>,
     /// Run before all other programs and stay in memory, as far as the system allows
     #[arg(long)]
     realtime: bool,
@@ -78,12 +78,12 @@ pub(super) struct Play {
     force: Force,
 }
 
-fn max_late(text: &str) -> Result<Duration, String> {
-    let time = Time::parse(text).map(Time::duration).ok_or("write a time such as 50ms or 1s")?;
-    match time.as_millis() {
-        0 => Err("no computer is that exact; write 1ms or more".into()),
-        1..=10_000 => Ok(time),
-        _ => Err("a robot is not left alone for so long; write 10s or less".into()),
+fn max_late(text: &str) -> Result<Nanos, String> {
+    match text.parse::<Micros>() {
+        Ok(time) if time < Micros::from_millis(1) => Err("no computer is that exact; write 1ms or more".into()),
+        Ok(time) if time <= Micros::from_millis(10_000) => Ok(time.nanos()),
+        Ok(_) | Err(NotATime::TooLong) => Err("a robot is not left alone for so long; write 10s or less".into()),
+        Err(_) => Err("write a time such as 50ms or 1s".into()),
     }
 }
 
@@ -105,7 +105,7 @@ fn open_result<'p, T>(
 }
 
 /// A frame later than this ends the run: on a real port, and on the virtual board.
-const MAX_LATE: [Duration; 2] = [Duration::from_millis(50), Duration::from_secs(1)];
+const MAX_LATE: [Nanos; 2] = [Nanos::from_millis(50), Nanos::from_millis(1_000)];
 /// Room for notices and pieces of recorded bytes between two updates. The line carries 11,520 bytes a second.
 const NOTICES: usize = 16 * 1024;
 const PIECES: usize = 16 * 1024;
@@ -120,7 +120,7 @@ impl Play {
 
     #[expect(clippy::too_many_lines, reason = "one resource after the other")]
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, Staged { timeline, again, first_us, script, diagnostics }) =
+        let (sources, Staged { timeline, again, first_pass, script, diagnostics }) =
             self.show.compile(&self.script.file, &self.script.options, super::screen::Warnings::Counted, screen)?;
         let refused = |path: &Path, error: &io::Error| {
             screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
@@ -138,7 +138,6 @@ impl Play {
         let port = port.filter(|port| !port.as_os_str().is_empty());
         let [on_port, on_virtual] = MAX_LATE;
         let max_late = self.max_late.unwrap_or(if port.is_some() { on_port } else { on_virtual });
-        let max_late = u64::try_from(max_late.as_nanos()).unwrap_or(u64::MAX);
         let faults = self.fault.clone().unwrap_or_default();
         if port.is_some() && !faults.is_none() {
             screen.error("faults happen on the virtual board only: leave `--fault` or the port away");
@@ -191,9 +190,8 @@ impl Play {
             realtime: self.realtime && become_realtime(screen),
         };
         // The last of all: from here on the player must beat.
-        let zeros = timeline.board.zeros_behind_flush(timeline.events().iter().map(|event| &event.command));
-        let stop = Stops::of(&timeline.board, &[]).frames;
-        let ward = Ward { max_late, zeros, realtime: self.realtime, stop };
+        let mut ward = Ward::of(&timeline);
+        (ward.max_late, ward.realtime) = (max_late, self.realtime);
         rig.guard = match self.guard(rig.link.descriptor(), &ward, port.board.is_some(), screen) {
             Ok(guard) => guard,
             // A Ctrl-C reaches the guard, too, while it starts.
@@ -221,7 +219,7 @@ impl Play {
             // Where the screen cannot follow, it misses something; the motion does not wait.
             lost.notices += u64::from(notices_in.push((now(), notice)).is_err());
         });
-        let elapsed_us = now().saturating_sub(start) / 1_000;
+        let elapsed = (now() - start).micros();
         let Rig { mut link, mut guard, keys, lines, .. } = rig;
         drop(keys);
         if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) {
@@ -229,7 +227,7 @@ impl Play {
             drop(guard.take());
         }
         if let Some(guard) = &mut guard {
-            guard.ended(outcome.at_us, outcome.place.map(|span| lines.place(span)), outcome.stop);
+            guard.ended(outcome.at, outcome.place.map(|span| lines.place(span)), outcome.stop);
         }
         if outcome.stop == Stop::NotSent {
             // What the port never took must not keep it from closing.
@@ -243,7 +241,7 @@ impl Play {
         // The virtual board ends when its port is closed. A real one is closed when all was said: the system may wait for it as long as
         // half a minute.
         let held = Some(link.into_inner().into_inner()).filter(|_| is_real);
-        let run = Asking { asked: self.show.asked(), first_us, port: name, started, elapsed_us, bytes };
+        let run = Asking { asked: self.show.asked(), first_pass, port: name, started, elapsed, bytes };
         let (sources, timeline) = (&sources, &*timeline);
         let end =
             End { run, screen: *screen, sources, timeline, outcome, lost, news, report, board: port.board, guard };
@@ -343,7 +341,7 @@ pub(super) fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
         OpenError::NotAPort | OpenError::OwnTerminal | OpenError::Nobody => {
             "name the device that the board hangs on, usually /dev/serial0".to_owned()
         }
-        OpenError::Other(_) => "check the cable and the port".to_owned(),
+        _ => "check the cable and the port".to_owned(),
     };
     screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));
     match error {

@@ -35,7 +35,7 @@ impl Ports {
             let likely = match port.likely {
                 Likely::Board => "\tprobably the board",
                 Likely::Maybe => "\tthe board, if it hangs on USB",
-                Likely::No => "",
+                _ => "",
             };
             writeln!(out, "{}\t{}{likely}", port.path, port.description)
         });

@@ -8,9 +8,10 @@ use std::sync::Arc;
 use clap::Args;
 use motionseq::board::{Board as Family, Hundredths, raspblock};
 use motionseq::link::{Door, Link as _, Serial};
-use motionseq::playback::{Guard, Signals, Stop, Stops, Ward};
+use motionseq::playback::{Guard, Signals, Stop, Ward};
 use motionseq::serve::{End, Passed, ServeError, Server};
 use motionseq::sim::{Faults, Settings, VirtualBoard};
+use motionseq::units::{Micros, Nanos};
 
 use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
@@ -56,7 +57,7 @@ pub(super) struct Record {
     fault: Option<Faults>,
     /// How often the virtual board reports, from 10ms to 10s, once it was asked to
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
-    report_every: u64,
+    report_every: Micros,
     /// Write all that happens to this MCAP file, too: frames, state, telemetry; Foxglove shows it
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -67,8 +68,8 @@ pub(super) struct Record {
     reading: Reading,
 }
 
-/// For how long what passes bytes on may be silent before its guard kills it and stops the robot, in nanoseconds.
-const MAX_SILENCE: u64 = 500_000_000;
+/// For how long what passes bytes on may be silent before its guard kills it and stops the robot: twice this.
+const MAX_LATE: Nanos = Nanos::from_millis(250);
 
 impl Record {
     /// Records until a signal ends it.
@@ -110,7 +111,7 @@ impl Record {
             None => {
                 let faults = self.fault.clone().unwrap_or_default();
                 let settings =
-                    Settings { battery: self.battery, report_us: self.report_every, faults, ..Settings::default() };
+                    Settings { battery: self.battery, report_every: self.report_every, faults, ..Settings::default() };
                 let board = VirtualBoard::new(self.reading.board(), settings);
                 begun("a virtual board");
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)
@@ -132,8 +133,8 @@ impl Record {
             return Ok(None);
         }
         let board = self.reading.board();
-        let stop = Stops::of(&board, &[]).frames;
-        let ward = Ward { max_late: MAX_SILENCE / 2, zeros: board.most_zeros(), realtime: false, stop };
+        let mut ward = Ward::of_board(&board);
+        ward.max_late = MAX_LATE;
         guard::start(port.descriptor(), &ward, false, screen).map(Some)
     }
 
@@ -171,17 +172,17 @@ fn between(
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
     let mut server = Server::of_port(door, board, port, guard, signals);
-    let ended = server.run(&mut |now_us, happened, board| watcher.watch(now_us, happened, board));
+    let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can stop the robot through this port no more.
     let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
     let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
         Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),
         Ok(_) => (Exit::Ok, None),
-        Err(error @ ServeError::Lost(_)) => (Exit::Port, Some(error.to_string())),
         Err(ServeError::Failed(error)) => {
             (Exit::Port, Some(format!("cannot go on between the program and its board: {error}")))
         }
+        Err(error) => (Exit::Port, Some(error.to_string())),
     };
     if undelivered > 0 {
         let bytes = plural(usize::try_from(undelivered).unwrap_or(usize::MAX), "byte");
@@ -190,7 +191,7 @@ fn between(
     let robot = match stop {
         Stop::NotNeeded => "the program had left the robot at rest",
         Stop::Sent => "the program had not left the robot at rest; stop: sent",
-        Stop::NotSent => "the program had not left the robot at rest; stop: NOT SENT - cut the power",
+        _ => "the program had not left the robot at rest; stop: NOT SENT - cut the power",
     };
     match cause {
         Some(cause) => screen.error(&format!("{cause}; {robot}")),

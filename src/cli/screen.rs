@@ -218,7 +218,7 @@ impl Screen {
             Warnings::Counted => 0,
         };
         let mut shown: BTreeMap<Code, usize> = BTreeMap::new();
-        let list = diagnostics.sorted().into_iter().filter(|diagnostic| {
+        let list = diagnostics.iter().filter(|diagnostic| {
             let count = shown.entry(diagnostic.code).or_default();
             let is_shown = diagnostic.is_error() || *count < most;
             *count += usize::from(is_shown);
@@ -233,7 +233,7 @@ impl Screen {
         }
         print(&text, Kind::Must);
         if warnings != Warnings::Counted || diagnostics.has_errors() {
-            let code = diagnostics.sorted().first().map(|first| format!("; motionseq explain {}", first.code));
+            let code = diagnostics.iter().next().map(|first| format!("; motionseq explain {}", first.code));
             self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
         }
     }
@@ -383,9 +383,4 @@ fn count(diagnostics: &Diagnostics) -> String {
 /// `22 frames`, `1 frame`.
 pub(super) fn plural(count: usize, word: &str) -> String {
     if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
-}
-
-/// Microseconds as seconds for people to read, to the millisecond.
-pub(super) fn seconds(micros: u64) -> String {
-    format!("{}.{:03}", micros / 1_000_000, micros / 1_000 % 1_000)
 }

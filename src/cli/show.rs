@@ -4,14 +4,15 @@ use std::path::Path;
 
 use clap::Args;
 use motionseq::board::State;
-use motionseq::diagnostic::Diagnostics;
+use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::{Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::{Disk, Sources};
 use motionseq::timeline::{Part, Timeline, check_passes, part, passes, state_after};
+use motionseq::units::{Micros, NotATime};
 
 use super::exit::Exit;
-use super::screen::{Screen, Warnings, seconds};
+use super::screen::{Screen, Warnings};
 use super::{Options, read};
 
 /// Which part of a script, how fast, and how often: without end, or with one (`Passes`).
@@ -30,8 +31,8 @@ pub(super) struct Show<L: Args = Loop> {
     #[command(flatten)]
     passes: L,
     /// How long servos have to get where they are at the beginning of a part
-    #[arg(long, value_name = "TIME", value_parser = time, default_value = "1s")]
-    lead_in: Time,
+    #[arg(long, value_name = "TIME", value_parser = lead_in, default_value = "1s")]
+    lead_in: Micros,
 }
 
 /// How often, perhaps without end.
@@ -84,10 +85,9 @@ fn times(text: &str) -> Result<u64, String> {
     text.parse().ok().filter(|times| *times > 0).ok_or_else(|| "write how often, 1 or more".into())
 }
 
-/// Reads a time as a script would.
-pub(super) fn time(text: &str) -> Result<Time, String> {
-    let time = Time::parse(text).filter(|time| *time <= Time::LONGEST);
-    time.ok_or_else(|| "write a time such as 500ms, 1.5s or 1m30s".into())
+fn lead_in(text: &str) -> Result<Micros, NotATime> {
+    let time: Micros = text.parse()?;
+    if time <= Micros::DAY { Ok(time) } else { Err(NotATime::TooLong) }
 }
 
 /// How many frames of a run without end are checked together.
@@ -98,8 +98,8 @@ pub(super) struct Staged {
     pub(super) timeline: Timeline,
     /// For a run without end.
     pub(super) again: Option<Timeline>,
-    /// How long the first pass takes, in microseconds, where there are several.
-    pub(super) first_us: u64,
+    /// How long the first pass takes, where there are several.
+    pub(super) first_pass: Micros,
     /// How times of the run and of the script go together.
     pub(super) script: ScriptTime,
     /// What is wrong with the script; no errors.
@@ -109,20 +109,20 @@ pub(super) struct Staged {
 /// How times of a run and times of its script go together, in a run that is not simply the script from its start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ScriptTime {
-    /// Where in the script the part begins, after so long a lead-in, both in microseconds of the run.
-    pub(super) from_us: u64,
-    pub(super) lead_us: u64,
+    /// Where in the script the part begins, after so long a lead-in, both in the time of the run.
+    pub(super) from: Micros,
+    pub(super) lead: Micros,
     pub(super) speed: Speed,
 }
 
 impl ScriptTime {
     /// ` (1.200 s in the script)`, where that is not the time of the run.
-    pub(super) fn words(self, at_us: u64) -> String {
-        if (self.from_us, self.lead_us) == (0, 0) && self.speed.factor() == 1.0 {
+    pub(super) fn words(self, at: Micros) -> String {
+        if (self.from, self.lead) == (Micros::ZERO, Micros::ZERO) && self.speed.factor() == 1.0 {
             return String::new();
         }
-        let in_part = at_us.saturating_sub(self.lead_us).saturating_add(self.from_us);
-        format!(" ({} s in the script)", seconds(self.speed.of_script(in_part)))
+        let in_part = at - self.lead + self.from;
+        format!(" ({:.3} s in the script)", self.speed.of_script(in_part))
     }
 }
 
@@ -140,21 +140,21 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         let mut diagnostics = compiled.diagnostics.clone();
         match self.stage(&whole, options.max_events, &mut diagnostics) {
-            Ok((timeline, again, first_us)) => {
+            Ok((timeline, again, first_pass)) => {
                 // What one pass has was shown already.
-                let shown = compiled.diagnostics.sorted();
+                let shown: Vec<&Diagnostic> = compiled.diagnostics.iter().collect();
                 let mut found = Diagnostics::default();
-                let new = diagnostics.sorted().into_iter().filter(|one| !shown.contains(one));
+                let new = diagnostics.iter().filter(|one| !shown.contains(one));
                 new.for_each(|one| found.push(one.clone()));
                 screen.diagnostics(&sources, &found, warnings, false);
                 if found.has_errors() {
                     return Err(Exit::Script);
                 }
                 let moment = |text: &Option<String>| text.as_deref().and_then(|text| self.moment(text, &whole).ok());
-                let from_us = moment(&self.from).unwrap_or(0);
-                let part_us = moment(&self.to).unwrap_or(whole.end_us).min(whole.end_us).saturating_sub(from_us);
-                let script = ScriptTime { from_us, lead_us: first_us.saturating_sub(part_us), speed: self.speed };
-                Ok((sources, Staged { timeline, again, first_us, script, diagnostics }))
+                let from = moment(&self.from).unwrap_or_default();
+                let length = moment(&self.to).unwrap_or(whole.end).min(whole.end) - from;
+                let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
+                Ok((sources, Staged { timeline, again, first_pass, script, diagnostics }))
             }
             Err(why) => {
                 screen.error(&why);
@@ -179,35 +179,35 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         whole: &Timeline,
         max_events: usize,
         diagnostics: &mut Diagnostics,
-    ) -> Result<(Timeline, Option<Timeline>, u64), String> {
+    ) -> Result<(Timeline, Option<Timeline>, Micros), String> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
-        let from_us = moment(&self.from)?.unwrap_or(0);
-        let to_us = moment(&self.to)?;
-        if from_us > whole.end_us {
-            let end = seconds(self.speed.of_script(whole.end_us));
-            return Err(format!("--from is after the end of the script, which is {end} s long"));
+        let from = moment(&self.from)?.unwrap_or_default();
+        let to = moment(&self.to)?;
+        if from > whole.end {
+            let end = self.speed.of_script(whole.end);
+            return Err(format!("--from is after the end of the script, which is {end:.3} s long"));
         }
-        if to_us.is_some_and(|to_us| to_us <= from_us) {
+        if to.is_some_and(|to| to <= from) {
             return Err("--to is not after --from: nothing is left between them".to_owned());
         }
-        let asked = Part { from_us, to_us, lead_in_us: self.lead_in.micros() };
+        let asked = Part { from, to, lead_in: self.lead_in };
         let first = part(whole, &asked, &State::default());
-        let first_us = first.end_us;
+        let first_pass = first.end;
         // Behind a pass it is known where everything is.
         let again = || part(whole, &asked, &state_after(&first));
         match self.passes.into() {
-            Count::Times(1) => Ok((first, None, first_us)),
+            Count::Times(1) => Ok((first, None, first_pass)),
             Count::Times(times) => {
                 let again = again();
                 let timeline = passes(&first, &again, times, max_events).ok_or_else(|| {
                     format!("{times} passes are more than 24 hours or {max_events} frames: write fewer")
                 })?;
                 check_passes(&first, &again, &timeline, diagnostics);
-                Ok((timeline, None, first_us))
+                Ok((timeline, None, first_pass))
             }
             Count::Forever => {
                 let again = again();
-                if again.end_us == 0 {
+                if again.end == Micros::ZERO {
                     return Err("this takes no time, and cannot go on forever".to_owned());
                 }
                 // What the line cannot carry grows from pass to pass.
@@ -215,22 +215,22 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                 let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
                 let all = passes(&first, &again, enough, usize::MAX);
                 check_passes(&first, &again, all.as_ref().unwrap_or(&first), diagnostics);
-                Ok((first, Some(again), first_us))
+                Ok((first, Some(again), first_pass))
             }
         }
     }
 
     /// A time of the script, or a mark, as it is at this speed.
-    fn moment(&self, text: &str, whole: &Timeline) -> Result<u64, String> {
-        if let Ok(time) = time(text) {
+    fn moment(&self, text: &str, whole: &Timeline) -> Result<Micros, String> {
+        if let Some(time) = Time::parse(text).filter(|time| *time <= Time::LONGEST) {
             return Ok(self.speed.time(time).micros());
         }
         let mut named = whole.marks.iter().filter(|mark| mark.name == text);
         match (named.next(), named.next()) {
-            (Some(mark), None) => Ok(mark.at_us),
+            (Some(mark), None) => Ok(mark.at),
             (Some(_), Some(_)) => {
                 let all = whole.marks.iter().filter(|mark| mark.name == text).take(5);
-                let all: Vec<String> = all.map(|mark| seconds(self.speed.of_script(mark.at_us))).collect();
+                let all: Vec<String> = all.map(|mark| format!("{:.3}", self.speed.of_script(mark.at))).collect();
                 Err(format!("the mark `{text}` is there more than once, at {} s: write a time", all.join(", ")))
             }
             (None, _) => {

@@ -10,10 +10,10 @@ use std::time::{Duration, Instant};
 use motionseq::board::Board;
 use motionseq::capture::{Scribe, TimedDecoder};
 use motionseq::link::Happened;
-use motionseq::program::Time;
 use motionseq::source::MAX_SOURCE;
+use motionseq::units::{Micros, Nanos};
 
-use super::screen::{Screen, seconds};
+use super::screen::Screen;
 use super::start_thread;
 
 /// What may wait to be written down, in pieces.
@@ -22,20 +22,20 @@ const ROOM: usize = 64 * 1024;
 const UPDATE: Duration = Duration::from_millis(300);
 /// How long the end waits for a file that takes nothing.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How often the time is told where nothing else happens, in microseconds.
-const TELL_US: u64 = 100_000;
+/// How often the time is told where nothing else happens.
+const TELL: Micros = Micros::from_millis(100);
 
 /// A recording under way.
 pub(super) struct Tape {
-    pieces: SyncSender<(u64, Piece)>,
+    pieces: SyncSender<(Micros, Piece)>,
     kept: Receiver<Kept>,
-    told_us: u64,
+    told: Micros,
     lost: u64,
 }
 
 /// What is written down.
 enum Piece {
-    Came(u64, Box<[u8]>),
+    Came(Nanos, Box<[u8]>),
     Note(&'static str),
     Nothing,
 }
@@ -72,31 +72,27 @@ impl Tape {
             out,
             lines: 0,
             screen,
-            now_us: 0,
-            begin_us: None,
+            now: Micros::ZERO,
+            begin: None,
             failed: None,
         };
         start_thread("tape", move || {
             let _ = keep.send(writer.run(&to_write));
         })?;
-        Ok(Tape { pieces, kept, told_us: 0, lost: 0 })
+        Ok(Tape { pieces, kept, told: Micros::ZERO, lost: 0 })
     }
 
     /// Takes in what happened at a time.
-    pub(super) fn take(&mut self, now_us: u64, happened: Happened<'_>) {
+    pub(super) fn take(&mut self, now: Micros, happened: Happened<'_>) {
         let piece = match happened {
             Happened::Came(at, bytes) => Piece::Came(at, bytes.into()),
             Happened::Opened => Piece::Note("a program has opened the port"),
             Happened::Closed => Piece::Note("the program has closed the port"),
-            Happened::Passed if now_us >= self.told_us + TELL_US => Piece::Nothing,
-            Happened::Passed
-            | Happened::Answered(_)
-            | Happened::Behind(..)
-            | Happened::Unread(_)
-            | Happened::SetUp(_) => return,
+            Happened::Passed if now >= self.told + TELL => Piece::Nothing,
+            _ => return,
         };
-        self.told_us = now_us;
-        self.lost += u64::from(self.pieces.try_send((now_us, piece)).is_err());
+        self.told = now;
+        self.lost += u64::from(self.pieces.try_send((now, piece)).is_err());
     }
 
     /// Ends it, and says what became of it.
@@ -123,19 +119,19 @@ struct Writer {
     out: Out,
     lines: u64,
     screen: Screen,
-    now_us: u64,
+    now: Micros,
     /// When the first frame came.
-    begin_us: Option<u64>,
+    begin: Option<Micros>,
     failed: Option<String>,
 }
 
 impl Writer {
-    fn run(mut self, pieces: &Receiver<(u64, Piece)>) -> Kept {
+    fn run(mut self, pieces: &Receiver<(Micros, Piece)>) -> Kept {
         let mut written = Instant::now();
         loop {
             let ended = match pieces.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
-                Ok((now_us, piece)) => {
-                    self.take(now_us, piece);
+                Ok((now, piece)) => {
+                    self.take(now, piece);
                     false
                 }
                 Err(RecvTimeoutError::Timeout) => false,
@@ -145,7 +141,7 @@ impl Writer {
                 break;
             }
             if written.elapsed() >= UPDATE {
-                self.scribe.settle(self.now_us);
+                self.scribe.settle(self.now);
                 let tail = self.scribe.tail();
                 self.write(&tail);
                 written = Instant::now();
@@ -153,30 +149,30 @@ impl Writer {
         }
         if self.failed.is_none() {
             let scribe = &mut self.scribe;
-            self.decoder.finish(|at_us, item| scribe.take(at_us, item));
+            self.decoder.finish(|at, item| scribe.take(at, item));
         }
-        self.scribe.finish(self.now_us);
+        self.scribe.finish(self.now);
         let failed = self.write("");
         Kept { frames: self.scribe.frames(), lines: self.lines, failed: self.failed.or(failed) }
     }
 
-    fn take(&mut self, now_us: u64, piece: Piece) {
-        self.now_us = self.now_us.max(now_us);
+    fn take(&mut self, now: Micros, piece: Piece) {
+        self.now = self.now.max(now);
         if self.failed.is_some() {
             return;
         }
-        let begin_us = *self.begin_us.get_or_insert(now_us);
-        if now_us - begin_us >= Time::LONGEST.micros() || self.out.length() + MARGIN >= MAX_SOURCE {
+        let begin = *self.begin.get_or_insert(now);
+        if now - begin >= Micros::DAY || self.out.length() + MARGIN >= MAX_SOURCE {
             // What stands so far is a script; more would be none.
             let failed = "it is as long as a script may be: 64 MiB and 24 hours".to_owned();
-            self.screen.warning(&format!("at {} s the recording ends: {failed}", seconds(now_us)));
+            self.screen.warning(&format!("at {now:.3} s the recording ends: {failed}"));
             self.failed = Some(failed);
             return;
         }
         let scribe = &mut self.scribe;
         match piece {
-            Piece::Came(at, bytes) => self.decoder.feed(at, &bytes, |at_us, item| scribe.take(at_us, item)),
-            Piece::Note(words) => scribe.note(now_us, words),
+            Piece::Came(at, bytes) => self.decoder.feed(at, &bytes, |at, item| scribe.take(at, item)),
+            Piece::Note(words) => scribe.note(now, words),
             Piece::Nothing => {}
         }
     }

@@ -10,17 +10,17 @@ use motionseq::board::{Board, Item, ON_SILENCE, Report, ReportDecoder, ReportIte
 use motionseq::capture::{Listing, TimedDecoder};
 use motionseq::link::{Happened, LineSettings};
 use motionseq::sim::{Pose, VirtualBoard};
-use motionseq::timeline::Seconds;
+use motionseq::units::{Micros, Nanos};
 
 use super::decode::doubt;
 use super::log::{Entry, Level, Log};
 use super::news::{active_words, drive_words};
-use super::screen::{Screen, plural, seconds};
+use super::screen::{Screen, plural};
 use super::start_thread;
 use super::tape::Tape;
 
-/// How often the line about the robot is drawn, in microseconds.
-const UPDATE_US: u64 = 100_000;
+/// How often the line about the robot is drawn.
+const UPDATE: Micros = Micros::from_millis(100);
 
 /// How frames are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -44,7 +44,7 @@ pub(super) struct Watcher {
     screen: Screen,
     /// Whether bytes pass to a real board, which goes on where nothing can be shown.
     is_tap: bool,
-    shown: Option<SyncSender<(u64, Sight)>>,
+    shown: Option<SyncSender<(Micros, Sight)>>,
     /// How showing it has ended.
     end: Receiver<io::Result<()>>,
     /// What was not shown, as the screen could not follow.
@@ -54,17 +54,17 @@ pub(super) struct Watcher {
     /// Where all that happens is logged, if it is.
     log: Option<Log>,
     reports: ReportDecoder,
-    /// Whether something came that is to be shown at once; when the thread was told last how the board is, in microseconds.
+    /// Whether something came that is to be shown at once; when the thread was told last how the board is.
     is_fresh: bool,
-    told_us: u64,
+    told: Micros,
 }
 
 /// What there is to show.
 enum Sight {
     Opened,
     Closed,
-    Came(u64, Box<[u8]>),
-    Behind(u64, u64),
+    Came(Nanos, Box<[u8]>),
+    Behind(u64, Micros),
     Unread(u64),
     SetUp(LineSettings),
     Report(Report),
@@ -89,8 +89,8 @@ struct Display {
     state: State,
     report: Option<Report>,
     seen: Option<Box<Seen>>,
-    /// When the line about the robot was drawn last, in microseconds.
-    drawn_us: u64,
+    /// When the line about the robot was drawn last.
+    drawn: Micros,
     /// Whether there are frames that were not shown yet.
     is_fresh: bool,
     is_open: bool,
@@ -118,13 +118,13 @@ impl Shown {
         }
     }
 
-    fn take(&mut self, now_us: u64, item: Item<'_>) -> io::Result<()> {
+    fn take(&mut self, now: Micros, item: Item<'_>) -> io::Result<()> {
         match self {
             Shown::Listing(listing) => {
-                listing.take(Seconds(now_us), item);
+                listing.take(format_args!("{now:.6}"), item);
                 Ok(())
             }
-            Shown::Jsonl(out, board) => motionseq::capture::write_json(board, now_us, item, out),
+            Shown::Jsonl(out, board) => motionseq::capture::write_json(board, now, item, out),
         }
     }
 
@@ -166,7 +166,7 @@ impl Watcher {
             state: State::default(),
             report: None,
             seen: None,
-            drawn_us: 0,
+            drawn: Micros::ZERO,
             is_fresh: false,
             is_open: false,
             wrong: 0,
@@ -186,7 +186,7 @@ impl Watcher {
             log: None,
             reports,
             is_fresh: false,
-            told_us: 0,
+            told: Micros::ZERO,
         })
     }
 
@@ -203,22 +203,22 @@ impl Watcher {
     /// Takes in what happened at a time, at a virtual board or a real one. Fails where nobody can be shown anything any more.
     pub(super) fn watch(
         &mut self,
-        now_us: u64,
+        now: Micros,
         happened: Happened<'_>,
         board: Option<&VirtualBoard>,
     ) -> io::Result<()> {
         if let Some(tape) = &mut self.tape {
-            tape.take(now_us, happened);
+            tape.take(now, happened);
         }
         if let Some(log) = &mut self.log {
-            log_happened(log, now_us, happened);
+            log_happened(log, now, happened);
         }
         match happened {
-            Happened::Opened => self.show(now_us, Sight::Opened),
-            Happened::Closed => self.show(now_us, Sight::Closed),
+            Happened::Opened => self.show(now, Sight::Opened),
+            Happened::Closed => self.show(now, Sight::Closed),
             Happened::Came(at, bytes) => {
                 self.is_fresh = true;
-                self.show(now_us, Sight::Came(at, bytes.into()))
+                self.show(now, Sight::Came(at, bytes.into()))
             }
             Happened::Answered(bytes) => {
                 let mut newest = Vec::new();
@@ -229,41 +229,42 @@ impl Watcher {
                 });
                 newest.into_iter().try_for_each(|report| {
                     if let Some(log) = &mut self.log {
-                        log.put(log.at(now_us.saturating_mul(1_000)), Entry::Report(report));
+                        log.put(log.at(now.nanos()), Entry::Report(report));
                     }
-                    self.show(now_us, Sight::Report(report))
+                    self.show(now, Sight::Report(report))
                 })
             }
-            Happened::Behind(bytes, us) => self.show(now_us, Sight::Behind(bytes, us)),
-            Happened::Unread(bytes) => self.show(now_us, Sight::Unread(bytes)),
-            Happened::SetUp(settings) => self.show(now_us, Sight::SetUp(settings)),
-            Happened::Passed => self.passed(now_us, board),
+            Happened::Behind(bytes, delay) => self.show(now, Sight::Behind(bytes, delay)),
+            Happened::Unread(bytes) => self.show(now, Sight::Unread(bytes)),
+            Happened::SetUp(settings) => self.show(now, Sight::SetUp(settings)),
+            Happened::Passed => self.passed(now, board),
+            _ => Ok(()),
         }
     }
 
-    fn passed(&mut self, now_us: u64, board: Option<&VirtualBoard>) -> io::Result<()> {
-        let is_due = now_us.saturating_sub(self.told_us) >= UPDATE_US;
+    fn passed(&mut self, now: Micros, board: Option<&VirtualBoard>) -> io::Result<()> {
+        let is_due = now - self.told >= UPDATE;
         if !is_due && !self.is_fresh {
             return Ok(());
         }
         self.is_fresh = false;
         let mut seen = None;
         if is_due {
-            self.told_us = now_us;
+            self.told = now;
             seen = board.map(|board| {
                 let received = board.received();
                 Box::new(Seen { state: received.state.clone(), pose: received.pose, report: board.report() })
             });
         }
         if let (Some(log), Some(seen)) = (&mut self.log, &seen) {
-            log.put(log.at(now_us.saturating_mul(1_000)), Entry::Pose(seen.pose));
+            log.put(log.at(now.nanos()), Entry::Pose(seen.pose));
         }
-        self.show(now_us, Sight::Passed(seen))
+        self.show(now, Sight::Passed(seen))
     }
 
-    fn show(&mut self, now_us: u64, sight: Sight) -> io::Result<()> {
+    fn show(&mut self, now: Micros, sight: Sight) -> io::Result<()> {
         let Some(shown) = &self.shown else { return Ok(()) };
-        match shown.try_send((now_us, sight)) {
+        match shown.try_send((now, sight)) {
             Ok(()) => Ok(()),
             Err(TrySendError::Full(_)) => {
                 self.missed += 1;
@@ -301,9 +302,9 @@ impl Watcher {
 
 impl Display {
     /// Shows what happens until nothing does any more, or until it cannot.
-    fn run(mut self, sights: &Receiver<(u64, Sight)>) -> io::Result<()> {
-        for (now_us, sight) in sights {
-            self.take(now_us, sight)?;
+    fn run(mut self, sights: &Receiver<(Micros, Sight)>) -> io::Result<()> {
+        for (now, sight) in sights {
+            self.take(now, sight)?;
         }
         self.screen.live("");
         if let Some(shown) = &mut self.shown {
@@ -313,11 +314,11 @@ impl Display {
         Ok(())
     }
 
-    fn take(&mut self, now_us: u64, sight: Sight) -> io::Result<()> {
+    fn take(&mut self, now: Micros, sight: Sight) -> io::Result<()> {
         match sight {
             Sight::Opened => {
                 self.is_open = true;
-                self.screen.note(&format!("{} s: a program has opened the port", seconds(now_us)));
+                self.screen.note(&format!("{now:.3} s: a program has opened the port"));
             }
             Sight::Closed => {
                 self.is_open = false;
@@ -330,23 +331,20 @@ impl Display {
                     format!(", and the program has not stopped the robot; {ON_SILENCE}")
                 };
                 self.run = None;
-                self.screen.note(&format!("{} s: the port is closed{warning}", seconds(now_us)));
+                self.screen.note(&format!("{now:.3} s: the port is closed{warning}"));
             }
             Sight::Came(at, bytes) => self.came(at, &bytes)?,
             Sight::Report(report) => self.report = Some(report),
-            Sight::Behind(bytes, us) => self.screen.warning(&format!(
-                "at {} s the program has sent more than the line carries: {bytes} bytes wait, for {} ms",
-                seconds(now_us),
-                us / 1_000
+            Sight::Behind(bytes, delay) => self.screen.warning(&format!(
+                "at {now:.3} s the program has sent more than the line carries: {bytes} bytes wait, for {:.0} ms",
+                delay.in_millis()
             )),
             Sight::SetUp(settings) => self.screen.warning(&format!(
-                "at {} s the program has its line at {settings}; a board at {} baud, 1 stop bit would get garbage",
-                seconds(now_us),
+                "at {now:.3} s the program has its line at {settings}; a board at {} baud, 1 stop bit would get garbage",
                 self.baud
             )),
             Sight::Unread(bytes) => self.screen.warning(&format!(
-                "at {} s it ended, and {} that the program had written were not read",
-                seconds(now_us),
+                "at {now:.3} s it ended, and {} that the program had written were not read",
                 plural(usize::try_from(bytes).unwrap_or(usize::MAX), "byte")
             )),
             Sight::Passed(seen) => {
@@ -357,23 +355,23 @@ impl Display {
                     if io::stdout().is_terminal() {
                         self.screen.live("");
                         Screen::is_written(CLEARED);
-                        self.drawn_us = 0;
+                        self.drawn = Micros::ZERO;
                     }
                     shown.flush()?;
                 }
-                if now_us.saturating_sub(self.drawn_us) >= UPDATE_US {
-                    self.drawn_us = now_us;
-                    self.screen.live(&self.line(now_us));
+                if now - self.drawn >= UPDATE {
+                    self.drawn = now;
+                    self.screen.live(&self.line(now));
                 }
             }
         }
         Ok(())
     }
 
-    fn came(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
+    fn came(&mut self, at: Nanos, bytes: &[u8]) -> io::Result<()> {
         let Display { decoder, shown, state, wrong, run, is_fresh, board, has_doubt, screen, .. } = self;
         let mut taken = Ok(());
-        decoder.feed(at, bytes, |at_us, item| {
+        decoder.feed(at, bytes, |at, item| {
             *is_fresh = true;
             match item {
                 Item::Frame(frame) => {
@@ -391,17 +389,18 @@ impl Display {
                     *wrong += u64::from(why.is_wrong() && *run != Some(why));
                     *run = Some(why);
                 }
+                _ => {}
             }
             if let (Some(shown), true) = (shown.as_mut(), taken.is_ok()) {
-                taken = shown.take(at_us, item);
+                taken = shown.take(at, item);
             }
         });
         taken
     }
 
     /// `12.300 s  stands  servo 1 1500  0.0 cm right, 0.0 cm forward, 0°  12.00 V`, as much as there is room for.
-    fn line(&self, now_us: u64) -> String {
-        let mut line = format!("{} s", seconds(now_us));
+    fn line(&self, now: Micros) -> String {
+        let mut line = format!("{now:.3} s");
         let room = self.screen.live_width();
         for part in self.parts() {
             if line.chars().count() + 2 + part.chars().count() > room {
@@ -432,14 +431,14 @@ impl Display {
 }
 
 /// Logs what happens at a board.
-fn log_happened(log: &mut Log, now_us: u64, happened: Happened<'_>) {
-    let at = log.at(now_us.saturating_mul(1_000));
+fn log_happened(log: &mut Log, now: Micros, happened: Happened<'_>) {
+    let at = log.at(now.nanos());
     match happened {
         Happened::Opened => log.line(at, Level::Info, "a program has opened the port"),
         Happened::Closed => log.line(at, Level::Info, "the program has closed the port"),
         Happened::Came(nanos, bytes) => log.put(log.at(nanos), Entry::Bytes(bytes.into())),
-        Happened::Behind(bytes, us) => {
-            let text = format!("the program has sent more than the line carries: {bytes} bytes wait, for {us} us");
+        Happened::Behind(bytes, Micros(delay)) => {
+            let text = format!("the program has sent more than the line carries: {bytes} bytes wait, for {delay} us");
             log.line(at, Level::Warning, text);
         }
         Happened::Unread(bytes) => {
@@ -448,6 +447,6 @@ fn log_happened(log: &mut Log, now_us: u64, happened: Happened<'_>) {
         Happened::SetUp(settings) => {
             log.line(at, Level::Warning, format!("the program has its line at {settings}"));
         }
-        Happened::Answered(_) | Happened::Passed => {}
+        _ => {}
     }
 }

@@ -193,9 +193,19 @@ impl Diagnostics {
     }
 
     /// Those that were kept, by place in the script.
-    pub fn sorted(&self) -> Vec<&Diagnostic> {
+    pub fn iter(&self) -> std::vec::IntoIter<&Diagnostic> {
         let mut list: Vec<_> = self.kept.iter().collect();
         list.sort_by_key(|diagnostic| (diagnostic.span, diagnostic.code));
-        list
+        list.into_iter()
+    }
+}
+
+/// Those that were kept, by place in the script.
+impl<'d> IntoIterator for &'d Diagnostics {
+    type Item = &'d Diagnostic;
+    type IntoIter = std::vec::IntoIter<&'d Diagnostic>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
     }
 }

@@ -15,23 +15,25 @@ use rustix::io::Errno;
 use rustix::termios::QueueSelector;
 
 use super::{LineSettings, Pty};
+use crate::units::{Micros, Nanos};
 
 /// Where Linux keeps pseudo-terminals. A link to anything else is not one of ours.
 const TERMINALS: &str = "/dev/pts/";
 
 /// What happens at a door.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub enum Happened<'a> {
     /// A program has opened the port.
     Opened,
     /// It has closed it, or has ended.
     Closed,
-    /// Bytes of the program came, the first of them at this time, in nanoseconds from the start.
-    Came(u64, &'a [u8]),
+    /// Bytes of the program came, the first of them at this time from the start.
+    Came(Nanos, &'a [u8]),
     /// The board has sent bytes to the program.
     Answered(&'a [u8]),
-    /// The program sends more than the line carries: so many bytes wait, for so many microseconds.
-    Behind(u64, u64),
+    /// The program sends more than the line carries: so many bytes wait, for so long.
+    Behind(u64, Micros),
     /// The program has set its line up otherwise than the board's.
     SetUp(LineSettings),
     /// At the end, so many bytes that the program had written could not be read.
@@ -53,6 +55,7 @@ pub struct Door {
 
 /// Why there is no door at a path.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum DoorError {
     /// Another process has its door there.
     #[error("another motionseq has its board at {}", .0.display())]

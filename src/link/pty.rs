@@ -14,6 +14,9 @@ use rustix::pty::OpenptFlags;
 use rustix::termios::{ControlModes, OptionalActions};
 use rustix::time::Timespec;
 
+use crate::clock::timespec;
+use crate::units::Nanos;
+
 /// The board's end of a port.
 #[derive(Debug)]
 pub struct Pty {
@@ -63,14 +66,11 @@ impl Pty {
         Ok(fcntl_setfl(&self.far, fcntl_getfl(&self.far)? | OFlags::NONBLOCK)?)
     }
 
-    /// Waits so many nanoseconds for the program to close its end, or if asked to, for bytes from it. Says whether that has come.
-    pub fn wait(&self, for_bytes: bool, nanos: u64) -> io::Result<bool> {
+    /// Waits so long for the program to close its end, or if asked to, for bytes from it. Says whether that has come.
+    pub fn wait(&self, for_bytes: bool, time: Nanos) -> io::Result<bool> {
         let events = if for_bytes { PollFlags::IN } else { PollFlags::empty() };
         let mut polled = [PollFd::new(&self.far, events)];
-        let second = 1_000_000_000;
-        let part = |nanos: u64| i64::try_from(nanos).unwrap_or(i64::MAX);
-        let timeout = Timespec { tv_sec: part(nanos / second), tv_nsec: part(nanos % second) };
-        match rustix::event::poll(&mut polled, Some(&timeout)) {
+        match rustix::event::poll(&mut polled, Some(&timespec(time))) {
             Ok(_) | Err(Errno::INTR) => Ok(polled.iter().any(|polled| !polled.revents().is_empty())),
             Err(error) => Err(error.into()),
         }

@@ -7,12 +7,13 @@ use rtrb::Producer;
 
 use super::Link;
 use crate::clock::now;
+use crate::units::Nanos;
 
 /// Bytes that a port took, at most as many as a frame of any command has; more are several of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
-    /// When, in nanoseconds on the clock of [`now`].
-    pub at: u64,
+    /// When, on the clock of [`now`].
+    pub at: Nanos,
     bytes: [u8; PIECE],
     length: u8,
 }
@@ -21,7 +22,7 @@ pub struct Taken {
 const PIECE: usize = 23;
 
 impl Taken {
-    fn new(at: u64, bytes: &[u8]) -> Self {
+    fn new(at: Nanos, bytes: &[u8]) -> Self {
         let mut taken = Taken { at, bytes: [0; PIECE], length: 0 };
         for (place, byte) in taken.bytes.iter_mut().zip(bytes) {
             *place = *byte;

@@ -33,6 +33,7 @@ pub struct PortInfo {
 
 /// Whether the board hangs on a port, as far as can be told without opening it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Likely {
     /// It is the serial line of a Raspberry Pi's pins, where the board is plugged on.
     Board,
@@ -66,6 +67,7 @@ fn port_info(port: serialport::SerialPortInfo) -> PortInfo {
 
 /// Why a port cannot be opened.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpenError {
     /// There is nothing with this name.
     #[error("there is no such port")]

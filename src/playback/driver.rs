@@ -14,20 +14,21 @@ use crate::board::{ReportDecoder, ReportItem};
 use crate::clock;
 use crate::link::Link;
 use crate::source::Lines;
+use crate::units::{Micros, Nanos};
 
-/// How long before a deadline the loop stops looking at the port, in nanoseconds.
-const CLOSE: u64 = 1_000_000;
-/// How long before a deadline the loop stops sleeping and looks at the clock instead, in nanoseconds: longer than a computer
+/// How long before a deadline the loop stops looking at the port.
+const CLOSE: Nanos = Nanos::from_millis(1);
+/// How long before a deadline the loop stops sleeping and looks at the clock instead: longer than a computer
 /// takes to wake; and longer still for a thread with real-time priority, which nobody disturbs. At 200 frames a second
 /// the first is one part in a hundred of a processor.
-const SPIN: u64 = 50_000;
-const REALTIME_SPIN: u64 = 150_000;
+const SPIN: Nanos = Micros(50).nanos();
+const REALTIME_SPIN: Nanos = Micros(150).nanos();
 /// How often the loop may panic before it is given up.
 const MAX_PANICS: usize = 10;
 /// How many reads of 256 bytes are made at once: more than a port holds.
 const MAX_READS: usize = 512;
-/// How often the port and the keys are looked at, in nanoseconds, where frames follow each other too closely to wait for them.
-const LOOK: u64 = 10_000_000;
+/// How often the port and the keys are looked at where frames follow each other too closely to wait for them.
+const LOOK: Nanos = Nanos::from_millis(10);
 
 /// What a run needs, all of it made before the first frame.
 #[derive(Debug)]
@@ -53,7 +54,7 @@ pub struct Rig<'s, L> {
 pub fn drive<L: Link>(
     player: &mut Player<'_>,
     rig: &mut Rig<'_, L>,
-    start: u64,
+    start: Nanos,
     mut notices: impl FnMut(Notice),
 ) -> Outcome {
     os::wake_exactly();
@@ -68,7 +69,7 @@ pub fn drive<L: Link>(
             Err(_) => input = Input::Panicked,
         }
     }
-    player.give_up(clock::now().saturating_sub(start))
+    player.give_up(clock::now() - start)
 }
 
 impl<L: Link> Rig<'_, L> {
@@ -76,12 +77,12 @@ impl<L: Link> Rig<'_, L> {
     fn run(
         &mut self,
         player: &mut Player<'_>,
-        start: u64,
+        start: Nanos,
         mut input: Input,
         reports: &mut ReportDecoder,
         notices: &mut impl FnMut(Notice),
     ) -> Outcome {
-        let mut look_at = 0;
+        let mut look_at = Nanos::ZERO;
         loop {
             if input == Input::Tick {
                 input = self.signals.pending().map_or(Input::Tick, |signal| self.meaning(signal));
@@ -91,7 +92,7 @@ impl<L: Link> Rig<'_, L> {
                 look_at = now.saturating_add(LOOK);
                 let mut heard = |item| {
                     if let ReportItem::Report(report) = item {
-                        player.hear(clock::now().saturating_sub(start), report, notices);
+                        player.hear(clock::now() - start, report, notices);
                     }
                 };
                 input = self.look(now, false, false, reports, &mut heard);
@@ -101,10 +102,10 @@ impl<L: Link> Rig<'_, L> {
             }
             self.beat(player, start, false);
             // Also where deadlines follow each other too closely to look at the port in between.
-            if input == Input::Tick && player.judges_at(clock::now().saturating_sub(start)) {
+            if input == Input::Tick && player.judges_at(clock::now() - start) {
                 input = self.hear(player, start, reports, notices);
             }
-            let now = clock::now().saturating_sub(start);
+            let now = clock::now() - start;
             let order = player.poll(now, input, notices);
             if let Some(outcome) = player.outcome() {
                 return outcome;
@@ -144,7 +145,7 @@ impl<L: Link> Rig<'_, L> {
     fn hear(
         &mut self,
         player: &mut Player<'_>,
-        start: u64,
+        start: Nanos,
         reports: &mut ReportDecoder,
         notices: &mut impl FnMut(Notice),
     ) -> Input {
@@ -156,7 +157,7 @@ impl<L: Link> Rig<'_, L> {
                 Ok(count) => {
                     let mut heard = |item| {
                         if let ReportItem::Report(report) = item {
-                            player.hear(clock::now().saturating_sub(start), report, notices);
+                            player.hear(clock::now() - start, report, notices);
                         }
                     };
                     reports.feed(buffer.get(..count).unwrap_or_default(), &mut heard);
@@ -176,18 +177,18 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Tells the guard that the loop is alive, where that cannot wait, or where there is time for it and it cannot wait long.
-    fn beat(&mut self, player: &Player<'_>, start: u64, has_time: bool) {
+    fn beat(&mut self, player: &Player<'_>, start: Nanos, has_time: bool) {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
             let place = player.place().map(|span| self.lines.place(span));
             let keys = self.keys.as_ref().is_some_and(Keys::is_single);
-            guard.beat(now, player.run_time(now.saturating_sub(start)) / 1_000, place, keys);
+            guard.beat(now, player.run_time(now - start).micros(), place, keys);
         }
     }
 
     /// When the loop must be awake for the next beat.
-    fn next_beat(&self) -> u64 {
-        self.guard.as_ref().map_or(u64::MAX, Guard::deadline)
+    fn next_beat(&self) -> Nanos {
+        self.guard.as_ref().map_or(Nanos::MAX, Guard::deadline)
     }
 
     /// Waits until `deadline` on the clock, or until something happens.
@@ -195,8 +196,8 @@ impl<L: Link> Rig<'_, L> {
     fn wait(
         &mut self,
         player: &mut Player<'_>,
-        start: u64,
-        deadline: u64,
+        start: Nanos,
+        deadline: Nanos,
         writable: bool,
         reports: &mut ReportDecoder,
         notices: &mut impl FnMut(Notice),
@@ -207,11 +208,11 @@ impl<L: Link> Rig<'_, L> {
                 close_in(deadline, self.realtime);
                 return Input::Tick;
             }
-            self.beat(player, start, left > 2 * CLOSE);
+            self.beat(player, start, left > CLOSE * 2);
             let until = if writable { deadline } else { deadline - CLOSE };
             let mut heard = |item| {
                 if let ReportItem::Report(report) = item {
-                    player.hear(clock::now().saturating_sub(start), report, notices);
+                    player.hear(clock::now() - start, report, notices);
                 }
             };
             let input = self.look(until, writable, false, reports, &mut heard);
@@ -225,7 +226,7 @@ impl<L: Link> Rig<'_, L> {
     #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
     fn look(
         &mut self,
-        until: u64,
+        until: Nanos,
         writable: bool,
         keys: bool,
         reports: &mut ReportDecoder,
@@ -280,7 +281,7 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits until `deadline` on the clock, whatever happens; only the guard is told that the loop is alive.
-    fn pause(&mut self, player: &Player<'_>, start: u64, deadline: u64) -> Input {
+    fn pause(&mut self, player: &Player<'_>, start: Nanos, deadline: Nanos) -> Input {
         while clock::now() < deadline {
             self.beat(player, start, false);
             clock::sleep_until(deadline.min(self.next_beat()));
@@ -289,15 +290,15 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// The robot stands: sleeps until the shell continues this process.
-    fn suspend(&mut self, player: &Player<'_>, start: u64, notices: &mut impl FnMut(Notice)) -> Input {
+    fn suspend(&mut self, player: &Player<'_>, start: Nanos, notices: &mut impl FnMut(Notice)) -> Input {
         let place = player.place().map(|span| self.lines.place(span));
-        let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
+        let at = player.script_time(clock::now() - start).micros();
         if let Some(guard) = &mut self.guard {
-            guard.rest(player.run_time(clock::now().saturating_sub(start)) / 1_000, place);
+            guard.rest(player.run_time(clock::now() - start).micros(), place);
         }
-        notices(Notice::Sleeping { at_us });
+        notices(Notice::Sleeping { at });
         // Whoever shows that sleeps too, a moment later.
-        clock::sleep_until(clock::now().saturating_add(100 * CLOSE));
+        clock::sleep_until(clock::now().saturating_add(CLOSE * 100));
         if let Some(keys) = &mut self.keys {
             keys.end();
         }
@@ -309,7 +310,7 @@ impl<L: Link> Rig<'_, L> {
     fn stay(
         &mut self,
         player: &mut Player<'_>,
-        start: u64,
+        start: Nanos,
         reports: &mut ReportDecoder,
         notices: &mut impl FnMut(Notice),
     ) -> Input {
@@ -321,28 +322,28 @@ impl<L: Link> Rig<'_, L> {
             if let Some(keys) = self.keys.as_mut().filter(|_| is_told && !was_told) {
                 keys.begin();
                 // What was typed before the pause was not meant for a robot.
-                if keys.told_us.is_none() {
+                if keys.told.is_none() {
                     keys.forget();
                 }
-                let at_us = player.script_time(clock::now().saturating_sub(start)) / 1_000;
+                let at = player.script_time(clock::now() - start).micros();
                 // Somebody who asked what the keys are has not been told anything new.
-                if keys.told_us.replace(at_us) != Some(at_us) {
-                    notices(Notice::Paused { at_us });
+                if keys.told.replace(at) != Some(at) {
+                    notices(Notice::Paused { at });
                 }
             }
             // Now and then it looks whether the terminal talks to this process again.
-            let until = clock::now().saturating_add(100 * CLOSE);
+            let until = clock::now().saturating_add(CLOSE * 100);
             // What comes at a pause is not shown, but the newest report goes on being the newest.
             let mut heard = |item| {
                 if let ReportItem::Report(report) = item {
-                    player.hear(clock::now().saturating_sub(start), report, &mut |_| {});
+                    player.hear(clock::now() - start, report, &mut |_| {});
                 }
             };
             match self.look(until, false, true, reports, &mut heard) {
                 Input::Tick => {}
                 input => {
                     if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {
-                        keys.told_us = None;
+                        keys.told = None;
                     }
                     return input;
                 }
@@ -368,7 +369,7 @@ fn meaning_of(key: u8, keys: &Keys, is_paused: bool) -> Input {
 }
 
 /// The last millisecond before a deadline.
-pub(super) fn close_in(deadline: u64, realtime: bool) {
+pub(super) fn close_in(deadline: Nanos, realtime: bool) {
     let spin = if realtime { REALTIME_SPIN } else { SPIN };
     clock::sleep_until(deadline.saturating_sub(spin));
     while clock::now() < deadline {

@@ -17,25 +17,26 @@ use super::messages::Stop;
 use super::os::{self, Process, Ready};
 use super::stop::stop_robot;
 use super::watch::{Fate, Heard, Verdict, Watch};
-use crate::board::Hex;
+use crate::board::{Board, Hex};
 use crate::clock;
 use crate::link::Serial;
 use crate::source::Place;
+use crate::timeline::Timeline;
+use crate::units::{Micros, Nanos};
 
 /// How long the start of a guard, and its end, may take.
 const START: Duration = Duration::from_secs(5);
 const END: Duration = Duration::from_millis(250);
-/// How long a player that was killed may take to end before the robot is stopped all the same, in nanoseconds.
-const DEATH: u64 = 20_000_000;
-/// How long a guard then waits for that, to repeat the stop behind it, in nanoseconds.
-const LATE_DEATH: u64 = 2_000_000_000;
-/// How long after a beat the next one is sent where there is time for it behind a frame, in nanoseconds: so the guard knows
-/// the place well.
-const SOON: u64 = 10_000_000;
-/// The longest time between two beats, in nanoseconds.
-const MAX_INTERVAL: u64 = 100_000_000;
-/// A guard takes no lateness for a hang that is shorter than twice this, in nanoseconds: a player that is late says so itself.
-const LENIENCE: u64 = 25_000_000;
+/// How long a player that was killed may take to end before the robot is stopped all the same.
+const DEATH: Nanos = Nanos::from_millis(20);
+/// How long a guard then waits for that, to repeat the stop behind it.
+const LATE_DEATH: Nanos = Nanos::from_millis(2_000);
+/// How long after a beat the next one is sent where there is time for it behind a frame: so the guard knows the place well.
+const SOON: Nanos = Nanos::from_millis(10);
+/// The longest time between two beats.
+const MAX_INTERVAL: Nanos = Nanos::from_millis(100);
+/// A guard takes no lateness for a hang that is shorter than twice this: a player that is late says so itself.
+const LENIENCE: Nanos = Nanos::from_millis(25);
 
 /// One message to the guard: what it means, where the player is, and in a fixed size, so that none is cut.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +55,7 @@ const ENDED: u8 = b'e';
 const GOODBYE: u8 = b'g';
 
 impl Record {
-    fn new(kind: u8, at_us: u64, place: Option<Place<'_>>) -> Self {
+    fn new(kind: u8, at: Micros, place: Option<Place<'_>>) -> Self {
         let mut bytes = [0; RECORD];
         let (head, name) = bytes.split_at_mut(HEAD);
         let (file, line) = place.map_or(("", 0), |place| (place.file, place.line));
@@ -64,7 +65,7 @@ impl Record {
         name.iter_mut().zip(file).for_each(|(to, from)| *to = *from);
         let length = u8::try_from(file.len()).unwrap_or(0);
         let line = u32::try_from(line).unwrap_or(u32::MAX).to_le_bytes();
-        let fields = [kind, length, 0, 0].into_iter().chain(line).chain(at_us.to_le_bytes());
+        let fields = [kind, length, 0, 0].into_iter().chain(line).chain(at.0.to_le_bytes());
         head.iter_mut().zip(fields).for_each(|(to, from)| *to = from);
         Record(bytes)
     }
@@ -82,8 +83,8 @@ impl Record {
     }
 
     /// That the run has ended, and what became of the robot.
-    fn ended(at_us: u64, place: Option<Place<'_>>, stop: Stop) -> Self {
-        let mut record = Record::new(ENDED, at_us, place);
+    fn ended(at: Micros, place: Option<Place<'_>>, stop: Stop) -> Self {
+        let mut record = Record::new(ENDED, at, place);
         if let Some(byte) = record.0.get_mut(STOP_AT) {
             *byte = match stop {
                 Stop::NotNeeded => b'n',
@@ -111,8 +112,11 @@ impl Record {
         }
     }
 
-    fn at_us(&self) -> u64 {
-        self.0.get(8..HEAD).and_then(|bytes| bytes.try_into().ok()).map_or(0, u64::from_le_bytes)
+    fn at(&self) -> Micros {
+        self.0
+            .get(8..HEAD)
+            .and_then(|bytes| bytes.try_into().ok())
+            .map_or(Micros::ZERO, |bytes| Micros(u64::from_le_bytes(bytes)))
     }
 
     fn place(&self) -> Option<String> {
@@ -124,16 +128,48 @@ impl Record {
 }
 
 /// What a guard must know of a player.
+#[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ward {
-    /// A player that is silent for longer than twice this, in nanoseconds, and for 50 ms at least, is killed.
-    pub max_late: u64,
+    /// A player that is silent for longer than twice this, and for 50 ms at least, is killed.
+    pub max_late: Nanos,
     /// How many zeros bring a receiver back in step behind a flush: [`zeros_behind_flush`](crate::board::Board::zeros_behind_flush).
     pub zeros: usize,
     /// Whether the guard runs before all ordinary programs.
     pub realtime: bool,
     /// The frames of a stop.
     pub stop: Vec<Vec<u8>>,
+}
+
+impl Ward {
+    /// What the guard of a player of this timeline must know. A frame may be 50 ms late.
+    pub fn of(timeline: &Timeline) -> Self {
+        let commands = timeline.events().iter().map(|event| &event.command);
+        Ward { zeros: timeline.board.zeros_behind_flush(commands), ..Ward::of_board(&timeline.board) }
+    }
+
+    /// What the guard of any program on a board must know.
+    pub fn of_board(board: &Board) -> Self {
+        let stop = Stops::of(board, &[]).frames;
+        Ward { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop }
+    }
+
+    /// How late a player may be before its guard worries.
+    fn patience(&self) -> Nanos {
+        self.max_late.max(LENIENCE)
+    }
+
+    /// As arguments of a process.
+    fn arguments(&self) -> [String; 4] {
+        [self.patience().0.to_string(), self.zeros.to_string(), self.realtime.to_string(), hex(&self.stop)]
+    }
+
+    /// Reads its arguments; `None` if they are not such.
+    fn read(arguments: &[String]) -> Option<Self> {
+        let [max_late, zeros, realtime, stop] = arguments else { return None };
+        let (max_late, zeros, realtime) = (max_late.parse().ok()?, zeros.parse().ok()?, realtime.parse().ok()?);
+        Some(Ward { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)? })
+    }
 }
 
 /// A player's guard, as the player sees it.
@@ -143,10 +179,10 @@ pub struct Ward {
 pub struct Guard {
     pipe: UnixStream,
     child: Child,
-    interval: u64,
+    interval: Nanos,
     /// When the next beat is welcome, and when it must be sent.
-    soon: u64,
-    deadline: u64,
+    soon: Nanos,
+    deadline: Nanos,
     bond: Bond,
 }
 
@@ -165,16 +201,14 @@ impl Guard {
     /// to it to [`guard`]: the process, and the fields of its [`Ward`].
     pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &Ward) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
-        let max_late = ward.max_late.max(LENIENCE);
-        program.args([std::process::id().to_string(), max_late.to_string()]);
-        program.args([ward.zeros.to_string(), ward.realtime.to_string(), hex(&ward.stop)]);
+        program.arg(std::process::id().to_string()).args(ward.arguments());
         program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
         let child = program.spawn()?;
         // With it goes our copy of the guard's end of the pipe.
         drop(program);
-        let interval = (max_late / 2).min(MAX_INTERVAL);
+        let interval = Nanos(ward.patience().0 / 2).min(MAX_INTERVAL);
         let deadline = clock::now().saturating_add(interval);
-        let mut guard = Guard { pipe, child, interval, soon: 0, deadline, bond: Bond::Watched };
+        let mut guard = Guard { pipe, child, interval, soon: Nanos::ZERO, deadline, bond: Bond::Watched };
         match guard.is_ready() {
             Ok(()) => Ok(guard),
             Err(error) => {
@@ -202,25 +236,25 @@ impl Guard {
     }
 
     /// When the next beat must be sent at the latest.
-    pub(super) fn deadline(&self) -> u64 {
-        if self.bond == Bond::Watched { self.deadline } else { u64::MAX }
+    pub(super) fn deadline(&self) -> Nanos {
+        if self.bond == Bond::Watched { self.deadline } else { Nanos::MAX }
     }
 
     /// Whether a beat is wanted now: it is welcome and there is time for it, or it cannot wait.
-    pub(crate) fn wants_beat(&self, now: u64, has_time: bool) -> bool {
+    pub(crate) fn wants_beat(&self, now: Nanos, has_time: bool) -> bool {
         self.bond == Bond::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
     /// Tells that the player is alive, where it is, and whether it has the terminal give it single keys.
-    pub(crate) fn beat(&mut self, now: u64, at_us: u64, place: Option<Place<'_>>, keys: bool) {
-        self.soon = now.saturating_add(SOON.min(self.interval / 2));
+    pub(crate) fn beat(&mut self, now: Nanos, at: Micros, place: Option<Place<'_>>, keys: bool) {
+        self.soon = now.saturating_add(SOON.min(Nanos(self.interval.0 / 2)));
         self.deadline = now.saturating_add(self.interval);
-        self.tell(Record::new(BEAT, at_us, place).with_keys(keys));
+        self.tell(Record::new(BEAT, at, place).with_keys(keys));
     }
 
     /// Tells that the robot stands, and that no beats will come until the next one.
-    pub(super) fn rest(&mut self, at_us: u64, place: Option<Place<'_>>) {
-        self.tell(Record::new(AT_REST, at_us, place));
+    pub(super) fn rest(&mut self, at: Micros, place: Option<Place<'_>>) {
+        self.tell(Record::new(AT_REST, at, place));
     }
 
     /// It has ended.
@@ -241,8 +275,8 @@ impl Guard {
 
     /// Tells how and where the run has ended, and waits until the guard has let go of the port. From here on it says what became of the robot if
     /// this process is killed before it has said so itself, and [`Guard::goodbye`] tells it that it has.
-    pub fn ended(&mut self, at_us: u64, place: Option<Place<'_>>, stop: Stop) {
-        let told = self.send(Record::ended(at_us, place, stop));
+    pub fn ended(&mut self, at: Micros, place: Option<Place<'_>>, stop: Stop) {
+        let told = self.send(Record::ended(at, place, stop));
         if told.and_then(|()| self.hear(END)).is_err() {
             self.lose();
             let _ = self.child.kill();
@@ -251,7 +285,7 @@ impl Guard {
 
     /// Tells that all was said, and waits for the guard's end.
     pub fn goodbye(mut self) {
-        if self.send(Record::new(GOODBYE, 0, None)).and_then(|()| self.hear(END)).is_err() {
+        if self.send(Record::new(GOODBYE, Micros::ZERO, None)).and_then(|()| self.hear(END)).is_err() {
             let _ = self.child.kill();
         }
         let _ = self.child.wait();
@@ -295,8 +329,10 @@ fn uninterrupted<T>(mut call: impl FnMut() -> io::Result<T>) -> io::Result<T> {
 pub struct Guarded {
     /// What became of the player.
     pub fate: Fate,
-    /// The last time of the script that it told, in microseconds.
-    pub at_us: u64,
+    /// How long it may be silent before it counts as hung.
+    pub silence: Nanos,
+    /// The last time of the script that it told.
+    pub at: Micros,
     /// The last place in the script that it told, as `FILE:LINE`.
     pub place: Option<String>,
     /// Whether the robot was stopped.
@@ -309,8 +345,8 @@ fn hex(frames: &[Vec<u8>]) -> String {
     frames.iter().map(frame).collect::<Vec<_>>().join(",")
 }
 
-/// Reads the frames in an argument that a player has added; `None` if it is not hexadecimal.
-pub fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
+/// Reads the frames in an argument; `None` if it is not hexadecimal.
+fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
     let frames = argument.split(',').filter(|frame| !frame.is_empty());
     frames.map(|frame| frame.as_bytes().chunks(2).map(byte).collect()).collect()
@@ -318,11 +354,17 @@ pub fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
 
 /// Runs a guard, in a process of its own: with the port as standard input and the pipe as standard output. The arguments
 /// are those that [`Guard::start`] added. Gives what was done where the player did not say goodbye.
-pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
+///
+/// # Errors
+/// Where a player did not start it, or the system refuses what it needs.
+pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
+    let stranger = || io::Error::other("only a player can start it");
+    let (player, ward) = arguments.split_first().ok_or_else(stranger)?;
+    let (player, ward) = player.parse().ok().zip(Ward::read(ward)).ok_or_else(stranger)?;
     let mut port = Some(Serial::inherited(io::stdin().as_fd().try_clone_to_owned()?)?);
     let mut pipe = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
     // Somebody who starts it by hand would have a process that only a kill ends.
-    pipe.peer_addr().map_err(|_| io::Error::other("only a player can start it"))?;
+    pipe.peer_addr().map_err(|_| stranger())?;
     let terminal = os::Terminal::remember();
     os::become_guard(ward.realtime);
     // Its number means it and no other process as long as it is the parent of this one.
@@ -330,11 +372,12 @@ pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
     let stops = Stops::only(ward.stop);
     let mut out = Outbox::new(ward.zeros, stops.frames.iter().map(Vec::len).max().unwrap_or_default());
     // As long as it has told nothing, it may have changed the terminal.
-    let mut last = Record::new(BEAT, 0, None).with_keys(true);
+    let mut last = Record::new(BEAT, Micros::ZERO, None).with_keys(true);
     pipe.set_nonblocking(true)?;
     pipe.write_all(&READY)?;
 
-    let mut watch = Watch::new(clock::now(), ward.max_late.saturating_mul(2));
+    let silence = ward.max_late.saturating_mul(2);
+    let mut watch = Watch::new(clock::now(), silence);
     let mut heard = Heard::Silence;
     let fate = loop {
         match watch.poll(clock::now(), heard) {
@@ -366,7 +409,7 @@ pub fn guard(player: i32, ward: Ward) -> io::Result<Option<Guarded>> {
             stop
         }
     };
-    Ok(Some(Guarded { fate, at_us: last.at_us(), place: last.place(), stop }))
+    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop }))
 }
 
 /// Lets go of the port, which is standard input, too: whoever plays next must not wait until all was told.
@@ -376,7 +419,7 @@ fn release(port: Option<Serial>) {
 }
 
 /// Waits for a message, at most until a time on the clock.
-fn listen(pipe: &mut UnixStream, until: Option<u64>, last: &mut Record) -> Heard {
+fn listen(pipe: &mut UnixStream, until: Option<Nanos>, last: &mut Record) -> Heard {
     let timeout = until.map(|until| until.saturating_sub(clock::now()));
     // What it says does not matter: the read does not wait.
     let _ = os::wait([(Some(pipe.as_fd()), Ready::IN)], timeout);
@@ -404,17 +447,17 @@ mod tests {
 
     #[test]
     fn a_record_says_again_what_was_put_in() {
-        let record = Record::new(AT_REST, 1_234_567, Some(Place { file: "scripts/dance.motion", line: 14 }));
+        let record = Record::new(AT_REST, Micros(1_234_567), Some(Place { file: "scripts/dance.motion", line: 14 }));
         assert_eq!(record.heard(), Heard::AtRest);
-        assert_eq!(record.at_us(), 1_234_567);
+        assert_eq!(record.at(), Micros(1_234_567));
         assert_eq!(record.place().unwrap(), "scripts/dance.motion:14");
-        assert_eq!(Record::new(GOODBYE, 0, None).place(), None);
+        assert_eq!(Record::new(GOODBYE, Micros::ZERO, None).place(), None);
     }
 
     #[test]
     fn of_a_long_name_the_end_is_kept() {
         let name = format!("{}dance.motion", "ü/".repeat(200));
-        let record = Record::new(BEAT, 0, Some(Place { file: &name, line: 7 }));
+        let record = Record::new(BEAT, Micros::ZERO, Some(Place { file: &name, line: 7 }));
         let place = record.place().unwrap();
         assert!(
             place.ends_with("/dance.motion:7") && place.len() <= RECORD && place.len() > RECORD - HEAD - 2,

@@ -7,13 +7,14 @@
 use super::messages::{Input, Order, Stop};
 use crate::board::Board;
 use crate::timeline::Event;
+use crate::units::{Micros, Nanos};
 
-/// Time between two stop frames, in nanoseconds.
-const INTERVAL: u64 = 20_000_000;
-/// How long the port may need for one frame before the stop is given up, in nanoseconds.
-const PATIENCE: u64 = 500_000_000;
-/// How long after a failure a frame is given to the port again, in nanoseconds, and how many failures there may be in all.
-const RETRY: u64 = 5_000_000;
+/// Time between two stop frames.
+const INTERVAL: Nanos = Nanos::from_millis(20);
+/// How long the port may need for one frame before the stop is given up.
+const PATIENCE: Nanos = Nanos::from_millis(500);
+/// How long after a failure a frame is given to the port again, and how many failures there may be in all.
+const RETRY: Nanos = Nanos::from_millis(5);
 const MAX_FAILURES: u32 = 10;
 /// The most bytes given to the port at once.
 const BATCH: usize = 16 * 1024;
@@ -23,15 +24,15 @@ const BATCH: usize = 16 * 1024;
 pub struct Stops {
     /// Those that every early end sends. A first one that comes several times is sent at intervals.
     pub frames: Vec<Vec<u8>>,
-    /// Those that follow, with their times in microseconds from the first of them.
-    abort: Vec<(u64, Vec<u8>)>,
+    /// Those that follow, with their times from the first of them.
+    abort: Vec<(Micros, Vec<u8>)>,
 }
 
 impl Stops {
     /// The stop of a board, and what a script sends after it.
     pub fn of(board: &Board, abort: &[Event]) -> Self {
         let frames = board.stop.iter().map(|command| board.to_frame(command)).collect();
-        Stops { frames, abort: abort.iter().map(|event| (event.at_us, board.to_frame(&event.command))).collect() }
+        Stops { frames, abort: abort.iter().map(|event| (event.at, board.to_frame(&event.command))).collect() }
     }
 
     /// Only these.
@@ -123,20 +124,20 @@ pub(super) struct Halt {
     /// How many frames of the stop, and behind them of `on abort`, were taken up.
     step: usize,
     /// When `abort` began.
-    abort_from: u64,
+    abort_from: Nanos,
     /// How many stops the port took whole.
     whole: usize,
     failures: u32,
     /// When the next frame is due.
-    next_at: u64,
+    next_at: Nanos,
     /// When the port must have taken the last one.
-    give_up: u64,
+    give_up: Nanos,
 }
 
 impl Halt {
     /// A stop that begins at `now`, once what was queued is thrown away, and whether `on abort` follows it.
-    pub(super) fn new(aborts: bool, now: u64) -> Self {
-        Halt { aborts, step: 0, abort_from: 0, whole: 0, failures: 0, next_at: now, give_up: now }
+    pub(super) fn new(aborts: bool, now: Nanos) -> Self {
+        Halt { aborts, step: 0, abort_from: Nanos::ZERO, whole: 0, failures: 0, next_at: now, give_up: now }
     }
 
     /// How it went so far.
@@ -150,7 +151,7 @@ impl Halt {
     }
 
     /// What to do next; `None` once it is over.
-    pub(super) fn poll(&mut self, now: u64, input: Input, stops: &Stops, out: &mut Outbox) -> Option<Order> {
+    pub(super) fn poll(&mut self, now: Nanos, input: Input, stops: &Stops, out: &mut Outbox) -> Option<Order> {
         match input {
             Input::Failed(_) if self.failures < MAX_FAILURES => {
                 self.failures += 1;
@@ -167,7 +168,7 @@ impl Halt {
         if !out.is_empty() {
             // A machine that stalls is no reason to give up: only a port that takes nothing is.
             (now <= self.give_up).then_some(match input {
-                Input::Blocked => Order::Wait { until: self.give_up + 1, writable: true },
+                Input::Blocked => Order::Wait { until: self.give_up + Nanos(1), writable: true },
                 _ => Order::Write,
             })
         } else if now < self.next_at {
@@ -184,21 +185,21 @@ impl Halt {
     }
 
     /// The next frame of the stop, or of `on abort` behind it, which follows only where the robot was stopped.
-    fn next_frame<'s>(&mut self, now: u64, stops: &'s Stops) -> Option<&'s [u8]> {
+    fn next_frame<'s>(&mut self, now: Nanos, stops: &'s Stops) -> Option<&'s [u8]> {
         let frame = match self.abort_at(stops) {
             None => stops.frames.get(self.step)?,
             Some(_) if !self.aborts || self.stop(stops) == Stop::NotSent => return None,
             Some(at) => &stops.abort.get(at)?.1,
         };
         self.step += 1;
-        let pause = if stops.is_first(self.step) { INTERVAL } else { 0 };
+        let pause = if stops.is_first(self.step) { INTERVAL } else { Nanos::ZERO };
         self.next_at = now.saturating_add(pause);
         if let Some(at) = self.abort_at(stops) {
             if at == 0 {
                 self.abort_from = now;
             }
-            if let Some((at_us, _)) = stops.abort.get(at) {
-                self.next_at = self.abort_from.saturating_add(at_us.saturating_mul(1_000));
+            if let Some((at, _)) = stops.abort.get(at) {
+                self.next_at = self.abort_from.saturating_add(at.nanos());
             }
         }
         self.give_up = now.saturating_add(PATIENCE);

@@ -7,9 +7,10 @@ use std::fmt;
 
 use crate::board::{Hundredths, Report};
 use crate::timeline::Expectation;
+use crate::units::{Micros, Nanos};
 
-/// How old a report may be to be judged, in nanoseconds.
-const FRESH: u64 = 500_000_000;
+/// How old a report may be to be judged.
+const FRESH: Nanos = Nanos::from_millis(500);
 
 /// What became of one `expect`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,13 +23,14 @@ pub struct Verdict {
 
 /// What an `expect` found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Found {
     /// A value that fits.
     Passed(Hundredths),
     /// A value that does not.
     Failed(Hundredths),
-    /// A report so many milliseconds old, which says nothing of now.
-    Stale(u64),
+    /// A report so old that it says nothing of now.
+    Stale(Nanos),
     /// No report at all.
     Nothing,
     /// No report in the time of a `within`.
@@ -40,7 +42,9 @@ impl fmt::Display for Found {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Found::Passed(value) | Found::Failed(value) => write!(f, "the board reports {value}"),
-            Found::Stale(age) => write!(f, "the newest report is {age} ms old, and only one of the last 500 ms counts"),
+            Found::Stale(age) => {
+                write!(f, "the newest report is {:.0} ms old, and only one of the last 500 ms counts", age.in_millis())
+            }
             Found::NothingInTime => {
                 f.write_str("the board has reported nothing in this time; it reports every 0.1 s, from the start on")
             }
@@ -65,7 +69,7 @@ pub(super) struct Judge<'t> {
     /// Those that wait for a report that fits, with the newest value that came since.
     open: Vec<(usize, Option<Hundredths>)>,
     /// The newest report, and when it came.
-    newest: Option<(u64, Report)>,
+    newest: Option<(Nanos, Report)>,
 }
 
 impl<'t> Judge<'t> {
@@ -88,12 +92,12 @@ impl<'t> Judge<'t> {
     /// Takes a report that came at `now`, on the clock of the run.
     ///
     /// `time` is the script's: what comes behind the time of a `within` is too late for it.
-    pub(super) fn hear(&mut self, time: u64, now: u64, report: Report, tell: &mut impl FnMut(Verdict)) {
+    pub(super) fn hear(&mut self, time: Nanos, now: Nanos, report: Report, tell: &mut impl FnMut(Verdict)) {
         self.newest = Some((now, report));
         let expects = self.expects;
         self.open.retain_mut(|(at, newest)| {
-            let Some(Expectation { expect, until_us, .. }) = expects.get(*at) else { return false };
-            if time > until_us.saturating_mul(1_000) {
+            let Some(Expectation { expect, until, .. }) = expects.get(*at) else { return false };
+            if time > until.nanos() {
                 return true;
             }
             let value = expect.measured.of(&report);
@@ -107,14 +111,14 @@ impl<'t> Judge<'t> {
     }
 
     /// Takes a report that nothing waits for.
-    pub(super) fn note(&mut self, now: u64, report: Report) {
+    pub(super) fn note(&mut self, now: Nanos, report: Report) {
         self.newest = Some((now, report));
     }
 
-    /// Judges what is due: `time` is the script's, `now` the run's, both in nanoseconds. Gives the first that fails.
-    pub(super) fn poll(&mut self, time: u64, now: u64, tell: &mut impl FnMut(Verdict)) -> Option<Verdict> {
+    /// Judges what is due: `time` is the script's, `now` the run's. Gives the first that fails.
+    pub(super) fn poll(&mut self, time: Nanos, now: Nanos, tell: &mut impl FnMut(Verdict)) -> Option<Verdict> {
         let mut failed = None;
-        while let Some(due) = self.expects.get(self.next).filter(|due| due.at_us.saturating_mul(1_000) <= time) {
+        while let Some(due) = self.expects.get(self.next).filter(|due| due.at.nanos() <= time) {
             let at = self.next;
             self.next += 1;
             if due.expect.within.is_some() {
@@ -123,7 +127,7 @@ impl<'t> Judge<'t> {
             }
             let found = match self.newest {
                 None => Found::Nothing,
-                Some((came, _)) if now.saturating_sub(came) > FRESH => Found::Stale((now - came) / 1_000_000),
+                Some((came, _)) if now - came > FRESH => Found::Stale(now - came),
                 Some((_, report)) => {
                     let value = due.expect.measured.of(&report);
                     if due.expect.wanted.fits(value) { Found::Passed(value) } else { Found::Failed(value) }
@@ -137,7 +141,7 @@ impl<'t> Judge<'t> {
         }
         let expects = self.expects;
         self.open.retain(|(at, newest)| {
-            let until = expects.get(*at).map_or(0, |due| due.until_us.saturating_mul(1_000));
+            let until = expects.get(*at).map_or(Nanos::ZERO, |due| due.until.nanos());
             if until > time {
                 return true;
             }
@@ -149,10 +153,10 @@ impl<'t> Judge<'t> {
         failed
     }
 
-    /// When something is due next, in nanoseconds of the script.
-    pub(super) fn next_due(&self) -> Option<u64> {
-        let next = self.expects.get(self.next).map(|due| due.at_us);
-        let open = self.open.iter().filter_map(|(at, _)| self.expects.get(*at)).map(|due| due.until_us);
-        open.chain(next).min().map(|us| us.saturating_mul(1_000))
+    /// When something is due next, in the time of the script.
+    pub(super) fn next_due(&self) -> Option<Nanos> {
+        let next = self.expects.get(self.next).map(|due| due.at);
+        let open = self.open.iter().filter_map(|(at, _)| self.expects.get(*at)).map(|due| due.until);
+        open.chain(next).min().map(Micros::nanos)
     }
 }

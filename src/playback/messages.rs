@@ -5,12 +5,14 @@ use std::io;
 use super::judge::Verdict;
 use crate::board::Report;
 use crate::source::Span;
+use crate::units::{Micros, Nanos};
 
 /// The number of the signal that Ctrl-Z sends.
 pub(super) const SIGTSTP: i32 = 20;
 
 /// What happened since the last order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Input {
     /// Nothing but time.
     Tick,
@@ -78,22 +80,23 @@ impl Input {
 
 /// What to do next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Order {
     /// Give [`Player::bytes`](super::Player::bytes) to the port, in one write.
     Write,
     /// Throw away what the port was given but has not sent.
     Discard,
-    /// Wait until this time, in nanoseconds from the start; if `writable`, no longer than until the port takes bytes.
+    /// Wait until this time, from the start; if `writable`, no longer than until the port takes bytes.
     Wait {
         /// The deadline.
-        until: u64,
+        until: Nanos,
         /// Whether to wake as soon as the port takes bytes.
         writable: bool,
     },
-    /// Wait until this time, in nanoseconds from the start, and look at nothing else.
+    /// Wait until this time, from the start, and look at nothing else.
     Pause {
         /// The deadline.
-        until: u64,
+        until: Nanos,
     },
     /// The robot stands: sleep until this process is continued.
     Suspend,
@@ -106,13 +109,14 @@ pub enum Order {
 /// What others may want to know while it plays. Small and without anything on the heap, so that it can be handed to
 /// another thread without waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Notice {
     /// This frame is given to the port.
     Sent {
         /// Its index in the track.
         event: usize,
-        /// How late, in nanoseconds.
-        late: u64,
+        /// How late.
+        late: Nanos,
     },
     /// This frame of the drive was not sent at a pause; what it says holds when the run goes on.
     Passed {
@@ -137,13 +141,13 @@ pub enum Notice {
     Judged(Verdict),
     /// The robot stands, and the process is about to sleep.
     Sleeping {
-        /// Microseconds from the start of the script.
-        at_us: u64,
+        /// The time of the script.
+        at: Micros,
     },
     /// Somebody at the terminal is waited for, to say that the run shall go on.
     Paused {
-        /// Microseconds from the start of the script.
-        at_us: u64,
+        /// The time of the script.
+        at: Micros,
     },
     /// A further pass of a run without end begins.
     Pass {
@@ -152,13 +156,14 @@ pub enum Notice {
     },
     /// It goes on.
     Resumed {
-        /// Microseconds from the start of the script.
-        at_us: u64,
+        /// The time of the script.
+        at: Micros,
     },
 }
 
 /// Whether the robot was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stop {
     /// The run ended as the script says.
     NotNeeded,
@@ -170,6 +175,7 @@ pub enum Stop {
 
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Cause {
     /// Everything was sent.
     Finished,
@@ -181,8 +187,8 @@ pub enum Cause {
     Lost(Option<i32>),
     /// The port stopped taking bytes.
     Stalled,
-    /// A frame was later than allowed, by so many nanoseconds in all.
-    Late(u64),
+    /// A frame was later than allowed, by so much in all.
+    Late(Nanos),
     /// An `expect` failed.
     Expect(Verdict),
     /// The guard was lost.
@@ -196,8 +202,8 @@ pub enum Cause {
 pub struct Outcome {
     /// Why.
     pub cause: Cause,
-    /// When, in microseconds of the timeline, with the passes before this one.
-    pub at_us: u64,
+    /// When, in the time of the timeline, with the passes before this one.
+    pub at: Micros,
     /// The last command that was taken up; for [`Cause::Late`] the one that was not sent.
     pub place: Option<Span>,
     /// Whether the robot was stopped.
@@ -208,6 +214,6 @@ pub struct Outcome {
     pub dropped: usize,
     /// Frames beside the timeline's: those of stops, of `on abort`, and those that go on behind a pause.
     pub extra: usize,
-    /// The worst lateness of a frame, in nanoseconds.
-    pub worst_late: u64,
+    /// The worst lateness of a frame.
+    pub worst_late: Nanos,
 }

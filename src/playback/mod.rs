@@ -30,7 +30,7 @@ pub use player::Player;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod real {
     pub use super::driver::{Rig, drive};
-    pub use super::guard::{Guard, Guarded, Ward, frames, guard};
+    pub use super::guard::{Guard, Guarded, Ward, guard};
     pub use super::latency::lateness;
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
     pub use super::watch::Fate;

@@ -16,14 +16,15 @@ use rustix::termios::{LocalModes, OptionalActions, QueueSelector, SpecialCodeInd
 use signal_hook::consts::{SIGCONT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGXFSZ};
 
 use crate::clock::timespec;
+use crate::units::{Micros, Nanos};
 
 pub(crate) use rustix::event::PollFlags as Ready;
 
-/// Waits at most so many nanoseconds (`None`: as long as it takes) until one of these descriptors is ready, and says for
+/// Waits at most so long (`None`: as long as it takes) until one of these descriptors is ready, and says for
 /// each what it is ready for. A wait that a signal handler interrupts ends with nothing ready.
 pub(crate) fn wait<const N: usize>(
     watched: [(Option<BorrowedFd<'_>>, Ready); N],
-    timeout: Option<u64>,
+    timeout: Option<Nanos>,
 ) -> io::Result<[Ready; N]> {
     let Some(some) = watched.iter().find_map(|(descriptor, _)| *descriptor) else { return Ok([Ready::empty(); N]) };
     // What is not watched stands there as one that is, and wakes for nothing of its own.
@@ -60,7 +61,7 @@ pub struct Signals {
 /// In the order in which they count where several have come: one that ends the run before the one that lets it pause.
 const CAUGHT: [i32; 5] = [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP];
 /// How long a process that wants to sleep waits to be put to sleep: the system puts none to sleep that no shell could wake.
-const DOZE: u64 = 200_000_000;
+const DOZE: Nanos = Nanos::from_millis(200);
 
 impl Signals {
     /// Catches them from now on, for the whole process.
@@ -120,7 +121,7 @@ impl Signals {
             let until = crate::clock::now().saturating_add(DOZE);
             while !self.continued.load(Ordering::Acquire) && !self.is_ending() {
                 let left = until.saturating_sub(crate::clock::now());
-                if left == 0 || wait([(Some(self.pipe.as_fd()), Ready::IN)], Some(left)).is_err() {
+                if left == Nanos::ZERO || wait([(Some(self.pipe.as_fd()), Ready::IN)], Some(left)).is_err() {
                     break;
                 }
                 self.empty();
@@ -153,8 +154,8 @@ pub struct Keys {
     before: Option<Termios>,
     /// Whether Enter plays a step and does not go on.
     pub enter_steps: bool,
-    /// The time of the pause that was told last, in microseconds of the script.
-    pub(super) told_us: Option<u64>,
+    /// The time of the pause that was told last, in the time of the script.
+    pub(super) told: Option<Micros>,
     /// How far a key has come that sends more than one character, such as an arrow.
     sequence: Sequence,
 }
@@ -187,7 +188,7 @@ impl Keys {
     pub fn open(single: bool) -> Option<Self> {
         let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let terminal = rustix::fs::open("/dev/tty", flags, Mode::empty()).ok()?;
-        Some(Keys { terminal, single, before: None, enter_steps: false, told_us: None, sequence: Sequence::Outside })
+        Some(Keys { terminal, single, before: None, enter_steps: false, told: None, sequence: Sequence::Outside })
     }
 
     /// Takes single keys from now on, where the terminal talks to this process. Ctrl-C and Ctrl-Z stay what they are.
@@ -382,14 +383,14 @@ impl Process {
         let _ = rustix::process::pidfd_send_signal(&self.0, Signal::KILL);
     }
 
-    /// Waits for its end, at most so many nanoseconds.
-    pub(super) fn has_ended(&self, timeout: u64) -> bool {
+    /// Waits for its end, at most so long.
+    pub(super) fn has_ended(&self, timeout: Nanos) -> bool {
         let until = crate::clock::now().saturating_add(timeout);
         loop {
             let left = until.saturating_sub(crate::clock::now());
             match wait([(Some(self.0.as_fd()), Ready::IN)], Some(left)) {
                 Ok([ready]) if ready.contains(Ready::IN) => return true,
-                Ok(_) if left > 0 => {}
+                Ok(_) if left > Nanos::ZERO => {}
                 _ => return false,
             }
         }

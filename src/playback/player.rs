@@ -9,6 +9,7 @@ use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP, Stop};
 use crate::board::{Board, Report, State};
 use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
+use crate::units::{Micros, Nanos};
 
 /// Plays one track.
 #[derive(Debug)]
@@ -23,12 +24,12 @@ pub struct Player<'t> {
     /// What was played before this pass.
     before: [&'t [Event]; 2],
     pass: u64,
-    /// How long the passes before this one took, in nanoseconds.
-    passed: u64,
-    end: u64,
-    max_late: u64,
+    /// How long the passes before this one took.
+    passed: Nanos,
+    end: Nanos,
+    max_late: Nanos,
     phase: Phase,
-    /// When time 0 of the script is, or would have been without the pauses; before the run began where steps of a pause went
+    /// When time 0 of the script is, in nanoseconds, or would have been without the pauses; before the run began where steps of a pause went
     /// ahead of time.
     origin: i64,
     /// The next event that was not taken up.
@@ -36,7 +37,7 @@ pub struct Player<'t> {
     next_cue: usize,
     out: Outbox,
     /// When the bytes for the port were due, in the time of the script.
-    due: u64,
+    due: Nanos,
     /// How many frames of the timeline are in them.
     pending: usize,
     /// The last event that was taken up.
@@ -44,7 +45,7 @@ pub struct Player<'t> {
     sent: usize,
     dropped: usize,
     extra: usize,
-    worst_late: u64,
+    worst_late: Nanos,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -54,17 +55,17 @@ enum Phase {
     Ending(Halt, Outcome),
     /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped, and whether the
     /// process sleeps then.
-    Pausing(Halt, u64, Outcome, bool),
+    Pausing(Halt, Nanos, Outcome, bool),
     /// Playing one step of a pause, up to a time of the script.
-    Stepping(u64),
+    Stepping(Nanos),
     /// Standing at a time of the script.
-    Paused(u64),
+    Paused(Nanos),
     Done(Outcome),
 }
 
 impl<'t> Player<'t> {
-    /// A player for the only track of `timeline`. A frame later than `max_late` nanoseconds ends the run.
-    pub fn new(timeline: &'t Timeline, max_late: u64) -> Self {
+    /// A player for the only track of `timeline`. A frame later than `max_late` ends the run.
+    pub fn new(timeline: &'t Timeline, max_late: Nanos) -> Self {
         let board = &*timeline.board;
         let commands = timeline.events().iter().map(|event| &event.command);
         Player {
@@ -76,21 +77,21 @@ impl<'t> Player<'t> {
             again: None,
             before: [&[], &[]],
             pass: 1,
-            passed: 0,
-            end: timeline.end_us.saturating_mul(1_000),
+            passed: Nanos::ZERO,
+            end: timeline.end.nanos(),
             max_late,
             phase: Phase::Playing,
             origin: 0,
             next: 0,
             next_cue: 0,
             out: Outbox::new(board.zeros_behind_flush(commands), board.codec.longest),
-            due: 0,
+            due: Nanos::ZERO,
             pending: 0,
             last: None,
             sent: 0,
             dropped: 0,
             extra: 0,
-            worst_late: 0,
+            worst_late: Nanos::ZERO,
         }
     }
 
@@ -100,7 +101,7 @@ impl<'t> Player<'t> {
         self.judge.make_room(again.expects.len());
         let commands = again.events().iter().map(|event| &event.command);
         self.out.needs_zeros(self.board.zeros_behind_flush(commands));
-        self.again = Some(again).filter(|again| again.end_us > 0);
+        self.again = Some(again).filter(|again| again.end > Micros::ZERO);
         self
     }
 
@@ -108,13 +109,13 @@ impl<'t> Player<'t> {
     fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
         self.before =
             [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
-        self.origin = self.origin.saturating_add_unsigned(self.end);
-        self.passed = self.passed.saturating_add(self.end);
+        self.origin = self.origin.saturating_add_unsigned(self.end.0);
+        self.passed += self.end;
         self.pass += 1;
         self.events = again.events();
         self.cues = &again.cues;
         self.judge.restart(&again.expects);
-        self.end = again.end_us.saturating_mul(1_000);
+        self.end = again.end.nanos();
         (self.next, self.next_cue, self.last) = (0, 0, None);
         notices(Notice::Pass { pass: self.pass });
     }
@@ -142,8 +143,8 @@ impl<'t> Player<'t> {
         self.span(self.last)
     }
 
-    /// The time of the script at `now`, in nanoseconds.
-    pub fn script_time(&self, now: u64) -> u64 {
+    /// The time of the script at `now`.
+    pub fn script_time(&self, now: Nanos) -> Nanos {
         match self.phase {
             Phase::Pausing(_, at, ..) | Phase::Paused(at) | Phase::Stepping(at) => at,
             _ => self.since_origin(now),
@@ -151,12 +152,12 @@ impl<'t> Player<'t> {
     }
 
     /// The same, with the passes before this one.
-    pub fn run_time(&self, now: u64) -> u64 {
-        self.passed.saturating_add(self.script_time(now))
+    pub fn run_time(&self, now: Nanos) -> Nanos {
+        self.passed + self.script_time(now)
     }
 
-    /// Takes a report of the board that came at `now`, in nanoseconds from the start.
-    pub fn hear(&mut self, now: u64, report: Report, notices: &mut impl FnMut(Notice)) {
+    /// Takes a report of the board that came at `now`, from the start.
+    pub fn hear(&mut self, now: Nanos, report: Report, notices: &mut impl FnMut(Notice)) {
         notices(Notice::Report(report));
         let time = self.script_time(now);
         match self.phase {
@@ -167,18 +168,18 @@ impl<'t> Player<'t> {
     }
 
     /// Whether an `expect` is due at `now`, so that all reports that have come should be heard before.
-    pub fn judges_at(&self, now: u64) -> bool {
-        let is_due = |due: u64| due <= self.since_origin(now);
+    pub fn judges_at(&self, now: Nanos) -> bool {
+        let is_due = |due: Nanos| due <= self.since_origin(now);
         matches!(self.phase, Phase::Playing) && self.judge.next_due().is_some_and(is_due)
     }
 
     /// The time of a script that runs, at `now`.
-    fn since_origin(&self, now: u64) -> u64 {
-        now.checked_add_signed(self.origin.saturating_neg()).unwrap_or(0)
+    fn since_origin(&self, now: Nanos) -> Nanos {
+        Nanos(now.0.checked_add_signed(self.origin.saturating_neg()).unwrap_or(0))
     }
 
-    /// What to do at `now`, in nanoseconds from the start, after `input` happened.
-    pub fn poll(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+    /// What to do at `now`, from the start, after `input` happened.
+    pub fn poll(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         if input == Input::Help {
             notices(Notice::Help);
         }
@@ -221,11 +222,11 @@ impl<'t> Player<'t> {
     }
 
     /// Ends the run at once, for a driver that cannot go on.
-    pub fn give_up(&self, now: u64) -> Outcome {
+    pub fn give_up(&self, now: Nanos) -> Outcome {
         self.outcome_at(Cause::Panicked, self.script_time(now))
     }
 
-    fn play(&mut self, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+    fn play(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         if let Some(cause) = input.end() {
             return self.end_early(cause, now);
         }
@@ -242,7 +243,7 @@ impl<'t> Player<'t> {
             let give_up = self.due.saturating_add(self.max_late);
             return match input {
                 _ if time > give_up => self.end_early(Cause::Stalled, now),
-                Input::Blocked => self.wait(give_up + 1, true),
+                Input::Blocked => self.wait(give_up + Nanos(1), true),
                 _ => Order::Write,
             };
         }
@@ -258,7 +259,7 @@ impl<'t> Player<'t> {
             return Order::Write;
         }
         let next_event = self.events.get(self.next).map(due);
-        let next_cue = self.cues.get(self.next_cue).map(|cue| cue.at_us.saturating_mul(1_000));
+        let next_cue = self.cues.get(self.next_cue).map(|cue| cue.at.nanos());
         match next_event.into_iter().chain(next_cue).chain(self.judge.next_due()).min() {
             Some(until) => self.wait(until, false),
             None if time < self.end => self.wait(self.end, false),
@@ -267,26 +268,26 @@ impl<'t> Player<'t> {
                     self.next_pass(again, notices);
                 }
                 // At this very moment, or a little behind it, the first frames of the next pass are due.
-                self.wait(0, false)
+                self.wait(Nanos::ZERO, false)
             }
             None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
     }
 
     /// To wait until a time of the script.
-    fn wait(&self, until: u64, writable: bool) -> Order {
-        Order::Wait { until: until.saturating_add_signed(self.origin), writable }
+    fn wait(&self, until: Nanos, writable: bool) -> Order {
+        Order::Wait { until: Nanos(until.0.saturating_add_signed(self.origin)), writable }
     }
 
-    fn say(&mut self, time: u64, notices: &mut impl FnMut(Notice)) {
-        while self.cues.get(self.next_cue).is_some_and(|cue| cue.at_us.saturating_mul(1_000) <= time) {
+    fn say(&mut self, time: Nanos, notices: &mut impl FnMut(Notice)) {
+        while self.cues.get(self.next_cue).is_some_and(|cue| cue.at.nanos() <= time) {
             notices(Notice::Say { cue: self.next_cue });
             self.next_cue += 1;
         }
     }
 
     /// Takes up every event that is due. Gives the lateness of one that is too late.
-    fn gather(&mut self, time: u64, notices: &mut impl FnMut(Notice)) -> Option<u64> {
+    fn gather(&mut self, time: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Nanos> {
         let rest = self.events.get(self.next..).unwrap_or_default();
         let is_due = rest.iter().take_while(|event| due(event) <= time).count();
         let ready = rest.get(..is_due).unwrap_or_default();
@@ -328,14 +329,14 @@ impl<'t> Player<'t> {
     }
 
     /// The outcome of a run that ends now, before anything was stopped.
-    fn outcome_at(&self, cause: Cause, time: u64) -> Outcome {
+    fn outcome_at(&self, cause: Cause, time: Nanos) -> Outcome {
         let place = match cause {
             Cause::Late(_) => Some(self.next),
             _ => self.last,
         };
         Outcome {
             cause,
-            at_us: self.passed.saturating_add(time) / 1_000,
+            at: (self.passed + time).micros(),
             place: self.span(place),
             stop: Stop::NotSent,
             sent: self.sent,
@@ -350,13 +351,13 @@ impl<'t> Player<'t> {
         Order::Done
     }
 
-    fn end_early(&mut self, cause: Cause, now: u64) -> Order {
+    fn end_early(&mut self, cause: Cause, now: Nanos) -> Order {
         let outcome = self.outcome_at(cause, self.script_time(now));
         self.halt(Phase::Ending(Halt::new(true, now), outcome))
     }
 
     /// Stops the robot and nothing else: `on abort` is for a run that ends.
-    fn pause(&mut self, time: u64, now: u64, sleeps: bool) -> Order {
+    fn pause(&mut self, time: Nanos, now: Nanos, sleeps: bool) -> Order {
         let cause = if sleeps { Cause::Signal(SIGTSTP) } else { Cause::Quit };
         let outcome = self.outcome_at(cause, time);
         self.halt(Phase::Pausing(Halt::new(false, now), time, outcome, sleeps))
@@ -369,16 +370,16 @@ impl<'t> Player<'t> {
         Order::Discard
     }
 
-    fn stand(&mut self, at: u64, now: u64, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+    fn stand(&mut self, at: Nanos, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         match (input.end(), input) {
             (Some(cause), _) => self.end_early(cause, now),
             (None, Input::Suspend) => self.pause(at, now, true),
             (None, Input::Step) => self.step(now, notices),
             (None, Input::Resume) => {
                 self.phase = Phase::Playing;
-                self.origin = i64::try_from(now).unwrap_or(i64::MAX).saturating_sub_unsigned(at);
+                self.origin = i64::try_from(now.0).unwrap_or(i64::MAX).saturating_sub_unsigned(at.0);
                 self.restore(at);
-                notices(Notice::Resumed { at_us: at / 1_000 });
+                notices(Notice::Resumed { at: at.micros() });
                 self.play(now, Input::Tick, notices)
             }
             _ => Order::Stay,
@@ -387,7 +388,7 @@ impl<'t> Player<'t> {
 
     /// Plays what comes next: everything of the next time at which something is commanded, but not the drive, which stands
     /// at a pause and goes on with what it holds by then.
-    fn step(&mut self, now: u64, notices: &mut impl FnMut(Notice)) -> Order {
+    fn step(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
         let rest = self.events.get(self.next..).unwrap_or_default();
         let Some(at) = rest.iter().find(|event| event.kind != Kind::Refresh).map(due) else { return Order::Stay };
         let count = rest.iter().take_while(|event| due(event) <= at).count();
@@ -401,7 +402,7 @@ impl<'t> Player<'t> {
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.pending += 1;
             self.last = Some(index);
-            notices(Notice::Sent { event: index, late: 0 });
+            notices(Notice::Sent { event: index, late: Nanos::ZERO });
         }
         self.say(at, notices);
         self.due = now;
@@ -409,7 +410,7 @@ impl<'t> Player<'t> {
         if self.out.is_empty() { self.stepping(at, now, Input::Tick) } else { Order::Write }
     }
 
-    fn stepping(&mut self, at: u64, now: u64, input: Input) -> Order {
+    fn stepping(&mut self, at: Nanos, now: Nanos, input: Input) -> Order {
         if let Some(cause) = input.end() {
             return self.end_early(cause, now);
         }
@@ -425,7 +426,7 @@ impl<'t> Player<'t> {
                 Order::Stay
             }
             _ if now > give_up => self.end_early(Cause::Stalled, now),
-            Input::Blocked => Order::Wait { until: give_up + 1, writable: true },
+            Input::Blocked => Order::Wait { until: give_up + Nanos(1), writable: true },
             _ => Order::Write,
         }
     }
@@ -433,12 +434,12 @@ impl<'t> Player<'t> {
     /// Begins paused, at the start of the script.
     #[must_use]
     pub fn paused(mut self) -> Self {
-        self.phase = Phase::Paused(0);
+        self.phase = Phase::Paused(Nanos::ZERO);
         self
     }
 
     /// Brings the robot back to where the pause found it; what was queued then may never have reached it.
-    fn restore(&mut self, at: u64) {
+    fn restore(&mut self, at: Nanos) {
         let mut state = State::default();
         let before = self.before.iter().copied().flatten();
         for event in before.chain(self.events.iter().take(self.next)) {
@@ -452,7 +453,7 @@ impl<'t> Player<'t> {
     }
 }
 
-/// When an event is due, in nanoseconds from the start of the script.
-fn due(event: &Event) -> u64 {
-    event.at_us.saturating_mul(1_000)
+/// When an event is due, from the start of the script.
+fn due(event: &Event) -> Nanos {
+    event.at.nanos()
 }

@@ -5,9 +5,10 @@ use super::messages::{Input, Order, Stop};
 use super::os::{self, Ready};
 use crate::clock;
 use crate::link::Link;
+use crate::units::Nanos;
 
-/// The longest time between two beats, in nanoseconds.
-const BEAT: u64 = 20_000_000;
+/// The longest time between two beats.
+const BEAT: Nanos = Nanos::from_millis(20);
 
 /// Stops the robot: what is queued is thrown away, then the stop frames. Meanwhile `beat` tells whoever watches that this goes on.
 pub(crate) fn stop_robot(port: &mut impl Link, stops: &Stops, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {

@@ -1,7 +1,10 @@
 //! What a guard decides, as a pure function of time and of what it hears.
 
+use crate::units::Nanos;
+
 /// What became of a player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Fate {
     /// It hung, and was killed.
     Hung,
@@ -32,7 +35,7 @@ pub(super) enum Heard {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     /// Listen until this time; `None`: as long as it takes.
-    Listen(Option<u64>),
+    Listen(Option<Nanos>),
     /// The run has ended: let go of the port.
     Release,
     /// The player can do no more.
@@ -41,16 +44,16 @@ pub(super) enum Verdict {
     Done,
 }
 
-/// How much later than planned a guard may wake, in nanoseconds, before it takes the machine for the one that hung.
-const TARDY: u64 = 5_000_000;
+/// How much later than planned a guard may wake before it takes the machine for the one that hung.
+const TARDY: Nanos = Nanos::from_millis(5);
 
 /// The state of a guard.
 #[derive(Debug)]
 pub(super) struct Watch {
-    /// How long a player may be silent, in nanoseconds.
-    limit: u64,
+    /// How long a player may be silent.
+    limit: Nanos,
     /// When it has been silent for too long; `None` while it rests.
-    deadline: Option<u64>,
+    deadline: Option<Nanos>,
     /// Whether it was given one more interval since its last beat.
     extended: bool,
     /// Whether its run has ended.
@@ -58,11 +61,11 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    pub(super) fn new(now: u64, limit: u64) -> Self {
+    pub(super) fn new(now: Nanos, limit: Nanos) -> Self {
         Watch { limit, deadline: Some(now.saturating_add(limit)), extended: false, ended: false }
     }
 
-    pub(super) fn poll(&mut self, now: u64, heard: Heard) -> Verdict {
+    pub(super) fn poll(&mut self, now: Nanos, heard: Heard) -> Verdict {
         match heard {
             Heard::Goodbye => return Verdict::Done,
             Heard::Closed if self.ended => return Verdict::Over(Fate::DiedBehindTheEnd),
@@ -97,54 +100,54 @@ impl Watch {
 mod tests {
     use super::*;
 
-    const MS: u64 = 1_000_000;
+    const MS: Nanos = Nanos::from_millis(1);
 
     #[test]
     fn a_player_that_beats_is_left_alone() {
-        let mut watch = Watch::new(0, 100 * MS);
+        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
         for beat in 1..1_000 {
-            let now = beat * 99 * MS;
-            assert_eq!(watch.poll(now, Heard::Beat), Verdict::Listen(Some(now + 100 * MS)));
+            let now = MS * (beat * 99);
+            assert_eq!(watch.poll(now, Heard::Beat), Verdict::Listen(Some(now + MS * 100)));
         }
-        assert_eq!(watch.poll(100_000 * MS, Heard::Goodbye), Verdict::Done);
+        assert_eq!(watch.poll(MS * 100_000, Heard::Goodbye), Verdict::Done);
     }
 
     #[test]
     fn silence_is_a_hang_and_a_closed_pipe_a_death() {
-        let mut watch = Watch::new(0, 100 * MS);
-        assert_eq!(watch.poll(99 * MS, Heard::Silence), Verdict::Listen(Some(100 * MS)));
-        assert_eq!(watch.poll(100 * MS, Heard::Silence), Verdict::Over(Fate::Hung));
-        assert_eq!(watch.poll(100 * MS, Heard::Closed), Verdict::Over(Fate::Died));
+        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
+        assert_eq!(watch.poll(MS * 99, Heard::Silence), Verdict::Listen(Some(MS * 100)));
+        assert_eq!(watch.poll(MS * 100, Heard::Silence), Verdict::Over(Fate::Hung));
+        assert_eq!(watch.poll(MS * 100, Heard::Closed), Verdict::Over(Fate::Died));
     }
 
     #[test]
     fn a_guard_that_woke_late_gives_one_more_interval_and_no_second() {
-        let mut watch = Watch::new(0, 100 * MS);
-        assert_eq!(watch.poll(105 * MS, Heard::Silence), Verdict::Listen(Some(205 * MS)));
-        assert_eq!(watch.poll(300 * MS, Heard::Silence), Verdict::Over(Fate::Hung));
+        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
+        assert_eq!(watch.poll(MS * 105, Heard::Silence), Verdict::Listen(Some(MS * 205)));
+        assert_eq!(watch.poll(MS * 300, Heard::Silence), Verdict::Over(Fate::Hung));
         // A beat between them makes it patient again.
-        let mut watch = Watch::new(0, 100 * MS);
-        watch.poll(105 * MS, Heard::Silence);
-        watch.poll(110 * MS, Heard::Beat);
-        assert_eq!(watch.poll(300 * MS, Heard::Silence), Verdict::Listen(Some(400 * MS)));
+        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
+        watch.poll(MS * 105, Heard::Silence);
+        watch.poll(MS * 110, Heard::Beat);
+        assert_eq!(watch.poll(MS * 300, Heard::Silence), Verdict::Listen(Some(MS * 400)));
     }
 
     #[test]
     fn a_player_at_rest_may_be_silent_for_ever_but_not_die() {
-        let mut watch = Watch::new(0, 100 * MS);
+        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS, Heard::AtRest), Verdict::Listen(None));
-        assert_eq!(watch.poll(u64::MAX, Heard::Silence), Verdict::Listen(None));
-        assert_eq!(watch.poll(u64::MAX, Heard::Closed), Verdict::Over(Fate::Died));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Verdict::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Verdict::Over(Fate::Died));
         // The next beat ends the rest.
-        assert_eq!(watch.poll(MS, Heard::Beat), Verdict::Listen(Some(101 * MS)));
+        assert_eq!(watch.poll(MS, Heard::Beat), Verdict::Listen(Some(MS * 101)));
     }
 
     #[test]
     fn a_player_that_dies_behind_its_end_is_told_from_one_that_drives() {
-        let mut watch = Watch::new(0, 100 * MS);
+        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS, Heard::Ended), Verdict::Release);
-        assert_eq!(watch.poll(u64::MAX, Heard::Silence), Verdict::Listen(None));
-        assert_eq!(watch.poll(u64::MAX, Heard::Closed), Verdict::Over(Fate::DiedBehindTheEnd));
-        assert_eq!(watch.poll(u64::MAX, Heard::Goodbye), Verdict::Done);
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Verdict::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Verdict::Over(Fate::DiedBehindTheEnd));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Goodbye), Verdict::Done);
     }
 }

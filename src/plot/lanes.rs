@@ -4,34 +4,35 @@ use super::{Lane, Moment, Shows, Stretch};
 use crate::board::{Board, Command, LaneKind, Limited, Shown};
 use crate::program::Limit;
 use crate::timeline::{Event, Timeline};
+use crate::units::Micros;
 
 /// What a lane shows, as it comes.
 enum Course {
     /// Values that stay until the next one.
-    Curve(Vec<(u64, Option<f64>)>),
+    Curve(Vec<(Micros, Option<f64>)>),
     Spans(Vec<Stretch>, bool),
     Ticks(Vec<Moment>),
 }
 
 impl Course {
-    fn take(&mut self, t_us: u64, shown: &Shown, said: impl Fn() -> String) {
+    fn take(&mut self, at: Micros, shown: &Shown, said: impl Fn() -> String) {
         match (self, shown) {
             (Course::Curve(points), Shown::Value(value)) => match points.last_mut() {
                 Some((_, last)) if last == value => {}
                 None if value.is_none() => {}
                 // What is replaced at the same moment stays: it was sent.
-                _ => points.push((t_us, *value)),
+                _ => points.push((at, *value)),
             },
             (Course::Spans(spans, is_on), Shown::Switch(on)) => match (std::mem::replace(is_on, *on), on) {
-                (false, true) => spans.push(Stretch { t_us, until_us: t_us, text: said() }),
+                (false, true) => spans.push(Stretch { at, until: at, text: said() }),
                 (true, false) => {
                     if let Some(last) = spans.last_mut() {
-                        last.until_us = t_us;
+                        last.until = at;
                     }
                 }
                 _ => {}
             },
-            (Course::Ticks(ticks), _) => ticks.push(Moment { t_us, text: said() }),
+            (Course::Ticks(ticks), _) => ticks.push(Moment { at, text: said() }),
             _ => {}
         }
     }
@@ -62,7 +63,7 @@ pub(super) fn lanes(events: &[Event], timeline: &Timeline) -> Vec<Lane> {
     for event in events {
         for (lane, shown) in (picture.draw)(board, &event.command) {
             if let (Some(course), Some(lane)) = (courses.get_mut(lane), picture.lanes.get(lane)) {
-                course.take(event.at_us, &shown, || said(board, lane, &event.command));
+                course.take(event.at, &shown, || said(board, lane, &event.command));
             }
         }
     }
@@ -70,7 +71,7 @@ pub(super) fn lanes(events: &[Event], timeline: &Timeline) -> Vec<Lane> {
         if let Course::Spans(spans, true) = course
             && let Some(last) = spans.last_mut()
         {
-            last.until_us = timeline.end_us.max(last.t_us);
+            last.until = timeline.end.max(last.at);
         }
     }
     let is_used = used(&picture.lanes, &courses);

@@ -14,11 +14,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::board::Text;
-use crate::diagnostic::{Diagnostics, escaped};
+use crate::diagnostic::{Diagnostic, Diagnostics, escaped};
 use crate::sim::Pose;
 use crate::source::{Lines, Sources, Span};
 use crate::timeline::wire::{self, Wire};
 use crate::timeline::{Timeline, Track};
+use crate::units::Micros;
 
 #[cfg(feature = "png")]
 pub use png::{PngError, png};
@@ -26,16 +27,15 @@ pub use svg::Theme;
 
 /// How many pieces of equal length the load of the line is measured in.
 const PIECES: u32 = 720;
-/// A frame that leaves later than this is shown, in microseconds: as the warning `wire-late` has it.
-const LATE_US: u64 = 5_000;
 
-/// What there is to see of a timeline. All times are microseconds from its start.
+/// What there is to see of a timeline. All times count from its start; those that are written as numbers are microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plot {
     /// What the script is called.
     pub script: String,
     /// When it ends.
-    pub end_us: u64,
+    #[serde(rename = "end_us")]
+    pub end: Micros,
     /// How it counts in bars, if it does.
     pub bars: Option<Bars>,
     /// Its marks.
@@ -78,7 +78,8 @@ impl Bars {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Moment {
     /// When.
-    pub t_us: u64,
+    #[serde(rename = "t_us")]
+    pub at: Micros,
     /// What.
     pub text: String,
 }
@@ -87,9 +88,11 @@ pub struct Moment {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Stretch {
     /// From when.
-    pub t_us: u64,
+    #[serde(rename = "t_us")]
+    pub at: Micros,
     /// Until when.
-    pub until_us: u64,
+    #[serde(rename = "until_us")]
+    pub until: Micros,
     /// What.
     pub text: String,
 }
@@ -98,7 +101,8 @@ pub struct Stretch {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// When the command is sent that it is about; `None` for one that sends nothing in this part.
-    pub t_us: Option<u64>,
+    #[serde(rename = "t_us")]
+    pub at: Option<Micros>,
     /// Its code.
     pub code: &'static str,
     /// What is wrong.
@@ -139,6 +143,7 @@ pub struct Lane {
 /// What a lane shows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Shows {
     /// A value that stays until the next one.
     Curve {
@@ -151,7 +156,7 @@ pub enum Shows {
         /// The same as the script narrows it, if it does.
         limits: Option<[f64; 2]>,
         /// Times and values; `null` from where it is not known.
-        points: Vec<(u64, Option<f64>)>,
+        points: Vec<(Micros, Option<f64>)>,
     },
     /// Something that is on or off.
     Spans {
@@ -185,16 +190,19 @@ pub struct Load {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Late {
     /// When it is due.
-    pub t_us: u64,
+    #[serde(rename = "t_us")]
+    pub at: Micros,
     /// By how much.
-    pub late_us: u64,
+    #[serde(rename = "late_us")]
+    pub late: Micros,
 }
 
 /// Where the robot is, from where it started.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Place {
     /// When.
-    pub t_us: u64,
+    #[serde(rename = "t_us")]
+    pub at: Micros,
     /// To the right, in cm.
     pub x_cm: f64,
     /// Forward, in cm.
@@ -204,16 +212,16 @@ pub struct Place {
 }
 
 impl Place {
-    fn new(t_us: u64, pose: Pose) -> Self {
+    fn new(at: Micros, pose: Pose) -> Self {
         // A micrometre more or less says nothing.
         let [x_cm, y_cm, yaw_deg] = [pose.x_cm, pose.y_cm, pose.yaw_deg].map(|value| libm::round(value * 1e4) / 1e4);
-        Place { t_us, x_cm, y_cm, yaw_deg }
+        Place { at, x_cm, y_cm, yaw_deg }
     }
 }
 
 /// Gathers what there is to see of a timeline.
 pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Plot {
-    let moment = |t_us: u64, text: &str| Moment { t_us, text: escaped(text) };
+    let moment = |at: Micros, text: &str| Moment { at, text: escaped(text) };
     let bars = timeline.bars.map(|bars| Bars {
         first_us: bars.first_us,
         beat_us: bars.tempo.beat().in_micros(),
@@ -221,14 +229,14 @@ pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
     });
     Plot {
         script: escaped(sources.main().name()),
-        end_us: timeline.end_us,
+        end: timeline.end,
         bars,
-        marks: timeline.marks.iter().map(|mark| moment(mark.at_us, &mark.name)).collect(),
-        says: timeline.cues.iter().map(|cue| moment(cue.at_us, &cue.text)).collect(),
+        marks: timeline.marks.iter().map(|mark| moment(mark.at, &mark.name)).collect(),
+        says: timeline.cues.iter().map(|cue| moment(cue.at, &cue.text)).collect(),
         expects: timeline
             .expects
             .iter()
-            .map(|due| Stretch { t_us: due.at_us, until_us: due.until_us, text: escaped(&due.expect.to_string()) })
+            .map(|due| Stretch { at: due.at, until: due.until, text: escaped(&due.expect.to_string()) })
             .collect(),
         warnings: warnings(timeline, sources, diagnostics),
         tracks: timeline.tracks.iter().map(|track| robot(track, timeline)).collect(),
@@ -256,50 +264,49 @@ fn robot(track: &Track, timeline: &Timeline) -> Robot {
         frames: track.events.len(),
         lanes: lanes::lanes(&track.events, timeline),
         wire: load(track, timeline),
-        path: road::road(&timeline.board, &track.events, timeline.end_us),
+        path: road::road(&timeline.board, &track.events, timeline.end),
     }
 }
 
 /// Warnings, each where the first frame is that comes from its place in the script.
 fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Vec<Warning> {
-    let sorted = diagnostics.sorted();
-    let mut places: BTreeMap<u32, Option<u64>> = sorted.iter().map(|found| (found.span.start, None)).collect();
-    let mut meet = |at_us: u64, span: Span| {
+    let mut places: BTreeMap<u32, Option<Micros>> = diagnostics.iter().map(|found| (found.span.start, None)).collect();
+    let mut meet = |at: Micros, span: Span| {
         for (_, first) in places.range_mut(span.start..span.end.max(span.start.saturating_add(1))) {
-            first.get_or_insert(at_us);
+            first.get_or_insert(at);
         }
     };
     for event in timeline.tracks.iter().flat_map(|track| &track.events) {
-        meet(event.at_us, event.span);
+        meet(event.at, event.span);
     }
-    timeline.cues.iter().for_each(|cue| meet(cue.at_us, cue.span));
-    timeline.expects.iter().for_each(|due| meet(due.at_us, due.span));
+    timeline.cues.iter().for_each(|cue| meet(cue.at, cue.span));
+    timeline.expects.iter().for_each(|due| meet(due.at, due.span));
     let lines = Lines::of(sources);
-    let warning = |found: &&crate::diagnostic::Diagnostic| {
+    let warning = |found: &Diagnostic| {
         let place = lines.place(found.span);
         Warning {
-            t_us: places.get(&found.span.start).copied().flatten(),
+            at: places.get(&found.span.start).copied().flatten(),
             code: found.code.name(),
             message: escaped(&found.message),
             file: escaped(place.file),
             line: place.line,
         }
     };
-    sorted.iter().filter(|found| !found.is_error()).map(warning).collect()
+    diagnostics.iter().filter(|found| !found.is_error()).map(warning).collect()
 }
 
 /// How busy the line is.
 fn load(track: &Track, timeline: &Timeline) -> Load {
     let mut line = Wire::new(timeline.baud);
     #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-    let piece_us = shown_us(timeline.end_us) as f64 / f64::from(PIECES);
+    let piece_us = shown(timeline.end).0 as f64 / f64::from(PIECES);
     let mut busy_us = vec![0.0; PIECES as usize];
     let mut late = Vec::new();
     for event in &track.events {
-        let departure = line.send(event.at_us, timeline.board.frame_length(&event.command));
-        let late_us = wire::late(&line, event, departure);
-        if late_us > LATE_US {
-            late.push(Late { t_us: event.at_us, late_us });
+        let departure = line.send(event.at, timeline.board.frame_length(&event.command));
+        let late_by = wire::late(&line, event, departure);
+        if late_by > wire::LATE {
+            late.push(Late { at: event.at, late: late_by });
         }
         let [mut from, until] = [departure.begins, departure.left].map(|ticks| line.in_micros(ticks) / piece_us);
         while from < until {
@@ -318,6 +325,6 @@ fn load(track: &Track, timeline: &Timeline) -> Load {
 }
 
 /// How much time a picture shows: something, also of a script that takes none or next to none.
-fn shown_us(end_us: u64) -> u64 {
-    if end_us == 0 { 1_000_000 } else { end_us.max(1_000) }
+fn shown(end: Micros) -> Micros {
+    if end == Micros::ZERO { Micros::SECOND } else { end.max(Micros::from_millis(1)) }
 }

@@ -12,6 +12,7 @@ static FONT: &[u8] = include_bytes!("font/DejaVuSans.ttf");
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PngError {
     /// What was drawn cannot be read.
     #[error("the picture cannot be drawn: {0}")]

@@ -6,36 +6,37 @@ use super::Place;
 use crate::board::{Board, Command, Simulation};
 use crate::sim::{Pose, Settings, VirtualBoard};
 use crate::timeline::Event;
+use crate::units::Micros;
 
 /// How many places at the most, but for turns of the way, and how far the robot moves or turns between two of them.
 const PLACES: u64 = 4_000;
 const NEAR_CM: f64 = 0.5;
 const NEAR_DEG: f64 = 2.0;
-/// The least time between two looks, in microseconds.
-const LOOK_US: u64 = 20_000;
+/// The least time between two looks.
+const LOOK: Micros = Micros::from_millis(20);
 
 /// Where the robot is, from the start to the end; nothing where it stays where it is.
-pub(super) fn road(board: &Arc<Board>, events: &[Event], end_us: u64) -> Vec<Place> {
+pub(super) fn road(board: &Arc<Board>, events: &[Event], end: Micros) -> Vec<Place> {
     if board.simulation == Simulation::State {
         return Vec::new();
     }
     let mut road = Road {
         board: VirtualBoard::new(Arc::clone(board), Settings::default()),
-        look_us: (end_us / PLACES).max(LOOK_US),
-        now_us: 0,
-        places: vec![Place::new(0, Pose::default())],
+        look: Micros(end.0 / PLACES).max(LOOK),
+        now: Micros::ZERO,
+        places: vec![Place::new(Micros::ZERO, Pose::default())],
         told: None,
     };
     let drives = |command: &Command| board.is_drive(command) || board.is_needed(command.verb());
     for event in events.iter().filter(|event| drives(&event.command)) {
-        road.pass(event.at_us);
+        road.pass(event.at);
         road.turns(&event.command);
-        road.board.receive(event.at_us, &board.to_frame(&event.command));
+        road.board.receive(event.at, &board.to_frame(&event.command));
     }
-    road.pass(end_us);
+    road.pass(end);
     let Road { board, mut places, .. } = road;
-    let last = Place::new(end_us, board.received().pose);
-    if places.len() == 1 && is_near(&Place::new(0, Pose::default()), &last, 0.01) {
+    let last = Place::new(end, board.received().pose);
+    if places.len() == 1 && is_near(&Place::new(Micros::ZERO, Pose::default()), &last, 0.01) {
         return Vec::new();
     }
     places.push(last);
@@ -44,8 +45,8 @@ pub(super) fn road(board: &Arc<Board>, events: &[Event], end_us: u64) -> Vec<Pla
 
 struct Road {
     board: VirtualBoard,
-    look_us: u64,
-    now_us: u64,
+    look: Micros,
+    now: Micros,
     places: Vec<Place>,
     told: Option<Command>,
 }
@@ -57,18 +58,18 @@ impl Road {
             return;
         }
         self.told = Some(command.clone());
-        let place = Place::new(self.now_us, self.board.received().pose);
+        let place = Place::new(self.now, self.board.received().pose);
         if self.places.last().is_none_or(|last| !is_near(last, &place, 0.01)) {
             self.places.push(place);
         }
     }
 
     /// Lets time pass, and looks now and then where the robot is.
-    fn pass(&mut self, to_us: u64) {
-        while self.now_us < to_us {
-            self.now_us = self.now_us.saturating_add(self.look_us).min(to_us);
-            self.board.poll(self.now_us);
-            let place = Place::new(self.now_us, self.board.received().pose);
+    fn pass(&mut self, to: Micros) {
+        while self.now < to {
+            self.now = (self.now + self.look).min(to);
+            self.board.poll(self.now);
+            let place = Place::new(self.now, self.board.received().pose);
             if self.places.last().is_none_or(|last| !is_near(last, &place, 1.0)) {
                 self.places.push(place);
             }

@@ -6,16 +6,16 @@ use svg::Node;
 use svg::node::element::{Element, Style};
 
 use super::sheet::{Anchor, Sheet, fit, number, point, stairs, steps, width};
-use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown_us};
+use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown};
 use crate::board::Text;
+use crate::units::Micros;
 
 mod above;
 mod time;
 
-use time::short;
-
 /// The colours of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Theme {
     /// Dark on light.
     Light,
@@ -50,7 +50,7 @@ impl Plot {
         let is_beside = self.tracks.iter().any(Robot::goes_away);
         let right = if is_beside { RIGHT_BESIDE } else { RIGHT };
         #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-        let end = shown_us(self.end_us) as f64;
+        let end = shown(self.end).0 as f64;
         let mut picture = Picture {
             plot: self,
             sheet: Sheet::default(),
@@ -127,8 +127,8 @@ struct Picture<'p> {
 
 impl Picture<'_> {
     #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-    fn x(&self, t_us: u64) -> f64 {
-        self.at(t_us as f64)
+    fn x(&self, at: Micros) -> f64 {
+        self.at(at.0 as f64)
     }
 
     fn at(&self, t_us: f64) -> f64 {
@@ -149,7 +149,7 @@ impl Picture<'_> {
             self.row("say", |picture, y| picture.moments(&plot.says, "say", DOT, y));
         }
         if !plot.expects.is_empty() {
-            let expects: Vec<Moment> = plot.expects.iter().map(|due| moment(due.t_us, &due.text)).collect();
+            let expects: Vec<Moment> = plot.expects.iter().map(|due| moment(due.at, &due.text)).collect();
             self.row("expect", |picture, y| {
                 picture.stretches("hold", &plot.expects, y + ROW - 6.0, 3.0);
                 picture.moments(&expects, "expect", DIAMOND, y);
@@ -177,7 +177,7 @@ impl Picture<'_> {
         self.wire(track);
         if track.goes_away() {
             let x = self.right + 28.0;
-            let marks: Vec<(&str, u64)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.t_us)).collect();
+            let marks: Vec<(&str, Micros)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.at)).collect();
             self.beside = above::draw(&mut self.sheet, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
         }
     }
@@ -249,7 +249,7 @@ impl Picture<'_> {
     #[expect(clippy::too_many_arguments, reason = "a curve and where it goes")]
     fn curve(
         &mut self,
-        points: &[(u64, Option<f64>)],
+        points: &[(Micros, Option<f64>)],
         [low, high]: [f64; 2],
         limits: Option<[f64; 2]>,
         (top, height): (f64, f64),
@@ -262,7 +262,7 @@ impl Picture<'_> {
         for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
             self.sheet.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
         }
-        let drawn = points.iter().map(|(t_us, value)| (self.x(*t_us), value.map(down)));
+        let drawn = points.iter().map(|(at, value)| (self.x(*at), value.map(down)));
         for run in steps(drawn, self.right) {
             if let (false, Some((first, _)), Some((last, _))) = (is_place, run.first(), run.last()) {
                 let zero = number(down(0.0));
@@ -283,12 +283,12 @@ impl Picture<'_> {
     }
 
     /// Where a value stays for a while, it stands there as a number.
-    fn values(&mut self, points: &[(u64, Option<f64>)], down: impl Fn(f64) -> f64, (top, height): (f64, f64)) {
-        let ends = points.iter().skip(1).map(|(t_us, _)| self.x(*t_us)).chain([self.right]);
+    fn values(&mut self, points: &[(Micros, Option<f64>)], down: impl Fn(f64) -> f64, (top, height): (f64, f64)) {
+        let ends = points.iter().skip(1).map(|(at, _)| self.x(*at)).chain([self.right]);
         let mut free = f64::NEG_INFINITY;
         let mut shown = Vec::new();
-        for ((t_us, value), end) in points.iter().zip(ends) {
-            let (x, Some(value)) = (self.x(*t_us), *value) else { continue };
+        for ((at, value), end) in points.iter().zip(ends) {
+            let (x, Some(value)) = (self.x(*at), *value) else { continue };
             let text = number(value);
             let wide = width(&text, SOFT);
             if value == 0.0 || end - x < wide + 8.0 || x < free || height < 30.0 {
@@ -308,12 +308,12 @@ impl Picture<'_> {
     /// What lasts, each as a box; those that end in a column that is drawn already cannot be seen.
     fn stretches(&mut self, class: &str, stretches: &[Stretch], y: f64, height: f64) {
         let mut last = f64::NEG_INFINITY;
-        for (at, Stretch { t_us, until_us, text }) in stretches.iter().enumerate() {
-            let (from, until) = (self.x(*t_us), self.x(*until_us));
-            if until - last >= 0.5 || at + 1 == stretches.len() {
-                last = until;
-                let tells = format!("{}, {} s to {} s", told(text), short(*t_us), short(*until_us));
-                self.sheet.area(class, [from, y, (until - from).max(1.5), height], Some(&tells));
+        for (count, Stretch { at, until, text }) in (1..).zip(stretches) {
+            let (from_x, until_x) = (self.x(*at), self.x(*until));
+            if until_x - last >= 0.5 || count == stretches.len() {
+                last = until_x;
+                let tells = format!("{}, {at} s to {until} s", told(text));
+                self.sheet.area(class, [from_x, y, (until_x - from_x).max(1.5), height], Some(&tells));
             }
         }
     }
@@ -324,7 +324,7 @@ impl Picture<'_> {
         // What cannot be told apart shares a sign.
         let mut groups: Vec<(f64, Vec<&Moment>)> = Vec::new();
         for moment in moments {
-            let x = self.x(moment.t_us);
+            let x = self.x(moment.at);
             match groups.last_mut() {
                 Some((first, group)) if x - *first < 2.0 => group.push(moment),
                 _ => groups.push((x, vec![moment])),
@@ -334,8 +334,7 @@ impl Picture<'_> {
         let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
         for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
             let words = || {
-                let told =
-                    group.iter().take(10).map(|moment| format!("{} at {} s", told(&moment.text), short(moment.t_us)));
+                let told = group.iter().take(10).map(|moment| format!("{} at {} s", told(&moment.text), moment.at));
                 told.collect::<Vec<_>>().join("\n")
             };
             self.sheet.path(class, &sign(*x, middle), (at < TOLD).then(words).as_deref());
@@ -385,18 +384,18 @@ impl Picture<'_> {
         self.sheet.path("load", &path, None);
         let mut last = f64::NEG_INFINITY;
         for (at, late) in load.late.iter().enumerate() {
-            let x = self.x(late.t_us);
+            let x = self.x(late.at);
             if x - last < 3.0 {
                 continue;
             }
             last = x;
-            let tells = format!("due at {} s, leaves {} ms later", short(late.t_us), late.late_us / 1_000);
+            let tells = format!("due at {} s, leaves {:.0} ms later", late.at, late.late.in_millis());
             self.sheet.path("warn", &DOWN(x, y + 8.0), (at < TOLD).then_some(tells.as_str()));
         }
-        if let Some(worst) = load.late.iter().map(|late| late.late_us).max() {
+        if let Some(worst) = load.late.iter().map(|late| late.late).max() {
             let count = load.late.len();
             let plural = if count == 1 { "frame leaves" } else { "frames leave" };
-            let text = format!("{count} {plural} late, up to {} ms", worst.div_ceil(1_000));
+            let text = format!("{count} {plural} late, up to {} ms", worst.0.div_ceil(1_000));
             self.sheet.text((LEFT + 8.0, y + 26.0), "late", Anchor::Start, &text);
         }
         self.y += WIRE + GAP;
@@ -408,7 +407,7 @@ impl Picture<'_> {
             return;
         }
         let placed: Vec<Moment> =
-            warnings.iter().filter_map(|warning| Some(moment(warning.t_us?, warning.code))).collect();
+            warnings.iter().filter_map(|warning| Some(moment(warning.at?, warning.code))).collect();
         self.row("warnings", |picture, y| picture.moments(&placed, "warn", UP, y));
         self.y = self.y.max(self.beside);
         for warning in warnings.iter().take(WORDS) {
@@ -426,8 +425,8 @@ impl Picture<'_> {
     }
 }
 
-fn moment(t_us: u64, text: &str) -> Moment {
-    Moment { t_us, text: text.to_owned() }
+fn moment(at: Micros, text: &str) -> Moment {
+    Moment { at, text: text.to_owned() }
 }
 
 /// A text for whoever points at it; nobody reads more at once.
@@ -447,7 +446,7 @@ const UP: Sign = |x, y| format!("M{}l5 9h-10z", point((x, y - 5.0)));
 const DOWN: Sign = |x, y| format!("M{}l4 -7h-8z", point((x, y)));
 
 /// A scale with zero in its middle that holds all values, and the limits of the script.
-fn about_zero(points: &[(u64, Option<f64>)], limits: Option<[f64; 2]>) -> [f64; 2] {
+fn about_zero(points: &[(Micros, Option<f64>)], limits: Option<[f64; 2]>) -> [f64; 2] {
     let values = points.iter().filter_map(|(_, value)| *value).chain(limits.into_iter().flatten());
     let most = values.fold(0.0, |most: f64, value| most.max(value.abs()));
     let most = if most == 0.0 { 1.0 } else { libm::ceil(most) };

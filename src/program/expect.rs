@@ -35,6 +35,7 @@ pub struct Measured {
 
 /// What is wanted of a value, in volts or degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Wanted {
     /// `<`
     Less(f64),

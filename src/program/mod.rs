@@ -46,6 +46,7 @@ use crate::board::{self, Board};
 use crate::diagnostic::Diagnostics;
 use crate::source::{Sources, Span};
 use crate::syntax::{self, Reading};
+use crate::units::Micros;
 
 /// The most lines and passes that are unrolled.
 pub const MAX_STEPS: u64 = 100_000_000;
@@ -94,9 +95,9 @@ impl Speed {
         f64::from(self.0) / 1_000.0
     }
 
-    /// Microseconds of a run at this speed as microseconds of the script, cut off.
-    pub fn of_script(self, at_us: u64) -> u64 {
-        u64::try_from(u128::from(at_us) * u128::from(self.0) / 1_000).unwrap_or(u64::MAX)
+    /// A time of a run at this speed as the time of the script, cut off.
+    pub fn of_script(self, at: Micros) -> Micros {
+        Micros(u64::try_from(u128::from(at.0) * u128::from(self.0) / 1_000).unwrap_or(u64::MAX))
     }
 }
 
@@ -153,6 +154,7 @@ pub struct Step {
 
 /// What a step does.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Action {
     /// Sends a command.
     Send(board::Command),

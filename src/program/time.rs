@@ -2,7 +2,8 @@
 
 use std::cmp::Ordering;
 use std::fmt;
-use std::time::Duration;
+
+use crate::units::{Micros, Nanos};
 
 /// A time as an exact fraction of nanoseconds.
 ///
@@ -30,8 +31,8 @@ impl Time {
     pub const ZERO: Time = Time::from_nanos(0);
     /// The longest time there is: 292 years.
     const MAX: Time = Time::from_nanos(i64::MAX);
-    /// The longest script.
-    pub const LONGEST: Time = Time::from_nanos(24 * 3_600 * 1_000_000_000);
+    /// The longest script: [`Micros::DAY`].
+    pub const LONGEST: Time = Time::from_nanos(Micros::DAY.nanos().0.cast_signed());
 
     pub(super) const fn from_nanos(nanos: i64) -> Time {
         Time { nanos, per: 1 }
@@ -40,11 +41,6 @@ impl Time {
     /// So many milliseconds.
     pub const fn from_millis(millis: u32) -> Time {
         Time::from_nanos(millis as i64 * 1_000_000)
-    }
-
-    /// The same time; `None` beyond 292 years.
-    pub fn from_duration(duration: Duration) -> Option<Time> {
-        i64::try_from(duration.as_nanos()).ok().map(Time::from_nanos)
     }
 
     /// So many nanoseconds divided by `per`, which is not zero; `None` beyond 292 years.
@@ -77,13 +73,13 @@ impl Time {
     }
 
     /// In whole microseconds, half up; times before zero count as zero.
-    pub fn micros(self) -> u64 {
+    pub fn micros(self) -> Micros {
         // Nearly every time is whole nanoseconds.
         if let (1, Ok(nanos)) = (self.per, u64::try_from(self.nanos)) {
-            return nanos / 1_000 + u64::from(nanos % 1_000 >= 500);
+            return Micros(nanos / 1_000 + u64::from(nanos % 1_000 >= 500));
         }
         let (nanos, per) = (i128::from(self.nanos), i128::from(self.per));
-        u64::try_from((2 * nanos + 1_000 * per).div_euclid(2_000 * per)).unwrap_or(0)
+        Micros(u64::try_from((2 * nanos + 1_000 * per).div_euclid(2_000 * per)).unwrap_or(0))
     }
 
     /// The sum; `None` beyond 292 years.
@@ -169,11 +165,6 @@ impl Time {
         Time::exact(if is_other_side { rest + below } else { rest }, b * d)
     }
 
-    /// As the standard library has it, in whole microseconds, half up.
-    pub fn duration(self) -> Duration {
-        Duration::from_micros(self.micros())
-    }
-
     /// As a number of microseconds.
     pub fn in_micros(self) -> f64 {
         self.over(Time::from_nanos(1_000)).unwrap_or(0.0)
@@ -232,12 +223,7 @@ impl fmt::Display for Time {
         let nanos = i128::from(self.nanos) * 2 + i128::from(self.per);
         let nanos = nanos.div_euclid(2 * i128::from(self.per));
         let sign = if nanos < 0 { "-" } else { "" };
-        let (seconds, fraction) = (nanos.unsigned_abs() / 1_000_000_000, nanos.unsigned_abs() % 1_000_000_000);
-        let fraction = format!("{fraction:09}");
-        match fraction.trim_end_matches('0') {
-            "" => write!(f, "{sign}{seconds}s"),
-            digits => write!(f, "{sign}{seconds}.{digits}s"),
-        }
+        write!(f, "{sign}{}s", Nanos(u64::try_from(nanos.unsigned_abs()).unwrap_or(u64::MAX)))
     }
 }
 
@@ -249,11 +235,11 @@ mod tests {
     fn thirds_of_a_second_do_not_drift() {
         let second = Time::from_millis(1_000);
         let third = second.scaled(1, 3).unwrap();
-        assert_eq!(third.micros(), 333_333);
-        assert_eq!(third.plus(third).micros(), 666_667);
+        assert_eq!(third.micros(), Micros(333_333));
+        assert_eq!(third.plus(third).micros(), Micros(666_667));
         assert_eq!(third.plus(third).plus(third), second);
         assert_eq!(second.over(third), Some(3.0));
-        assert_eq!(second.by_number(0.1).unwrap().micros(), 100_000);
+        assert_eq!(second.by_number(0.1).unwrap().micros(), Micros(100_000));
     }
 
     #[test]
@@ -262,7 +248,7 @@ mod tests {
         for prime in [7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73] {
             time = time.plus(time.scaled(1, prime).unwrap());
         }
-        assert!(time.micros() > 1_000_000);
+        assert!(time.micros() > Micros::SECOND);
         assert_eq!(Time::MAX.by_number(0.000_000_1).unwrap().over(Time::MAX).unwrap().to_bits(), 1e-7_f64.to_bits());
     }
 

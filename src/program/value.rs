@@ -5,8 +5,9 @@ use std::fmt;
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::NumberShape;
+use crate::units::NotATime;
 
-use super::duration::{self, Wrong};
+use super::duration;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::time::Time;
@@ -237,19 +238,19 @@ fn small(digits: &str) -> Option<f64> {
 /// A time, as [`duration`](super::duration) reads it.
 fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     duration::read(text).map(Quantity::Time).map_err(|wrong| match wrong {
-        Wrong::Order => Diagnostic::new(
+        NotATime::Order => Diagnostic::new(
             Code::Number,
             span,
             format!("the units of `{text}` do not fall from long to short"),
             "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`",
         ),
-        Wrong::TooLong => Diagnostic::new(
+        NotATime::TooLong => Diagnostic::new(
             Code::Number,
             span,
             format!("`{text}` is longer than 292 years"),
             "a script is at most 24 hours long",
         ),
-        Wrong::NoTime => odd(text, span),
+        NotATime::Malformed => odd(text, span),
     })
 }
 
@@ -296,6 +297,6 @@ mod tests {
     #[test]
     fn units_of_time_are_those_that_are_read() {
         let names: Vec<&str> = UNITS.iter().filter(|unit| unit.is_time).map(|unit| unit.name).collect();
-        assert_eq!(names, duration::UNITS.map(|(name, _)| name));
+        assert_eq!(names, crate::units::TIME_UNITS.map(|(name, _)| name));
     }
 }

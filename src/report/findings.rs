@@ -76,8 +76,7 @@ pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
         let Position { line, column } = lines.position(offset, Encoding::Utf32);
         (line as usize + 1, column as usize + 1)
     };
-    let sorted = diagnostics.sorted();
-    let all = sorted.iter().map(|diagnostic| {
+    let all = diagnostics.iter().map(|diagnostic| {
         let file = sources.file(diagnostic.span);
         let (line, column) = place(diagnostic.span.start);
         let (end_line, end_column) = place(diagnostic.span.end);

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::Finding;
+use crate::units::Micros;
 
 /// How a run went. Fields may be added, and never change their meaning.
 #[derive(Clone, Debug, Serialize)]
@@ -21,10 +22,12 @@ pub struct Run {
     pub port: Option<String>,
     /// What part of the script was asked for, how fast, how often.
     pub asked: Asked,
-    /// When it ended, in microseconds of the timeline, with all passes and without the pauses.
-    pub end_us: u64,
-    /// How long it took, with the pauses and the stop, in microseconds.
-    pub elapsed_us: u64,
+    /// When it ended, in the time of the timeline, with all passes and without the pauses.
+    #[serde(rename = "end_us")]
+    pub end: Micros,
+    /// How long it took, with the pauses and the stop.
+    #[serde(rename = "elapsed_us")]
+    pub elapsed: Micros,
     /// How often it stood, for a key or for Ctrl-Z.
     pub pauses: u64,
     /// Where in the script it ended early.
@@ -91,8 +94,9 @@ pub struct Lateness {
 /// A frame that was left out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Dropped {
-    /// When it was due, in microseconds of the script.
-    pub t_us: u64,
+    /// When it was due, in the time of the script.
+    #[serde(rename = "t_us")]
+    pub at: Micros,
     /// What it would have said.
     pub command: String,
     /// Where in the script.
@@ -104,8 +108,9 @@ pub struct Dropped {
 /// An `expect` that was judged.
 #[derive(Clone, Debug, Serialize)]
 pub struct Expected {
-    /// When it was due, in microseconds of the script.
-    pub t_us: u64,
+    /// When it was due, in the time of the script.
+    #[serde(rename = "t_us")]
+    pub at: Micros,
     /// What was wanted.
     pub expect: String,
     /// What the script says why.

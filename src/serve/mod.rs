@@ -19,19 +19,21 @@ use crate::link::{Door, Happened, LineSettings, Pty, Serial};
 use crate::playback::os::{self, Ready};
 use crate::playback::{Guard, Signals, Stop};
 use crate::sim::{Received, VirtualBoard};
+use crate::units::{Micros, Nanos};
 use board_end::BoardEnd;
 use port_end::PortEnd;
 
-/// The longest time without a look at what else there is, in nanoseconds.
-const LOOK: u64 = 20_000_000;
-/// How long nobody looks whether a program has come, in nanoseconds.
-const IDLE: u64 = 2_000_000;
-/// The most bytes that are read when it ends, and how long that may take, in nanoseconds: a program may never stop writing.
+/// The longest time without a look at what else there is.
+const LOOK: Nanos = Nanos::from_millis(20);
+/// How long nobody looks whether a program has come.
+const IDLE: Nanos = Nanos::from_millis(2);
+/// The most bytes that are read when it ends, and how long that may take: a program may never stop writing.
 const MOST_LEFT: u64 = 1 << 20;
-const DRAIN: u64 = 1_000_000_000;
+const DRAIN: Nanos = Nanos::from_millis(1_000);
 
 /// Why a server ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum End {
     /// The program that it was for has closed its port, and everything was taken.
     Closed,
@@ -45,6 +47,7 @@ pub enum End {
 
 /// Why a server failed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ServeError {
     /// The port of the board was lost.
     #[error("the port was lost: {0}")]
@@ -74,7 +77,7 @@ pub struct Server<'d> {
     door: &'d mut Door,
     far: Far,
     signals: Option<&'d Signals>,
-    /// When time 0 is, on the clock; as long as it is 0, it is time 0.
+    /// When time 0 is, on the clock, in nanoseconds; as long as it is 0, it is time 0.
     begin: Arc<AtomicU64>,
     /// Set as soon as the far end takes no bytes any more.
     stalls: Arc<AtomicBool>,
@@ -87,8 +90,8 @@ pub struct Server<'d> {
     wrong: Option<LineSettings>,
 }
 
-/// What watches a server: it gets the time in microseconds, what happens, and the virtual board, if there is one.
-pub type Watch<'w> = dyn FnMut(u64, Happened<'_>, Option<&VirtualBoard>) -> io::Result<()> + 'w;
+/// What watches a server: it gets the time, what happens, and the virtual board, if there is one.
+pub type Watch<'w> = dyn FnMut(Micros, Happened<'_>, Option<&VirtualBoard>) -> io::Result<()> + 'w;
 
 impl<'d> Server<'d> {
     /// A virtual board behind a door. A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
@@ -113,7 +116,7 @@ impl<'d> Server<'d> {
             door,
             far,
             signals,
-            begin: Arc::new(AtomicU64::new(clock::now())),
+            begin: Arc::new(AtomicU64::new(clock::now().0)),
             stalls: Arc::default(),
             once: false,
             is_open: false,
@@ -142,71 +145,70 @@ impl<'d> Server<'d> {
 
     /// Stops a real board, where what it was told may not be rest, tells the guard how it went, and gives it, for its goodbye.
     pub fn stop(&mut self) -> Option<(Passed, Option<Guard>)> {
-        let at_us = self.time(clock::now());
+        let time = self.time(clock::now());
         match &mut self.far {
             Far::Board(_) => None,
             Far::Port(end) => {
                 let waiting = self.door.pty().waiting().unwrap_or(0);
-                Some(end.stop(at_us, waiting))
+                Some(end.stop(time, waiting))
             }
         }
     }
 
-    fn time(&self, now: u64) -> u64 {
-        match self.begin.load(Ordering::Relaxed) {
-            0 => 0,
-            begin => now.saturating_sub(begin) / 1_000,
+    fn time(&self, now: Nanos) -> Micros {
+        match Nanos(self.begin.load(Ordering::Relaxed)) {
+            Nanos::ZERO => Micros::ZERO,
+            begin => (now - begin).micros(),
         }
     }
 
     fn serve(&mut self, watch: &mut Watch<'_>) -> Result<End, ServeError> {
         loop {
-            let now_us = self.time(clock::now());
-            self.far.poll(now_us);
-            watch(now_us, Happened::Passed, self.far.board())?;
+            let time = self.time(clock::now());
+            self.far.poll(time);
+            watch(time, Happened::Passed, self.far.board())?;
             if let Some(signal) = self.signals.and_then(Signals::pending) {
                 return Ok(End::Signal(signal));
             }
-            if let Some(end) = self.far.end(now_us) {
+            if let Some(end) = self.far.end(time) {
                 return Ok(end);
             }
-            self.look_for_program(now_us, watch)?;
-            self.answer(now_us, watch)?;
-            let is_stalled = self.far.is_stalled(now_us);
+            self.look_for_program(time, watch)?;
+            self.answer(time, watch)?;
+            let is_stalled = self.far.is_stalled(time);
             self.stalls.store(is_stalled, Ordering::Relaxed);
-            if self.wait(now_us, is_stalled)? && self.take(is_stalled, watch)? {
+            if self.wait(time, is_stalled)? && self.take(is_stalled, watch)? {
                 return Ok(End::Closed);
             }
         }
     }
 
     /// One that has written and gone already counts, too.
-    fn look_for_program(&mut self, now_us: u64, watch: &mut Watch<'_>) -> io::Result<()> {
+    fn look_for_program(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
         let port = self.door.pty();
         if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
             (self.is_open, self.is_ending, self.wrong) = (true, false, None);
-            watch(now_us, Happened::Opened, self.far.board())?;
+            watch(time, Happened::Opened, self.far.board())?;
         }
         Ok(())
     }
 
     /// Gives the program what the far end has sent. What is said while no program listens is lost, as on a real line.
-    fn answer(&mut self, now_us: u64, watch: &mut Watch<'_>) -> io::Result<()> {
+    fn answer(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
         let said = self.far.said();
         if self.is_open && !said.is_empty() {
             self.door.pty().write(&said)?;
-            watch(now_us, Happened::Answered(&said), self.far.board())?;
+            watch(time, Happened::Answered(&said), self.far.board())?;
         }
         Ok(())
     }
 
     /// Waits until something may have happened; says whether the program has written something that can be taken, or has gone.
-    fn wait(&mut self, now_us: u64, is_stalled: bool) -> Result<bool, ServeError> {
+    fn wait(&mut self, time: Micros, is_stalled: bool) -> Result<bool, ServeError> {
         let now = clock::now();
         let takes_at = self.far.takes_at();
-        let due = self.far.next_due().map(|us| now.saturating_add(us.saturating_sub(now_us).saturating_mul(1_000)));
-        let until =
-            [Some(now.saturating_add(if self.is_open { LOOK } else { IDLE })), due, takes_at.filter(|at| *at > now)];
+        let due = self.far.next_due().map(|due| now + (due - time).nanos());
+        let until = [Some(now + if self.is_open { LOOK } else { IDLE }), due, takes_at.filter(|at| *at > now)];
         let until = until.into_iter().flatten().min().unwrap_or(now);
         // Where nothing can be taken, the program is not looked at: one that has gone would be told again and again.
         let takes = self.is_open && takes_at.is_some_and(|at| at <= now);
@@ -258,19 +260,19 @@ impl<'d> Server<'d> {
     }
 
     /// Gives bytes to the far end, and only then tells of them.
-    fn pass(&mut self, now: u64, bytes: &[u8], watch: &mut Watch<'_>) -> Result<(), ServeError> {
-        let now_us = self.time(now);
+    fn pass(&mut self, now: Nanos, bytes: &[u8], watch: &mut Watch<'_>) -> Result<(), ServeError> {
+        let time = self.time(now);
         let wrong = self.door.wrong_settings()?;
         if let Some(settings) = wrong.filter(|_| wrong != self.wrong) {
-            watch(now_us, Happened::SetUp(settings), self.far.board())?;
+            watch(time, Happened::SetUp(settings), self.far.board())?;
         }
         self.wrong = wrong;
         let waiting = self.door.pty().waiting()?;
-        let begin = self.begin.load(Ordering::Relaxed);
-        let (at, behind) = self.far.give(now, now_us, bytes, waiting).map_err(ServeError::Lost)?;
-        watch(now_us, Happened::Came(at.saturating_sub(begin), bytes), self.far.board())?;
-        if let Some(us) = behind {
-            watch(now_us, Happened::Behind(waiting, us), self.far.board())?;
+        let begin = Nanos(self.begin.load(Ordering::Relaxed));
+        let (at, behind) = self.far.give(now, time, bytes, waiting).map_err(ServeError::Lost)?;
+        watch(time, Happened::Came(at.saturating_sub(begin), bytes), self.far.board())?;
+        if let Some(delay) = behind {
+            watch(time, Happened::Behind(waiting, delay), self.far.board())?;
         }
         Ok(())
     }
@@ -287,7 +289,7 @@ impl<'d> Server<'d> {
                 Ok(0) => break,
                 Ok(count) => {
                     left = left.saturating_sub(count as u64);
-                    let on_the_line = self.far.takes_at().unwrap_or(0).max(clock::now());
+                    let on_the_line = self.far.takes_at().unwrap_or(Nanos::ZERO).max(clock::now());
                     self.pass(on_the_line, buffer.get(..count).unwrap_or_default(), watch)?;
                 }
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
@@ -311,30 +313,30 @@ impl Far {
         }
     }
 
-    fn poll(&mut self, now_us: u64) {
+    fn poll(&mut self, time: Micros) {
         match self {
-            Far::Board(end) => end.poll(now_us),
-            Far::Port(end) => end.beat(now_us),
+            Far::Board(end) => end.poll(time),
+            Far::Port(end) => end.beat(time),
         }
     }
 
     /// Whether it is over with it.
-    fn end(&mut self, now_us: u64) -> Option<End> {
+    fn end(&mut self, time: Micros) -> Option<End> {
         match self {
-            Far::Board(end) => end.is_unplugged(now_us).then_some(End::Unplugged),
+            Far::Board(end) => end.is_unplugged(time).then_some(End::Unplugged),
             Far::Port(end) => end.is_unguarded().then_some(End::Unguarded),
         }
     }
 
-    fn is_stalled(&self, now_us: u64) -> bool {
+    fn is_stalled(&self, time: Micros) -> bool {
         match self {
-            Far::Board(end) => end.is_stalled(now_us),
+            Far::Board(end) => end.is_stalled(time),
             Far::Port(_) => false,
         }
     }
 
-    /// When it has something to do next, in microseconds.
-    fn next_due(&self) -> Option<u64> {
+    /// When it has something to do next.
+    fn next_due(&self) -> Option<Micros> {
         match self {
             Far::Board(end) => end.next_due(),
             Far::Port(_) => None,
@@ -342,10 +344,10 @@ impl Far {
     }
 
     /// From when on it takes more, on the clock; `None` where that depends on others.
-    fn takes_at(&self) -> Option<u64> {
+    fn takes_at(&self) -> Option<Nanos> {
         match self {
             Far::Board(end) => Some(end.busy_until()),
-            Far::Port(end) => end.takes().then_some(0),
+            Far::Port(end) => end.takes().then_some(Nanos::ZERO),
         }
     }
 
@@ -357,11 +359,11 @@ impl Far {
         }
     }
 
-    /// Gives it bytes. Gives when the first of them was on the line, on the clock, and for how many microseconds those that wait behind
-    /// them will keep the line busy, where that is news.
-    fn give(&mut self, now: u64, now_us: u64, bytes: &[u8], waiting: u64) -> io::Result<(u64, Option<u64>)> {
+    /// Gives it bytes. Gives when the first of them was on the line, on the clock, and for how long those that wait behind them will
+    /// keep the line busy, where that is news.
+    fn give(&mut self, now: Nanos, time: Micros, bytes: &[u8], waiting: u64) -> io::Result<(Nanos, Option<Micros>)> {
         match self {
-            Far::Board(end) => Ok(end.give(now, now_us, bytes, waiting)),
+            Far::Board(end) => Ok(end.give(now, time, bytes, waiting)),
             Far::Port(end) => end.give(bytes).map(|()| (now, None)),
         }
     }
@@ -435,8 +437,8 @@ impl Served {
     }
 
     /// Says when the script begins: the board's time 0, from which its faults count.
-    pub fn begin(&self, now: u64) {
-        self.begin.store(now.max(1), Ordering::Relaxed);
+    pub fn begin(&self, now: Nanos) {
+        self.begin.store(now.max(Nanos(1)).0, Ordering::Relaxed);
     }
 
     /// Set as soon as the port shall take no bytes any more.

@@ -10,6 +10,7 @@ use crate::clock;
 use crate::link::{Link, Serial};
 use crate::playback::os::{self, Ready};
 use crate::playback::{Guard, Outbox, Stop, Stops, stop_robot};
+use crate::units::Micros;
 
 /// The most bytes taken at once.
 pub(super) const CHUNK: usize = 4 * 1024;
@@ -46,10 +47,10 @@ impl PortEnd {
     }
 
     /// Tells the guard that this loop is alive.
-    pub(super) fn beat(&mut self, now_us: u64) {
+    pub(super) fn beat(&mut self, time: Micros) {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
-            guard.beat(now, now_us, None, false);
+            guard.beat(now, time, None, false);
         }
         self.is_unguarded |= self.guard.as_mut().is_some_and(Guard::is_newly_lost);
     }
@@ -130,14 +131,14 @@ impl PortEnd {
     }
 
     /// Stops the robot, unless what its port took is known to end at rest: the program can send nothing any more.
-    pub(super) fn stop(&mut self, at_us: u64, waiting: u64) -> (Passed, Option<Guard>) {
+    pub(super) fn stop(&mut self, time: Micros, waiting: u64) -> (Passed, Option<Guard>) {
         let undelivered = waiting.saturating_add(self.left.len() as u64);
         let rests = self.state.surely_at_rest(&self.board) && self.decoder.is_between_frames() && self.left.is_empty();
         let PortEnd { board, port, out, guard, .. } = self;
         let beat = || {
             let now = clock::now();
             if let Some(guard) = guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
-                guard.beat(now, at_us, None, false);
+                guard.beat(now, time, None, false);
             }
         };
         let stop = if rests { Stop::NotNeeded } else { stop_robot(port, &Stops::of(board, &[]), out, beat) };
@@ -147,7 +148,7 @@ impl PortEnd {
         }
         let mut guard = self.guard.take();
         if let Some(guard) = &mut guard {
-            guard.ended(at_us, None, stop);
+            guard.ended(time, None, stop);
         }
         (Passed { stop, undelivered }, guard)
     }

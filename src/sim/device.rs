@@ -6,6 +6,7 @@ use super::motion::Body;
 use super::{Fault, Received};
 use crate::board::raspblock::{self, Asked, Geometry};
 use crate::board::{Board, Command, Hundredths, Item, Report, Simulation};
+use crate::units::Micros;
 
 /// By how many volts the battery sags at full speed, and how many it loses then in a second.
 const SAG: f64 = 0.45;
@@ -22,16 +23,16 @@ pub(super) struct Device {
     /// Reports that it has to send.
     pub(super) reports: Vec<Report>,
     body: Body,
-    /// After how long without a drive frame the robot stops, in microseconds; `None` for never.
-    pub(super) silence_us: Option<u64>,
-    /// Microseconds between two reports.
-    pub(super) every_us: u64,
-    /// The time, in microseconds since it was switched on.
-    now_us: u64,
+    /// After how long without a drive frame the robot stops; `None` for never.
+    pub(super) silence: Option<Micros>,
+    /// The time between two reports.
+    pub(super) report_every: Micros,
+    /// The time since it was switched on.
+    now: Micros,
     /// When the last drive frame came.
-    fed_us: u64,
+    fed: Micros,
     /// When the next report is due.
-    report_us: Option<u64>,
+    next_report: Option<Micros>,
     /// What the battery has lost, in volts.
     drained: f64,
 }
@@ -45,46 +46,45 @@ impl Device {
             received: Received::default(),
             reports: Vec::new(),
             body: Body::new(geometry),
-            silence_us: None,
-            every_us: 1,
-            now_us: 0,
-            fed_us: 0,
-            report_us: None,
+            silence: None,
+            report_every: Micros(1),
+            now: Micros::ZERO,
+            fed: Micros::ZERO,
+            next_report: None,
             drained: 0.0,
         }
     }
 
     /// Lets time pass. It never goes back.
-    pub(super) fn poll(&mut self, now_us: u64) {
-        while self.now_us < now_us {
-            let stops_us = self.silence_us.filter(|_| self.body.holds()).map(|us| self.fed_us.saturating_add(us));
-            let next =
-                [stops_us, self.report_us].into_iter().flatten().min().unwrap_or(now_us).clamp(self.now_us, now_us);
+    pub(super) fn poll(&mut self, now: Micros) {
+        while self.now < now {
+            let stops = self.silence.filter(|_| self.body.holds()).map(|silence| self.fed + silence);
+            let next = [stops, self.next_report].into_iter().flatten().min().unwrap_or(now).clamp(self.now, now);
             self.pass(next);
-            if stops_us.is_some_and(|us| us <= next) {
+            if stops.is_some_and(|stops| stops <= next) {
                 self.body.stop();
             }
-            if let Some(due) = self.report_us.filter(|due| *due <= next) {
-                self.report_us = Some(due + self.every_us);
+            if let Some(due) = self.next_report.filter(|due| *due <= next) {
+                self.next_report = Some(due + self.report_every);
                 self.reports.push(self.report());
-            } else if next == now_us {
+            } else if next == now {
                 break;
             }
         }
     }
 
-    fn pass(&mut self, to_us: u64) {
+    fn pass(&mut self, to: Micros) {
         #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
-        let seconds = (to_us - self.now_us) as f64 / 1e6;
+        let seconds = (to - self.now).0 as f64 / 1e6;
         self.drained += DRAIN * self.body.load() * seconds;
         self.body.pass(seconds);
-        self.now_us = to_us;
+        self.now = to;
         self.received.pose = self.body.pose();
     }
 
-    /// When it has something to do next, in microseconds since it was switched on.
-    pub(super) fn next_due(&self) -> Option<u64> {
-        self.report_us
+    /// When it has something to do next, since it was switched on.
+    pub(super) fn next_due(&self) -> Option<Micros> {
+        self.next_report
     }
 
     /// What it would report now.
@@ -133,13 +133,13 @@ impl Device {
         self.received.frames += 1;
         self.received.state.apply(&self.board, command);
         if self.board.is_drive(command) {
-            self.fed_us = self.now_us;
+            self.fed = self.now;
         }
         if self.board.simulation == Simulation::Mecanum {
             self.body.take(command, raspblock::is_in_position_mode(&self.received.state));
             match raspblock::asked(command) {
-                Some(Asked::Start) => self.report_us = Some(self.now_us + self.every_us),
-                Some(Asked::Stop) => self.report_us = None,
+                Some(Asked::Start) => self.next_report = Some(self.now + self.report_every),
+                Some(Asked::Stop) => self.next_report = None,
                 Some(Asked::Once) => self.reports.push(self.report()),
                 None => {}
             }

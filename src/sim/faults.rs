@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use crate::board::Hundredths;
 use crate::random::SplitMix;
+use crate::units::Micros;
 
 /// Faults of a rehearsal, as `--fault` and `# rehearse:` name them: `drop=5%,unplug@4s`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,12 +14,12 @@ pub struct Faults {
     pub drop: f64,
     /// In how many frames and reports in a hundred one bit is wrong.
     pub garble: f64,
-    /// The battery has another voltage from a time on: hundredths of a volt, microseconds.
-    pub battery: Option<(i32, u64)>,
-    /// The cable is pulled at a time, in microseconds.
-    pub unplug_us: Option<u64>,
-    /// The port takes no bytes from a time on, in microseconds.
-    pub stall_us: Option<u64>,
+    /// The battery has another voltage, in hundredths of a volt, from a time on.
+    pub battery: Option<(i32, Micros)>,
+    /// The cable is pulled at a time.
+    pub unplug: Option<Micros>,
+    /// The port takes no bytes from a time on.
+    pub stall: Option<Micros>,
     /// The board reports nothing.
     pub silent: bool,
     /// Which random numbers there are.
@@ -59,9 +60,9 @@ impl Faults {
             return Some(());
         }
         if let Some(time) = word.strip_prefix("unplug@") {
-            self.unplug_us = Some(micros(time)?);
+            self.unplug = Some(moment(time)?);
         } else if let Some(time) = word.strip_prefix("stall@") {
-            self.stall_us = Some(micros(time)?);
+            self.stall = Some(moment(time)?);
         } else if let Some(percent) = word.strip_prefix("drop=") {
             self.drop = part(percent)?;
         } else if let Some(percent) = word.strip_prefix("garble=") {
@@ -72,8 +73,8 @@ impl Faults {
             let (volts, time) = word.strip_prefix("battery=")?.split_once('V')?;
             let Hundredths(hundredths) = self::volts(volts)?;
             let from = match time.strip_prefix('@') {
-                Some(time) => micros(time)?,
-                None if time.is_empty() => 0,
+                Some(time) => moment(time)?,
+                None if time.is_empty() => Micros::ZERO,
                 None => return None,
             };
             self.battery = Some((hundredths, from));
@@ -101,12 +102,9 @@ pub fn volts(text: &str) -> Option<Hundredths> {
     (0.0..=10_000.0).contains(&hundredths).then_some(Hundredths(hundredths as i32))
 }
 
-/// A time with its unit, as a script says it, in microseconds.
-fn micros(text: &str) -> Option<u64> {
-    // humantime takes looser spellings than scripts do, and panics at numbers that are too long.
-    let is_plain = text.len() <= 12 && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'.');
-    let time = is_plain.then(|| humantime::parse_duration(text).ok()).flatten()?;
-    u64::try_from(time.as_micros()).ok().filter(|us| *us <= 24 * 3_600 * 1_000_000)
+/// A time of a script.
+fn moment(text: &str) -> Option<Micros> {
+    text.parse().ok().filter(|time| *time <= Micros::DAY)
 }
 
 /// `5%` as a part of one.

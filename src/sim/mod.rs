@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 pub use crate::board::raspblock::{Geometry, Twist};
 use crate::board::{Board, Decoder, Hundredths, Item, NotACommand, Report, Skip, State};
+use crate::units::Micros;
 use device::Device;
 use faults::Dice;
 
@@ -25,10 +26,10 @@ pub struct Settings {
     pub geometry: Geometry,
     /// The battery's voltage at rest, in hundredths of a volt.
     pub battery: Hundredths,
-    /// After how long without a drive frame the robot stops, in microseconds; `None` for never. The real board's is not published.
-    pub silence_us: Option<u64>,
-    /// Microseconds between two reports.
-    pub report_us: u64,
+    /// After how long without a drive frame the robot stops; `None` for never. The real board's is not published.
+    pub silence: Option<Micros>,
+    /// The time between two reports.
+    pub report_every: Micros,
     /// What goes wrong.
     pub faults: Faults,
 }
@@ -38,8 +39,8 @@ impl Default for Settings {
         Settings {
             geometry: Geometry::default(),
             battery: Hundredths(1_200),
-            silence_us: Some(500_000),
-            report_us: 100_000,
+            silence: Some(Micros::from_millis(500)),
+            report_every: Micros::from_millis(100),
             faults: Faults::default(),
         }
     }
@@ -81,6 +82,7 @@ pub struct Received {
 
 /// What was wrong with received bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Fault {
     /// Bytes that are no frame.
     #[error(transparent)]
@@ -93,10 +95,10 @@ pub enum Fault {
 impl VirtualBoard {
     /// A board that is switched on at time 0.
     pub fn new(of: Arc<Board>, settings: Settings) -> Self {
-        let Settings { geometry, battery, silence_us, report_us, faults } = settings;
+        let Settings { geometry, battery, silence, report_every, faults } = settings;
         let decoder = Decoder::new(&of);
         let mut device = Device::new(of, geometry);
-        (device.battery, device.silence_us, device.every_us) = (battery, silence_us, report_us.max(1));
+        (device.battery, device.silence, device.report_every) = (battery, silence, report_every.max(Micros(1)));
         let mut board = VirtualBoard {
             device,
             decoder,
@@ -104,13 +106,13 @@ impl VirtualBoard {
             replies: Vec::new(),
             faults,
         };
-        board.poll(0);
+        board.poll(Micros::ZERO);
         board
     }
 
-    /// Takes bytes off the line at a time, in microseconds since it was switched on.
-    pub fn receive(&mut self, now_us: u64, bytes: &[u8]) {
-        self.poll(now_us);
+    /// Takes bytes off the line at a time since it was switched on.
+    pub fn receive(&mut self, now: Micros, bytes: &[u8]) {
+        self.poll(now);
         let VirtualBoard { device, faults, decoder, dice: [dice, _], .. } = self;
         decoder.feed(bytes, |item| match item {
             // A frame with a wrong bit has a wrong checksum.
@@ -124,13 +126,13 @@ impl VirtualBoard {
     }
 
     /// Lets time pass. It never goes back.
-    pub fn poll(&mut self, now_us: u64) {
-        if let Some((hundredths, from_us)) = self.faults.battery.take_if(|(_, from_us)| *from_us <= now_us) {
+    pub fn poll(&mut self, now: Micros) {
+        if let Some((hundredths, from)) = self.faults.battery.take_if(|(_, from)| *from <= now) {
             // What it reports before that is of the old one.
-            self.device.poll(from_us.saturating_sub(1));
+            self.device.poll(from - Micros(1));
             self.device.battery = Hundredths(hundredths);
         }
-        self.device.poll(now_us);
+        self.device.poll(now);
         self.reply();
     }
 
@@ -150,8 +152,8 @@ impl VirtualBoard {
         }
     }
 
-    /// When it has something to do next, in microseconds since it was switched on.
-    pub fn next_due(&self) -> Option<u64> {
+    /// When it has something to do next, since it was switched on.
+    pub fn next_due(&self) -> Option<Micros> {
         self.device.next_due()
     }
 
@@ -170,14 +172,14 @@ impl VirtualBoard {
         &self.device.board
     }
 
-    /// When its cable is pulled, in microseconds, if it is.
-    pub fn unplugged_us(&self) -> Option<u64> {
-        self.faults.unplug_us
+    /// When its cable is pulled, if it is.
+    pub fn unplugged(&self) -> Option<Micros> {
+        self.faults.unplug
     }
 
-    /// When it stops taking bytes, in microseconds, if it does.
-    pub fn stalled_us(&self) -> Option<u64> {
-        self.faults.stall_us
+    /// When it stops taking bytes, if it does.
+    pub fn stalled(&self) -> Option<Micros> {
+        self.faults.stall
     }
 
     /// What it would report now.

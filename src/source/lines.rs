@@ -21,6 +21,7 @@ impl fmt::Display for Place<'_> {
 
 /// What a column counts. The names are those of the Language Server Protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Encoding {
     /// Bytes.
     Utf8,

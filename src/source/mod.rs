@@ -223,6 +223,7 @@ impl Source {
 
 /// Why a file cannot be used by another.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum UseError {
     /// It is not there.
     #[error("{name} cannot be used: {cause}")]
@@ -239,6 +240,7 @@ pub enum UseError {
 
 /// Why a file did not become a [`Source`].
 #[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SourceError {
     /// The file cannot be read at all.
     #[error("cannot read {name}: {cause}")]

@@ -59,6 +59,7 @@ pub(super) enum Kept<'s> {
 
 /// A line of a block.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub enum LineRef<'b, 's> {
     /// The text of a flat line, from its first to its last part, and the offset of its first byte.
     Flat(&'s str, u32),
@@ -122,6 +123,7 @@ pub struct Line<'s> {
 
 /// When a line starts.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Start<'s> {
     /// `at T`: at a moment, whatever came before.
     At(Moment<'s>),
@@ -152,6 +154,7 @@ impl<'s> Moment<'s> {
 
 /// What a moment counts from.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Origin<'s> {
     /// A time from the start of the block, or a mark's name.
     Value(Value<'s>),
@@ -170,6 +173,7 @@ pub struct Part<'s> {
 
 /// What is done.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Statement<'s> {
     /// Words and arguments, perhaps with a block.
     Command(Command<'s>),
@@ -316,6 +320,7 @@ impl Argument<'_> {
 
 /// The values of an argument.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Item<'s> {
     /// One value.
     One(Value<'s>),
@@ -342,6 +347,7 @@ pub struct Value<'s> {
 
 /// What a value is, before it has a meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ValueKind<'s> {
     /// A number with its unit.
     Number(NumberShape, &'s str),
@@ -374,6 +380,7 @@ pub struct Node<'s> {
 
 /// What one step does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NodeKind<'s> {
     /// A number with its unit.
     Number(NumberShape, &'s str),
@@ -395,6 +402,7 @@ pub enum NodeKind<'s> {
 
 /// An operator between two operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Binary {
     /// `+`
     Add,
@@ -424,6 +432,7 @@ pub enum Binary {
 
 /// The shape of a number, as the grammar found it. Its digits are bounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NumberShape {
     /// `0x1F`.
     Hex,

@@ -397,7 +397,7 @@ mod tests {
             });
             let tree = tree.map(|Ast { body, lost }| (body.lines().map(Cow::into_owned).collect(), lost));
             prop_assert_eq!(tree, grammar);
-            let sorted = |all: &Diagnostics| all.sorted().into_iter().cloned().collect::<Vec<Diagnostic>>();
+            let sorted = |all: &Diagnostics| all.iter().cloned().collect::<Vec<Diagnostic>>();
             prop_assert_eq!(sorted(&found), sorted(&expected));
         }
     }

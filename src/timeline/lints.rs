@@ -8,6 +8,7 @@ use crate::board::ResourceId;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{MAX_SERVO_SPEED, TraceId};
 use crate::source::Span;
+use crate::units::Micros;
 
 /// A servo that has less than this many µs of pulse width still to go counts as arrived.
 const ARRIVED: u64 = 20;
@@ -102,12 +103,12 @@ struct Paced {
 
 /// Where it is, and where it goes. Pulse widths are in millionths of a µs, so that they stay exact.
 struct Going {
-    at_us: u64,
+    at: Micros,
     pulse: u64,
     target: u64,
     /// What began it: where it was then, when, and the place in the script.
     from: u64,
-    since_us: u64,
+    since: Micros,
     span: Span,
     trace: TraceId,
     /// Whether a move has begun whose steps have not changed the target yet.
@@ -122,8 +123,8 @@ struct Late {
     target: u64,
     /// That of the servo.
     speed: u64,
-    /// How long it has, in microseconds.
-    time_us: u64,
+    /// How long it has.
+    time: Micros,
     /// The command that comes too early.
     next: Span,
 }
@@ -133,13 +134,12 @@ impl Paced {
         let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
         let Some(going) = &mut self.going else {
             // Where it was is unknown.
-            let (at_us, span, trace) = (event.at_us, event.span, event.trace);
+            let (at, span, trace) = (event.at, event.span, event.trace);
             let from = target;
-            self.going =
-                Some(Going { at_us, pulse: target, target, from, since_us: at_us, span, trace, begins: false });
+            self.going = Some(Going { at, pulse: target, target, from, since: at, span, trace, begins: false });
             return;
         };
-        going.pass(self.speed, event.at_us);
+        going.pass(self.speed, event.at);
         // What sets the value that it has already changes nothing.
         if target == going.target {
             going.begins |= matches!(part, Part::First(_));
@@ -148,17 +148,17 @@ impl Paced {
         // Of a part of a timeline, it is not known which steps begin a move.
         let begins = going.begins || !matches!(part, Part::Further | Part::Stray);
         // Two commands at one time are reported as a clash.
-        if begins && event.at_us > going.since_us {
+        if begins && event.at > going.since {
             let late = going.late(self.speed, event);
             if let Some(late) = &late {
-                self.needed = self.needed.max(late.from.abs_diff(late.target).div_ceil(late.time_us));
+                self.needed = self.needed.max(late.from.abs_diff(late.target).div_ceil(late.time.0));
             }
             let was_behind = std::mem::replace(&mut self.is_behind, late.is_some());
             self.late.extend(late.filter(|late| !was_behind && self.seen.insert(late.span)));
         }
         going.target = target;
         if begins {
-            (going.from, going.since_us) = (going.pulse, event.at_us);
+            (going.from, going.since) = (going.pulse, event.at);
             (going.span, going.trace, going.begins) = (event.span, event.trace, false);
         }
     }
@@ -166,24 +166,24 @@ impl Paced {
 
 impl Going {
     /// Lets time pass.
-    fn pass(&mut self, speed: u64, at_us: u64) {
-        let way = speed.saturating_mul(at_us - self.at_us);
+    fn pass(&mut self, speed: u64, at: Micros) {
+        let way = speed.saturating_mul((at - self.at).0);
         self.pulse = if self.pulse < self.target {
             self.target.min(self.pulse.saturating_add(way))
         } else {
             self.target.max(self.pulse.saturating_sub(way))
         };
-        self.at_us = at_us;
+        self.at = at;
     }
 
     /// What it did not reach before the next command. A move sends where to be all the time, and still has a step to go where its
     /// time ends, so it counts as a whole.
     fn late(&self, speed: u64, next: &Event) -> Option<Late> {
-        let time_us = next.at_us - self.since_us;
-        let is_late = self.from.abs_diff(self.target) > speed.saturating_mul(time_us)
+        let time = next.at - self.since;
+        let is_late = self.from.abs_diff(self.target) > speed.saturating_mul(time.0)
             && self.pulse.abs_diff(self.target) > ARRIVED * MICROS;
         let Going { span, trace, from, target, .. } = *self;
-        is_late.then_some(Late { span, trace, from, target, speed, time_us, next: next.span })
+        is_late.then_some(Late { span, trace, from, target, speed, time, next: next.span })
     }
 }
 
@@ -192,9 +192,9 @@ fn too_fast(late: &Late, name: &str, limits: Option<&[String]>) -> Diagnostic {
     let Late { from, target, speed, .. } = *late;
     let (from, to) = (from / MICROS, target / MICROS);
     let needed = from.abs_diff(to) * 1_000 / speed.max(1);
-    let left = late.time_us / 1_000;
+    let left = late.time.in_millis();
     let message =
-        format!("{name} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left} ms");
+        format!("{name} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left:.0} ms");
     let help = match limits {
         Some(limits) => {
             format!("give it more time; if it is faster than {speed} µs a second, say so: {}", limits.join(" and "))

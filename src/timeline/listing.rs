@@ -1,6 +1,5 @@
 //! A timeline as text or bytes. Nothing is aligned, so that a change touches only its own lines.
 
-use std::fmt;
 use std::io::{self, Write};
 
 use serde::Serialize;
@@ -8,16 +7,7 @@ use serde::Serialize;
 use super::{Event, Kind};
 use crate::board::{Board, Command, Frame};
 use crate::source::Lines;
-
-/// Microseconds, shown as seconds with six decimals.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Seconds(pub u64);
-
-impl fmt::Display for Seconds {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{:06}", self.0 / 1_000_000, self.0 % 1_000_000)
-    }
-}
+use crate::units::Micros;
 
 /// One line a frame, TAB-separated: seconds, the frame in hex, the command, and what it is where that is no plain command.
 pub fn write_listing(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
@@ -27,13 +17,13 @@ pub fn write_listing(board: &Board, events: &[Event], out: &mut impl Write) -> i
 
 /// The line of one frame; `bytes` is a buffer to use again.
 pub(super) fn write_line(board: &Board, event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
-    write_moment(board, event.at_us, &event.command, event.kind, bytes, out)
+    write_moment(board, event.at, &event.command, event.kind, bytes, out)
 }
 
 #[expect(clippy::too_many_arguments, reason = "a line and what it is written with")]
 pub(super) fn write_moment(
     board: &Board,
-    at_us: u64,
+    at: Micros,
     command: &Command,
     kind: Kind,
     bytes: &mut Vec<u8>,
@@ -42,7 +32,7 @@ pub(super) fn write_moment(
     bytes.clear();
     board.encode(command, bytes);
     let frame = Frame::new(board, bytes).map_err(io::Error::other)?;
-    write!(out, "{}\t{frame}\t{}", Seconds(at_us), board.show(command))?;
+    write!(out, "{at:.6}\t{frame}\t{}", board.show(command))?;
     match kind.word() {
         Some(word) => writeln!(out, "\t{word}"),
         None => writeln!(out),
@@ -51,7 +41,7 @@ pub(super) fn write_moment(
 
 /// One line a frame: seconds, TAB, the frame in hex.
 pub fn write_hex(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    each(board, events, |event, frame| writeln!(out, "{}\t{frame}", Seconds(event.at_us)))
+    each(board, events, |event, frame| writeln!(out, "{:.6}\t{frame}", event.at))
 }
 
 /// One JSON object a line. The time is in microseconds, `file` and `line` say where in the script the command stands.
@@ -67,7 +57,7 @@ pub fn write_jsonl(
     each(board, events, |event, frame| {
         let place = lines.place(event.span);
         let object = Object {
-            t_us: event.at_us,
+            at: event.at,
             frame: frame.to_string().replace(' ', ""),
             command: board.show(&event.command).to_string(),
             kind: event.kind.word().unwrap_or("command"),
@@ -83,7 +73,8 @@ pub fn write_jsonl(
 /// One frame, as `render --format jsonl` writes it. Fields may be added, and never change their meaning.
 #[derive(Serialize)]
 struct Object<'a> {
-    t_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
     frame: String,
     command: String,
     kind: &'static str,

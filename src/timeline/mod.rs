@@ -19,9 +19,10 @@ use crate::board::{Board, Command, ResourceId};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
+use crate::units::Micros;
 
 pub use diff::{Again, Change, Shift, What, diff};
-pub use listing::{Seconds, write_bin, write_hex, write_jsonl, write_listing};
+pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
 pub use part::{Part, check_passes, part, passes, state_after};
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_aborted, write_snapshot};
 pub use tween::Tween;
@@ -41,8 +42,8 @@ pub struct Timeline {
     pub marks: Vec<Mark>,
     /// Lines to show where something ended a run early.
     pub abort_cues: Vec<Cue>,
-    /// When the script ends, in microseconds from its start. Nothing is later.
-    pub end_us: u64,
+    /// When the script ends, from its start. Nothing is later.
+    pub end: Micros,
     /// Speed of the line in bits a second.
     pub baud: u32,
     /// The calls and passes that led to each event.
@@ -80,8 +81,8 @@ pub struct Track {
 /// One frame at its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When it is due, in microseconds from the start of the script.
-    pub at_us: u64,
+    /// When it is due, from the start of the script.
+    pub at: Micros,
     /// What it says.
     pub command: Command,
     /// Where it comes from.
@@ -96,6 +97,7 @@ pub struct Event {
 
 /// Where a frame comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Kind {
     /// A command of the script, or the end of its `for`.
     Command,
@@ -131,10 +133,10 @@ impl Kind {
 /// What the board should report, at its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expectation {
-    /// When it is judged, or from when on, in microseconds from the start of the script.
-    pub at_us: u64,
+    /// When it is judged, or from when on, from the start of the script.
+    pub at: Micros,
     /// Until when a report may fit.
-    pub until_us: u64,
+    pub until: Micros,
     /// What is wanted.
     pub expect: Expect,
     /// Where it stands in the script.
@@ -148,15 +150,15 @@ pub struct Expectation {
 pub struct Mark {
     /// Its name. A mark inside a `repeat` or a `def` is there once a pass.
     pub name: String,
-    /// When it is, in microseconds from the start of the script.
-    pub at_us: u64,
+    /// When it is, from the start of the script.
+    pub at: Micros,
 }
 
 /// A line to show at its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cue {
-    /// When, in microseconds from the start of the script.
-    pub at_us: u64,
+    /// When, from the start of the script.
+    pub at: Micros,
     /// What is shown.
     pub text: String,
     /// Where it stands in the script.

@@ -5,18 +5,18 @@
 //! one that starts there is also written later. Two instants at one time clash; an instant and a hold that starts there do
 //! not, if the instant is written first.
 
-use super::listing::Seconds;
 use super::{Event, Timeline, occupied};
 use crate::board::{Board, Needs, ResourceId};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, Step, TraceId, Traces};
 use crate::source::Span;
+use crate::units::Micros;
 
-/// When a command occupies its things, in microseconds.
+/// When a command occupies its things.
 #[derive(Clone, Copy)]
 struct Occupied {
-    start: u64,
-    end: u64,
+    start: Micros,
+    end: Micros,
     order: u32,
     /// Whether it has no `for`.
     instant: bool,
@@ -91,13 +91,13 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
 /// Reports a thing that is told something at the very end of one pass and again at the start of the next one, as it would be in a
 /// `repeat`.
 pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut Diagnostics) {
-    let last = before.events().iter().rev().take_while(|event| event.at_us == before.end_us);
+    let last = before.events().iter().rev().take_while(|event| event.at == before.end);
     let last: Vec<&Event> = last.filter(|event| event.is_instant).collect();
     if last.is_empty() {
         return;
     }
     let board = &before.board;
-    let first = behind.events().iter().take_while(|event| event.at_us == 0);
+    let first = behind.events().iter().take_while(|event| event.at == Micros::ZERO);
     for second in first.filter(|event| event.is_instant) {
         let shared = |first: &Event| {
             let set = board.occupies(&first.command);
@@ -105,8 +105,8 @@ pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut
         };
         if let Some((resource, first)) = last.iter().find_map(|first| Some((shared(first)?, *first))) {
             let occupied = |event: &Event| Occupied {
-                start: before.end_us,
-                end: before.end_us,
+                start: before.end,
+                end: before.end,
                 order: 0,
                 instant: true,
                 span: event.span,
@@ -131,31 +131,25 @@ fn missing(needs: &Needs, span: Span) -> Diagnostic {
 
 fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied) -> Diagnostic {
     let thing = board.resource(resource).map(|resource| &*resource.name).unwrap_or_default();
-    let at = Seconds(second.start);
+    let at = second.start;
     if first.instant {
         return Diagnostic::new(
             Code::Clash,
             second.span,
-            format!("{thing} is told two things at {at} s"),
+            format!("{thing} is told two things at {at:.6} s"),
             "keep one of the two, or let time pass between them: a plain command takes none (`wait 0.5s`, or `+0.5s` before a line in `together`)",
         )
         .label("this")
         .related(first.span, "and this");
     }
-    let end = literal(first.end);
+    let end = first.end;
     let help = if first.end == second.start {
         "what starts when another ends is written below it: swap the two lines".to_owned()
     } else {
-        format!("start it at {end} or later, on a line of its own, or make the other one shorter")
+        format!("start it at {end}s or later, on a line of its own, or make the other one shorter")
     };
-    let message = format!("{thing} is busy until {} s, and this starts at {at} s", Seconds(first.end));
+    let message = format!("{thing} is busy until {end:.6} s, and this starts at {at:.6} s");
     Diagnostic::new(Code::Clash, second.span, message, help)
         .label("starts too early")
         .related(first.span, "still running")
-}
-
-/// A time as a script says it.
-fn literal(us: u64) -> String {
-    let seconds = Seconds(us).to_string();
-    format!("{}s", seconds.trim_end_matches('0').trim_end_matches('.'))
 }

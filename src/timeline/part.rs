@@ -9,76 +9,73 @@ use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Ease, TraceId};
 use crate::source::Span;
+use crate::units::Micros;
 
 /// Which part of a timeline.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Part {
-    /// Where it begins, in microseconds from the start of the script.
-    pub from_us: u64,
+    /// Where it begins, from the start of the script.
+    pub from: Micros,
     /// Where it ends; `None` for the end of the script. What is due at that very time is left out.
-    pub to_us: Option<u64>,
-    /// How long servos take that must be brought to where they would be, in microseconds.
-    pub lead_in_us: u64,
+    pub to: Option<Micros>,
+    /// How long servos take that must be brought to where they would be.
+    pub lead_in: Micros,
 }
 
-/// Microseconds between two steps of a lead-in.
-const STEP_US: u64 = 20_000;
+/// The time between two steps of a lead-in.
+const STEP: Micros = Micros::from_millis(20);
 
 /// Takes a part out of a timeline. `known` is what the board was told before.
 pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
-    let to_us = part.to_us.unwrap_or(u64::MAX).min(timeline.end_us.saturating_add(1));
-    let is_whole = part.from_us == 0 && to_us > timeline.end_us;
+    let to = part.to.unwrap_or(Micros::MAX).min(timeline.end + Micros(1));
+    let is_whole = part.from == Micros::ZERO && to > timeline.end;
     if is_whole {
         return timeline.clone();
     }
     let board = &timeline.board;
     let mut cut = Cut { board, events: Vec::new(), state: State::default(), marks: vec![None; board.resources.len()] };
     let events = timeline.events();
-    let begin = events.partition_point(|event| event.at_us < part.from_us);
+    let begin = events.partition_point(|event| event.at < part.from);
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
     }
     // What is told otherwise at that very moment is not told before.
-    let at_once = events.iter().skip(begin).take_while(|event| event.at_us == part.from_us);
+    let at_once = events.iter().skip(begin).take_while(|event| event.at == part.from);
     let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
-    let lead_us = if part.from_us > 0 { cut.lead_in(part.lead_in_us, known, &at_once) } else { 0 };
-    let shifted = |at_us: u64| at_us.saturating_sub(part.from_us).saturating_add(lead_us);
-    let inside = events.iter().skip(begin).take_while(|event| event.at_us < to_us);
+    let lead = if part.from > Micros::ZERO { cut.lead_in(part.lead_in, known, &at_once) } else { Micros::ZERO };
+    let shifted = |at: Micros| at - part.from + lead;
+    let inside = events.iter().skip(begin).take_while(|event| event.at < to);
     for event in inside.filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
-        cut.events.push(Event { at_us: shifted(event.at_us), ..event.clone() });
+        cut.events.push(Event { at: shifted(event.at), ..event.clone() });
     }
-    let end_us = shifted(to_us.min(timeline.end_us));
-    cut.close(end_us);
-    let is_inside = |at_us: u64| (part.from_us..to_us).contains(&at_us);
-    let cues = timeline.cues.iter().filter(|cue| is_inside(cue.at_us));
-    let cues = cues.map(|cue| Cue { at_us: shifted(cue.at_us), ..cue.clone() }).collect();
-    let expects = timeline.expects.iter().filter(|expect| is_inside(expect.at_us) && expect.until_us <= to_us);
+    let end = shifted(to.min(timeline.end));
+    cut.close(end);
+    let is_inside = |at: Micros| (part.from..to).contains(&at);
+    let cues = timeline.cues.iter().filter(|cue| is_inside(cue.at));
+    let cues = cues.map(|cue| Cue { at: shifted(cue.at), ..cue.clone() }).collect();
+    let expects = timeline.expects.iter().filter(|expect| is_inside(expect.at) && expect.until <= to);
     let expects: Vec<Expectation> = expects
-        .map(|expect| Expectation {
-            at_us: shifted(expect.at_us),
-            until_us: shifted(expect.until_us),
-            ..expect.clone()
-        })
+        .map(|expect| Expectation { at: shifted(expect.at), until: shifted(expect.until), ..expect.clone() })
         .collect();
-    let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at_us));
-    let marks = marks.map(|mark| Mark { at_us: shifted(mark.at_us), ..mark.clone() }).collect();
+    let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at));
+    let marks = marks.map(|mark| Mark { at: shifted(mark.at), ..mark.clone() }).collect();
     let mut events = cut.events;
     if let (Some(first), Some(last)) = (expects.first(), expects.last())
         && let Some([start, stop]) = board.reporting.clone()
     {
-        events.insert(0, auto(0, start, first.span, first.trace));
-        events.push(auto(end_us, stop, last.span, last.trace));
+        events.insert(0, auto(Micros::ZERO, start, first.span, first.trace));
+        events.push(auto(end, stop, last.span, last.trace));
     }
     let abort = timeline.abort().to_vec();
-    let shift_us = i64::try_from(lead_us).unwrap_or(0) - i64::try_from(part.from_us).unwrap_or(0);
+    let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(part.from.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
     Timeline {
         tracks: vec![Track { robot: None, events, tweens: Vec::new(), abort }],
         cues,
         expects,
         marks,
-        end_us,
+        end,
         bars,
         ..timeline.clone()
     }
@@ -96,37 +93,32 @@ pub fn state_after(timeline: &Timeline) -> State {
 /// So many passes of a part, one right behind the other; each takes exactly as long as it says, so nothing drifts.
 /// `None` where that is more than `events` frames or more than a day.
 pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> Option<Timeline> {
-    const DAY_US: u64 = 24 * 3_600 * 1_000_000;
     let more = count.saturating_sub(1);
     let frames =
         u64::try_from(again.events().len()).ok()?.checked_mul(more)?.checked_add(first.events().len() as u64)?;
-    let end_us = again.end_us.checked_mul(more)?.checked_add(first.end_us)?;
-    if frames > events as u64 || end_us > DAY_US {
+    let end = again.end * more + first.end;
+    if frames > events as u64 || end > Micros::DAY {
         return None;
     }
     let mut all = first.clone();
     for pass in 0..more {
-        let by_us = first.end_us + pass * again.end_us;
+        let by = first.end + again.end * pass;
         if let Some(track) = all.tracks.first_mut() {
             let events = again.events().iter();
-            track.events.extend(events.map(|event| Event { at_us: event.at_us + by_us, ..event.clone() }));
+            track.events.extend(events.map(|event| Event { at: event.at + by, ..event.clone() }));
             let tweens = again.tweens().iter();
-            track.tweens.extend(tweens.map(|tween| Tween {
-                at_us: tween.at_us + by_us,
-                end_us: tween.end_us + by_us,
-                ..tween.clone()
-            }));
+            track.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
         }
         let expects = again.expects.iter();
         all.expects.extend(expects.map(|expect| Expectation {
-            at_us: expect.at_us + by_us,
-            until_us: expect.until_us + by_us,
+            at: expect.at + by,
+            until: expect.until + by,
             ..expect.clone()
         }));
-        all.cues.extend(again.cues.iter().map(|cue| Cue { at_us: cue.at_us + by_us, ..cue.clone() }));
-        all.marks.extend(again.marks.iter().map(|mark| Mark { at_us: mark.at_us + by_us, ..mark.clone() }));
+        all.cues.extend(again.cues.iter().map(|cue| Cue { at: cue.at + by, ..cue.clone() }));
+        all.marks.extend(again.marks.iter().map(|mark| Mark { at: mark.at + by, ..mark.clone() }));
     }
-    all.end_us = end_us;
+    all.end = end;
     Some(all)
 }
 
@@ -140,8 +132,8 @@ pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnost
     lints::servo_speed(all, diagnostics);
 }
 
-fn auto(at_us: u64, command: Command, span: Span, trace: TraceId) -> Event {
-    Event { at_us, command, kind: Kind::Auto, is_instant: false, span, trace }
+fn auto(at: Micros, command: Command, span: Span, trace: TraceId) -> Event {
+    Event { at, command, kind: Kind::Auto, is_instant: false, span, trace }
 }
 
 /// A part that grows.
@@ -164,55 +156,55 @@ impl Cut<'_> {
         }
     }
 
-    fn push(&mut self, at_us: u64, command: Command, kind: Kind) {
+    fn push(&mut self, at: Micros, command: Command, kind: Kind) {
         let resource = self.board.occupies(&command).first().copied();
         let mark = resource.and_then(|resource| self.marks.get(resource).copied().flatten());
         let (span, trace) = mark.unwrap_or_default();
-        self.events.push(Event { at_us, command, kind, is_instant: false, span, trace });
+        self.events.push(Event { at, command, kind, is_instant: false, span, trace });
     }
 
     /// Brings the board to the state of the start; gives how long that takes. What has a value goes there softly, or is sent there at once
     /// where it is not known where it is; what is active follows when that is over.
-    fn lead_in(&mut self, lead_in_us: u64, known: &State, at_once: &[&Command]) -> u64 {
+    fn lead_in(&mut self, lead_in: Micros, known: &State, at_once: &[&Command]) -> Micros {
         let board = self.board;
         let state = self.state.clone();
         let (held, still): (Vec<&Command>, Vec<&Command>) =
             state.commands(board).partition(|command| board.is_active(command));
-        let mut takes_us = 0;
+        let mut takes = Micros::ZERO;
         for command in still {
             let moves = board.verb(command.verb()).is_some_and(|verb| verb.moves);
             let before = board.occupies(command).first().and_then(|resource| known.told(*resource));
             match before {
-                _ if !moves => self.push(0, command.clone(), Kind::Auto),
+                _ if !moves => self.push(Micros::ZERO, command.clone(), Kind::Auto),
                 Some(before) if before == command => {}
                 Some(before) => {
-                    takes_us = lead_in_us;
-                    self.glide(before, command, lead_in_us);
+                    takes = lead_in;
+                    self.glide(before, command, lead_in);
                 }
                 // It gets the time.
                 None => {
-                    takes_us = lead_in_us;
-                    self.push(0, command.clone(), Kind::Auto);
+                    takes = lead_in;
+                    self.push(Micros::ZERO, command.clone(), Kind::Auto);
                 }
             }
         }
         // What takes no time first, then step by step, each resource in its order.
-        self.events.sort_by_key(|event| event.at_us);
+        self.events.sort_by_key(|event| event.at);
         let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
         for command in held.into_iter().filter(|command| !board.occupies(command).iter().any(is_told)) {
-            self.push(takes_us, command.clone(), Kind::Auto);
+            self.push(takes, command.clone(), Kind::Auto);
         }
-        takes_us
+        takes
     }
 
     /// Goes from one value to another, gently.
-    fn glide(&mut self, from: &Command, to: &Command, lasts_us: u64) {
+    fn glide(&mut self, from: &Command, to: &Command, lasts: Micros) {
         let ease = Ease::named("in-out-sine").unwrap_or(Ease::LINEAR);
         let mut last = from.clone();
-        let steps = (1..).map(|step| step * STEP_US).take_while(|at_us| *at_us < lasts_us).chain([lasts_us]);
-        for at_us in steps {
+        let steps = (1..).map(|step| STEP * step).take_while(|at| *at < lasts).chain([lasts]);
+        for at in steps {
             #[expect(clippy::cast_precision_loss, reason = "microseconds of a lead-in fit")]
-            let part = ease.at(at_us as f64 / lasts_us.max(1) as f64);
+            let part = ease.at(at.0 as f64 / lasts.0.max(1) as f64);
             let between = |(start, end): (i32, i32)| {
                 let (start, end) = (f64::from(start), f64::from(end));
                 #[expect(clippy::cast_possible_truncation, reason = "between two values of a command")]
@@ -220,17 +212,17 @@ impl Cut<'_> {
                 value
             };
             let values: Vec<i32> = from.values().into_iter().zip(to.values()).map(between).collect();
-            let step = self.board.command(to.verb(), &values).ok().filter(|_| at_us < lasts_us);
+            let step = self.board.command(to.verb(), &values).ok().filter(|_| at < lasts);
             let step = step.unwrap_or_else(|| to.clone());
             if step != last {
-                self.push(at_us, step.clone(), Kind::Auto);
+                self.push(at, step.clone(), Kind::Auto);
                 last = step;
             }
         }
     }
 
     /// What is still running at the end is ended, the last resource first.
-    fn close(&mut self, end_us: u64) {
+    fn close(&mut self, end: Micros) {
         let board = self.board;
         let is_opaque = self.events.iter().any(|event| board.is_opaque(&event.command));
         if self.events.last().is_some_and(|event| event.kind == Kind::Closing) {
@@ -239,7 +231,7 @@ impl Cut<'_> {
         let active: Vec<ResourceId> = self.state.active(board).map(|(resource, _)| resource).collect();
         for (resource, found) in board.resources.iter().enumerate().rev() {
             if let Some(rest) = found.rest.clone().filter(|_| is_opaque || active.contains(&resource)) {
-                self.push(end_us, rest, Kind::Closing);
+                self.push(end, rest, Kind::Closing);
             }
         }
     }

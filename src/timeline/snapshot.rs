@@ -11,16 +11,17 @@ use std::sync::Arc;
 
 use super::listing::{write_line, write_moment};
 use super::tween::{Part, Walk};
-use super::{Event, Kind, Seconds, Timeline, Tween};
+use super::{Event, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame};
 use crate::program::Ease;
+use crate::units::{Micros, Nanos};
 
 /// The version of the format that is written. Older ones stay readable.
 const VERSION: u32 = 2;
 /// How the first line begins.
 const MAGIC: &str = "# motionseq frames ";
-/// A day in microseconds, and a little more for what is sent behind the end.
-const DAY_US: u64 = 25 * 3_600 * 1_000_000;
+/// No frame is later: a day, and a little more for what is sent after the end.
+const LATEST: Micros = Micros::DAY.saturating_add(Micros::SECOND.saturating_mul(3_600));
 /// How the comment before a move begins.
 const MOVE: &str = "# move\t";
 /// What stands before the frames that are sent where something ends a run early.
@@ -46,8 +47,8 @@ pub struct More {
     pub tweens: Vec<Tween>,
     /// What is sent where something ends a run early; times count from the stop.
     pub abort: Vec<Moment>,
-    /// When the script ends, in microseconds from its start.
-    pub end_us: u64,
+    /// When the script ends, from its start.
+    pub end: Micros,
     /// Speed of the line in bits a second.
     pub baud: u32,
 }
@@ -66,14 +67,14 @@ impl Snapshot {
     /// What a timeline sends.
     pub fn of(timeline: &Timeline) -> Self {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
-        let Timeline { end_us, baud, .. } = *timeline;
-        let more = More { tweens: timeline.tweens().to_vec(), abort: moments(timeline.abort()), end_us, baud };
+        let Timeline { end, baud, .. } = *timeline;
+        let more = More { tweens: timeline.tweens().to_vec(), abort: moments(timeline.abort()), end, baud };
         Snapshot { board: Arc::clone(&timeline.board), moments: moments(timeline.events()), more: Some(more) }
     }
 
     /// Whether the robot does the same, as far as both say what it does. Moves that send the same frames are the same.
     pub fn does_the_same(&self, other: &Snapshot) -> bool {
-        let more = |more: &More| (more.end_us, more.baud);
+        let more = |more: &More| (more.end, more.baud);
         self.moments == other.moments
             && match (&self.more, &other.more) {
                 (Some(one), Some(two)) => more(one) == more(two) && one.abort == two.abort,
@@ -85,8 +86,8 @@ impl Snapshot {
 /// One frame at its time, as a snapshot or a script has it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moment {
-    /// When it is due, in microseconds from the start of the script.
-    pub at_us: u64,
+    /// When it is due, from the start of the script.
+    pub at: Micros,
     /// What it says.
     pub command: Command,
     /// Where it comes from.
@@ -95,7 +96,7 @@ pub struct Moment {
 
 impl From<&Event> for Moment {
     fn from(event: &Event) -> Self {
-        Moment { at_us: event.at_us, command: event.command.clone(), kind: event.kind }
+        Moment { at: event.at, command: event.command.clone(), kind: event.kind }
     }
 }
 
@@ -122,8 +123,8 @@ pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> 
     let mut walk = Walk::new(&timeline.board, timeline.tweens());
     let mut bytes = Vec::new();
     for event in timeline.events() {
-        if let Part::First(Tween { at_us, end_us, ease, steps }) = walk.take(&event.command, event.kind) {
-            writeln!(out, "{MOVE}{}\t{}\t{}\t{steps}", Seconds(*at_us), Seconds(*end_us), ease.name())?;
+        if let Part::First(Tween { at, end, ease, steps }) = walk.take(&event.command, event.kind) {
+            writeln!(out, "{MOVE}{at:.6}\t{end:.6}\t{}\t{steps}", ease.name())?;
         }
         write_line(&timeline.board, event, &mut bytes, out)?;
     }
@@ -134,7 +135,7 @@ pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> 
         write_line(&timeline.board, event, &mut bytes, out)?;
     }
     let count = timeline.events().len() + timeline.abort().len();
-    writeln!(out, "{END}{}\tframes\t{count}\tbaud\t{}", Seconds(timeline.end_us), timeline.baud)
+    writeln!(out, "{END}{:.6}\tframes\t{count}\tbaud\t{}", timeline.end, timeline.baud)
 }
 
 /// Writes a snapshot of what goes out when something ends a run early.
@@ -142,10 +143,10 @@ pub fn write_aborted(board: &Board, name: &str, moments: &[Moment], baud: u32, o
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
     let mut bytes = Vec::new();
     for moment in moments {
-        write_moment(board, moment.at_us, &moment.command, moment.kind, &mut bytes, out)?;
+        write_moment(board, moment.at, &moment.command, moment.kind, &mut bytes, out)?;
     }
-    let end_us = moments.last().map_or(0, |moment| moment.at_us);
-    writeln!(out, "{END}{}\tframes\t{}\tbaud\t{baud}", Seconds(end_us), moments.len())
+    let end = moments.last().map_or(Micros::ZERO, |moment| moment.at);
+    writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())
 }
 
 /// Whether a text says that it is a snapshot.
@@ -196,7 +197,7 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
         }
         let moment = read_line(board, text).map_err(|why| wrong(line, &why))?;
         let moments = if aborts { &mut more.abort } else { &mut moments };
-        if moments.last().is_some_and(|before| before.at_us > moment.at_us) {
+        if moments.last().is_some_and(|before| before.at > moment.at) {
             return Err(wrong(line, "its time is before that of the line above"));
         }
         moments.push(moment);
@@ -207,22 +208,22 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
     if version == 1 {
         return Ok(Snapshot { board: Arc::clone(board), moments, more: None });
     }
-    let (end_us, count, baud) = end.ok_or_else(|| wrong(last, "the file is cut off: its last line is missing"))?;
+    let (end, count, baud) = end.ok_or_else(|| wrong(last, "the file is cut off: its last line is missing"))?;
     if count != moments.len() + more.abort.len() {
         return Err(wrong(last, &format!("there are {} frames, not {count}", moments.len() + more.abort.len())));
     }
     belong(board, &moments, &more.tweens).map_err(|why| wrong(last, &why))?;
-    Ok(Snapshot { board: Arc::clone(board), moments, more: Some(More { end_us, baud, ..more }) })
+    Ok(Snapshot { board: Arc::clone(board), moments, more: Some(More { end, baud, ..more }) })
 }
 
 /// Whether every step has its move, and every move its steps.
 fn belong(board: &Board, moments: &[Moment], tweens: &[Tween]) -> Result<(), String> {
     let mut walk = Walk::new(board, tweens);
-    for Moment { at_us, command, kind } in moments {
+    for Moment { at, command, kind } in moments {
         match walk.take(command, *kind) {
-            Part::Stray => return Err(format!("the step at {} s belongs to no move", Seconds(*at_us))),
-            Part::First(tween) if !(tween.at_us..=tween.end_us).contains(at_us) => {
-                return Err(format!("the step at {} s is outside of its move", Seconds(*at_us)));
+            Part::Stray => return Err(format!("the step at {at:.6} s belongs to no move")),
+            Part::First(tween) if !(tween.at..=tween.end).contains(at) => {
+                return Err(format!("the step at {at:.6} s is outside of its move"));
             }
             _ => {}
         }
@@ -232,12 +233,12 @@ fn belong(board: &Board, moments: &[Moment], tweens: &[Tween]) -> Result<(), Str
 
 fn read_move(words: &str) -> Option<Tween> {
     let mut words = words.split('\t');
-    let (at_us, end_us) = (micros(words.next()?)?, micros(words.next()?)?);
+    let (at, end) = (micros(words.next()?)?, micros(words.next()?)?);
     let (ease, steps) = (Ease::named(words.next()?)?, words.next()?.parse().ok()?);
-    (at_us <= end_us && steps > 0 && words.next().is_none()).then_some(Tween { at_us, end_us, ease, steps })
+    (at <= end && steps > 0 && words.next().is_none()).then_some(Tween { at, end, ease, steps })
 }
 
-fn read_end(words: &str) -> Option<(u64, usize, u32)> {
+fn read_end(words: &str) -> Option<(Micros, usize, u32)> {
     match words.split('\t').collect::<Vec<_>>().as_slice() {
         [end, "frames", count, "baud", baud] => Some((micros(end)?, count.parse().ok()?, baud.parse().ok()?)),
         _ => None,
@@ -249,7 +250,7 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
     let mut column = |what: &str| columns.next().ok_or_else(|| format!("{what} is missing"));
     let (time, frame, said) = (column("the time")?, column("the frame")?, column("the command")?);
     let (word, more) = (columns.next(), columns.next());
-    let at_us = micros(time).ok_or_else(|| format!("`{time}` is no time with six decimals"))?;
+    let at = micros(time).ok_or_else(|| format!("`{time}` is no time with six decimals"))?;
     let hex = |byte: &str| u8::from_str_radix(byte, 16).ok().filter(|_| byte.len() == 2 && !byte.starts_with('+'));
     let bytes = frame.split(' ').map(hex).collect::<Option<Vec<u8>>>();
     let bytes = bytes.ok_or_else(|| format!("`{frame}` is no frame in hex"))?;
@@ -267,15 +268,13 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
         Some(word) => Kind::ALL.iter().copied().find(|kind| kind.word() == Some(word)),
     };
     match (kind, more) {
-        (Some(kind), None) => Ok(Moment { at_us, command, kind }),
+        (Some(kind), None) => Ok(Moment { at, command, kind }),
         _ => Err(format!("`{}` is no kind of frame", word.unwrap_or_default())),
     }
 }
 
-/// Seconds with six decimals, as [`Seconds`] writes them.
-fn micros(text: &str) -> Option<u64> {
-    let (whole, part) = text.split_once('.')?;
-    let micros = whole.parse::<u64>().ok()?.checked_mul(1_000_000)?.checked_add(part.parse().ok()?)?;
-    // A script is at most a day long.
-    (micros <= DAY_US && Seconds(micros).to_string() == text).then_some(micros)
+/// Seconds with six decimals, exactly as they are written.
+fn micros(text: &str) -> Option<Micros> {
+    let micros = Nanos::from_seconds(text)?.micros();
+    (micros <= LATEST && format!("{micros:.6}") == text).then_some(micros)
 }

@@ -3,15 +3,16 @@
 use super::Kind;
 use crate::board::{Board, Command};
 use crate::program::Ease;
+use crate::units::Micros;
 
 /// One move, as it was laid. Its steps are frames of kind [`Kind::Sample`]; those that would change nothing are left out, and
 /// a move without any step leaves no trace.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tween {
-    /// When it starts, in microseconds from the start of the script. Its first step may be later.
-    pub at_us: u64,
+    /// When it starts, from the start of the script. Its first step may be later.
+    pub at: Micros,
     /// When it arrives.
-    pub end_us: u64,
+    pub end: Micros,
     /// How it gets there.
     pub ease: Ease,
     /// How many steps it has, at least 1.

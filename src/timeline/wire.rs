@@ -4,17 +4,16 @@
 //! it is due. A frame is late by as much as its first byte begins after it is due: however slow the line, one frame alone is
 //! not late.
 
-use super::listing::Seconds;
 use super::{Event, Timeline};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::units::{BITS_A_BYTE, Micros};
 
-/// Bits that a byte takes: a start bit, eight of its own, a stop bit.
-const BITS: u64 = 10;
-const MICROS: u64 = 1_000_000;
+/// How many ticks a byte takes, whatever the baud rate.
+const BYTE: u64 = BITS_A_BYTE * 1_000_000;
 /// Later than this is a warning.
-const LATE_US: u64 = 5_000;
+pub const LATE: Micros = Micros::from_millis(5);
 /// Later than this is an error.
-const FULL_US: u64 = 50_000;
+const FULL: Micros = Micros::from_millis(50);
 
 /// The line, with what it still has to send. All times are exact, in ticks of 1/(10⁶ · baud) s: a microsecond is as many
 /// ticks as the baud rate, a byte ten million.
@@ -40,9 +39,9 @@ impl Wire {
         Wire { baud: u64::from(baud.max(1)), free: 0 }
     }
 
-    /// A microsecond in ticks.
-    pub fn micros(&self, us: u64) -> u64 {
-        us.saturating_mul(self.baud)
+    /// A time in ticks.
+    pub fn ticks(&self, time: Micros) -> u64 {
+        time.0.saturating_mul(self.baud)
     }
 
     /// Ticks in microseconds.
@@ -52,17 +51,17 @@ impl Wire {
         ticks / baud
     }
 
-    /// Sends a frame of so many bytes that is due at a time, in microseconds. Times must not go back.
-    pub fn send(&mut self, due_us: u64, bytes: usize) -> Departure {
-        let begins = self.free.max(self.micros(due_us));
+    /// Sends a frame of so many bytes that is due at a time. Times must not go back.
+    pub fn send(&mut self, due: Micros, bytes: usize) -> Departure {
+        let begins = self.free.max(self.ticks(due));
         let bytes = u64::try_from(bytes).unwrap_or(u64::MAX);
-        self.free = begins.saturating_add(bytes.saturating_mul(BITS * MICROS));
+        self.free = begins.saturating_add(bytes.saturating_mul(BYTE));
         Departure { begins, left: self.free }
     }
 
     /// Bytes that the line carries in a second.
     pub fn capacity(&self) -> u64 {
-        self.baud / BITS
+        self.baud / BITS_A_BYTE
     }
 }
 
@@ -71,24 +70,24 @@ impl Wire {
 pub struct Load {
     /// Bytes that leave in each second, from the start of the script.
     pub seconds: Vec<u64>,
-    /// The frame that begins to leave latest after it is due: its place among the events, and by how many microseconds.
-    pub worst: Option<(usize, u64)>,
+    /// The frame that begins to leave latest after it is due: its place among the events, and by how much.
+    pub worst: Option<(usize, Micros)>,
 }
 
 /// How busy the line is, second by second.
 pub fn load(timeline: &Timeline) -> Load {
     let mut wire = Wire::new(timeline.baud);
     let mut load = Load::default();
-    let second = wire.micros(MICROS);
+    let second = wire.ticks(Micros::SECOND);
     for (at, event) in timeline.events().iter().enumerate() {
         let bytes = timeline.board.frame_length(&event.command);
-        let departure = wire.send(event.at_us, bytes);
-        let late_us = late(&wire, event, departure);
-        if load.worst.is_none_or(|(_, worst)| late_us > worst) {
-            load.worst = Some((at, late_us));
+        let departure = wire.send(event.at, bytes);
+        let late = late(&wire, event, departure);
+        if load.worst.is_none_or(|(_, worst)| late > worst) {
+            load.worst = Some((at, late));
         }
         for byte in 1..=bytes as u64 {
-            let left = departure.begins.saturating_add(byte * BITS * MICROS);
+            let left = departure.begins.saturating_add(byte * BYTE);
             let at = usize::try_from(left.saturating_sub(1) / second).unwrap_or(usize::MAX);
             // A script is at most a day long, and what leaves behind its end leaves soon after.
             if at >= load.seconds.len() {
@@ -102,53 +101,50 @@ pub fn load(timeline: &Timeline) -> Load {
     load
 }
 
-/// By how many microseconds a frame begins to leave after it is due, rounded up.
-pub(crate) fn late(wire: &Wire, event: &Event, departure: Departure) -> u64 {
-    match departure.begins.saturating_sub(wire.micros(event.at_us)) {
-        0 => 0,
-        ticks => ticks.div_ceil(wire.baud),
-    }
+/// How long after it is due a frame begins to leave, rounded up.
+pub(crate) fn late(wire: &Wire, event: &Event, departure: Departure) -> Micros {
+    Micros(departure.begins.saturating_sub(wire.ticks(event.at)).div_ceil(wire.baud))
 }
 
 /// Reports what leaves too late: summed up, at the worst frame.
 pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
     for aborts in [false, true] {
         let mut wire = Wire::new(timeline.baud);
-        let mut worst: Option<(&Event, u64)> = None;
+        let mut worst: Option<(&Event, Micros)> = None;
         let mut count = 0_usize;
         for event in timeline.frames(aborts) {
-            let departure = wire.send(event.at_us, timeline.board.frame_length(&event.command));
-            let late_us = late(&wire, event, departure);
-            let is_allowed = || late_us <= FULL_US && diagnostics.is_allowed(Code::WireLate, event.span);
-            if late_us <= LATE_US || is_allowed() {
+            let departure = wire.send(event.at, timeline.board.frame_length(&event.command));
+            let late = late(&wire, event, departure);
+            let is_allowed = || late <= FULL && diagnostics.is_allowed(Code::WireLate, event.span);
+            if late <= LATE || is_allowed() {
                 continue;
             }
             count += 1;
-            if worst.is_none_or(|(_, worst)| late_us > worst) {
-                worst = Some((event, late_us));
+            if worst.is_none_or(|(_, worst)| late > worst) {
+                worst = Some((event, late));
             }
         }
-        if let Some((event, late_us)) = worst {
-            let diagnostic = too_late(timeline, event, late_us, count, aborts, &wire);
+        if let Some((event, late)) = worst {
+            let diagnostic = too_late(timeline, event, late, count, aborts, &wire);
             diagnostics.push(timeline.traces.attach(diagnostic, event.trace));
         }
     }
 }
 
 #[expect(clippy::too_many_arguments, reason = "what is said of it")]
-fn too_late(timeline: &Timeline, event: &Event, late_us: u64, count: usize, aborts: bool, wire: &Wire) -> Diagnostic {
-    let code = if late_us > FULL_US { Code::WireFull } else { Code::WireLate };
+fn too_late(timeline: &Timeline, event: &Event, late: Micros, count: usize, aborts: bool, wire: &Wire) -> Diagnostic {
+    let code = if late > FULL { Code::WireFull } else { Code::WireLate };
     let when = if aborts { " from the stop" } else { "" };
-    let late = format!("{}.{} ms", late_us / 1_000, late_us / 100 % 10);
+    let late = late.short();
     let more = match count {
         1 => String::new(),
         2 => "; another frame leaves late, too".to_owned(),
         count => format!("; {} more frames leave late, too", count - 1),
     };
     let message = format!(
-        "`{}` is due at {} s{when} and begins to leave {late} later, because the line is busy{more}",
+        "`{}` is due at {:.6} s{when} and begins to leave {late} later, because the line is busy{more}",
         timeline.board.show(&event.command),
-        Seconds(event.at_us)
+        event.at
     );
     let help = format!(
         "the line carries {} bytes a second: let time pass between these commands, or send less with a lower `rate` or a longer `refresh`",

@@ -13,6 +13,7 @@ use crate::program::Options;
 use crate::sim::Faults;
 use crate::source::{Disk, Lines, Source, Sources, read_file};
 use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
+use crate::units::Micros;
 
 pub use rehearse::{Rehearsal, rehearse};
 
@@ -44,6 +45,7 @@ pub struct Case {
 
 /// How it went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// It sends what its snapshot says.
     Same,
@@ -159,8 +161,7 @@ impl Job {
                 case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::NotAsExpected }, wrong)
             }
             (None, None) => {
-                let errors = compiled.diagnostics.sorted();
-                let errors = errors.into_iter().filter(|diagnostic| diagnostic.is_error());
+                let errors = compiled.diagnostics.iter().filter(|diagnostic| diagnostic.is_error());
                 case(Verdict::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
             }
             (None, Some(timeline)) => {
@@ -171,7 +172,7 @@ impl Job {
                 };
                 if self.deny && compiled.diagnostics.warnings() > 0 {
                     verdict = if verdict.is_passed() { Verdict::Denied } else { verdict };
-                    problems.extend(compiled.diagnostics.sorted().into_iter().map(|warning| found(warning, &lines)));
+                    problems.extend(compiled.diagnostics.iter().map(|warning| found(warning, &lines)));
                 }
                 case(verdict, problems)
             }
@@ -323,8 +324,7 @@ pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), Stri
     if Code::named(expected).is_none() {
         return Err(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
     }
-    let sorted = diagnostics.sorted();
-    let mut errors = sorted.iter().filter(|diagnostic| diagnostic.is_error()).map(|error| error.code.name());
+    let mut errors = diagnostics.iter().filter(|diagnostic| diagnostic.is_error()).map(|error| error.code.name());
     match errors.find(|found| *found != expected) {
         _ if !diagnostics.has_errors() => Err(format!("it should fail with `{expected}`, and it compiles")),
         Some(other) => Err(format!("it should fail with `{expected}`, and it has the error `{other}`")),
@@ -334,7 +334,7 @@ pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), Stri
 
 /// Whether a script does nothing: it is there for its phrases.
 fn is_phrases(timeline: &Timeline) -> bool {
-    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end_us == 0
+    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
 }
 
 /// The path of a script's snapshot.

@@ -10,7 +10,7 @@ use super::{Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::playback::Cause;
 use crate::sim::{Faults, Settings};
 use crate::source::{Lines, Sources};
-use crate::timeline::{Moment, Seconds, Snapshot, Timeline, diff, write_aborted};
+use crate::timeline::{Moment, Snapshot, Timeline, diff, write_aborted};
 
 /// How a comment begins that names faults to rehearse.
 const REHEARSE: &str = "rehearse";
@@ -55,7 +55,7 @@ impl Job {
     fn went_wrong(&self, rehearsal: &Rehearsal, timeline: &Timeline, name: &str, lines: &Lines<'_>) -> Option<Problem> {
         let place = rehearsal.outcome.place.map(|span| lines.place(span));
         let (file, line) = place.map_or((name, 0), |place| (place.file, place.line));
-        let at = Seconds(rehearsal.outcome.at_us);
+        let at = rehearsal.outcome.at;
         let why = match rehearsal.outcome.cause {
             Cause::Expect(_) => return None,
             Cause::Finished if !rehearsal.is_complete(timeline) => {
@@ -72,9 +72,9 @@ impl Job {
                     None => return None,
                 }
             }
-            Cause::Lost(_) => format!("the port was lost at {at} s; {}", frames(timeline, rehearsal)),
-            Cause::Stalled => format!("the port stopped taking bytes at {at} s; {}", frames(timeline, rehearsal)),
-            _ => format!("the run ended at {at} s; {}", frames(timeline, rehearsal)),
+            Cause::Lost(_) => format!("the port was lost at {at:.6} s; {}", frames(timeline, rehearsal)),
+            Cause::Stalled => format!("the port stopped taking bytes at {at:.6} s; {}", frames(timeline, rehearsal)),
+            _ => format!("the run ended at {at:.6} s; {}", frames(timeline, rehearsal)),
         };
         let with = if self.faults.is_none() { String::new() } else { format!("with {}: ", self.faults) };
         Some(problem(file, line, PLAY, with + &why))
@@ -165,9 +165,9 @@ fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<
     let problems = failed.filter_map(|verdict| {
         let due = timeline.expects.get(verdict.expect)?;
         let place = lines.place(due.span);
-        let at = if due.expect.within.is_some() { due.until_us } else { due.at_us };
+        let at = if due.expect.within.is_some() { due.until } else { due.at };
         let words = timeline.verdict_words(verdict.expect, &verdict.found.to_string());
-        Some(problem(place.file, place.line, EXPECT, format!("at {} s: {words}", Seconds(at))))
+        Some(problem(place.file, place.line, EXPECT, format!("at {at:.6} s: {words}")))
     });
     problems.collect()
 }

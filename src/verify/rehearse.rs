@@ -6,12 +6,10 @@ use crate::board::{Decoder, Item, ReportDecoder, ReportItem};
 use crate::playback::{Cause, Input, Notice, Order, Outcome, Player, Verdict};
 use crate::sim::{Received, Settings, VirtualBoard};
 use crate::timeline::{Kind, Moment, Timeline};
+use crate::units::{Micros, Nanos, byte_time};
 
-/// Nanoseconds in a microsecond.
-const US: u64 = 1_000;
 /// What is later than this ends a run, as on a real port: only where the port stalls.
-const MAX_LATE: u64 = 50_000_000;
-const SECOND: u64 = 1_000_000_000;
+const MAX_LATE: Nanos = Nanos::from_millis(50);
 
 /// What became of a rehearsal.
 #[derive(Clone, Debug)]
@@ -31,10 +29,10 @@ pub struct Rehearsal {
 /// The port, the line behind it, and the board.
 struct Line<'t> {
     board: VirtualBoard,
-    /// What is on its way: when it has arrived, in nanoseconds, and the bytes.
-    coming: std::collections::VecDeque<(u64, Vec<u8>)>,
-    busy_until: u64,
-    nanos_a_byte: u64,
+    /// What is on its way: when it has arrived, and the bytes.
+    coming: std::collections::VecDeque<(Nanos, Vec<u8>)>,
+    busy_until: Nanos,
+    byte_time: Nanos,
     timeline: &'t Timeline,
     given: usize,
     decoder: Decoder,
@@ -48,13 +46,13 @@ struct Line<'t> {
 /// Plays a timeline on a board.
 #[expect(clippy::too_many_lines, reason = "one loop")]
 pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
-    let unplug = settings.faults.unplug_us.map(|us| us.saturating_mul(US));
-    let stall = settings.faults.stall_us.map(|us| us.saturating_mul(US));
+    let unplug = settings.faults.unplug.map(Micros::nanos);
+    let stall = settings.faults.stall.map(Micros::nanos);
     let mut line = Line {
         board: VirtualBoard::new(Arc::clone(&timeline.board), settings),
         coming: std::collections::VecDeque::new(),
-        busy_until: 0,
-        nanos_a_byte: 10 * SECOND / u64::from(timeline.baud.max(1)),
+        busy_until: Nanos::ZERO,
+        byte_time: byte_time(timeline.baud),
         timeline,
         given: 0,
         decoder: Decoder::new(&timeline.board),
@@ -65,7 +63,7 @@ pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
     let mut player = Player::new(timeline, MAX_LATE);
     let mut reports = ReportDecoder::new(timeline.board.codec.replies);
     let mut verdicts = Vec::new();
-    let mut now = 0;
+    let mut now = Nanos::ZERO;
     let mut input = Input::Tick;
     let outcome = loop {
         let mut notice = |notice| {
@@ -118,7 +116,7 @@ pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
 
 impl Line<'_> {
     /// Takes bytes from the player, all of them; they get lost where the line leads nowhere.
-    fn take(&mut self, now: u64, bytes: &[u8], leads_nowhere: bool) -> Input {
+    fn take(&mut self, now: Nanos, bytes: &[u8], leads_nowhere: bool) -> Input {
         let count = bytes.len();
         let mut rest = bytes;
         let mut expected = Vec::new();
@@ -132,29 +130,29 @@ impl Line<'_> {
         decoder.feed(rest, |item| {
             if let Item::Frame(frame) = item {
                 let command = timeline.board.decode_or_raw(frame.bytes());
-                aborted.extend(command.map(|command| Moment { at_us: now / US, command, kind: Kind::Abort }));
+                aborted.extend(command.map(|command| Moment { at: now.micros(), command, kind: Kind::Abort }));
             }
         });
         if !leads_nowhere {
-            self.busy_until = self.busy_until.max(now) + self.nanos_a_byte * count as u64;
+            self.busy_until = self.busy_until.max(now) + self.byte_time * count as u64;
             self.coming.push_back((self.busy_until, bytes.to_vec()));
         }
         Input::Wrote(count)
     }
 
     /// When something happens at the far end next.
-    fn next(&self) -> Option<u64> {
+    fn next(&self) -> Option<Nanos> {
         let arrives = self.coming.front().map(|(arrives, _)| *arrives);
-        let due = self.board.next_due().map(|us| us.saturating_mul(US));
+        let due = self.board.next_due().map(Micros::nanos);
         [arrives, due].into_iter().flatten().min()
     }
 
     /// Lets time pass at the far end; gives what the board has sent until then.
-    fn pass(&mut self, now: u64) -> Vec<u8> {
+    fn pass(&mut self, now: Nanos) -> Vec<u8> {
         while let Some((arrives, bytes)) = self.coming.pop_front_if(|(arrives, _)| *arrives <= now) {
-            self.board.receive(arrives.div_ceil(US), &bytes);
+            self.board.receive(arrives.micros_up(), &bytes);
         }
-        self.board.poll(now / US);
+        self.board.poll(now.micros());
         self.board.replies().collect()
     }
 }

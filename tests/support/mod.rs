@@ -50,7 +50,7 @@ pub(crate) fn messages(sources: &Sources, diagnostics: &Diagnostics) -> String {
         .with_word_separator(textwrap::WordSeparator::AsciiSpace)
         .with_word_splitter(textwrap::WordSplitter::NoHyphenation);
     let mut text = String::new();
-    for diagnostic in diagnostics.sorted() {
+    for diagnostic in diagnostics {
         assert!(!diagnostic.help.is_empty(), "{diagnostic:?} says nothing that helps");
         handler.render_report(&mut text, &Attached::new(diagnostic, &printable)).unwrap();
         text.push('\n');

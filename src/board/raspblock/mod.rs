@@ -101,6 +101,7 @@ pub fn with_older_move() -> Arc<Board> {
 
 /// What a request for data asks for, of the virtual board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Asked {
     /// Reports ten times a second, from now on.
     Start,

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
 use motionseq::board::Board;
+use motionseq::units::Nanos;
 
 use super::{Entry, Screen};
 
 pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
 
-pub(super) fn keep(_: File, _: PathBuf, _: Arc<Board>, _: Screen, _: &Receiver<(u64, Entry)>) -> Option<String> {
+pub(super) fn keep(_: File, _: PathBuf, _: Arc<Board>, _: Screen, _: &Receiver<(Nanos, Entry)>) -> Option<String> {
     None
 }

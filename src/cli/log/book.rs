@@ -12,6 +12,7 @@ use mcap::{WriteOptions, Writer};
 use motionseq::board::{Board, Command, Hex, Item, Report, Sets, State, Takes, Text};
 use motionseq::capture::TimedDecoder;
 use motionseq::sim::Pose;
+use motionseq::units::{Micros, Nanos};
 use serde::Serialize;
 
 use super::{Entry, Level};
@@ -24,8 +25,8 @@ pub(super) struct Book {
     pieces: Pieces,
     /// The channel of each topic that has messages, with how many there are.
     channels: BTreeMap<&'static str, (u16, u32)>,
-    /// When time 0 was, in nanoseconds since 1970.
-    begin: u64,
+    /// When time 0 was, since 1970.
+    begin: Nanos,
     decoder: TimedDecoder,
     state: State,
     shown: Option<Told>,
@@ -78,7 +79,8 @@ const LOG: Topic =
 
 #[derive(Serialize)]
 struct FrameMessage<'a> {
-    t_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
     hex: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     command: Option<String>,
@@ -100,14 +102,16 @@ enum Value {
 
 #[derive(Serialize)]
 struct BoardMessage<'a> {
-    t_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
     #[serde(flatten)]
     told: &'a Told,
 }
 
 #[derive(Serialize)]
 struct PoseMessage {
-    t_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
     x_cm: f64,
     y_cm: f64,
     yaw_deg: f64,
@@ -115,15 +119,18 @@ struct PoseMessage {
 
 #[derive(Serialize)]
 struct TelemetryMessage<'a> {
-    t_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
     #[serde(flatten)]
     values: BTreeMap<&'a str, f64>,
 }
 
 #[derive(Serialize)]
 struct LatenessMessage<'a> {
-    t_us: u64,
-    script_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
+    #[serde(rename = "script_us")]
+    script: Micros,
     late_us: f64,
     command: String,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -134,8 +141,10 @@ struct LatenessMessage<'a> {
 
 #[derive(Serialize)]
 struct MarkMessage<'a> {
-    t_us: u64,
-    script_us: u64,
+    #[serde(rename = "t_us")]
+    at: Micros,
+    #[serde(rename = "script_us")]
+    script: Micros,
     name: &'a str,
 }
 
@@ -169,7 +178,7 @@ impl Book {
             writer,
             pieces,
             channels: BTreeMap::new(),
-            begin: 0,
+            begin: Nanos::ZERO,
             // The times at which the bytes came are told; a line's are not added.
             decoder: TimedDecoder::of_times(&board),
             board,
@@ -178,30 +187,30 @@ impl Book {
         })
     }
 
-    /// Takes in what happened at a time, in nanoseconds since time 0.
-    pub(super) fn take(&mut self, at: u64, entry: Entry) -> io::Result<()> {
-        let t_us = at / 1_000;
+    /// Takes in what happened at a time since time 0.
+    pub(super) fn take(&mut self, time: Nanos, entry: Entry) -> io::Result<()> {
+        let at = time.micros();
         match entry {
             Entry::Begin { since_1970 } => {
                 self.begin = since_1970;
                 Ok(())
             }
-            Entry::Bytes(bytes) => self.bytes(at, &bytes),
-            Entry::Late { event_us, late, command, place } => {
+            Entry::Bytes(bytes) => self.bytes(time, &bytes),
+            Entry::Late { script, late, command, place } => {
                 let (file, line) = place.map_or((None, None), |(file, line)| (Some(file), Some(line)));
                 let (late_us, file, command) = (micros(late), file.as_deref(), self.board.show(&command).to_string());
-                self.write(&LATENESS, at, &LatenessMessage { t_us, script_us: event_us, late_us, command, file, line })
+                self.write(&LATENESS, time, &LatenessMessage { at, script, late_us, command, file, line })
             }
             Entry::Report(report) => {
                 let board = Arc::clone(&self.board);
-                self.write(&TELEMETRY, at, &TelemetryMessage { t_us, values: values(&board, &report) })
+                self.write(&TELEMETRY, time, &TelemetryMessage { at, values: values(&board, &report) })
             }
             Entry::Pose(Pose { x_cm, y_cm, yaw_deg }) => {
-                self.write(&POSE, at, &PoseMessage { t_us, x_cm, y_cm, yaw_deg })
+                self.write(&POSE, time, &PoseMessage { at, x_cm, y_cm, yaw_deg })
             }
-            Entry::Mark { name, at_us } => self.write(&MARKS, at, &MarkMessage { t_us, script_us: at_us, name: &name }),
+            Entry::Mark { name, script } => self.write(&MARKS, time, &MarkMessage { at, script, name: &name }),
             Entry::Line { level, text, place } => {
-                let since_1970 = self.begin.saturating_add(at);
+                let Nanos(since_1970) = self.begin + time;
                 let timestamp = Timestamp { sec: since_1970 / 1_000_000_000, nsec: since_1970 % 1_000_000_000 };
                 let level = match level {
                     Level::Info => 2,
@@ -210,39 +219,39 @@ impl Book {
                 };
                 let (file, line) = place.unwrap_or_default();
                 let message = LogMessage { timestamp, level, message: &text, name: "motionseq", file: &file, line };
-                self.write(&LOG, at, &message)
+                self.write(&LOG, time, &message)
             }
         }
     }
 
     /// Frames of the line to the board, and what the board then is.
-    fn bytes(&mut self, at: u64, bytes: &[u8]) -> io::Result<()> {
+    fn bytes(&mut self, time: Nanos, bytes: &[u8]) -> io::Result<()> {
         let (board, mut found) = (Arc::clone(&self.board), Vec::new());
-        self.decoder.feed(at, bytes, |at_us, item| found.push(read(at_us, item, &board)));
+        self.decoder.feed(time, bytes, |at, item| found.push(read(at, item, &board)));
         found.into_iter().try_for_each(|found| self.found(found))
     }
 
     fn found(&mut self, found: Found) -> io::Result<()> {
-        let Found { t_us, hex, command, wrong } = found;
-        let at = t_us.saturating_mul(1_000);
+        let Found { at, hex, command, wrong } = found;
+        let time = at.nanos();
         let board = Arc::clone(&self.board);
         let says = command.as_ref().map(|command| board.show(command).to_string());
         let text = wrong.as_ref().map(|why| format!("{hex}: {why}"));
-        self.write(&FRAMES, at, &FrameMessage { t_us, hex, command: says, wrong: wrong.as_deref() })?;
+        self.write(&FRAMES, time, &FrameMessage { at, hex, command: says, wrong: wrong.as_deref() })?;
         if let Some(text) = text {
-            self.take(at, Entry::Line { level: Level::Warning, text, place: None })?;
+            self.take(time, Entry::Line { level: Level::Warning, text, place: None })?;
         }
         let Some(command) = command.filter(|_| wrong.is_none()) else { return Ok(()) };
         self.state.apply(&board, &command);
         let told = told(&board, &self.state);
         if self.shown.as_ref() != Some(&told) {
-            self.write(&BOARD, at, &BoardMessage { t_us, told: &told })?;
+            self.write(&BOARD, time, &BoardMessage { at, told: &told })?;
             self.shown = Some(told);
         }
         Ok(())
     }
 
-    fn write(&mut self, topic: &Topic, at: u64, message: &impl Serialize) -> io::Result<()> {
+    fn write(&mut self, topic: &Topic, time: Nanos, message: &impl Serialize) -> io::Result<()> {
         let Book { writer, channels, begin, .. } = self;
         let (channel_id, sequence) = match channels.get_mut(topic.name) {
             Some((channel, count)) => {
@@ -258,7 +267,7 @@ impl Book {
                 (channel, 0)
             }
         };
-        let log_time = begin.saturating_add(at);
+        let Nanos(log_time) = *begin + time;
         let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
         writer.write_to_known_channel(&header, &serde_json::to_vec(message)?).map_err(io::Error::other)
     }
@@ -272,7 +281,7 @@ impl Book {
     /// The last piece, with which the log is whole.
     pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
         let (board, mut found) = (Arc::clone(&self.board), Vec::new());
-        self.decoder.finish(|at_us, item| found.push(read(at_us, item, &board)));
+        self.decoder.finish(|at, item| found.push(read(at, item, &board)));
         found.into_iter().try_for_each(|found| self.found(found))?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
@@ -281,21 +290,22 @@ impl Book {
 
 /// A frame, or bytes that are none.
 struct Found {
-    t_us: u64,
+    at: Micros,
     hex: String,
     command: Option<Command>,
     wrong: Option<String>,
 }
 
-fn read(t_us: u64, item: Item<'_>, board: &Board) -> Found {
+fn read(at: Micros, item: Item<'_>, board: &Board) -> Found {
     match item {
         Item::Frame(frame) => {
             let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
-            Found { t_us, hex: frame.to_string(), command: board.decode_or_raw(frame.bytes()), wrong }
+            Found { at, hex: frame.to_string(), command: board.decode_or_raw(frame.bytes()), wrong }
         }
         Item::Skipped { bytes, why, .. } => {
-            Found { t_us, hex: Hex(bytes).to_string(), command: None, wrong: why.is_wrong().then(|| why.to_string()) }
+            Found { at, hex: Hex(bytes).to_string(), command: None, wrong: why.is_wrong().then(|| why.to_string()) }
         }
+        _ => Found { at, hex: String::new(), command: None, wrong: None },
     }
 }
 
@@ -337,8 +347,8 @@ fn values<'b>(board: &'b Board, report: &Report) -> BTreeMap<&'b str, f64> {
     quantities.map(|(row, quantity)| (&*quantity.key, report.value(row).number())).collect()
 }
 
-/// Nanoseconds in microseconds.
-fn micros(nanos: u64) -> f64 {
+/// In microseconds.
+fn micros(Nanos(nanos): Nanos) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "a day of nanoseconds fits")]
     let nanos = nanos as f64;
     nanos / 1_000.0

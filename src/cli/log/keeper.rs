@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use motionseq::board::Board;
+use motionseq::units::Nanos;
 
 use super::book::Book;
 use super::{Entry, Screen};
@@ -32,7 +33,7 @@ pub(super) fn keep(
     path: PathBuf,
     board: Arc<Board>,
     screen: Screen,
-    entries: &Receiver<(u64, Entry)>,
+    entries: &Receiver<(Nanos, Entry)>,
 ) -> Option<String> {
     let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
     let mut keeper = Keeper { file, is_file, at: 0, path, screen, pending: Vec::new(), failing: None, is_over: false };
@@ -60,7 +61,7 @@ struct Keeper {
 }
 
 impl Keeper {
-    fn write_all(&mut self, entries: &Receiver<(u64, Entry)>, board: Arc<Board>) -> io::Result<()> {
+    fn write_all(&mut self, entries: &Receiver<(Nanos, Entry)>, board: Arc<Board>) -> io::Result<()> {
         let mut book = Book::new(board)?;
         let mut written = Instant::now();
         loop {

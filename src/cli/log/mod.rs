@@ -10,6 +10,7 @@ use std::time::{Duration, SystemTime};
 use motionseq::board::{Board, Command, Report};
 use motionseq::playback::now;
 use motionseq::sim::Pose;
+use motionseq::units::{Micros, Nanos};
 
 use super::exit::Exit;
 use super::growing;
@@ -34,29 +35,29 @@ const PATIENCE: Duration = Duration::from_millis(500);
 pub(super) struct Log {
     path: PathBuf,
     screen: Screen,
-    entries: SyncSender<(u64, Entry)>,
+    entries: SyncSender<(Nanos, Entry)>,
     /// Why it is not whole, at its end.
     kept: Receiver<Option<String>>,
     /// When time 0 is, on the clock of [`now`].
-    begin: u64,
+    begin: Nanos,
     lost: u64,
 }
 
 /// Something that happened.
 #[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only a log reads them"))]
 pub(super) enum Entry {
-    /// Time 0 was so many nanoseconds after 1970 began.
-    Begin { since_1970: u64 },
+    /// Time 0 was so long after 1970 began.
+    Begin { since_1970: Nanos },
     /// Bytes went to the board.
     Bytes(Box<[u8]>),
-    /// A frame of the script was given to the port so many nanoseconds after its time.
-    Late { event_us: u64, late: u64, command: Command, place: Option<Spot> },
+    /// A frame of the script was given to the port so late.
+    Late { script: Micros, late: Nanos, command: Command, place: Option<Spot> },
     /// The board has reported.
     Report(Report),
     /// The robot of a virtual board is there.
     Pose(Pose),
     /// A mark of the script was passed.
-    Mark { name: String, at_us: u64 },
+    Mark { name: String, script: Micros },
     /// Something is to be told.
     Line { level: Level, text: String, place: Option<Spot> },
 }
@@ -101,31 +102,31 @@ impl Log {
         start_thread("log", move || {
             let _ = keep.send(keeper::keep(file, name, board, screen, &to_write));
         })?;
-        let mut log = Log { path: path.to_owned(), screen, entries, kept, begin: 0, lost: 0 };
+        let mut log = Log { path: path.to_owned(), screen, entries, kept, begin: Nanos::ZERO, lost: 0 };
         log.begin(now());
         Ok(log)
     }
 
     /// Says when time 0 is, on the clock of [`now`].
-    pub(super) fn begin(&mut self, begin: u64) {
+    pub(super) fn begin(&mut self, begin: Nanos) {
         self.begin = begin;
         let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let since_1970 = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX);
-        self.put(begin, Entry::Begin { since_1970: since_1970.saturating_sub(now().saturating_sub(begin)) });
+        let since_1970 = Nanos(u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX));
+        self.put(begin, Entry::Begin { since_1970: since_1970 - (now() - begin) });
     }
 
-    /// When so many nanoseconds from time 0 are, on the clock of [`now`].
-    pub(super) fn at(&self, nanos: u64) -> u64 {
-        self.begin.saturating_add(nanos)
+    /// When a time from time 0 on is, on the clock of [`now`].
+    pub(super) fn at(&self, time: Nanos) -> Nanos {
+        self.begin + time
     }
 
     /// Takes in what happened at a time on the clock of [`now`].
-    pub(super) fn put(&mut self, at: u64, entry: Entry) {
-        self.lost += u64::from(self.entries.try_send((at.saturating_sub(self.begin), entry)).is_err());
+    pub(super) fn put(&mut self, at: Nanos, entry: Entry) {
+        self.lost += u64::from(self.entries.try_send((at - self.begin, entry)).is_err());
     }
 
     /// Takes in a line that tells of something.
-    pub(super) fn line(&mut self, at: u64, level: Level, text: impl Into<String>) {
+    pub(super) fn line(&mut self, at: Nanos, level: Level, text: impl Into<String>) {
         self.put(at, Entry::Line { level, text: text.into(), place: None });
     }
 

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use super::super::Place;
 use super::super::sheet::{Anchor, Sheet, fit, number, point, round_step, width};
 use super::end_words;
+use crate::units::Micros;
 
 /// How far apart the robot is drawn on its way, in pixels.
 const APART: f64 = 46.0;
@@ -14,7 +15,7 @@ const MOST: usize = 20_000;
 const LEAST_CM: f64 = 20.0;
 
 /// Draws a way into a square; gives how far down it goes.
-pub(super) fn draw(sheet: &mut Sheet, [x, y, side]: [f64; 3], way: &[Place], marks: &[(&str, u64)]) -> f64 {
+pub(super) fn draw(sheet: &mut Sheet, [x, y, side]: [f64; 3], way: &[Place], marks: &[(&str, Micros)]) -> f64 {
     sheet.text((x, y + 11.0), "name", Anchor::Start, "from above");
     let top = y + 18.0;
     sheet.area("lane", [x, top, side, side], None);
@@ -113,7 +114,7 @@ impl Map {
     /// Lines at round places; the start is on one.
     fn grid(&self, sheet: &mut Sheet, [x, y, side]: [f64; 3]) {
         let step = self.grid_cm * self.scale;
-        let zero = self.place(&Place { t_us: 0, x_cm: 0.0, y_cm: 0.0, yaw_deg: 0.0 });
+        let zero = self.place(&Place { at: Micros::ZERO, x_cm: 0.0, y_cm: 0.0, yaw_deg: 0.0 });
         let mut path = String::new();
         let first = |zero: f64, from: f64| zero - libm::floor((zero - from) / step) * step;
         let (mut across, mut down) = (first(zero.0, x), first(zero.1, y));
@@ -143,10 +144,10 @@ fn robot((x, y): (f64, f64), yaw_deg: f64, size: f64) -> String {
 }
 
 /// The marks where the robot is when they are passed, as far as there is room.
-fn names(sheet: &mut Sheet, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, u64)]) {
+fn names(sheet: &mut Sheet, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, Micros)]) {
     let mut taken: Vec<(f64, f64, f64)> = Vec::new();
-    for (name, t_us) in marks.iter().take(100) {
-        let behind = way.partition_point(|place| place.t_us <= *t_us).saturating_sub(1);
+    for (name, at) in marks.iter().take(100) {
+        let behind = way.partition_point(|place| place.at <= *at).saturating_sub(1);
         let Some(place) = way.get(behind) else { continue };
         let (px, py) = map.place(place);
         let name = fit(name, 12.0, side / 2.0);

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use super::super::sheet::{Anchor, fit, number, point, round_step, width};
 use super::{LEFT, Picture, SOFT, TEXT, WIDTH, told, turned};
-use crate::timeline::Seconds;
 
 /// From which step on, in seconds, times are written as a clock shows them.
 const CLOCK: f64 = 30.0;
@@ -19,7 +18,7 @@ impl Picture<'_> {
         self.sheet.text((16.0, self.y), "title", Anchor::Start, &title);
         let frames: usize = plot.tracks.iter().map(|track| track.frames).sum();
         let plural = if frames == 1 { "" } else { "s" };
-        let mut facts = format!("{} s, {frames} frame{plural}", short(plot.end_us));
+        let mut facts = format!("{} s, {frames} frame{plural}", plot.end);
         if let Some(bars) = plot.bars {
             let _ = write!(facts, ", {} beats a minute, {} beats a bar", number(60e6 / bars.beat_us), bars.beats);
         }
@@ -41,7 +40,7 @@ impl Picture<'_> {
         self.name("marks", self.y + 15.0);
         let mut free = [LEFT, LEFT];
         for mark in marks {
-            let x = self.x(mark.t_us);
+            let x = self.x(mark.at);
             let name = fit(&mark.text, TEXT, 200.0);
             let wide = width(&name, TEXT);
             // The last ones stand to the left of their lines.
@@ -104,11 +103,11 @@ impl Picture<'_> {
         }
         let mut last = f64::NEG_INFINITY;
         for mark in &self.plot.marks {
-            let x = self.x(mark.t_us);
+            let x = self.x(mark.at);
             // Lines that lie closer would be one area.
             if x - last >= NEAR {
                 last = x;
-                let tells = format!("{} at {} s", told(&mark.text), short(mark.t_us));
+                let tells = format!("{} at {} s", told(&mark.text), mark.at);
                 self.sheet.path("mark", &down(x, top, bottom), Some(&tells));
             }
         }
@@ -151,12 +150,6 @@ fn time_step(least: f64) -> f64 {
         };
     }
     steps.into_iter().find(|step| *step >= least).unwrap_or(86_400.0)
-}
-
-/// A time in seconds without zeros that say nothing.
-pub(super) fn short(t_us: u64) -> String {
-    let text = Seconds(t_us).to_string();
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// A time as seconds, or as a clock shows it where that is shorter.

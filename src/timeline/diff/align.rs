@@ -11,6 +11,7 @@ use imara_diff::{Algorithm, Token};
 
 use super::Item;
 use super::shifts::difference;
+use crate::units::Micros;
 
 /// The items of both sides.
 #[derive(Default)]
@@ -29,19 +30,19 @@ const WEIGHED: usize = 40_000;
 /// By how much the items of a lane have moved: their old times, in order, and microseconds.
 #[derive(Default)]
 struct Moved {
-    points: Vec<(u64, i64)>,
+    points: Vec<(Micros, i64)>,
     /// Whether a time between two points has moved as the one behind it, and not as the one before.
     early: bool,
 }
 
 impl Moved {
     fn of(lane: &Aligned<'_>, early: bool) -> Self {
-        Moved { points: lane.pairs.iter().map(|pair| (pair.0.at_us, delta(pair))).collect(), early }
+        Moved { points: lane.pairs.iter().map(|pair| (pair.0.at, delta(pair))).collect(), early }
     }
 
-    fn at(&self, at_us: u64) -> i64 {
-        let until = self.points.partition_point(|(from, _)| *from <= at_us);
-        let from = self.points.partition_point(|(from, _)| *from < at_us);
+    fn at(&self, at: Micros) -> i64 {
+        let until = self.points.partition_point(|(from, _)| *from <= at);
+        let from = self.points.partition_point(|(from, _)| *from < at);
         let before = until.checked_sub(1).and_then(|at| self.points.get(at));
         let behind = self.points.get(from);
         // Before the first point nothing is known, and nothing has moved.
@@ -68,7 +69,7 @@ pub(super) fn align<'i>(lanes: &[(Vec<&'i Item>, Vec<&'i Item>)]) -> Vec<Aligned
 }
 
 fn delta((old, new): &(&Item, &Item)) -> i64 {
-    difference(old.at_us, new.at_us)
+    difference(old.at, new.at)
 }
 
 /// The one that leaves least to say, by itself and beside what has moved; the first of those that leave the same.
@@ -88,7 +89,7 @@ fn by_gaps<'i>(old: &[&'i Item], new: &[&'i Item]) -> Aligned<'i> {
 /// `moved` says where old items should be now.
 fn by_times<'i>(old: &[&'i Item], new: &[&'i Item], moved: &Moved) -> Aligned<'i> {
     let keyed = |items: &[&'i Item], moved: &Moved| -> Vec<_> {
-        let time = |item: &Item| item.at_us.saturating_add_signed(moved.at(item.at_us));
+        let time = |item: &Item| item.at.0.saturating_add_signed(moved.at(item.at));
         items.iter().map(|item| (item.says.as_str(), item.moves.is_some(), time(item))).collect()
     };
     aligned(old, new, &keyed(old, moved), &keyed(new, &Moved::default()))
@@ -103,7 +104,7 @@ fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], a
         (old_at, new_at) = (before.1, after.1);
         // A gap between two items that were aligned: by how much the one before it has moved, and the one behind it.
         let last = aligned.pairs.last().map_or(0, delta);
-        let next = old.get(old_at).zip(new.get(new_at)).map_or(last, |(old, new)| difference(old.at_us, new.at_us));
+        let next = old.get(old_at).zip(new.get(new_at)).map_or(last, |(old, new)| difference(old.at, new.at));
         if gone.len().saturating_mul(come.len()) <= WEIGHED {
             aligned.weigh(gone, come, [last, next]);
         } else {
@@ -115,11 +116,10 @@ fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], a
 }
 
 /// What an item says, whether it is a move, and how long after the one before it starts.
-fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, u64)> {
-    let mut last = 0;
-    let gap = |item: &&'i Item| {
-        (item.says.as_str(), item.moves.is_some(), item.at_us.saturating_sub(std::mem::replace(&mut last, item.at_us)))
-    };
+fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, Micros)> {
+    let mut last = Micros::ZERO;
+    let gap =
+        |item: &&'i Item| (item.says.as_str(), item.moves.is_some(), item.at - std::mem::replace(&mut last, item.at));
     items.iter().map(gap).collect()
 }
 
@@ -148,7 +148,7 @@ impl<'i> Aligned<'i> {
     fn statements(&self, moved: &Moved) -> usize {
         let mut last = 0;
         let changes = self.pairs.iter().filter(|pair| {
-            let beside = delta(pair) - moved.at(pair.0.at_us);
+            let beside = delta(pair) - moved.at(pair.0.at);
             let otherwise = std::mem::replace(&mut last, beside) != beside;
             otherwise || pair.0.says != pair.1.says
         });
@@ -180,7 +180,7 @@ impl<'i> Aligned<'i> {
         const ALONE: u32 = 4;
         let cost = |old: &Item, new: &Item| {
             let same = old.says == new.says && old.moves.is_some() == new.moves.is_some();
-            match (same, usual.contains(&difference(old.at_us, new.at_us))) {
+            match (same, usual.contains(&difference(old.at, new.at))) {
                 (true, true) => 0,
                 (true, false) => 3,
                 (false, true) => 4,

@@ -2,11 +2,11 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use super::Span;
 use crate::board::Board;
 use crate::program::Ease;
 use crate::timeline::tween::{Part, Walk};
 use crate::timeline::{Kind, Moment, Tween};
+use crate::units::Micros;
 
 /// One command, or one move.
 #[derive(Debug)]
@@ -15,25 +15,25 @@ pub(super) struct Item {
     /// How many items of its lane come before it.
     pub(super) place: usize,
     /// When it starts.
-    pub(super) at_us: u64,
+    pub(super) at: Micros,
     /// Its first frame.
     pub(super) first: usize,
     /// The command; of a move the one it arrives at.
     pub(super) says: String,
     pub(super) moves: Option<Moves>,
     /// When its last frame before any refresh was sent.
-    sent_us: u64,
+    sent: Micros,
     /// The time between two refreshes, if there is any.
-    pub(super) refresh: Option<u64>,
+    pub(super) refresh: Option<Micros>,
     /// How long what it leaves behind holds, until the next item of its lane.
-    pub(super) holds_us: u64,
+    pub(super) holds: Micros,
 }
 
 /// What makes a command a move.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Moves {
-    /// Microseconds from its start to its end, and how it gets there; `None` where nobody said.
-    pub(super) meant: Option<(u64, Ease)>,
+    /// The time from its start to its end, and how it gets there; `None` where nobody said.
+    pub(super) meant: Option<(Micros, Ease)>,
     /// The frame that it starts with, where it sends one.
     start: Option<String>,
     /// How many steps it has.
@@ -48,8 +48,8 @@ impl Item {
         let mut parts: Vec<String> = self.says.split(' ').map(str::to_owned).collect();
         match &self.moves {
             None => {}
-            Some(Moves { meant: Some((lasts_us, ease)), .. }) => {
-                parts.extend([format!("over {}", Span(*lasts_us)), format!("ease {}", ease.name())]);
+            Some(Moves { meant: Some((lasts, ease)), .. }) => {
+                parts.extend([format!("over {}", super::words::span(*lasts)), format!("ease {}", ease.name())]);
                 parts.push(format!("from {}", self.start().unwrap_or_else(|| "where it was".to_owned())));
             }
             Some(Moves { meant: None, steps, .. }) => parts.push(format!("in {steps} steps")),
@@ -71,9 +71,9 @@ impl Item {
         Some(start.split(' ').skip(same).collect::<Vec<_>>().join(" "))
     }
 
-    /// Microseconds from its start to its end; 0 for a command.
-    pub(super) fn lasts_us(&self) -> u64 {
-        self.moves.as_ref().and_then(|moves| moves.meant).map_or(0, |(lasts_us, _)| lasts_us)
+    /// The time from its start to its end; 0 for a command.
+    pub(super) fn lasts(&self) -> Micros {
+        self.moves.as_ref().and_then(|moves| moves.meant).map_or(Micros::ZERO, |(lasts, _)| lasts)
     }
 }
 
@@ -89,8 +89,8 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
         let before = newest.get(lane).copied().flatten().and_then(|at| items.get_mut(at));
         let tween = match (moment.kind, part, before) {
             (Kind::Refresh, _, Some(item)) => {
-                item.refresh.get_or_insert(moment.at_us - item.sent_us);
-                item.holds_us = moment.at_us - item.sent_us;
+                item.refresh.get_or_insert(moment.at - item.sent);
+                item.holds = moment.at - item.sent;
                 continue;
             }
             (Kind::Sample, Part::Further, Some(item)) => {
@@ -107,26 +107,26 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
         let mut place = 0;
         if let Some(newest) = newest.get_mut(lane) {
             if let Some(before) = newest.and_then(|at| items.get_mut(at)) {
-                before.holds_us = moment.at_us - before.sent_us;
+                before.holds = moment.at - before.sent;
                 place = before.place + 1;
             }
             *newest = Some(items.len());
         }
         let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
-        let meant = tween.map(|tween| (tween.end_us - tween.at_us, tween.ease));
+        let meant = tween.map(|tween| (tween.end - tween.at, tween.ease));
         let mut item = Item {
             lane,
             place,
-            at_us: tween.map_or(moment.at_us, |tween| tween.at_us),
+            at: tween.map_or(moment.at, |tween| tween.at),
             first,
             says: said() + closing,
             moves: (moment.kind == Kind::Sample).then(|| {
-                let start = tween.filter(|tween| tween.at_us == moment.at_us).map(|_| said());
+                let start = tween.filter(|tween| tween.at == moment.at).map(|_| said());
                 Moves { meant, start, steps: 0, hash: 0 }
             }),
-            sent_us: moment.at_us,
+            sent: moment.at,
             refresh: None,
-            holds_us: 0,
+            holds: Micros::ZERO,
         };
         if moment.kind == Kind::Sample {
             item.extend(moment, said());
@@ -140,8 +140,8 @@ impl Item {
     /// Takes a step into a move.
     fn extend(&mut self, moment: &Moment, says: String) {
         self.says = says;
-        self.sent_us = moment.at_us;
-        let since = moment.at_us.saturating_sub(self.at_us);
+        self.sent = moment.at;
+        let since = moment.at.saturating_sub(self.at);
         if let Some(moves) = &mut self.moves {
             let mut hasher = DefaultHasher::new();
             (moves.hash, since, &self.says).hash(&mut hasher);

@@ -9,6 +9,7 @@ use std::hash::Hash;
 
 use super::{Moment, Snapshot, Tween};
 use crate::board::Board;
+use crate::units::Micros;
 
 mod align;
 mod items;
@@ -16,13 +17,12 @@ mod shifts;
 mod words;
 
 use items::Item;
-use words::Span;
 
 /// One change.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// When it is, or was where it is gone, in microseconds.
-    pub at_us: u64,
+    /// When it is, or was where it is gone.
+    pub at: Micros,
     /// Whether it concerns what is sent where something ends a run early; times and frames count there.
     pub aborts: bool,
     /// The first frame of it in the old timeline, if it is there.
@@ -40,8 +40,8 @@ pub struct Change {
 pub struct Again {
     /// How often.
     pub count: usize,
-    /// When the last time, in microseconds.
-    pub last_us: u64,
+    /// When the last time.
+    pub last: Micros,
     /// Whether it is not quite the same: other values.
     pub otherwise: bool,
     /// By how many microseconds everything is later from then on, where it is about that.
@@ -50,6 +50,7 @@ pub struct Again {
 
 /// What has changed.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum What {
     /// From here on these things come at another time.
     Shifted {
@@ -89,12 +90,12 @@ pub enum What {
         /// How many it has.
         to: usize,
     },
-    /// The drive is refreshed at another interval, in microseconds (`None`: not at all).
+    /// The drive is refreshed at another interval (`None`: not at all).
     Refreshed {
         /// Before.
-        from_us: Option<u64>,
+        from: Option<Micros>,
         /// Now.
-        to_us: Option<u64>,
+        to: Option<Micros>,
     },
     /// Frames of one time are sent in another order.
     Reordered,
@@ -105,12 +106,12 @@ pub enum What {
         /// Now.
         to: u32,
     },
-    /// The script ends at another time, in microseconds.
+    /// The script ends at another time.
     Length {
         /// Before.
-        from_us: u64,
+        from: Micros,
         /// Now.
-        to_us: u64,
+        to: Micros,
     },
     /// Another number of bytes, in all and in the busiest second.
     Load {
@@ -156,12 +157,12 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
         }
         changes.extend(fold(aborts, &line));
     }
-    let ends = both.map_or((0, 0), |(old, new)| (old.end_us, new.end_us));
+    let ends = both.map_or((Micros::ZERO, Micros::ZERO), |(old, new)| (old.end, new.end));
     let baud = both.map_or((0, 0), |(old, new)| (old.baud, new.baud));
     let (from, to) = (load(board, &old.moments), load(board, &new.moments));
     let totals = [
         (baud.0 != baud.1, What::Baud { from: baud.0, to: baud.1 }),
-        (ends.0 != ends.1, What::Length { from_us: ends.0, to_us: ends.1 }),
+        (ends.0 != ends.1, What::Length { from: ends.0, to: ends.1 }),
         (from != to, What::Load { from, to }),
     ];
     let totals = totals.into_iter().filter(|(differs, _)| *differs);
@@ -184,22 +185,20 @@ fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween
     };
     let both: Vec<_> = (0..board.lanes()).map(of_lane).collect();
     for align::Aligned { pairs, gone, come } in align::align(&both) {
-        changes.extend(
-            gone.iter().map(|item| Change::new(item.at_us, Some(item.first), None, What::Removed(item.words()))),
-        );
         changes
-            .extend(come.iter().map(|item| Change::new(item.at_us, None, Some(item.first), What::Added(item.words()))));
+            .extend(gone.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))));
+        changes.extend(come.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
         lanes.push(Lane { pairs });
     }
     shifts::tell(board, &lanes, &mut changes);
     refreshes(&lanes, &mut changes);
     if changes.is_empty() {
-        let at = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
-        let at_us = new.get(at).or(old.get(at)).map_or(0, |moment| moment.at_us);
-        let there = |length: usize| (at < length).then_some(at);
-        changes.push(Change::new(at_us, there(old.len()), there(new.len()), What::Reordered));
+        let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
+        let at = new.get(first).or(old.get(first)).map_or(Micros::ZERO, |moment| moment.at);
+        let there = |length: usize| (first < length).then_some(first);
+        changes.push(Change::new(at, there(old.len()), there(new.len()), What::Reordered));
     }
-    changes.sort_by_key(|change| (change.at_us, change.new, change.old));
+    changes.sort_by_key(|change| (change.at, change.new, change.old));
     changes
 }
 
@@ -231,12 +230,13 @@ struct Lane<'i> {
 
 /// Other intervals of refreshes. A hold that is shorter than an interval tells nothing, and nor does another command.
 fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
-    let told = |item: &Item, other: Option<u64>| item.refresh.is_some() || other.is_some_and(|us| item.holds_us > us);
+    let told =
+        |item: &Item, other: Option<Micros>| item.refresh.is_some() || other.is_some_and(|other| item.holds > other);
     for (old, new) in lanes.iter().flat_map(|lane| &lane.pairs) {
-        let (from_us, to_us) = (old.refresh, new.refresh);
-        let comparable = old.says == new.says || from_us.is_some() && to_us.is_some();
-        if from_us != to_us && comparable && told(old, to_us) && told(new, from_us) {
-            changes.push(Change::of(old, new, What::Refreshed { from_us, to_us }));
+        let (from, to) = (old.refresh, new.refresh);
+        let comparable = old.says == new.says || from.is_some() && to.is_some();
+        if from != to && comparable && told(old, to) && told(new, from) {
+            changes.push(Change::of(old, new, What::Refreshed { from, to }));
         }
     }
 }
@@ -246,8 +246,9 @@ fn load(board: &Board, moments: &[Moment]) -> (u64, u64) {
     let (mut all, mut second, mut now, mut busiest) = (0, 0, 0, 0);
     for moment in moments {
         let bytes = board.frame_length(&moment.command) as u64;
-        if moment.at_us / 1_000_000 != second {
-            (second, now) = (moment.at_us / 1_000_000, 0);
+        let its_second = moment.at.0 / Micros::SECOND.0;
+        if its_second != second {
+            (second, now) = (its_second, 0);
         }
         all += bytes;
         now += bytes;
@@ -257,12 +258,12 @@ fn load(board: &Board, moments: &[Moment]) -> (u64, u64) {
 }
 
 impl Change {
-    fn new(at_us: u64, old: Option<usize>, new: Option<usize>, what: What) -> Self {
-        Change { at_us, aborts: false, old, new, what, more: None }
+    fn new(at: Micros, old: Option<usize>, new: Option<usize>, what: What) -> Self {
+        Change { at, aborts: false, old, new, what, more: None }
     }
 
     /// Of an item that is on both sides, at its new time.
     fn of(old: &Item, new: &Item, what: What) -> Self {
-        Change::new(new.at_us, Some(old.first), Some(new.first), what)
+        Change::new(new.at, Some(old.first), Some(new.first), what)
     }
 }

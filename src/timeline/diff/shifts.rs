@@ -2,6 +2,7 @@
 
 use super::{Change, Item, Lane, Shift, What};
 use crate::board::Board;
+use crate::units::Micros;
 
 /// An item that is on both sides.
 struct Pair<'i> {
@@ -16,13 +17,13 @@ struct Pair<'i> {
 impl Pair<'_> {
     /// How much later it is, in microseconds.
     fn delta(&self) -> i64 {
-        difference(self.old.at_us, self.new.at_us)
+        difference(self.old.at, self.new.at)
     }
 }
 
 /// How much later the second is, in microseconds.
-pub(super) fn difference(old: u64, new: u64) -> i64 {
-    i64::try_from(new).unwrap_or(i64::MAX).saturating_sub_unsigned(old)
+pub(super) fn difference(old: Micros, new: Micros) -> i64 {
+    i64::try_from(new.0).unwrap_or(i64::MAX).saturating_sub_unsigned(old.0)
 }
 
 /// The items of all lanes in the order of time, and how far they are told.
@@ -41,7 +42,7 @@ struct Longer {
     /// The change that says so.
     change: usize,
     lane: usize,
-    end_us: u64,
+    end: Micros,
     by_us: i64,
 }
 
@@ -52,7 +53,7 @@ pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>)
     let mut longer: Vec<Option<Longer>> = lanes.iter().map(|_| None).collect();
     for at in 0..walk.pairs.len() {
         let Some(&Pair { old, new, next, .. }) = walk.pairs.get(at) else { continue };
-        let total_us = difference(old.at_us, new.at_us);
+        let total_us = difference(old.at, new.at);
         let step_us = total_us - walk.shifted(old.lane);
         if let Some(head) = walk.heads.get_mut(old.lane) {
             *head = next;
@@ -67,9 +68,8 @@ pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>)
         let differs = old.says != new.says || old.moves != new.moves;
         let by_us = alone.then_some(total_us);
         let what = walk.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
-        let is_cause = |cause: &&Longer| {
-            cause.end_us <= old.at_us && cause.by_us == step_us && (everything || cause.lane == old.lane)
-        };
+        let is_cause =
+            |cause: &&Longer| cause.end <= old.at && cause.by_us == step_us && (everything || cause.lane == old.lane);
         let cause = longer.iter().flatten().find(is_cause).filter(|_| moved && (!alone || follower.is_none()));
         let cause = cause.and_then(|cause| changes.get_mut(cause.change));
         if let Some(Change { what: What::Changed { then, .. }, .. }) = cause {
@@ -78,16 +78,16 @@ pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>)
             walk.shift(total_us, old.lane, everything);
         } else if moved && !alone {
             let things = if everything { Vec::new() } else { vec![board.lane_name(old.lane).into_owned()] };
-            changes.push(Change::new(old.at_us, Some(old.first), Some(new.first), What::Shifted { things, by }));
+            changes.push(Change::new(old.at, Some(old.first), Some(new.first), What::Shifted { things, by }));
             walk.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {
             changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));
         }
         let Some(what) = what else { continue };
-        let longer_by = difference(old.lasts_us(), new.lasts_us());
+        let longer_by = difference(old.lasts(), new.lasts());
         if let Some(longer) = longer.get_mut(old.lane).filter(|_| longer_by != 0) {
-            let end_us = old.at_us + old.lasts_us();
-            *longer = Some(Longer { change: changes.len(), lane: old.lane, end_us, by_us: longer_by });
+            let end = old.at + old.lasts();
+            *longer = Some(Longer { change: changes.len(), lane: old.lane, end, by_us: longer_by });
         }
         changes.push(Change::of(old, new, what));
     }
@@ -108,7 +108,7 @@ impl<'i> Walk<'i> {
                 last = Some((old, new));
             }
         }
-        pairs.sort_by_key(|pair| (pair.old.at_us, pair.old.first));
+        pairs.sort_by_key(|pair| (pair.old.at, pair.old.first));
         let mut heads = vec![None; lanes.len()];
         let mut places = vec![Vec::new(); lanes.len()];
         for (at, pair) in pairs.iter_mut().enumerate().rev() {
@@ -139,40 +139,40 @@ impl<'i> Walk<'i> {
     fn is_everything(&self, at: usize) -> bool {
         let Some(Pair { old: item, .. }) = self.pairs.get(at) else { return false };
         let by_us = self.pairs.get(at).map_or(0, Pair::delta);
-        let mut beside = self.pairs.iter().take(at).rev().take_while(|other| other.old.at_us == item.at_us);
+        let mut beside = self.pairs.iter().take(at).rev().take_while(|other| other.old.at == item.at);
         if beside.any(|other| other.delta() != by_us) {
             return false;
         }
         // A move that has begun already, and goes on.
         let others = self.heads.iter().enumerate().filter(|(lane, _)| *lane != item.lane);
-        let mut running = others.clone().filter_map(|(lane, _)| self.last_until(lane, item.at_us));
-        let end = |item: &Item| item.at_us + item.lasts_us();
-        if running.any(|last| end(last.old) > item.at_us && difference(end(last.old), end(last.new)) != by_us) {
+        let mut running = others.clone().filter_map(|(lane, _)| self.last_until(lane, item.at));
+        let end = |item: &Item| item.at + item.lasts();
+        if running.any(|last| end(last.old) > item.at && difference(end(last.old), end(last.new)) != by_us) {
             return false;
         }
         let next = others.filter_map(|(lane, head)| Some((lane, self.pairs.get((*head)?)?)));
         next.into_iter().all(|(lane, next)| {
             let stays = self.shifted(lane) == next.delta();
             let agrees = next.delta() == by_us
-                || next.old.at_us > item.at_us && self.around(item.lane, next.old.at_us).contains(&Some(next.delta()));
+                || next.old.at > item.at && self.around(item.lane, next.old.at).contains(&Some(next.delta()));
             agrees && !stays
         })
     }
 
     /// The last item of a lane that starts at a time or before it.
-    fn last_until(&self, lane: usize, at_us: u64) -> Option<&Pair<'i>> {
+    fn last_until(&self, lane: usize, at: Micros) -> Option<&Pair<'i>> {
         let places = self.lanes.get(lane)?;
-        let until = places.partition_point(|place| self.pairs.get(*place).is_some_and(|pair| pair.old.at_us <= at_us));
+        let until = places.partition_point(|place| self.pairs.get(*place).is_some_and(|pair| pair.old.at <= at));
         self.pairs.get(*places.get(until.checked_sub(1)?)?)
     }
 
     /// How much later the items of a lane are just before and just behind a time.
-    fn around(&self, lane: usize, at_us: u64) -> [Option<i64>; 2] {
+    fn around(&self, lane: usize, at: Micros) -> [Option<i64>; 2] {
         let places = self.lanes.get(lane).map(Vec::as_slice).unwrap_or_default();
         let delta = |place: Option<&usize>| place.and_then(|&place| self.pairs.get(place)).map(Pair::delta);
-        let time = |place: &usize| self.pairs.get(*place).map_or(0, |pair| pair.old.at_us);
-        let from = places.partition_point(|place| time(place) < at_us);
-        [self.last_until(lane, at_us).map(Pair::delta), delta(places.get(from))]
+        let time = |place: &usize| self.pairs.get(*place).map_or(Micros::ZERO, |pair| pair.old.at);
+        let from = places.partition_point(|place| time(place) < at);
+        [self.last_until(lane, at).map(Pair::delta), delta(places.get(from))]
     }
 }
 

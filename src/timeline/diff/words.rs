@@ -3,17 +3,18 @@
 use std::fmt;
 
 use super::{Again, Change, What};
+use crate::units::Micros;
 
 impl Change {
     /// The change in words, with the place in the script where that is known.
     pub fn words(&self, place: Option<&str>) -> String {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
         let when = if self.aborts { "on abort, " } else { "" };
-        let at = format!("{when}at {}{place}: ", Secs(self.at_us));
+        let at = format!("{when}at {}{place}: ", secs(self.at));
         match &self.what {
             What::Shifted { things, by } => {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
-                let words = format!("{when}from {} on{place} {things} is {}", Secs(self.at_us), Later(by.total_us));
+                let words = format!("{when}from {} on{place} {things} is {}", secs(self.at), Later(by.total_us));
                 words + &self.again(&format!(", and again {}", Later(by.step_us)))
             }
             What::Changed { from, to, by_us, then } => {
@@ -38,9 +39,9 @@ impl Change {
                 });
                 format!("{at}{what} {steps}{more}")
             }
-            What::Refreshed { from_us, to_us } => {
-                let interval = |us: &u64| format!("every {}", Span(*us));
-                let now = match (from_us, to_us) {
+            What::Refreshed { from, to } => {
+                let interval = |time: &Micros| format!("every {}", span(*time));
+                let now = match (from, to) {
                     (Some(from), Some(to)) => format!("sent again {} -> {}", interval(from), interval(to)),
                     (Some(from), None) => format!("not sent again any more; it was, {}", interval(from)),
                     (None, Some(to)) => format!("sent again {}; it was not", interval(to)),
@@ -50,8 +51,8 @@ impl Change {
             }
             What::Reordered => format!("{at}the frames of this time are sent in another order"),
             What::Baud { from, to } => format!("in all: baud {from} -> {to}"),
-            What::Length { from_us, to_us } => {
-                format!("in all: the script ends at {} -> {}", Secs(*from_us), Secs(*to_us))
+            What::Length { from, to } => {
+                format!("in all: the script ends at {} -> {}", secs(*from), secs(*to))
             }
             What::Load { from, to } => {
                 let all =
@@ -68,11 +69,11 @@ impl Change {
 
     /// How often it is besides.
     fn again(&self, words: &str) -> String {
-        let Some(Again { count, last_us, otherwise, total_us }) = self.more else { return String::new() };
+        let Some(Again { count, last, otherwise, total_us }) = self.more else { return String::new() };
         let words = match &self.what {
             What::Added(_) | What::Removed(_) if otherwise => {
                 let frames = if count == 1 { "one more command".into() } else { format!("{count} more commands") };
-                return format!(", and {frames} of this line until {}", Secs(last_us));
+                return format!(", and {frames} of this line until {}", secs(last));
             }
             _ if otherwise => ", and to other values",
             What::Shifted { by, .. } if by.total_us == total_us => ", and so",
@@ -85,8 +86,8 @@ impl Change {
             _ => String::new(),
         };
         match count {
-            1 => format!("{words} once more at {}{then}", Secs(last_us)),
-            more => format!("{words} {more} more times until {}{then}", Secs(last_us)),
+            1 => format!("{words} once more at {}{then}", secs(last)),
+            more => format!("{words} {more} more times until {}{then}", secs(last)),
         }
     }
 
@@ -129,7 +130,7 @@ impl Change {
             _ => 0,
         };
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
-        self.more = Some(Again { count: count + 1, last_us: other.at_us, otherwise: otherwise || told, total_us });
+        self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || told, total_us });
     }
 }
 
@@ -157,27 +158,17 @@ fn between(from: &[String], to: &[String]) -> String {
 }
 
 /// Seconds to the millisecond, or as exactly as they are.
-struct Secs(u64);
-
-impl fmt::Display for Secs {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 % 1_000 {
-            0 => write!(f, "{}.{:03} s", self.0 / 1_000_000, self.0 / 1_000 % 1_000),
-            _ => write!(f, "{}.{:06} s", self.0 / 1_000_000, self.0 % 1_000_000),
-        }
-    }
+fn secs(at: Micros) -> String {
+    let places = if at.0.is_multiple_of(1_000) { 3 } else { 6 };
+    format!("{at:.places$} s")
 }
 
-/// A time that passes: microseconds, milliseconds or seconds.
-pub(super) struct Span(pub(super) u64);
-
-impl fmt::Display for Span {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            us if us % 1_000 != 0 && us < 1_000_000 => write!(f, "{us} us"),
-            us if us < 1_000_000 => write!(f, "{} ms", us / 1_000),
-            us => Secs(us).fmt(f),
-        }
+/// A time that passes, exactly: microseconds, milliseconds or seconds, as a script would say it.
+pub(super) fn span(time: Micros) -> String {
+    match time {
+        Micros(us) if us < 1_000_000 && !us.is_multiple_of(1_000) => format!("{us} us"),
+        Micros(us) if us < 1_000_000 => format!("{} ms", time.in_millis()),
+        _ => secs(time),
     }
 }
 
@@ -188,7 +179,7 @@ impl fmt::Display for Later {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             0 => f.write_str("at its old time again"),
-            us => write!(f, "{} {}", Span(us.unsigned_abs()), if us < 0 { "earlier" } else { "later" }),
+            us => write!(f, "{} {}", span(Micros(us.unsigned_abs())), if us < 0 { "earlier" } else { "later" }),
         }
     }
 }

@@ -5,10 +5,11 @@ use std::cmp::Ordering;
 use super::From;
 use crate::board::{Board, Command};
 use crate::program::{Action, Step, Time};
+use crate::units::Micros;
 
 /// The end of a `for`. Ends are sorted by time, and at one time in script order.
 pub(super) struct End {
-    pub(super) at_us: u64,
+    pub(super) due: Micros,
     pub(super) from: From,
     /// The exact time.
     pub(super) at: Time,
@@ -16,8 +17,8 @@ pub(super) struct End {
 }
 
 impl End {
-    fn key(&self) -> (u64, u32) {
-        (self.at_us, self.from.order)
+    fn key(&self) -> (Micros, u32) {
+        (self.due, self.from.order)
     }
 }
 

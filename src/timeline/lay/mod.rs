@@ -11,12 +11,13 @@ use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Abort, Action, Limit, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
+use crate::units::Micros;
 use ends::{End, Starts};
 
 pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let Program { board, settings, steps, end, abort, traces, marks, .. } = program;
-    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at_us: at.micros() }).collect();
-    marks.sort_by_key(|mark| mark.at_us);
+    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at: at.micros() }).collect();
+    marks.sort_by_key(|mark| mark.at);
     let mut cues = Vec::new();
     let mut lay = Lay::new(&board, &settings, &traces, limit, diagnostics);
     let steps = lay.run(steps, &mut cues);
@@ -33,7 +34,7 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
         expects,
         marks,
         abort_cues,
-        end_us: end.micros(),
+        end: end.micros(),
         baud: settings.baud,
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
@@ -90,8 +91,8 @@ impl From {
         From { order: step.order, span: step.span, trace: step.trace }
     }
 
-    fn event(self, at_us: u64, command: Command, kind: Kind) -> Event {
-        Event { at_us, command, kind, is_instant: false, span: self.span, trace: self.trace }
+    fn event(self, at: Micros, command: Command, kind: Kind) -> Event {
+        Event { at, command, kind, is_instant: false, span: self.span, trace: self.trace }
     }
 }
 
@@ -118,7 +119,7 @@ struct Lay<'d> {
     /// All other events but refreshes, with their places in script order.
     events: Vec<(Event, u32)>,
     /// The moves, each with the time and the place in script order of its first step.
-    tweens: Vec<(Tween, (u64, u32))>,
+    tweens: Vec<(Tween, (Micros, u32))>,
     /// Refreshes, sorted by time.
     refreshes: Vec<Event>,
     expects: Vec<Expectation>,
@@ -179,7 +180,7 @@ impl<'d> Lay<'d> {
         let mut rest = steps.as_mut_slice();
         loop {
             let next = rest.first().map(|step| step.at.micros());
-            let end = ends.peek().map(|Reverse(end)| end.at_us);
+            let end = ends.peek().map(|Reverse(end)| end.due);
             let Some(now) = next.into_iter().chain(end).min() else { break };
             let count = rest.iter().take_while(|step| step.at.micros() == now).count();
             let (group, behind) = rest.split_at_mut(count);
@@ -189,15 +190,15 @@ impl<'d> Lay<'d> {
                     && let Some(command) = self.rest_of(&held.0)
                 {
                     let at = step.at.plus(held.1);
-                    ends.push(Reverse(End { at_us: at.micros(), from: From::step(step), at, command }));
+                    ends.push(Reverse(End { due: at.micros(), from: From::step(step), at, command }));
                 }
             }
             // Of a hold too short to see, the start still comes before its end.
             ended.clear();
-            if ends.peek().is_some_and(|Reverse(end)| end.at_us == now) {
+            if ends.peek().is_some_and(|Reverse(end)| end.due == now) {
                 starts.read(self.board, group);
             }
-            while ends.peek().is_some_and(|Reverse(end)| end.at_us == now) {
+            while ends.peek().is_some_and(|Reverse(end)| end.due == now) {
                 let end = ends.pop().map(|Reverse(end)| end);
                 ended.extend(end.filter(|end| !starts.supersede(self.board, end)));
             }
@@ -230,13 +231,13 @@ impl<'d> Lay<'d> {
             }
             Action::Go(going) => self.go(step.at, going, from),
             Action::Say(text) => {
-                cues.push(Cue { at_us: step.at.micros(), text: std::mem::take(&mut **text).into(), span: step.span });
+                cues.push(Cue { at: step.at.micros(), text: std::mem::take(&mut **text).into(), span: step.span });
             }
             Action::Expect(expect) => {
                 let until = step.at.plus(expect.within.unwrap_or(Time::ZERO));
-                let (at_us, until_us) = (step.at.micros(), until.micros());
+                let (at, until) = (step.at.micros(), until.micros());
                 let (expect, span, trace) = ((**expect).clone(), step.span, step.trace);
-                self.expects.push(Expectation { at_us, until_us, expect, span, trace });
+                self.expects.push(Expectation { at, until, expect, span, trace });
             }
         }
     }
@@ -348,14 +349,14 @@ impl<'d> Lay<'d> {
             return;
         }
         // Counted before anything is laid, so that a day of refreshes costs nothing where it is too much.
-        let at_us = |k| start.plus(interval.times(k)).micros();
+        let at = |k| start.plus(interval.times(k)).micros();
         let passed = whole(until.minus(start).over(interval).unwrap_or(0.0));
-        let count = passed.saturating_sub(u64::from(at_us(passed) >= until.micros()));
+        let count = passed.saturating_sub(u64::from(at(passed) >= until.micros()));
         if !self.has_room(usize::try_from(count).unwrap_or(usize::MAX), from) {
             return;
         }
-        for at_us in (1..=count).map(at_us) {
-            self.refreshes.push(from.event(at_us, command.clone(), Kind::Refresh));
+        for at in (1..=count).map(at) {
+            self.refreshes.push(from.event(at, command.clone(), Kind::Refresh));
         }
     }
 
@@ -383,11 +384,11 @@ impl<'d> Lay<'d> {
     fn waiting_expects(&mut self) {
         let mut waiting = BinaryHeap::new();
         let mut found = None;
-        for expect in self.expects.iter().filter(|expect| expect.until_us > expect.at_us) {
-            while waiting.peek().is_some_and(|Reverse(until_us)| *until_us <= expect.at_us) {
+        for expect in self.expects.iter().filter(|expect| expect.until > expect.at) {
+            while waiting.peek().is_some_and(|Reverse(until)| *until <= expect.at) {
                 waiting.pop();
             }
-            waiting.push(Reverse(expect.until_us));
+            waiting.push(Reverse(expect.until));
             if waiting.len() > MAX_WAITING {
                 found = Some((expect.span, expect.trace));
                 break;
@@ -435,7 +436,7 @@ impl<'d> Lay<'d> {
         let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
         let board = self.board;
         let key = |(event, order): &(Event, u32)| {
-            (event.at_us, event.rank(board), if event.kind == Kind::Closing { 0 } else { *order })
+            (event.at, event.rank(board), if event.kind == Kind::Closing { 0 } else { *order })
         };
         let mut plain: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
         // The longer of the two stays where it is.
@@ -452,7 +453,7 @@ impl<'d> Lay<'d> {
         let mut events: Vec<Event> = events.into_iter().map(|(event, _)| event).collect();
         if !self.refreshes.is_empty() {
             events.extend(self.refreshes);
-            events.sort_by_key(|event| (event.at_us, event.rank(board)));
+            events.sort_by_key(|event| (event.at, event.rank(board)));
         }
         (events, tweens)
     }

@@ -21,8 +21,8 @@ impl Lay<'_> {
         self.samples(at, end, going, &starts, from);
         let steps = self.events.get(before..).unwrap_or_default();
         if let Some((first, _)) = steps.first() {
-            let tween = Tween { at_us: at.micros(), end_us: end.micros(), ease: *ease, steps: steps.len() };
-            self.tweens.push((tween, (first.at_us, from.order)));
+            let tween = Tween { at: at.micros(), end: end.micros(), ease: *ease, steps: steps.len() };
+            self.tweens.push((tween, (first.at, from.order)));
         }
     }
 
@@ -50,7 +50,7 @@ impl Lay<'_> {
 
     /// Whether a move so long may be sampled. Moves that do not overlap stay below the bound; those that clash may not.
     fn may_sample(&mut self, over: Time, from: From) -> bool {
-        let samples = over.micros() / self.period.micros().max(1);
+        let samples = over.micros().0 / self.period.micros().0.max(1);
         if let Some(left) = self.samples_left.checked_sub(samples) {
             self.samples_left = left;
             return true;
