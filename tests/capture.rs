@@ -114,7 +114,7 @@ fn a_file_of_times_says_when_bytes_came() {
     let bytes = [0xFF, 0xFE, 4, 1, 1, 6, 0xFF, 0xFE, 4, 1, 0, 5];
     let shown = |timing: Timing, bytes: &[u8]| {
         let mut out = Vec::new();
-        decode(bytes, Reading { timing: Some(timing), ..Reading::default() }, &mut out).unwrap();
+        decode(bytes, Reading::default().with_timing(Some(timing)), &mut out).unwrap();
         let text = String::from_utf8(out).unwrap();
         text.lines().map(|line| line.split('\t').next().unwrap().to_owned()).collect::<Vec<_>>()
     };
@@ -168,7 +168,7 @@ fn a_text_is_a_text_however_little_the_first_read_gives() {
     let capture = b"Script started on 2026-11-24 12:00:00+00:00\n\xFF\xFE\x04\x01\x01\x06";
     for size in 1..capture.len() {
         let mut out = Vec::new();
-        let reading = Reading { timing: Some(Timing::read("0.5 6\n", None).unwrap()), ..Reading::default() };
+        let reading = Reading::default().with_timing(Some(Timing::read("0.5 6\n", None).unwrap()));
         decode(Pieces(capture, size), reading, &mut out).unwrap();
         assert_eq!(String::from_utf8(out).unwrap(), "0.500000\tFF FE 04 01 01 06\tbuzzer on\n", "in pieces of {size}");
     }

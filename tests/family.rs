@@ -188,16 +188,14 @@ fn lamps() -> Arc<Board> {
 
 fn compiled(text: &str) -> Timeline {
     let sources = Sources::from(Source::new("lamps.motion", text));
-    let compiled = motionseq::compile(&sources, &Options { board: lamps(), ..Options::default() });
+    let compiled = motionseq::compile(&sources, &Options::default().with_board(lamps()));
     compiled.timeline.unwrap_or_else(|| panic!("{}", messages(&sources, &compiled.diagnostics)))
 }
 
 /// What is wrong with a script: codes and messages.
 fn wrong(text: &str) -> Vec<(Code, String)> {
-    let compiled = motionseq::compile(
-        &Source::new("lamps.motion", text).into(),
-        &Options { board: lamps(), ..Options::default() },
-    );
+    let compiled =
+        motionseq::compile(&Source::new("lamps.motion", text).into(), &Options::default().with_board(lamps()));
     compiled.diagnostics.iter().map(|found| (found.code, found.message.clone())).collect()
 }
 
@@ -246,8 +244,7 @@ fn what_is_wrong_with_it_is_said_in_its_words() {
     assert_eq!(first("fan on\nwait 1s\n"), (Code::LeftRunning, "the fan is still on when the script ends".to_owned()));
     assert_eq!(first("limit lamp 2 0..500\nlamp 2 501\n").0, Code::Limit);
     assert_eq!(first("chime loud\n").1, "`chime` does not know `loud`");
-    let compiled =
-        motionseq::compile(&Source::new("x", "blink\n").into(), &Options { board: lamps(), ..Options::default() });
+    let compiled = motionseq::compile(&Source::new("x", "blink\n").into(), &Options::default().with_board(lamps()));
     assert_eq!(compiled.diagnostics.iter().next().unwrap().help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
     // Words of another family are none of this one.
     for line in ["servo 1 1500\n", "stop\n", "raw 4 1\n"] {
@@ -263,7 +260,7 @@ fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
     let closing = whole.events().last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
-    let cut = part(&whole, &Part { from: Micros(1_500_000), to: None, lead_in: Micros(100_000) }, &State::default());
+    let cut = part(&whole, &Part::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
     let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
     assert_eq!(lines, ["lamp 1 200", "fan on", "lamp 1 300", "fan off"]);
 }
@@ -308,7 +305,7 @@ fn it_is_played_and_simulated_and_stopped() {
 #[test]
 fn it_is_decoded_and_folded() {
     let mut out = Vec::new();
-    decode(&b"<L 1 5>?<L 1 5000><C 2>"[..], Reading { board: lamps(), ..Reading::default() }, &mut out).unwrap();
+    decode(&b"<L 1 5>?<L 1 5000><C 2>"[..], Reading::default().with_board(lamps()), &mut out).unwrap();
     assert_eq!(
         String::from_utf8(out).unwrap(),
         "0\t3C 4C 20 31 20 35 3E\tlamp 1 5\n\
@@ -343,7 +340,7 @@ fn it_is_pinned_compared_and_drawn() {
     assert_eq!(changes, ["at 0.040 s: chime high -> low"]);
 
     let sources = Sources::from(Source::new("lamps.motion", SHOW));
-    let compiled = motionseq::compile(&sources, &Options { board: lamps(), ..Options::default() });
+    let compiled = motionseq::compile(&sources, &Options::default().with_board(lamps()));
     let picture = plot(&timeline, &sources, &compiled.diagnostics);
     let lanes: Vec<&str> = picture.tracks[0].lanes.iter().map(|lane| &*lane.name).collect();
     assert_eq!(lanes, ["lamp 1", "lamp 2", "fan", "other"]);

@@ -32,8 +32,7 @@ fn meaning(source: Source) -> String {
             format!("{frames:?} {said:?} {}", timeline.end)
         }
         None => {
-            let errors =
-                compiled.diagnostics.iter().map(|error| format!("{} {}", error.code, error.message));
+            let errors = compiled.diagnostics.iter().map(|error| format!("{} {}", error.code, error.message));
             errors.collect::<Vec<_>>().join("\n")
         }
     }

@@ -13,7 +13,7 @@ use serde_json::Value;
 /// What there is to see of a text that is called `name`.
 fn plotted(name: &str, text: &str) -> Plot {
     let sources = Sources::from(Source::new(name, text));
-    let compiled = motionseq::compile(&sources, &Options { events: 10_000_000, ..Options::default() });
+    let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
     let timeline =
         compiled.timeline.unwrap_or_else(|| panic!("{}", crate::support::messages(&sources, &compiled.diagnostics)));
     plot(&timeline, &sources, &compiled.diagnostics)

@@ -26,7 +26,7 @@ const DRIVE_TOLERANCE: i32 = 1;
 /// A script, compiled; errors are shown.
 fn compiled(text: &str) -> Timeline {
     let sources = Sources::from(Source::new("test.motion", text));
-    let compiled = motionseq::compile(&sources, &Options { events: 10_000_000, ..Options::default() });
+    let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
     compiled.timeline.unwrap_or_else(|| panic!("{}\n{text}", messages(&sources, &compiled.diagnostics)))
 }
 
@@ -639,7 +639,7 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
 /// A capture, as a script and what was read.
 fn script_of(capture: &[u8], exact: bool, baud: Option<u32>) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = transcribe(capture, Reading { baud, ..Reading::default() }, exact, &mut out).unwrap();
+    let decoded = transcribe(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 

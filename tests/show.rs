@@ -10,7 +10,7 @@ use motionseq::timeline::{Kind, Part, Timeline, part, passes, state_after};
 use motionseq::units::{Micros, Nanos};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
-    let options = Options { speed, ..Options::default() };
+    let options = Options::default().with_speed(speed);
     motionseq::compile(&Source::new("x.motion", text).into(), &options).timeline.expect("the script compiles")
 }
 
@@ -47,7 +47,7 @@ stop
 fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
     let whole = timeline(SHOW);
     for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
-        let cut = part(&whole, &Part { from, to: None, lead_in: Micros::SECOND }, &State::default());
+        let cut = part(&whole, &Part::new(from, None, Micros::SECOND), &State::default());
         let mut there = State::default();
         for event in whole.events().iter().take_while(|event| event.at < from) {
             there.apply(board(), &event.command);
@@ -90,7 +90,7 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
 fn wherever_it_is_cut_off_nothing_is_left_running() {
     let whole = timeline(SHOW);
     for to in (1..whole.end.0).step_by(53_000).map(Micros) {
-        let cut = part(&whole, &Part { to: Some(to), ..Part::default() }, &State::default());
+        let cut = part(&whole, &Part::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
         assert_eq!(cut.end, to);
         assert!(state_after(&cut).at_rest(board()), "{to}");
         assert!(cut.events().is_sorted_by_key(|event| event.at) && cut.events().iter().all(|event| event.at <= to));
@@ -101,7 +101,7 @@ fn wherever_it_is_cut_off_nothing_is_left_running() {
 #[test]
 fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
     let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
-    let asked = Part { from: Micros(500_000), to: None, lead_in: Micros(100_000) };
+    let asked = Part::new(Micros(500_000), None, Micros(100_000));
     // Nobody knows where it is: sent at once, and given the time.
     let first = part(&whole, &asked, &State::default());
     assert_eq!(

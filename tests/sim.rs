@@ -70,9 +70,11 @@ fn a_displacement_goes_where_the_robot_looks_and_needs_position_mode() {
 fn a_board_that_hears_nothing_stops_by_itself() {
     let silent = "refresh off\nrocker y=10 for 3s";
     is_near(pose(silent), 0.0, 5.0, 0.0);
-    let settings = Settings { silence: None, ..Settings::default() };
+    let mut settings = Settings::default();
+    settings.silence = None;
     is_near(rehearse(&timeline(silent), settings).received.pose, 0.0, 30.0, 0.0);
-    let settings = Settings { silence: Some(Micros(40_000)), ..Settings::default() };
+    let mut settings = Settings::default();
+    settings.silence = Some(Micros(40_000));
     // Shorter than the refresh interval of 50 ms: four fifths of the way.
     is_near(rehearse(&timeline("rocker y=10 for 1s"), settings).received.pose, 0.0, 8.0, 0.0);
 }
@@ -141,21 +143,21 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
         assert!(text.parse::<Faults>().is_err(), "{text}");
     }
     let faults: Faults = "drop=20%, garble=10%, seed=3".parse().unwrap();
-    let settings = || Settings { faults: faults.clone(), ..Settings::default() };
+    let settings = || Settings::with_faults(faults.clone());
     // Asked for more than once: the request may be lost, too.
     let start: Vec<_> = (0..10).map(|at| (at * 10_000, "request report-start")).collect();
     let (once, twice) = (reports(settings(), &start, 20_000_000), reports(settings(), &start, 20_000_000));
     assert_eq!(once, twice);
     // Of 200 reports a fifth is dropped, and a tenth of the rest garbled; some of those are still reports.
     assert!((110..190).contains(&once.len()), "{}", once.len());
-    let silent = Settings { faults: "silent".parse().unwrap(), ..Settings::default() };
+    let silent = Settings::with_faults("silent".parse().unwrap());
     assert_eq!(reports(silent, &start, 2_000_000), []);
-    let battery = Settings { faults: "battery=6.5V@1s".parse().unwrap(), ..Settings::default() };
+    let battery = Settings::with_faults("battery=6.5V@1s".parse().unwrap());
     let found = reports(battery, &start, 2_000_000);
     assert!(found.len() > 15);
     assert!(found.iter().all(|(at, report)| (report.value(0) == Hundredths(650)) == (*at >= 1_000_000)));
     // Frames are lost on the way to the board, too.
-    let lossy = Settings { faults: "drop=50%".parse().unwrap(), ..Settings::default() };
+    let lossy = Settings::with_faults("drop=50%".parse().unwrap());
     let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), lossy);
     let Rehearsal { received, given, .. } = rehearsal;
     assert_eq!(given, 101);
@@ -273,7 +275,7 @@ fn every_rehearsal_comes_to_an_end() {
         "stall@1s,unplug@1010ms",
         "unplug@1h",
     ] {
-        let settings = Settings { faults: faults.parse().unwrap(), ..Settings::default() };
+        let settings = Settings::with_faults(faults.parse().unwrap());
         let rehearsal = rehearse(&timeline, settings);
         let ends_early = rehearsal.outcome.cause != Cause::Finished;
         assert_eq!(ends_early, !rehearsal.aborted.is_empty(), "{faults}: {:?}", rehearsal.outcome);

@@ -92,9 +92,8 @@ fn together(count: usize) -> String {
 
 #[test]
 fn the_bounds_are_five_and_fifty_milliseconds() {
-    let codes = |text: &str| -> Vec<Code> {
-        compiled(text).diagnostics.iter().map(|diagnostic| diagnostic.code).collect()
-    };
+    let codes =
+        |text: &str| -> Vec<Code> { compiled(text).diagnostics.iter().map(|diagnostic| diagnostic.code).collect() };
     // The n-th of them begins to leave (n - 1) · 1.12847 ms after it is due: the fifth 4.514 ms, the sixth 5.642 ms, the 45th
     // 49.653 ms, the 46th 50.781 ms. Closing frames follow behind each script with a raw frame: the stop is one more, and
     // the `buzzer off` the next; a pause lets the line become free for them.

@@ -52,6 +52,7 @@ pub struct Decoded {
 
 /// How a capture is read.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Reading {
     /// When its bytes came, where that was written down beside it.
     pub timing: Option<Timing>,
@@ -59,6 +60,26 @@ pub struct Reading {
     pub baud: Option<u32>,
     /// The board that it is for.
     pub board: Arc<Board>,
+}
+
+impl Reading {
+    /// The same with the times of its bytes.
+    #[must_use]
+    pub fn with_timing(self, timing: Option<Timing>) -> Self {
+        Reading { timing, ..self }
+    }
+
+    /// The same at another speed of the line, in bits a second.
+    #[must_use]
+    pub fn with_baud(self, baud: Option<u32>) -> Self {
+        Reading { baud, ..self }
+    }
+
+    /// The same of another board.
+    #[must_use]
+    pub fn with_board(self, board: Arc<Board>) -> Self {
+        Reading { board, ..self }
+    }
 }
 
 impl Default for Reading {

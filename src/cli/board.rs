@@ -77,8 +77,8 @@ impl Board {
         let signals = begin(screen)?;
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
         let faults = self.fault.clone().unwrap_or_default();
-        let settings =
-            Settings { battery: self.battery, report_every: self.report_every, faults, ..Settings::default() };
+        let mut settings = Settings::with_faults(faults);
+        (settings.battery, settings.report_every) = (self.battery, self.report_every);
         let board = VirtualBoard::new(self.reading.board(), settings);
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);

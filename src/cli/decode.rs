@@ -81,7 +81,8 @@ impl Decode {
             Some(file) => Box::new(file),
         };
         let board = self.reading.board();
-        let reading = capture::Reading { timing, baud: self.baud, board: Arc::clone(&board) };
+        let reading =
+            capture::Reading::default().with_timing(timing).with_baud(self.baud).with_board(Arc::clone(&board));
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let decoded =
             if is_script { transcribe(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };

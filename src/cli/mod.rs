@@ -22,6 +22,8 @@ mod test;
 // What plays, and offers ports.
 #[cfg(target_os = "linux")]
 mod board;
+#[cfg(not(target_os = "linux"))]
+mod elsewhere;
 #[cfg(target_os = "linux")]
 mod ending;
 #[cfg(target_os = "linux")]
@@ -48,8 +50,6 @@ mod recording;
 mod tape;
 #[cfg(target_os = "linux")]
 mod watcher;
-#[cfg(not(target_os = "linux"))]
-mod elsewhere;
 
 use std::io;
 use std::path::PathBuf;
@@ -215,7 +215,7 @@ pub(crate) fn main() -> ExitCode {
 impl Options {
     /// The same for the library.
     fn of_library(&self) -> motionseq::program::Options {
-        motionseq::program::Options { events: self.max_events, set: self.set.clone(), ..Default::default() }
+        motionseq::program::Options::default().with_events(self.max_events).with_set(self.set.clone())
     }
 
     /// Which warnings are shown, where nothing else is asked for.
@@ -230,7 +230,7 @@ impl Options {
 
     /// The same at another speed.
     fn compile_at(&self, sources: &Sources, screen: &Screen, speed: Speed, warnings: Warnings) -> Compiled {
-        let options = motionseq::program::Options { speed, ..self.of_library() };
+        let options = self.of_library().with_speed(speed);
         let compiled = motionseq::compile(sources, &options);
         screen.diagnostics(sources, &compiled.diagnostics, self.warnings(warnings), false);
         compiled

@@ -21,11 +21,11 @@ use rtrb::RingBuffer;
 use super::Script;
 use super::ending::{End, Lost, Reporter};
 use super::exit::Exit;
+use super::growing;
 use super::log::Log;
 use super::news::{Desk, Files, News, Progress};
 use super::notes::Asking;
 use super::output::{self, Force, Inputs};
-use super::growing;
 use super::recording::Recording;
 use super::replace::Replacement;
 use super::screen::Screen;
@@ -143,7 +143,7 @@ impl Play {
             screen.error("faults happen on the virtual board only: leave `--fault` or the port away");
             return Err(Exit::Usage);
         }
-        let settings = Settings { faults, ..Settings::default() };
+        let settings = Settings::with_faults(faults);
         let name = port.as_ref().map(|port| port.display().to_string());
         let port = Port::open(port.as_deref(), &timeline, settings, screen)?;
         if let Some((path, file)) = &recording {

@@ -16,9 +16,9 @@ use motionseq::units::{Micros, Nanos};
 use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
 use super::exit::Exit;
+use super::growing;
 use super::guard;
 use super::log::Log;
-use super::growing;
 use super::output::{self, Inputs};
 use super::play;
 use super::screen::{PATIENCE, Screen, plural};
@@ -110,8 +110,8 @@ impl Record {
         let (exit, tape) = match port {
             None => {
                 let faults = self.fault.clone().unwrap_or_default();
-                let settings =
-                    Settings { battery: self.battery, report_every: self.report_every, faults, ..Settings::default() };
+                let mut settings = Settings::with_faults(faults);
+                (settings.battery, settings.report_every) = (self.battery, self.report_every);
                 let board = VirtualBoard::new(self.reading.board(), settings);
                 begun("a virtual board");
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)

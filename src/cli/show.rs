@@ -190,7 +190,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         if to.is_some_and(|to| to <= from) {
             return Err("--to is not after --from: nothing is left between them".to_owned());
         }
-        let asked = Part { from, to, lead_in: self.lead_in };
+        let asked = Part::new(from, to, self.lead_in);
         let first = part(whole, &asked, &State::default());
         let first_pass = first.end;
         // Behind a pass it is known where everything is.

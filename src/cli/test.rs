@@ -85,13 +85,10 @@ impl Test {
             Err(error) => return output::exit(Err(error), self.junit.as_deref(), screen),
         };
         let faults = self.fault.clone().unwrap_or_default();
-        let job = Job {
-            options: self.options.of_library(),
-            bless: self.bless.then_some(replace_file as Replace),
-            play: self.play,
-            faults,
-            deny: self.deny.is_some(),
-        };
+        let mut job = Job::new(self.options.of_library());
+        job.bless = self.bless.then_some(replace_file as Replace);
+        job.deny = self.deny.is_some();
+        (job.play, job.faults) = (self.play, faults);
         // More threads than scripts have nothing to do.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

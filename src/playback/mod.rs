@@ -31,12 +31,12 @@ pub use player::Player;
 mod real {
     pub use super::driver::{Rig, drive};
     pub use super::guard::{Guard, Guarded, Ward, guard};
+    pub(crate) use super::halt::Outbox;
     pub use super::latency::lateness;
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
+    pub(crate) use super::stop::stop_robot;
     pub use super::watch::Fate;
     pub use crate::clock::now;
-    pub(crate) use super::halt::Outbox;
-    pub(crate) use super::stop::stop_robot;
 }
 #[cfg(all(feature = "player", target_os = "linux"))]
 pub use real::*;

@@ -53,6 +53,7 @@ pub const MAX_STEPS: u64 = 100_000_000;
 
 /// What a script is compiled with from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Options {
     /// The most frames a robot.
     pub events: usize,
@@ -62,6 +63,32 @@ pub struct Options {
     pub speed: Speed,
     /// The board that it is for.
     pub board: Arc<Board>,
+}
+
+impl Options {
+    /// The same for another board.
+    #[must_use]
+    pub fn with_board(self, board: Arc<Board>) -> Self {
+        Options { board, ..self }
+    }
+
+    /// The same with another limit of frames.
+    #[must_use]
+    pub fn with_events(self, events: usize) -> Self {
+        Options { events, ..self }
+    }
+
+    /// The same at another speed.
+    #[must_use]
+    pub fn with_speed(self, speed: Speed) -> Self {
+        Options { speed, ..self }
+    }
+
+    /// The same with values that replace those of top-level `let`s: names and values, as a script would write them.
+    #[must_use]
+    pub fn with_set(self, set: Vec<(String, String)>) -> Self {
+        Options { set, ..self }
+    }
 }
 
 /// How fast a script runs, from a tenth to ten times as fast, in thousandths.

@@ -141,9 +141,9 @@ fn junit(cases: &[Case], xml: &mut Writer<Vec<u8>>) -> io::Result<()> {
         ("failures", &*failures),
     ];
     xml.create_element("testsuites").with_attributes(suites).write_inner_content(|xml| {
-        xml.create_element("testsuite").with_attributes(suite).write_inner_content(|xml| {
-            cases.iter().try_for_each(|case| junit_case(case, xml))
-        })?;
+        xml.create_element("testsuite")
+            .with_attributes(suite)
+            .write_inner_content(|xml| cases.iter().try_for_each(|case| junit_case(case, xml)))?;
         Ok(())
     })?;
     Ok(())

@@ -21,6 +21,7 @@ pub use motion::Pose;
 
 /// What a board is like, and what goes wrong with it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Settings {
     /// Nominal units, and the size of the robot.
     pub geometry: Geometry,
@@ -43,6 +44,13 @@ impl Default for Settings {
             report_every: Micros::from_millis(100),
             faults: Faults::default(),
         }
+    }
+}
+
+impl Settings {
+    /// The usual board, and these faults.
+    pub fn with_faults(faults: Faults) -> Self {
+        Settings { faults, ..Settings::default() }
     }
 }
 

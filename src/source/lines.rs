@@ -164,7 +164,7 @@ mod tests {
             let lines = Lines::of(&sources);
             for source in sources.iter() {
                 for (at, _) in source.text().char_indices().chain([(source.text().len(), ' ')]) {
-                    let before = &source.text()[..at];
+                    let before = source.text().get(..at).unwrap();
                     let line = before.rsplit('\n').next().unwrap();
                     let offset = source.base() + u32::try_from(at).unwrap();
                     let column = |encoding| usize::try_from(lines.position(offset, encoding).column).unwrap();

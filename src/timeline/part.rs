@@ -13,6 +13,7 @@ use crate::units::Micros;
 
 /// Which part of a timeline.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Part {
     /// Where it begins, from the start of the script.
     pub from: Micros,
@@ -20,6 +21,13 @@ pub struct Part {
     pub to: Option<Micros>,
     /// How long servos take that must be brought to where they would be.
     pub lead_in: Micros,
+}
+
+impl Part {
+    /// A part from a time to another one, or to the end.
+    pub fn new(from: Micros, to: Option<Micros>, lead_in: Micros) -> Self {
+        Part { from, to, lead_in }
+    }
 }
 
 /// The time between two steps of a lead-in.

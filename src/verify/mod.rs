@@ -129,6 +129,7 @@ pub type Replace = fn(&Path, &[u8]) -> io::Result<()>;
 
 /// What is done besides comparing.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct Job {
     /// How scripts are compiled.
     pub options: Options,
@@ -143,6 +144,11 @@ pub struct Job {
 }
 
 impl Job {
+    /// Comparing only, of scripts that are compiled in this way.
+    pub fn new(options: Options) -> Self {
+        Job { options, ..Job::default() }
+    }
+
     /// Compares a script with its snapshot, and plays it if that is asked for.
     pub fn case(&self, script: &Path) -> Case {
         let name = script.display().to_string();
