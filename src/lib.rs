@@ -1,26 +1,63 @@
-//! A scriptable motion sequencer for the Yahboom Raspblock: timed scripts in, exact frames out.
+//! motionseq as a library: scripts with times become the frames of a robot's serial protocol, and a player sends them on time.
 //!
-//! Data flows one way: **text → syntax → program → timeline → playback → link**.
+//! # From a text to frames
 //!
-//! - [`source`] holds a script's text, [`diagnostic`] what is wrong with it.
-//! - [`syntax`] reads text into a tree; [`program`] gives its words meaning and its commands exact times; [`timeline`] lays
-//!   them out as sorted frames in whole microseconds.
-//! - [`board`] is what can be said to a board, as a table, and the frames that carry it. It knows neither times nor ports.
+//! [`compile`] takes a script and returns a [`Timeline`], or what is wrong with it. The same text gives the same bytes on every
+//! machine.
 //!
 //! ```
-//! use motionseq::source::Source;
+//! use motionseq::program::Options;
+//! use motionseq::source::{Memory, Sources};
 //! use motionseq::units::Micros;
 //!
-//! let source = Source::new("hello.motion", "at 0.5s servo 1 1500; rocker x=10 z=50\nat 1.5s stop\n");
-//! let compiled = motionseq::compile(&source.into(), &motionseq::program::Options::default());
+//! let files = Memory::from([
+//!     ("hello.motion", "use \"lib/pose.motion\"\nat 0.5s pose(1500); rocker x=10 z=50\nat 1.5s stop\n"),
+//!     ("lib/pose.motion", "def pose(pulse) { servo 1 pulse }\n"),
+//! ]);
+//! let sources = Sources::read("hello.motion".as_ref(), files)?;
+//! let compiled = motionseq::compile(&sources, &Options::default());
+//! assert!(compiled.diagnostics.iter().next().is_none());
 //! let timeline = compiled.timeline.expect("the script has no errors");
 //!
 //! let first = &timeline.events()[0];
-//! assert_eq!(first.at, Micros(500_000));
+//! assert_eq!(first.at, Micros::from_millis(500));
 //! let board = &timeline.board;
 //! assert_eq!(board.show(&first.command).to_string(), "servo 1 1500");
 //! assert_eq!(board.to_frame(&first.command), [0xFF, 0xFE, 0x02, 0x03, 0x01, 0x05, 0xDC, 0xE7]);
+//! # Ok::<(), motionseq::source::SourceError>(())
 //! ```
+//!
+//! | module | what it is for |
+//! |---|---|
+//! | [`source`] | texts, from the disk ([`source::Disk`]), from memory or from your own [`source::Files`]; places in them, as bytes and as line and column in UTF-8, UTF-16 and characters |
+//! | [`diagnostic`] | errors and warnings as data: a code, a place, a message, and a help that shows what to write |
+//! | [`syntax`] | a script as a tree, and the formatter |
+//! | [`program`] | the options of a compilation, and the tables of the language: commands, settings, units, functions, easings |
+//! | [`timeline`] | every frame with its time and its place in the script; parts and passes; listings, snapshots, and what changed between two |
+//! | [`board`] | what can be sent to a board, as data: its commands, their ranges, its frames and its reports |
+//! | [`units`] | microseconds and nanoseconds, read and shown |
+//! | [`plot`] | a timeline as a picture |
+//! | [`capture`] | the bytes of another program as a listing, or as a script |
+//! | [`verify`] | scripts compared with their snapshots, and rehearsed |
+//! | [`report`] | results as JSON, `JUnit`, TAP, SARIF and annotations of `GitHub` |
+//! | [`sim`] | a virtual board that knows no clock |
+//! | [`playback`] | the player, which knows no clock and no port; on Linux also the loop that drives it, and the guard that stops a robot whose player was killed |
+//! | `link`, `serve` | on Linux: serial ports and pseudo-terminals; a board, virtual or real, that other programs open |
+//!
+//! # Features
+//!
+//! All of this but `link`, `serve` and the loop of the player builds on every system that Rust's standard library is there for,
+//! WebAssembly included, with `default-features = false`. It needs no clock, no port, no thread and no file system: a script that
+//! comes from [`source::Memory`] never touches one.
+//!
+//! | feature | what it adds |
+//! |---|---|
+//! | `player` | on Linux, `link`, `serve` and the loop of the player |
+//! | `png` | pictures as PNG |
+//! | `cli`, `mcap` | the program `motionseq`, and its logs |
+//!
+//! `examples/compile.rs` compiles a script in memory, `examples/play.rs` plays one on a robot, and `examples/wasm.rs` is the compiler
+//! for web pages.
 
 pub mod board;
 pub mod capture;

@@ -149,7 +149,7 @@ impl Nanos {
     }
 
     /// Seconds with any number of decimals, `0.02` or `12`; what is finer than a nanosecond is cut off. `None` for anything else.
-    pub fn from_seconds(text: &str) -> Option<Nanos> {
+    pub(crate) fn from_seconds(text: &str) -> Option<Nanos> {
         let (seconds, decimals) = text.split_once('.').unwrap_or((text, ""));
         if seconds.is_empty() || !text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.') {
             return None;

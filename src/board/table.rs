@@ -417,7 +417,7 @@ impl Verb {
     }
 
     /// The values of its index.
-    pub fn indices(&self) -> Option<RangeInclusive<i32>> {
+    pub(crate) fn indices(&self) -> Option<RangeInclusive<i32>> {
         let (least, most) = self.axes.first().filter(|_| self.is_indexed())?.range;
         Some(least..=most)
     }

@@ -55,12 +55,9 @@ impl Decode {
             screen.error("--baud is about a script: write one with `-o NAME.motion`");
             return Exit::Usage;
         }
-        let timing = match &self.timing {
-            None => None,
-            Some(path) => match self.timing(path, screen) {
-                Ok(timing) => Some(timing),
-                Err(exit) => return exit,
-            },
+        let timing = match self.timing.as_deref().map(|path| self.timing(path, screen)).transpose() {
+            Ok(timing) => timing,
+            Err(exit) => return exit,
         };
         let input: Box<dyn Read> = if self.file.as_os_str() == "-" {
             Box::new(io::stdin().lock())

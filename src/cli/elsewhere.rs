@@ -8,8 +8,8 @@ macro_rules! needs_linux {
 
             use clap::Args;
 
-            use crate::cli::exit::Exit;
-            use crate::cli::screen::Screen;
+            use super::super::exit::Exit;
+            use super::super::screen::Screen;
 
             #[doc = $about]
             #[derive(Debug, Args)]

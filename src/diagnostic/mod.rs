@@ -82,14 +82,14 @@ impl Diagnostic {
 
     /// Adds a word or two that stand at the place itself.
     #[must_use]
-    pub fn label(mut self, label: impl Into<String>) -> Self {
+    pub(crate) fn label(mut self, label: impl Into<String>) -> Self {
         self.label = Some(label.into());
         self
     }
 
     /// Adds a second place.
     #[must_use]
-    pub fn related(mut self, span: Span, label: impl Into<String>) -> Self {
+    pub(crate) fn related(mut self, span: Span, label: impl Into<String>) -> Self {
         self.related.push(Related { span, label: label.into() });
         self
     }
@@ -113,7 +113,7 @@ impl Diagnostics {
     }
 
     /// Whether a comment allows a warning at a place: on the line where it begins.
-    pub fn is_allowed(&self, code: Code, span: Span) -> bool {
+    pub(crate) fn is_allowed(&self, code: Code, span: Span) -> bool {
         let lines = self.allowed.get(&code).map(Vec::as_slice).unwrap_or_default();
         let behind = lines.partition_point(|line| line.start <= span.start);
         let line = behind.checked_sub(1).and_then(|at| lines.get(at));

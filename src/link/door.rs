@@ -107,14 +107,14 @@ impl Door {
     }
 
     /// A pseudo-terminal without a link, which whoever shall open it is told.
-    pub fn unnamed(pty: Pty) -> io::Result<Self> {
+    pub(crate) fn unnamed(pty: Pty) -> io::Result<Self> {
         pty.never_wait()?;
         let baud = pty.settings()?.baud;
         Ok(Door { pty, link: None, _name: None, baud })
     }
 
     /// How the program has set the line up, where that is not as the board's.
-    pub fn wrong_settings(&self) -> io::Result<Option<LineSettings>> {
+    pub(crate) fn wrong_settings(&self) -> io::Result<Option<LineSettings>> {
         let settings = self.pty.settings()?;
         Ok((settings != LineSettings { baud: self.baud, stops: 1 }).then_some(settings))
     }

@@ -77,7 +77,7 @@ impl Pty {
     }
 
     /// Whether a program has its end open.
-    pub fn is_in_use(&self) -> io::Result<bool> {
+    pub(crate) fn is_in_use(&self) -> io::Result<bool> {
         let mut polled = [PollFd::new(&self.far, PollFlags::empty())];
         rustix::event::poll(&mut polled, Some(&Timespec { tv_sec: 0, tv_nsec: 0 }))?;
         Ok(!polled.iter().any(|polled| polled.revents().contains(PollFlags::HUP)))

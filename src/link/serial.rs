@@ -132,7 +132,7 @@ impl Serial {
     }
 
     /// A port that another process has opened, locked and set up, and shares with this one.
-    pub fn inherited(port: OwnedFd) -> io::Result<Self> {
+    pub(crate) fn inherited(port: OwnedFd) -> io::Result<Self> {
         if !rustix::termios::isatty(&port) {
             return Err(io::Error::other("it is not a serial port"));
         }

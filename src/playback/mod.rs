@@ -1,8 +1,8 @@
-//! Plays a timeline: the only room that knows a clock and a port.
+//! Plays a timeline.
 //!
-//! [`Player`] decides and holds neither: time and everything that happens are its inputs, so tests play an hour in no time.
-//! [`drive`] is the loop that asks it what to do and does it, under the real clock. A [`Guard`] is a second process that
-//! stops the robot if this one cannot.
+//! [`Player`] decides, and has no clock and no port: time and everything that happens are its inputs, so tests play an hour in no
+//! time, on every system. On Linux, with the feature `player`, there is more: `drive` is the loop that asks it what to do and does
+//! it, under the real clock, and a `Guard` is a second process that stops the robot if this one cannot.
 
 mod halt;
 mod judge;

@@ -93,7 +93,7 @@ fn bounce(x: f64) -> f64 {
 
 impl Ease {
     /// Straight from one value to the other.
-    pub const LINEAR: Ease = Ease { direction: Direction::Linear, curve: 0 };
+    pub(crate) const LINEAR: Ease = Ease { direction: Direction::Linear, curve: 0 };
 
     /// The easing with this name, such as `in-out-sine`.
     pub fn named(name: &str) -> Option<Ease> {

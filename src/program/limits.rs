@@ -19,7 +19,7 @@ pub struct Limit {
 
 impl Limit {
     /// The limits of a script that sets none.
-    pub fn proper(board: &Board) -> Vec<Limit> {
+    pub(crate) fn proper(board: &Board) -> Vec<Limit> {
         let limit = |limit: &crate::board::ProperLimit| Limit {
             limited: limit.limited,
             low: limit.range.0.into(),
@@ -36,14 +36,14 @@ impl Limit {
 }
 
 /// The first limit that a command breaks, with the value that does.
-pub fn broken<'l>(board: &Board, limits: &'l [Limit], command: &Command) -> Option<(&'l Limit, i32)> {
+pub(crate) fn broken<'l>(board: &Board, limits: &'l [Limit], command: &Command) -> Option<(&'l Limit, i32)> {
     limits
         .iter()
         .find_map(|limit| board.outside(limit.limited, (limit.low, limit.high), command).map(|value| (limit, value)))
 }
 
 /// Says that a command breaks a limit, and how to widen it.
-pub fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {
+pub(crate) fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {
     let Limit { limited, low, high, .. } = *limit;
     let Some(set) = limit.span else {
         let (least, most) = board.range(limited).unwrap_or_default();

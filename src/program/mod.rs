@@ -1,4 +1,4 @@
-//! The lines of a script to a [`Program`]: what words and numbers mean, and when each command starts.
+//! The lines of a script to a program: what words and numbers mean, and when each command starts.
 //!
 //! A program is flat: commands in the order of unrolling, each with its exact time and its place in the script. Ranges
 //! and units are checked; what depends on the order in time (clashes, holding, refresh) belongs to the timeline.
@@ -31,8 +31,9 @@ pub use commands::{COMMANDS, Row, Signature, signatures};
 pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Expect, Measured, Wanted};
 pub use functions::{FUNCTIONS, Function};
-pub use limits::{Limit, broken, diagnostic as broken_limit};
-pub use motion::{Glide, Motion, Move};
+pub use limits::Limit;
+pub(crate) use limits::{broken, diagnostic as broken_limit};
+pub(crate) use motion::{Motion, Move};
 pub use settings::SETTINGS;
 pub use suggest::suggest;
 pub use tempo::Tempo;
@@ -49,7 +50,7 @@ use crate::syntax::{self, Reading};
 use crate::units::Micros;
 
 /// The most lines and passes that are unrolled.
-pub const MAX_STEPS: u64 = 100_000_000;
+pub(crate) const MAX_STEPS: u64 = 100_000_000;
 
 /// What a script is compiled with from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -136,7 +137,7 @@ impl Default for Options {
 
 /// A script with every word understood.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Program {
+pub(crate) struct Program {
     /// The board that it is for.
     pub board: Arc<Board>,
     /// What stands before the commands.
@@ -157,7 +158,7 @@ pub struct Program {
 
 /// `on abort`: a small program of its own, which starts with nothing known.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Abort {
+pub(crate) struct Abort {
     /// Its commands; none of them is for the drive.
     pub steps: Vec<Step>,
     /// When it has ended, from its own start; at most 2 s.
@@ -166,7 +167,7 @@ pub struct Abort {
 
 /// One command at its time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Step {
+pub(crate) struct Step {
     /// When it starts, from the start of the script.
     pub at: Time,
     /// Where it stands in the script.
@@ -182,7 +183,7 @@ pub struct Step {
 /// What a step does.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Action {
+pub(crate) enum Action {
     /// Sends a command.
     Send(board::Command),
     /// Sends a command that holds for so long, and then ends: the drive stops, the buzzer goes off.
@@ -197,7 +198,7 @@ pub enum Action {
 
 /// What stands before every command of a script.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Time between two samples of a move: 1/200 s to 1 s.
     pub period: Time,
     /// How often a drive command is sent again while it holds, 10 ms - 1 s; `None` for never.
@@ -221,7 +222,7 @@ pub const MAX_SERVO_SPEED: u64 = 100_000;
 
 impl Settings {
     /// What holds where a script says nothing.
-    pub fn of(board: &Board) -> Self {
+    pub(crate) fn of(board: &Board) -> Self {
         Settings {
             period: Time::from_millis(20),
             refresh: Some(Time::from_millis(50)),
@@ -239,7 +240,7 @@ impl Program {
     /// The same at another speed: commands, moves and holds. Refreshes and the steps of moves stay in real time, and so
     /// does `on abort`.
     #[must_use]
-    pub fn at_speed(mut self, speed: Speed) -> Self {
+    pub(crate) fn at_speed(mut self, speed: Speed) -> Self {
         if speed == Speed::NORMAL {
             return self;
         }
@@ -263,7 +264,7 @@ impl Program {
 
 /// Gives every word its meaning and every command its time. What is wrong is reported and left out. The tree of each line is
 /// dropped as soon as it is run.
-pub fn program<'s>(
+pub(crate) fn program<'s>(
     script: Reading<'s>,
     sources: &'s Sources,
     options: &Options,

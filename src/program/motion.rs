@@ -9,7 +9,7 @@ use crate::board::{Axis, Board, Command, MAX_MOVING, Unit, Values, VerbId};
 
 /// One value of such a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Glide {
+pub(crate) struct Glide {
     /// Where it starts, if the script says so with `A -> B`.
     pub from: Option<f64>,
     /// Where it goes. In range when rounded.
@@ -18,7 +18,7 @@ pub struct Glide {
 
 /// A command with its values.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub(crate) struct Motion {
     /// Which command.
     pub verb: VerbId,
     /// Its index, if it has one.
@@ -29,7 +29,7 @@ pub struct Motion {
 
 /// A command that goes somewhere over a time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Move {
+pub(crate) struct Move {
     /// The command and its values.
     pub motion: Motion,
     /// How long it takes; above zero.
@@ -45,12 +45,12 @@ impl Motion {
     }
 
     /// Its values, without the index.
-    pub fn values(&self) -> &[Glide] {
+    pub(crate) fn values(&self) -> &[Glide] {
         &self.glides
     }
 
     /// What one of its values is called, without an article.
-    pub fn name(&self, board: &Board, at: usize) -> String {
+    pub(crate) fn name(&self, board: &Board, at: usize) -> String {
         let what = self.axis(board, at).map_or("value", |axis| &axis.what);
         what.strip_prefix("a ").or(what.strip_prefix("the ")).unwrap_or(what).to_owned()
     }
@@ -60,7 +60,7 @@ impl Motion {
     }
 
     /// The command with other values, rounded; the index of the first one that is out of range where there is one.
-    pub fn command(&self, board: &Board, values: &[f64]) -> Result<Command, usize> {
+    pub(crate) fn command(&self, board: &Board, values: &[f64]) -> Result<Command, usize> {
         let mut whole: Values = self.index.into_iter().collect();
         for (at, value) in values.iter().enumerate() {
             let range = self.axis(board, at).map(|axis| axis.range).ok_or(at)?;
@@ -71,7 +71,7 @@ impl Motion {
     }
 
     /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.
-    pub fn with_starts(&self, board: &Board) -> String {
+    pub(crate) fn with_starts(&self, board: &Board) -> String {
         let usual = |axis: &Axis, to: f64| {
             let (least, most) = (f64::from(axis.range.0), f64::from(axis.range.1));
             if least <= 0.0 && most >= 0.0 {
@@ -97,12 +97,12 @@ impl Motion {
     }
 
     /// Whether any value says where it starts.
-    pub fn has_start(&self) -> bool {
+    pub(crate) fn has_start(&self) -> bool {
         self.values().iter().any(|glide| glide.from.is_some())
     }
 
     /// The command that it arrives at.
-    pub fn target(&self, board: &Board) -> Option<Command> {
+    pub(crate) fn target(&self, board: &Board) -> Option<Command> {
         let targets: SmallVec<[f64; MAX_MOVING]> = self.glides.iter().map(|glide| glide.to).collect();
         self.command(board, &targets).ok()
     }

@@ -83,7 +83,7 @@ impl Time {
     }
 
     /// The sum; `None` beyond 292 years.
-    pub fn checked_plus(self, other: Time) -> Option<Time> {
+    pub(crate) fn checked_plus(self, other: Time) -> Option<Time> {
         if (self.per, other.per) == (1, 1)
             && let Some(nanos) = self.nanos.checked_add(other.nanos).filter(|nanos| *nanos != i64::MIN)
         {
@@ -94,13 +94,13 @@ impl Time {
     }
 
     /// The difference; `None` beyond 292 years.
-    pub fn checked_minus(self, other: Time) -> Option<Time> {
+    pub(crate) fn checked_minus(self, other: Time) -> Option<Time> {
         self.checked_plus(other.negated())
     }
 
     /// The sum, for places in a script: beyond 292 years it is held there, which is still longer than any script may be.
     #[must_use]
-    pub fn plus(self, other: Time) -> Time {
+    pub(crate) fn plus(self, other: Time) -> Time {
         let held = if self < Time::ZERO { Time::MAX.negated() } else { Time::MAX };
         self.checked_plus(other).unwrap_or(held)
     }
@@ -113,12 +113,12 @@ impl Time {
 
     /// The same length backwards.
     #[must_use]
-    pub fn negated(self) -> Time {
+    pub(crate) fn negated(self) -> Time {
         Time { nanos: self.nanos.saturating_neg(), ..self }
     }
 
     /// `above / below` times as long; `None` where `below` is zero, and beyond 292 years.
-    pub fn scaled(self, above: i64, below: i64) -> Option<Time> {
+    pub(crate) fn scaled(self, above: i64, below: i64) -> Option<Time> {
         let [a, b, c, d] = [self.nanos, self.per, above, below].map(i128::from);
         Time::from_fraction(a * c, b * d)
     }
@@ -132,13 +132,13 @@ impl Time {
 
     /// As many times as long as this number says; a number counts as the decimal that it prints as. `None` where the number
     /// is too long to be exact.
-    pub fn by_number(self, number: f64) -> Option<Time> {
+    pub(crate) fn by_number(self, number: f64) -> Option<Time> {
         let (above, below) = decimal(number)?;
         self.scaled(above, below)
     }
 
     /// Divided by a number, which counts as the decimal that it prints as. `None` for zero and for numbers too long.
-    pub fn over_number(self, number: f64) -> Option<Time> {
+    pub(crate) fn over_number(self, number: f64) -> Option<Time> {
         let (above, below) = decimal(number)?;
         self.scaled(below, above)
     }
@@ -157,7 +157,7 @@ impl Time {
     }
 
     /// What is left when `other` is taken away as often as it goes; it has the sign of `other`. `None` where `other` is zero.
-    pub fn remainder(self, other: Time) -> Option<Time> {
+    pub(crate) fn remainder(self, other: Time) -> Option<Time> {
         let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
         let below = c * b;
         let rest = (a * d).checked_rem(below)?;
@@ -166,7 +166,7 @@ impl Time {
     }
 
     /// As a number of microseconds.
-    pub fn in_micros(self) -> f64 {
+    pub(crate) fn in_micros(self) -> f64 {
         self.over(Time::from_nanos(1_000)).unwrap_or(0.0)
     }
 }

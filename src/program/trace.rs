@@ -57,7 +57,7 @@ impl Traces {
     }
 
     /// Adds the calls that led to `leaf`, the innermost first. A pass is only shown where it is not the first.
-    pub fn attach(&self, mut diagnostic: Diagnostic, leaf: TraceId) -> Diagnostic {
+    pub(crate) fn attach(&self, mut diagnostic: Diagnostic, leaf: TraceId) -> Diagnostic {
         let mut at = leaf;
         let mut shown = 0;
         while let Some(trace) = self.get(at).filter(|_| shown < SHOWN) {

@@ -1,6 +1,6 @@
 //! The virtual board: takes bytes as a real one does, keeps what it was told, moves, and reports.
 //!
-//! It holds no clock: time is an input, so that the same board is behind a pseudo-terminal in real time ([`crate::serve`]) and
+//! It holds no clock: time is an input, so that the same board is behind a pseudo-terminal in real time (`serve`) and
 //! under a clock that jumps. What the maker of the board does not publish is nominal here, and can be set ([`Settings`]). The device
 //! itself never fails; what goes wrong ([`Faults`]) is put around it.
 

@@ -197,7 +197,7 @@ impl Source {
     }
 
     /// The offset of its first byte.
-    pub fn base(&self) -> u32 {
+    pub(crate) fn base(&self) -> u32 {
         self.base
     }
 

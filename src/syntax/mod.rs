@@ -21,7 +21,6 @@ pub use ast::{
 };
 pub use print::format;
 pub use reading::Reading;
-pub use scan::{MAX_LINE, MAX_NESTING};
 
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};

@@ -8,11 +8,11 @@ use crate::diagnostic::{Code, Diagnostic, Diagnostics, Severity};
 use crate::source::{Source, Span};
 
 /// How deep brackets may be nested.
-pub const MAX_NESTING: usize = 64;
+pub(crate) const MAX_NESTING: usize = 64;
 /// How many codes a comment may allow.
 const MAX_ALLOWED: usize = 64;
 /// How long a line may be, in bytes. What pest keeps of a line is hundreds of times as long as the line.
-pub const MAX_LINE: usize = 64 * 1024;
+pub(crate) const MAX_LINE: usize = 64 * 1024;
 
 /// The least bytes of a piece that the grammar reads at once. What pest keeps of a text is many times as long as the text,
 /// so a long script, and a long block, is read in pieces, small enough that the allocator keeps the memory for the next one.

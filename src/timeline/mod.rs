@@ -1,4 +1,4 @@
-//! [`Program`] to [`Timeline`]: what is sent when, flat and sorted, in whole microseconds.
+//! A program to a [`Timeline`]: what is sent when, flat and sorted, in whole microseconds.
 //!
 //! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
 //! one time: commands and samples in script order, then refreshes, then closing frames.
@@ -24,7 +24,8 @@ use crate::units::Micros;
 pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
 pub use part::{Part, check_passes, part, passes, state_after};
-pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_aborted, write_snapshot};
+pub(crate) use snapshot::write_aborted;
+pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
 
 /// Everything that a script sends and shows, for every robot.
@@ -172,7 +173,7 @@ impl Timeline {
     }
 
     /// The moves of the only track.
-    pub fn tweens(&self) -> &[Tween] {
+    pub(crate) fn tweens(&self) -> &[Tween] {
         self.tracks.first().map(|track| track.tweens.as_slice()).unwrap_or_default()
     }
 
@@ -227,7 +228,7 @@ impl Event {
 
 /// Lays a program out in time, with at most `events` frames a robot. Clashes and what else is wrong in the order of time is
 /// reported.
-pub fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
+pub(crate) fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     order(&mut program, diagnostics);
     let timeline = lay::lay(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
@@ -237,7 +238,7 @@ pub fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnosti
 
 /// Sorts a program by time, and looks for what is wrong in that order. Alone it is for a program that has other errors but whose
 /// times are right.
-pub fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
+pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
     let key = |step: &Step| (step.at.micros(), step.order);
     let sort = |steps: &mut [Step]| {
         // Most scripts are written in the order of time.

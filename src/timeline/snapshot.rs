@@ -55,7 +55,7 @@ pub struct More {
 
 impl Snapshot {
     /// Whether what follows a line of a snapshot is only sent where something ends a run early.
-    pub fn begins_abort(line: &str) -> bool {
+    pub(crate) fn begins_abort(line: &str) -> bool {
         line == ABORT
     }
 
@@ -139,7 +139,13 @@ pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> 
 }
 
 /// Writes a snapshot of what goes out when something ends a run early.
-pub fn write_aborted(board: &Board, name: &str, moments: &[Moment], baud: u32, out: &mut impl Write) -> io::Result<()> {
+pub(crate) fn write_aborted(
+    board: &Board,
+    name: &str,
+    moments: &[Moment],
+    baud: u32,
+    out: &mut impl Write,
+) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
     let mut bytes = Vec::new();
     for moment in moments {

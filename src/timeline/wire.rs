@@ -45,7 +45,7 @@ impl Wire {
     }
 
     /// Ticks in microseconds.
-    pub fn in_micros(&self, ticks: u64) -> f64 {
+    pub(crate) fn in_micros(&self, ticks: u64) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "for pictures")]
         let [ticks, baud] = [ticks as f64, self.baud as f64];
         ticks / baud

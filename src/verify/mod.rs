@@ -344,7 +344,7 @@ fn is_phrases(timeline: &Timeline) -> bool {
 }
 
 /// The path of a script's snapshot.
-pub fn snapshot_of(script: &Path) -> PathBuf {
+pub(crate) fn snapshot_of(script: &Path) -> PathBuf {
     let mut name = script.as_os_str().to_owned();
     name.push(SNAPSHOT);
     PathBuf::from(name)

@@ -39,7 +39,7 @@ pub struct Twist {
 
 impl Geometry {
     /// What a drive command makes of the body. `None` for a displacement, and for what does not drive.
-    pub fn twist(&self, command: &Command) -> Option<Twist> {
+    pub(crate) fn twist(&self, command: &Command) -> Option<Twist> {
         let value = |at: usize| command.value(at).map(f64::from);
         let speed = |at: usize| Some(value(at)? * self.cm_s);
         Some(match command.verb() {

@@ -23,27 +23,27 @@ pub mod verb {
     use super::VerbId;
 
     /// One servo.
-    pub const SERVO: VerbId = VerbId(0);
+    pub(crate) const SERVO: VerbId = VerbId(0);
     /// Servo 1 and 2 in one frame.
-    pub const SERVOS: VerbId = VerbId(1);
+    pub(crate) const SERVOS: VerbId = VerbId(1);
     /// The speed of the whole robot. All zero is the stop.
     pub const ROCKER: VerbId = VerbId(2);
     /// The same, while the board keeps the heading.
-    pub const YAW_HOLD: VerbId = VerbId(3);
+    pub(crate) const YAW_HOLD: VerbId = VerbId(3);
     /// Each wheel.
-    pub const WHEELS: VerbId = VerbId(4);
+    pub(crate) const WHEELS: VerbId = VerbId(4);
     /// A displacement.
-    pub const MOVE: VerbId = VerbId(5);
+    pub(crate) const MOVE: VerbId = VerbId(5);
     /// Another word for a rocker that is all zero.
     pub const STOP: VerbId = VerbId(6);
     /// The buzzer, on or off.
-    pub const BUZZER: VerbId = VerbId(7);
+    pub(crate) const BUZZER: VerbId = VerbId(7);
     /// Mode and controller gains.
-    pub const PID: VerbId = VerbId(8);
+    pub(crate) const PID: VerbId = VerbId(8);
     /// Asks for board data.
-    pub const REQUEST: VerbId = VerbId(9);
+    pub(crate) const REQUEST: VerbId = VerbId(9);
     /// Any function with any payload.
-    pub const RAW: VerbId = VerbId(10);
+    pub(crate) const RAW: VerbId = VerbId(10);
 }
 
 /// The rows of the resources, in the order in which a board is brought back to a state.
@@ -126,7 +126,7 @@ pub fn report(voltage: Hundredths, yaw: Hundredths) -> Report {
 }
 
 /// Whether a board in this state takes displacements.
-pub fn is_in_position_mode(state: &super::State) -> bool {
+pub(crate) fn is_in_position_mode(state: &super::State) -> bool {
     state.told(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
 }
 

@@ -133,7 +133,7 @@ pub struct Shift {
 
 impl What {
     /// Whether it sums up the others, and is at no place in particular.
-    pub fn is_total(&self) -> bool {
+    pub(crate) fn is_total(&self) -> bool {
         matches!(self, What::Length { .. } | What::Load { .. })
     }
 }
