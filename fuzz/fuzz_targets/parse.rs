@@ -11,7 +11,7 @@ fuzz_target!(|text: &str| {
     let mut diagnostics = Diagnostics::default();
     let tree = parse(&source, &mut diagnostics);
     assert!(tree.is_some() || diagnostics.has_errors());
-    for diagnostic in diagnostics.sorted() {
+    for diagnostic in &diagnostics {
         assert!(diagnostic.span.start <= diagnostic.span.end && diagnostic.span.end as usize <= text.len() + 1);
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }

@@ -19,7 +19,7 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
     assert_eq!(items(&bytes, usize::from(cut).min(bytes.len())), whole);
     let reports = whole.iter().filter_map(|item| match item {
         ReportItem::Report(report) => Some(*report),
-        ReportItem::Malformed => None,
+        _ => None,
     });
     for report in reports.collect::<Vec<Report>>() {
         assert_eq!(items(raspblock::board().report_line(&report).as_bytes(), 0), [ReportItem::Report(report)]);

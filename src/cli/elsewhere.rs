@@ -13,13 +13,13 @@ macro_rules! needs_linux {
 
             #[doc = $about]
             #[derive(Debug, Args)]
-            pub(in crate::cli) struct $name {
+            pub(in super::super) struct $name {
                 #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
                 arguments: Vec<OsString>,
             }
 
             impl $name {
-                pub(in crate::cli) fn run(&self, screen: &Screen) -> Exit {
+                pub(in super::super) fn run(&self, screen: &Screen) -> Exit {
                     screen.error(concat!("`motionseq ", stringify!($module), "` needs Linux, for its serial ports and clocks"));
                     Exit::Usage
                 }
