@@ -13,9 +13,9 @@ fuzz_target!(|text: &str| {
     }
     let sources = Sources::from(Source::new("x.motion", text));
     // Few frames, so that a run is short.
-    let compiled = motionseq::compile(&sources, &Options { events: 10_000, ..Options::default() });
+    let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000));
     assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
-    for diagnostic in compiled.diagnostics.sorted() {
+    for diagnostic in &compiled.diagnostics {
         let _ = sources.place(diagnostic.span);
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }

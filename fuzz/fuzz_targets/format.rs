@@ -10,7 +10,7 @@ use motionseq::syntax::format;
 /// What a script is to anybody but its author.
 fn meaning(text: &str) -> String {
     let sources = Sources::from(Source::new("x.motion", text));
-    let compiled = motionseq::compile(&sources, &Options { events: 1_000, ..Options::default() });
+    let compiled = motionseq::compile(&sources, &Options::default().with_events(1_000));
     match compiled.timeline {
         Some(timeline) => {
             let frames: Vec<_> = timeline.events().iter().map(|event| (event.at, &event.command, event.kind)).collect();

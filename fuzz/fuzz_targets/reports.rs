@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::board::{raspblock, Report, ReportDecoder, ReportItem};
+use motionseq::board::{Report, ReportDecoder, ReportItem, raspblock};
 
 fn items(bytes: &[u8], cut: usize) -> Vec<ReportItem> {
     let mut found = Vec::new();

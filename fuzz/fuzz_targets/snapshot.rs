@@ -22,7 +22,11 @@ fuzz_target!(|input: (Vec<u8>, Vec<u8>)| {
     assert_eq!(found.is_empty(), old.does_the_same(&new));
     for change in found {
         let frames = |snapshot: &Snapshot| {
-            if change.aborts { snapshot.more.as_ref().map_or(0, |more| more.abort.len()) } else { snapshot.moments.len() }
+            if change.aborts {
+                snapshot.more.as_ref().map_or(0, |more| more.abort.len())
+            } else {
+                snapshot.moments.len()
+            }
         };
         assert!(change.old.is_none_or(|at| at < frames(&old)) && change.new.is_none_or(|at| at < frames(&new)));
         assert!(!change.words(None).is_empty());
