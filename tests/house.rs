@@ -42,7 +42,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("rtrb::", "src/link/recorder.rs"),
     ("signal_hook", "src/playback/os.rs"),
     ("unsafe ", "src/playback/os.rs src/link/serial.rs"),
-    ("quick_xml::", "src/report/cases.rs"),
+    ("quick_xml::", "src/report/junit.rs"),
     ("std::fs", "src/source/files.rs src/verify/play.rs src/playback/guard.rs src/playback/os.rs src/link src/serve"),
     ("std::thread", "src/syntax/ahead.rs src/serve"),
     ("libc::", "src/playback/os.rs src/link/serial.rs"),

@@ -128,9 +128,9 @@ impl Check {
         }
         let text = match self.format {
             Format::Human => return exit,
-            Format::Json => report::findings_json(&findings, totals),
-            Format::Github => report::findings_github(&findings),
-            Format::Sarif => report::findings_sarif(&findings),
+            Format::Json => report::json::findings(&findings, totals),
+            Format::Github => report::github::findings(&findings),
+            Format::Sarif => report::sarif::findings(&findings),
         };
         match output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen) {
             Exit::Ok => exit,

@@ -43,17 +43,16 @@ impl Explain {
 }
 
 fn explained(code: Code) -> String {
-    let is_warning = code.severity() == Severity::Warning;
-    let kind = if is_warning { "warning" } else { "error" };
+    let severity = code.severity();
     let (wrong, right) = code.example();
     let indented = |text: &str| text.lines().fold(String::new(), |out, line| out + "    " + line + "\n");
-    let allowed = if is_warning {
+    let allowed = if severity == Severity::Warning {
         format!("\nTo keep it back on one line, end the line with: # allow: {code}\n")
     } else {
         String::new()
     };
     format!(
-        "{kind} {code}: {}\n\n{}\n\nWrong:\n{}\nRight:\n{}{allowed}",
+        "{severity} {code}: {}\n\n{}\n\nWrong:\n{}\nRight:\n{}{allowed}",
         code.title(),
         wrapped(code.explanation()),
         indented(wrong),

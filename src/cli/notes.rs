@@ -122,7 +122,7 @@ impl Notes {
                 line: place.line,
             })
         });
-        report::run_json(&Run {
+        report::json::run(&Run {
             script: sources.main().name().to_owned(),
             reason: match outcome.cause {
                 Cause::Finished => "finished",

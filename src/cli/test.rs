@@ -106,7 +106,7 @@ impl Test {
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
         if let Some(mut file) = junit {
-            let text = report::cases_junit(&report::cases_in(&repository(), &cases));
+            let text = report::junit::cases(&repository().cases(&cases));
             let all = file.write_all(text.as_bytes()).and_then(|()| file.finish());
             if all.is_err() {
                 return output::exit(all, self.junit.as_deref(), screen);
@@ -125,9 +125,9 @@ impl Test {
     fn print(&self, cases: &[Case], screen: &Screen) -> io::Result<()> {
         let text = match self.format {
             Format::Human => human(cases, screen, self.options.all),
-            Format::Json => report::cases_json(cases),
-            Format::Tap => report::cases_tap(cases),
-            Format::Github => report::cases_github(&report::cases_in(&repository(), cases)),
+            Format::Json => report::json::cases(cases),
+            Format::Tap => report::tap::cases(cases),
+            Format::Github => report::github::cases(&repository().cases(cases)),
         };
         io::stdout().lock().write_all(text.as_bytes())
     }
@@ -161,7 +161,7 @@ fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
         };
         lines.push(format!("{mark}{}: {}", case.name, case.verdict.words()));
         let shown = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
-        lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", report::located(problem))));
+        lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", problem.located())));
         let more = case.problems.len().saturating_sub(shown) + case.left_out;
         if more > 0 {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };

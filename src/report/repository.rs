@@ -2,6 +2,8 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use crate::verify::Case;
+
 /// Where paths of annotations count from.
 #[derive(Clone, Debug)]
 pub struct Repository {
@@ -10,6 +12,18 @@ pub struct Repository {
 }
 
 impl Repository {
+    /// The same cases, with paths that count from here.
+    pub fn cases(&self, cases: &[Case]) -> Vec<Case> {
+        let mut cases = cases.to_vec();
+        for case in &mut cases {
+            case.name = self.path(&case.name);
+            for problem in &mut case.problems {
+                problem.file = self.path(&problem.file);
+            }
+        }
+        cases
+    }
+
     /// `here` is the folder that names of files count from; a file belongs to the first root that it is in. All of them are
     /// absolute, without links.
     pub fn new(roots: Vec<PathBuf>, here: PathBuf) -> Self {

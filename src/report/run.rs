@@ -124,15 +124,3 @@ pub struct Expected {
     /// Where in the script.
     pub line: usize,
 }
-
-/// One JSON object.
-pub fn run_json(run: &Run) -> String {
-    #[derive(Serialize)]
-    struct Document<'a> {
-        version: u32,
-        #[serde(flatten)]
-        run: &'a Run,
-    }
-    // Strings and numbers cannot fail to be written.
-    serde_json::to_string_pretty(&Document { version: 1, run }).unwrap_or_default() + "\n"
-}

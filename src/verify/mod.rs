@@ -21,6 +21,8 @@ pub use rehearse::{Rehearsal, rehearse};
 pub const SNAPSHOT: &str = ".frames";
 /// How a script begins that must not compile; the code of its error stands behind it.
 const EXPECT: &str = "# expect-error:";
+/// The code of a frame that is not that of the snapshot.
+const DIFFERENCE: &str = "difference";
 /// The code of a problem that sums up others.
 pub const TOTAL: &str = "total";
 /// The code of a snapshot that this program is too old for.
@@ -90,6 +92,18 @@ pub struct Problem {
     pub code: &'static str,
     /// What is wrong, in words.
     pub message: String,
+}
+
+impl Problem {
+    /// Its message, after its place where the words do not name that.
+    pub fn located(&self) -> String {
+        let Problem { file, line, code, message } = self;
+        match *code {
+            DIFFERENCE | TOTAL => message.clone(),
+            code if *line > 0 => format!("{file}:{line}: {code}: {message}"),
+            code => format!("{file}: {code}: {message}"),
+        }
+    }
 }
 
 impl Verdict {
@@ -240,7 +254,7 @@ impl Job {
                 let problems = changes.into_iter().map(|change| {
                     let origin = event(&change).map(|event| timeline.origin(event, sources, lines));
                     let (file, line) = line(&change).unwrap_or((sources.main().name(), 0));
-                    let code = if sums_up && is_total(&change) { TOTAL } else { "difference" };
+                    let code = if sums_up && is_total(&change) { TOTAL } else { DIFFERENCE };
                     problem(file, line, code, change.words(origin.as_deref()))
                 });
                 (Verdict::Differs, problems.collect())

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::rehearse::{Rehearsal, rehearse};
-use super::{Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
+use super::{DIFFERENCE, Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::playback::Cause;
 use crate::sim::{Faults, Settings};
 use crate::source::{Lines, Sources};
@@ -123,7 +123,7 @@ impl Job {
                 let words = changes.iter().filter(|change| !change.what.is_total());
                 let words = words
                     .map(|change| format!("rehearsing {faults}, {}; if that is meant: {bless}", change.words(None)));
-                words.flat_map(|message| here("difference", message)).collect()
+                words.flat_map(|message| here(DIFFERENCE, message)).collect()
             }
         }
     }

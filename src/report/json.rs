@@ -1,0 +1,82 @@
+//! JSON, as docs/schemas describes it. Fields may be added, and never change their meaning.
+
+use serde::Serialize;
+use serde_json::json;
+
+use super::{Finding, Run, Totals};
+use crate::verify::{Case, Problem};
+
+/// One JSON object: the version of its form, the counts, and every case with its problems.
+pub fn cases(cases: &[Case]) -> String {
+    #[derive(Serialize)]
+    struct Document<'a> {
+        version: u32,
+        passed: usize,
+        failed: usize,
+        orphans: usize,
+        cases: Vec<Row<'a>>,
+    }
+    #[derive(Serialize)]
+    struct Row<'a> {
+        file: &'a str,
+        passed: bool,
+        verdict: &'static str,
+        problems: Vec<Trouble<'a>>,
+        left_out: usize,
+    }
+    #[derive(Serialize)]
+    struct Trouble<'a> {
+        file: &'a str,
+        line: Option<usize>,
+        code: &'static str,
+        message: &'a str,
+    }
+    let line = |problem: &'_ Problem| Some(problem.line).filter(|line| *line > 0);
+    let rows = cases.iter().map(|case| Row {
+        file: &case.name,
+        passed: case.verdict.is_passed(),
+        verdict: case.verdict.words(),
+        problems: case
+            .problems
+            .iter()
+            .map(|problem| Trouble {
+                file: &problem.file,
+                line: line(problem),
+                code: problem.code,
+                message: &problem.message,
+            })
+            .collect(),
+        left_out: case.left_out,
+    });
+    let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
+    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
+    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
+    let document = Document { version: 1, passed, failed, orphans, cases: rows.collect() };
+    pretty(&document)
+}
+
+/// One JSON object: the version of its form, how many errors and warnings there are, and the findings that were kept.
+pub fn findings(findings: &[Finding], totals: Totals) -> String {
+    let Totals { errors, warnings } = totals;
+    let left_out = (errors + warnings).saturating_sub(findings.len());
+    pretty(&json!({
+        "version": 1, "errors": errors, "warnings": warnings, "findings": findings, "left_out": left_out,
+    }))
+}
+
+/// One JSON object.
+pub fn run(run: &Run) -> String {
+    #[derive(Serialize)]
+    struct Document<'a> {
+        version: u32,
+        #[serde(flatten)]
+        run: &'a Run,
+    }
+    pretty(&Document { version: 1, run })
+}
+
+/// Indented, with a line end.
+pub(super) fn pretty(document: &impl Serialize) -> String {
+    // Strings and numbers cannot fail to be written.
+    serde_json::to_string_pretty(document).unwrap_or_default() + "\n"
+}

@@ -1,0 +1,76 @@
+//! SARIF 2.1.0, as code scanning reads it.
+
+use std::fmt::Write;
+
+use serde_json::{Value, json};
+
+use super::finding::UNREADABLE;
+use super::{Finding, json::pretty};
+use crate::diagnostic::Code;
+
+/// The errors and warnings of scripts.
+pub fn findings(findings: &[Finding]) -> String {
+    let rules: Vec<Value> = Code::ALL
+        .iter()
+        .map(|code| {
+            let (wrong, right) = code.example();
+            let help = format!("{}\n\nWrong:\n{wrong}\nRight:\n{right}", code.explanation());
+            json!({
+                "id": code.name(),
+                "shortDescription": { "text": code.title() },
+                "fullDescription": { "text": code.explanation() },
+                "help": { "text": help },
+                "defaultConfiguration": { "level": code.severity() },
+            })
+        })
+        .chain([json!({
+            "id": UNREADABLE,
+            "shortDescription": { "text": "A file cannot be read." },
+            "fullDescription": { "text": "A file cannot be read, so that nothing is known of it." },
+            "help": { "text": "Look at its name, and whether you may read it." },
+            "defaultConfiguration": { "level": "error" },
+        })])
+        .collect();
+    let results: Vec<Value> = findings
+        .iter()
+        .map(|finding| {
+            json!({
+                "ruleId": finding.code,
+                "level": finding.severity,
+                "message": { "text": format!("{}\n{}", finding.message, finding.help) },
+                "locations": [{ "physicalLocation": {
+                    "artifactLocation": { "uri": uri(&finding.file) },
+                    "region": {
+                        "startLine": finding.line,
+                        "startColumn": finding.column,
+                        "endLine": finding.end_line,
+                        "endColumn": finding.end_column,
+                    },
+                }}],
+            })
+        })
+        .collect();
+    pretty(&json!({
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{
+            "tool": { "driver": { "name": "motionseq", "version": env!("CARGO_PKG_VERSION"), "rules": rules } },
+            "columnKind": "unicodeCodePoints",
+            "results": results,
+        }],
+    }))
+}
+
+/// A path as a relative reference: what has a meaning in a URI is escaped.
+fn uri(path: &str) -> String {
+    let mut uri = String::new();
+    // Standard input is no path.
+    for byte in path.trim_matches(['<', '>']).bytes() {
+        if byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte) {
+            uri.push(char::from(byte));
+        } else {
+            let _ = write!(uri, "%{byte:02X}");
+        }
+    }
+    uri
+}
