@@ -256,15 +256,66 @@ pub enum NotATime {
     TooLong,
 }
 
-/// The units of time from the longest to the shortest, with their nanoseconds.
-pub(crate) const TIME_UNITS: [(&str, u64); 6] = [
-    ("h", 3_600_000_000_000),
-    ("min", 60_000_000_000),
-    ("m", 60_000_000_000),
-    ("s", 1_000_000_000),
-    ("ms", 1_000_000),
-    ("us", 1_000),
+/// A unit of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unit {
+    /// How it is written, right after the number.
+    pub name: &'static str,
+    /// What it is, in words.
+    pub meaning: &'static str,
+    /// What it measures.
+    pub of: Measure,
+}
+
+/// What a unit measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Measure {
+    /// A time; how long one is.
+    Time(Nanos),
+    /// An angle.
+    Angle,
+    /// A voltage.
+    Voltage,
+    /// A tempo of music.
+    Tempo,
+    /// A frequency.
+    Frequency,
+}
+
+/// Every unit, those of time from the longest to the shortest. The grammar names those of time, too: a test compares them.
+pub const UNITS: [Unit; 10] = [
+    Unit { name: "h", meaning: "hours", of: Measure::Time(Nanos::from_millis(3_600_000)) },
+    Unit { name: "min", meaning: "minutes", of: Measure::Time(Nanos::from_millis(60_000)) },
+    Unit { name: "m", meaning: "minutes", of: Measure::Time(Nanos::from_millis(60_000)) },
+    Unit { name: "s", meaning: "seconds", of: Measure::Time(Nanos::from_millis(1_000)) },
+    Unit { name: "ms", meaning: "milliseconds", of: Measure::Time(Nanos::from_millis(1)) },
+    Unit { name: "us", meaning: "microseconds", of: Measure::Time(Nanos(1_000)) },
+    Unit { name: "deg", meaning: "degrees", of: Measure::Angle },
+    Unit { name: "V", meaning: "volts", of: Measure::Voltage },
+    Unit { name: "bpm", meaning: "beats a minute", of: Measure::Tempo },
+    Unit { name: "hz", meaning: "times a second", of: Measure::Frequency },
 ];
+
+impl Unit {
+    /// The unit with this name.
+    pub fn named(name: &str) -> Option<&'static Unit> {
+        UNITS.iter().find(|unit| unit.name == name)
+    }
+
+    /// Whether a word that is not next to a number is this unit, and not the name of something: `m` may well be one.
+    pub(crate) fn is_unmistakable(&self) -> bool {
+        self.name != "m"
+    }
+}
+
+/// How long a unit of time is; `None` for other words.
+pub(crate) fn time_unit(name: &str) -> Option<Nanos> {
+    match Unit::named(name)?.of {
+        Measure::Time(length) => Some(length),
+        _ => None,
+    }
+}
 
 /// The most digits before and after the point of a number, as in the grammar.
 const MAX_DIGITS: usize = 15;
@@ -295,7 +346,7 @@ fn parts(text: &str) -> Result<u128, NotATime> {
     loop {
         let (number, behind) = split(rest, |byte| byte.is_ascii_digit() || byte == b'.');
         let (name, next) = split(behind, |byte| byte.is_ascii_alphabetic());
-        let (_, nanos) = *TIME_UNITS.iter().find(|(unit, _)| *unit == name).ok_or(NotATime::Malformed)?;
+        let Nanos(nanos) = time_unit(name).ok_or(NotATime::Malformed)?;
         if nanos >= last {
             return Err(NotATime::Order);
         }

@@ -6,8 +6,9 @@ use std::process::Command;
 use crate::support::board::board;
 use motionseq::diagnostic::{Code, Severity};
 use motionseq::program::{CURVES, FUNCTIONS, Options};
-use motionseq::program::{Row, SETTINGS, Signature, UNITS, signatures};
+use motionseq::program::{Row, SETTINGS, Signature, signatures};
 use motionseq::source::Source;
+use motionseq::units::UNITS;
 
 /// The fenced blocks of a document: what stands behind the fence, the line it begins at, and the text.
 fn blocks(document: &str) -> Vec<(String, usize, String)> {

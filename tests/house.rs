@@ -9,7 +9,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("source", &[]),
     ("diagnostic", &["source"]),
-    ("syntax", &["source", "diagnostic"]),
+    ("syntax", &["units", "source", "diagnostic"]),
     ("board", &[]),
     ("clock", &["units"]),
     ("random", &[]),

@@ -1,7 +1,7 @@
 //! Durations as scripts write them: `0.5s`, `1m30s`. Exact, however many digits there are.
 
 use super::time::Time;
-use crate::units::{self, NotATime};
+use crate::units::{self, Measure, Nanos, NotATime, UNITS};
 
 impl Time {
     /// Reads a length of time as a script writes it, such as `0.5s`, `250ms` or `1m30s`; `None` for anything else.
@@ -38,16 +38,12 @@ fn one_unit(text: &str) -> Option<Time> {
         }
         rest = behind;
     }
-    let nanos = match rest {
-        b"s" => 1_000_000_000,
-        b"ms" => 1_000_000,
-        b"us" => 1_000,
-        _ => return None,
-    };
+    let unit = UNITS.iter().find(|unit| unit.name.as_bytes() == rest)?;
+    let Measure::Time(Nanos(nanos)) = unit.of else { return None };
     if digits == 0 || places == Some(0) {
         return None;
     }
-    let (nanos, parts) = (number.checked_mul(nanos)?, 10_i64.pow(places.unwrap_or(0)));
+    let (nanos, parts) = (number.checked_mul(i64::try_from(nanos).ok()?)?, 10_i64.pow(places.unwrap_or(0)));
     // What is finer than a nanosecond is a fraction.
     (nanos % parts == 0).then(|| Time::from_nanos(nanos / parts))
 }

@@ -39,7 +39,6 @@ pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};
-pub use value::{UNITS, Unit};
 
 use std::sync::Arc;
 

@@ -7,10 +7,11 @@ use smallvec::SmallVec;
 
 use super::suggest::suggest;
 use super::template;
-use super::value::{Quantity, UNITS};
+use super::value::Quantity;
 use crate::board::Board;
 use crate::source::Span;
 use crate::syntax::{Block, Def, Expression, Name, NodeKind, Value, ValueKind};
+use crate::units::Unit;
 
 /// A name and its value.
 #[derive(Clone, Copy, Debug)]
@@ -106,7 +107,7 @@ pub(super) fn is_name(word: &str) -> bool {
 /// Whether a word belongs to the language.
 pub(super) fn is_reserved(board: &Board, word: &str) -> bool {
     RESERVED.contains(&word)
-        || UNITS.iter().any(|unit| unit.name == word)
+        || Unit::named(word).is_some()
         || super::commands::find(board, word).is_some()
         || super::functions::find(word).is_some()
 }

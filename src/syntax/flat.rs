@@ -10,6 +10,7 @@ use super::ast::{
     Argument, Command, Item, Line, LineRef, Moment, Name, NumberShape, Origin, Part, Start, Statement, Value, ValueKind,
 };
 use crate::source::Span;
+use crate::units::time_unit;
 
 /// How many arguments there is room for at once.
 const USUAL: usize = 3;
@@ -161,7 +162,7 @@ impl<'s> Reader<'s> {
                 return None;
             }
             NumberShape::Plain
-        } else if is_time(letters) {
+        } else if time_unit(letters).is_some() {
             NumberShape::Duration
         } else if letters.starts_with('x') {
             return None;
@@ -247,11 +248,6 @@ fn is_other(word: &str) -> bool {
     matches!(word, "at" | "def" | "else" | "if" | "let" | "use")
 }
 
-/// Whether these letters make a number a time.
-fn is_time(unit: &str) -> bool {
-    matches!(unit, "us" | "ms" | "min" | "s" | "m" | "h")
-}
-
 fn is_word(byte: u8) -> bool {
     byte.is_ascii_alphanumeric() || byte == b'_'
 }
@@ -269,6 +265,7 @@ mod tests {
     use super::super::{parse, scan};
     use crate::diagnostic::{Diagnostic, Diagnostics};
     use crate::source::Source;
+    use crate::units::{UNITS, time_unit};
 
     /// What flat lines are made of, and what makes lines that only look flat.
     #[expect(clippy::too_many_lines, reason = "a list")]
@@ -400,6 +397,18 @@ mod tests {
             let sorted = |all: &Diagnostics| all.iter().cloned().collect::<Vec<Diagnostic>>();
             prop_assert_eq!(sorted(&found), sorted(&expected));
         }
+    }
+
+    #[test]
+    fn the_grammar_names_every_unit_of_time() {
+        let grammar = include_str!("../../grammar/motion.pest");
+        let rule = grammar.lines().find_map(|line| line.strip_prefix("time_unit = @{ ")?.strip_suffix(" }")).unwrap();
+        let mut named: Vec<&str> = rule.split(" | ").map(|name| name.trim_matches('"')).collect();
+        let mut units: Vec<&str> =
+            UNITS.iter().map(|unit| unit.name).filter(|name| time_unit(name).is_some()).collect();
+        named.sort_unstable();
+        units.sort_unstable();
+        assert_eq!(named, units);
     }
 
     /// The test above would say nothing if no line were flat.

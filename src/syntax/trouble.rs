@@ -2,6 +2,7 @@
 
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
+use crate::units::Unit;
 
 /// Text from the first character that fits nothing. `before` is what stands before it in its line.
 pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
@@ -73,7 +74,7 @@ fn negation(text: &str, before: &str) -> Option<String> {
 
 /// A unit that a blank keeps from its number: `let a = 5 s`.
 fn behind_a_number(word: &str, before: &str) -> Option<impl FnOnce(usize) -> Diagnostic> {
-    let is_unit = matches!(word, "us" | "ms" | "s" | "min" | "h" | "deg" | "V" | "bpm" | "hz");
+    let is_unit = Unit::named(word).is_some_and(Unit::is_unmistakable);
     let number = before.trim_end().rsplit(|c: char| !c.is_ascii_digit() && c != '.').next().unwrap_or_default();
     let is_apart = before.ends_with([' ', '\t']);
     (is_unit && is_apart && !number.is_empty()).then(|| {

@@ -13,6 +13,7 @@ use super::value::{self, Quantity};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
+use crate::units::{Measure, Unit};
 
 pub(super) use values::Bound;
 
@@ -462,12 +463,17 @@ pub(super) fn blank_before_unit(value: &Value<'_>, word: Name<'_>) -> Option<Dia
             let message = format!("`{}` stands behind a number only", word.text);
             Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1 {one})`")))
         }
-        ValueKind::Word(name) if !value.negative && matches!(word.text, "us" | "ms" | "s" | "min" | "h") => {
+        ValueKind::Word(name) if !value.negative && is_time(word.text) => {
             let message = format!("`{}` stands behind a number only", word.text);
             Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1{})`", word.text)))
         }
         _ => None,
     }
+}
+
+/// Whether a word is a unit of time, and not the name of something.
+fn is_time(word: &str) -> bool {
+    Unit::named(word).is_some_and(|unit| matches!(unit.of, Measure::Time(_)) && unit.is_unmistakable())
 }
 
 /// Reads a time; anything else is reported.
