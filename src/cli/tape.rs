@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use motionseq::board::Board;
 use motionseq::capture::{Scribe, TimedDecoder};
-use motionseq::link::Happened;
+use motionseq::link::PortEvent;
 use motionseq::source::MAX_SOURCE;
 use motionseq::units::{Micros, Nanos};
 
@@ -83,12 +83,12 @@ impl Tape {
     }
 
     /// Takes in what happened at a time.
-    pub(super) fn take(&mut self, now: Micros, happened: Happened<'_>) {
+    pub(super) fn take(&mut self, now: Micros, happened: PortEvent<'_>) {
         let piece = match happened {
-            Happened::Came(at, bytes) => Piece::Came(at, bytes.into()),
-            Happened::Opened => Piece::Note("a program has opened the port"),
-            Happened::Closed => Piece::Note("the program has closed the port"),
-            Happened::Passed if now >= self.told + TELL => Piece::Nothing,
+            PortEvent::Came(at, bytes) => Piece::Came(at, bytes.into()),
+            PortEvent::Opened => Piece::Note("a program has opened the port"),
+            PortEvent::Closed => Piece::Note("the program has closed the port"),
+            PortEvent::Passed if now >= self.told + TELL => Piece::Nothing,
             _ => return,
         };
         self.told = now;

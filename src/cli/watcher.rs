@@ -8,7 +8,7 @@ use std::time::Duration;
 use clap::ValueEnum;
 use motionseq::board::{Board, Item, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
 use motionseq::capture::{Listing, TimedDecoder};
-use motionseq::link::{Happened, LineSettings};
+use motionseq::link::{LineSettings, PortEvent};
 use motionseq::sim::{Pose, VirtualBoard};
 use motionseq::units::{Micros, Nanos};
 
@@ -204,7 +204,7 @@ impl Watcher {
     pub(super) fn watch(
         &mut self,
         now: Micros,
-        happened: Happened<'_>,
+        happened: PortEvent<'_>,
         board: Option<&VirtualBoard>,
     ) -> io::Result<()> {
         if let Some(tape) = &mut self.tape {
@@ -214,13 +214,13 @@ impl Watcher {
             log_happened(log, now, happened);
         }
         match happened {
-            Happened::Opened => self.show(now, Sight::Opened),
-            Happened::Closed => self.show(now, Sight::Closed),
-            Happened::Came(at, bytes) => {
+            PortEvent::Opened => self.show(now, Sight::Opened),
+            PortEvent::Closed => self.show(now, Sight::Closed),
+            PortEvent::Came(at, bytes) => {
                 self.is_fresh = true;
                 self.show(now, Sight::Came(at, bytes.into()))
             }
-            Happened::Answered(bytes) => {
+            PortEvent::Answered(bytes) => {
                 let mut newest = Vec::new();
                 self.reports.feed(bytes, |item| {
                     if let ReportItem::Report(report) = item {
@@ -234,10 +234,10 @@ impl Watcher {
                     self.show(now, Sight::Report(report))
                 })
             }
-            Happened::Behind(bytes, delay) => self.show(now, Sight::Behind(bytes, delay)),
-            Happened::Unread(bytes) => self.show(now, Sight::Unread(bytes)),
-            Happened::SetUp(settings) => self.show(now, Sight::SetUp(settings)),
-            Happened::Passed => self.passed(now, board),
+            PortEvent::Behind(bytes, delay) => self.show(now, Sight::Behind(bytes, delay)),
+            PortEvent::Unread(bytes) => self.show(now, Sight::Unread(bytes)),
+            PortEvent::SetUp(settings) => self.show(now, Sight::SetUp(settings)),
+            PortEvent::Passed => self.passed(now, board),
             _ => Ok(()),
         }
     }
@@ -431,20 +431,20 @@ impl Display {
 }
 
 /// Logs what happens at a board.
-fn log_happened(log: &mut Log, now: Micros, happened: Happened<'_>) {
+fn log_happened(log: &mut Log, now: Micros, happened: PortEvent<'_>) {
     let at = log.at(now.nanos());
     match happened {
-        Happened::Opened => log.line(at, Level::Info, "a program has opened the port"),
-        Happened::Closed => log.line(at, Level::Info, "the program has closed the port"),
-        Happened::Came(nanos, bytes) => log.put(log.at(nanos), Entry::Bytes(bytes.into())),
-        Happened::Behind(bytes, Micros(delay)) => {
+        PortEvent::Opened => log.line(at, Level::Info, "a program has opened the port"),
+        PortEvent::Closed => log.line(at, Level::Info, "the program has closed the port"),
+        PortEvent::Came(nanos, bytes) => log.put(log.at(nanos), Entry::Bytes(bytes.into())),
+        PortEvent::Behind(bytes, Micros(delay)) => {
             let text = format!("the program has sent more than the line carries: {bytes} bytes wait, for {delay} us");
             log.line(at, Level::Warning, text);
         }
-        Happened::Unread(bytes) => {
+        PortEvent::Unread(bytes) => {
             log.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"));
         }
-        Happened::SetUp(settings) => {
+        PortEvent::SetUp(settings) => {
             log.line(at, Level::Warning, format!("the program has its line at {settings}"));
         }
         _ => {}

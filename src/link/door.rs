@@ -23,7 +23,7 @@ const TERMINALS: &str = "/dev/pts/";
 /// What happens at a door.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
-pub enum Happened<'a> {
+pub enum PortEvent<'a> {
     /// A program has opened the port.
     Opened,
     /// It has closed it, or has ended.

@@ -9,7 +9,7 @@ mod stalling;
 use std::io;
 use std::os::fd::BorrowedFd;
 
-pub use door::{Door, DoorError, Happened};
+pub use door::{Door, DoorError, PortEvent};
 pub use pty::{LineSettings, Pty};
 pub use recorder::{Recorder, Taken};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};

@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use crate::board::Board;
 use crate::clock;
-use crate::link::{Door, Happened, LineSettings, Pty, Serial};
+use crate::link::{Door, LineSettings, PortEvent, Pty, Serial};
 use crate::playback::os::{self, Ready};
 use crate::playback::{Guard, Signals, Stop};
 use crate::sim::{Received, VirtualBoard};
@@ -91,7 +91,7 @@ pub struct Server<'d> {
 }
 
 /// What watches a server: it gets the time, what happens, and the virtual board, if there is one.
-pub type Watch<'w> = dyn FnMut(Micros, Happened<'_>, Option<&VirtualBoard>) -> io::Result<()> + 'w;
+pub type Watch<'w> = dyn FnMut(Micros, PortEvent<'_>, Option<&VirtualBoard>) -> io::Result<()> + 'w;
 
 impl<'d> Server<'d> {
     /// A virtual board behind a door. A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
@@ -166,7 +166,7 @@ impl<'d> Server<'d> {
         loop {
             let time = self.time(clock::now());
             self.far.poll(time);
-            watch(time, Happened::Passed, self.far.board())?;
+            watch(time, PortEvent::Passed, self.far.board())?;
             if let Some(signal) = self.signals.and_then(Signals::pending) {
                 return Ok(End::Signal(signal));
             }
@@ -188,7 +188,7 @@ impl<'d> Server<'d> {
         let port = self.door.pty();
         if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
             (self.is_open, self.is_ending, self.wrong) = (true, false, None);
-            watch(time, Happened::Opened, self.far.board())?;
+            watch(time, PortEvent::Opened, self.far.board())?;
         }
         Ok(())
     }
@@ -198,7 +198,7 @@ impl<'d> Server<'d> {
         let said = self.far.said();
         if self.is_open && !said.is_empty() {
             self.door.pty().write(&said)?;
-            watch(time, Happened::Answered(&said), self.far.board())?;
+            watch(time, PortEvent::Answered(&said), self.far.board())?;
         }
         Ok(())
     }
@@ -247,7 +247,7 @@ impl<'d> Server<'d> {
                     return Ok(true);
                 }
                 self.door.sweep()?;
-                watch(self.time(clock::now()), Happened::Closed, self.far.board())?;
+                watch(self.time(clock::now()), PortEvent::Closed, self.far.board())?;
             }
             Ok(count) => {
                 self.is_ending = false;
@@ -264,15 +264,15 @@ impl<'d> Server<'d> {
         let time = self.time(now);
         let wrong = self.door.wrong_settings()?;
         if let Some(settings) = wrong.filter(|_| wrong != self.wrong) {
-            watch(time, Happened::SetUp(settings), self.far.board())?;
+            watch(time, PortEvent::SetUp(settings), self.far.board())?;
         }
         self.wrong = wrong;
         let waiting = self.door.pty().waiting()?;
         let begin = Nanos(self.begin.load(Ordering::Relaxed));
         let (at, behind) = self.far.give(now, time, bytes, waiting).map_err(ServeError::Lost)?;
-        watch(time, Happened::Came(at.saturating_sub(begin), bytes), self.far.board())?;
+        watch(time, PortEvent::Came(at.saturating_sub(begin), bytes), self.far.board())?;
         if let Some(delay) = behind {
-            watch(time, Happened::Behind(waiting, delay), self.far.board())?;
+            watch(time, PortEvent::Behind(waiting, delay), self.far.board())?;
         }
         Ok(())
     }
@@ -299,7 +299,7 @@ impl<'d> Server<'d> {
         }
         let unread = self.door.pty().waiting()?;
         if unread > 0 {
-            watch(self.time(clock::now()), Happened::Unread(unread), self.far.board())?;
+            watch(self.time(clock::now()), PortEvent::Unread(unread), self.far.board())?;
         }
         Ok(())
     }
