@@ -1,5 +1,6 @@
 //! Compiles a script and the file that it uses, both in memory, as an editor or a web page does: `cargo run --example compile`.
 
+use std::error::Error;
 use std::io;
 use std::path::Path;
 
@@ -7,10 +8,10 @@ use motionseq::program::Options;
 use motionseq::source::{Encoding, Lines, Memory, Sources};
 use motionseq::timeline::write_listing;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn Error>> {
     let files = Memory::from([
-        ("show.motion", "use \"lib/phrases.motion\"\nat 0.5s nod(200us)\nat 2s rocker x=40 for 1s\n"),
-        ("lib/phrases.motion", "def nod(depth) {\n  servo 2 1500 -> (1500 + depth) over 300ms\n  servo 2 1500\n}\n"),
+        ("show.motion", "use \"lib/phrases.motion\"\nat 0.5s nod(200us)\nat 2s rocker x=20 for 1s\n"),
+        ("lib/phrases.motion", "def nod(depth) {\n  servo 2 1500us -> (1500us + depth) over 300ms\n  servo 2 1500us\n}\n"),
     ]);
     let sources = Sources::read(Path::new("show.motion"), files)?;
     let compiled = motionseq::compile(&sources, &Options::default());

@@ -7,7 +7,18 @@
 //! Without a robot, `motionseq board --link /tmp/board` is one at `/tmp/board`.
 
 #[cfg(target_os = "linux")]
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> std::process::ExitCode {
+    match play() {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            std::process::ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn play() -> Result<(), Box<dyn std::error::Error>> {
     use std::path::Path;
     use std::process::Command;
 
