@@ -11,7 +11,10 @@ use motionseq::timeline::write_listing;
 fn main() -> Result<(), Box<dyn Error>> {
     let files = Memory::from([
         ("show.motion", "use \"lib/phrases.motion\"\nat 0.5s nod(200us)\nat 2s rocker x=20 for 1s\n"),
-        ("lib/phrases.motion", "def nod(depth) {\n  servo 2 1500us -> (1500us + depth) over 300ms\n  servo 2 1500us\n}\n"),
+        (
+            "lib/phrases.motion",
+            "def nod(depth) {\n  servo 2 1500us -> (1500us + depth) over 300ms\n  servo 2 1500us\n}\n",
+        ),
     ]);
     let sources = Sources::read(Path::new("show.motion"), files)?;
     let compiled = motionseq::compile(&sources, &Options::default());

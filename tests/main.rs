@@ -24,6 +24,7 @@ mod codes;
 mod desk;
 mod diff;
 mod docs;
+mod examples;
 mod family;
 mod faults;
 mod fmt;
