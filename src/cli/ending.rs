@@ -231,11 +231,9 @@ pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received)
         screen.note(&format!("by the fault that was asked for, {lost} did not reach it"));
     }
     if let Some((at, fault)) = received.first_fault {
-        let more = received.not_understood;
-        screen.note(&format!(
-            "it could not use {more} frames and {} bytes; the first at byte {at}: {fault}",
-            received.skipped
-        ));
+        let count = |count, word| plural(usize::try_from(count).unwrap_or(usize::MAX), word);
+        let (frames, bytes) = (count(received.not_understood, "frame"), count(received.skipped, "byte"));
+        screen.note(&format!("it could not use {frames} and {bytes}; the first at byte {at}: {fault}"));
     }
 }
 

@@ -1,12 +1,13 @@
 //! Files that grow while a run goes on: recordings and logs.
 
 use std::fs::{File, Metadata};
-use std::io;
-use std::os::unix::fs::MetadataExt as _;
+use std::io::{self, Write as _};
+use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
 use super::output::{Force, Inputs, check};
 use super::replace::open_in_place;
+use super::screen::Screen;
 
 /// Opens a file for a result that grows while it is written. What is in it stays until [`begin`]. Never waits for the reader of a
 /// named pipe.
@@ -65,4 +66,126 @@ pub(super) fn is_same(left: &File, right: &File) -> bool {
 /// Throws away what stood in the file before.
 pub(super) fn begin(file: &File) -> io::Result<()> {
     if file.metadata()?.is_file() { file.set_len(0) } else { Ok(()) }
+}
+
+/// A file that grows, and whose end may change until it is settled. It is whole at every moment, so that nothing is lost where the
+/// program is killed or the power is cut. To anything but a file, such as a pipe, only what is settled goes.
+pub(super) struct Growing {
+    file: File,
+    pub(super) is_file: bool,
+    /// What it is called in messages.
+    name: String,
+    screen: Screen,
+    /// How much of what is settled it has, in bytes, and what is settled but not written.
+    at: u64,
+    pending: Vec<u8>,
+    /// The end that it has, which is not settled.
+    end: Vec<u8>,
+    /// What replaces something that was settled, and where.
+    amendment: Option<(u64, Vec<u8>)>,
+    /// Why it takes nothing.
+    failing: Option<String>,
+}
+
+impl Growing {
+    pub(super) fn new(file: File, name: String, screen: Screen) -> Self {
+        let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
+        let (pending, end) = (Vec::new(), Vec::new());
+        Growing { file, is_file, name, screen, at: 0, pending, end, amendment: None, failing: None }
+    }
+
+    /// How long it is without its end, in bytes, once everything is written.
+    pub(super) fn length(&self) -> u64 {
+        self.at + self.pending() as u64
+    }
+
+    /// How many bytes it has not taken yet.
+    pub(super) fn pending(&self) -> usize {
+        self.pending.len()
+    }
+
+    /// Forgets what it has not taken.
+    #[cfg(feature = "mcap")]
+    pub(super) fn forget(&mut self) {
+        self.pending = Vec::new();
+    }
+
+    /// Why it takes nothing, if that is so.
+    pub(super) fn failing(&self) -> Option<&str> {
+        self.failing.as_deref()
+    }
+
+    /// Replaces what was settled at a place by as many other bytes, with the next write.
+    pub(super) fn amend(&mut self, at: u64, bytes: &[u8]) {
+        self.amendment = Some((at, bytes.to_vec()));
+    }
+
+    /// Writes what is settled, and an end that may change. Where that fails, `whole` is written in their place, which makes the
+    /// file whole, and it is tried again with the next write.
+    pub(super) fn write(&mut self, settled: &[u8], end: &[u8], whole: &[u8]) {
+        self.pending.extend_from_slice(settled);
+        let result = if self.is_file { self.write_over(end, whole) } else { self.write_on() };
+        let was_failing = self.failing.is_some();
+        self.failing = result.err().map(|error| error.to_string());
+        let Growing { name, screen, .. } = self;
+        match &self.failing {
+            Some(error) if !was_failing => {
+                screen.warning(&format!("{name} cannot be written: {error}; it is tried again"));
+            }
+            None if was_failing => screen.note(&format!("{name} is written again")),
+            _ => {}
+        }
+    }
+
+    /// Writes over the last end. A shorter one is followed by line feeds until the file is cut.
+    fn write_over(&mut self, end: &[u8], whole: &[u8]) -> io::Result<()> {
+        if let Some((at, bytes)) = &self.amendment {
+            let waiting = at.checked_sub(self.at).and_then(|from| usize::try_from(from).ok());
+            match waiting.and_then(|from| self.pending.get_mut(from..from + bytes.len())) {
+                Some(place) => place.copy_from_slice(bytes),
+                None => self.file.write_all_at(bytes, *at)?,
+            }
+            self.amendment = None;
+        }
+        if self.pending.is_empty() && end == self.end {
+            return Ok(());
+        }
+        let length = self.length() + end.len() as u64;
+        let spare = (self.at + self.end.len() as u64).saturating_sub(length);
+        let padding = vec![b'\n'; usize::try_from(spare).unwrap_or_default()];
+        let text = [&self.pending, end, &padding].concat();
+        if let Err(error) = self.file.write_all_at(&text, self.at) {
+            // Half a piece is worth nothing, or worse.
+            self.end.clear();
+            self.file.set_len(self.at)?;
+            if self.file.write_all_at(whole, self.at).is_ok() {
+                self.end.extend_from_slice(whole);
+            }
+            return Err(error);
+        }
+        if spare > 0 {
+            self.file.set_len(length)?;
+        }
+        self.at = self.length();
+        self.pending.clear();
+        self.end = end.to_vec();
+        // A robot's power may be cut at any time.
+        self.file.sync_data()
+    }
+
+    /// Writes to what only goes on; what it takes of a piece is not given to it again.
+    fn write_on(&mut self) -> io::Result<()> {
+        while !self.pending.is_empty() {
+            match self.file.write(&self.pending) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(count) => {
+                    self.pending.drain(..count);
+                    self.at += count as u64;
+                }
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
 }

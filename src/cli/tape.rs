@@ -1,8 +1,7 @@
 //! The thread that writes a recording: whatever serves the board never waits for the disk.
 
 use std::fs::File;
-use std::io::{self, Write as _};
-use std::os::unix::fs::FileExt as _;
+use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, Instant};
@@ -13,6 +12,7 @@ use motionseq::link::PortEvent;
 use motionseq::source::MAX_SOURCE;
 use motionseq::units::{Micros, Nanos};
 
+use super::growing::Growing;
 use super::screen::Screen;
 use super::start_thread;
 
@@ -60,7 +60,11 @@ impl Tape {
     ) -> io::Result<Self> {
         let (pieces, to_write) = mpsc::sync_channel(ROOM);
         let (keep, kept) = mpsc::channel();
-        let out = Out::new(file)?;
+        let file = match file {
+            Some(file) => file,
+            None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
+        };
+        let out = Growing::new(file, "the recording".to_owned(), screen);
         let mut scribe = Scribe::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // What is written to a pipe cannot be amended.
@@ -116,7 +120,7 @@ impl Tape {
 struct Writer {
     scribe: Scribe,
     decoder: TimedDecoder,
-    out: Out,
+    out: Growing,
     lines: u64,
     screen: Screen,
     now: Micros,
@@ -182,89 +186,12 @@ impl Writer {
         let settled = self.scribe.settled();
         self.lines += settled.lines().filter(|line| line.starts_with("at ")).count() as u64;
         if let Some((at, text)) = self.scribe.amendment() {
-            self.out.amendment = Some((at, text.to_owned()));
+            self.out.amend(at as u64, text.as_bytes());
         }
-        let was_failing = self.out.is_failing;
-        let error = self.out.write(&settled, tail).err();
-        self.out.is_failing = error.is_some();
-        match &error {
-            Some(error) if !was_failing => {
-                self.screen.warning(&format!("the recording cannot be written: {error}; it is tried again"));
-            }
-            None if was_failing => self.screen.note("the recording is written again"),
-            _ => {}
-        }
-        error.map(|error| error.to_string())
+        self.out.write(settled.as_bytes(), tail.as_bytes(), b"");
+        self.out.failing().map(str::to_owned)
     }
 }
 
 /// How much of the largest script may not be settled.
 const MARGIN: u64 = 1 << 20;
-
-/// A file of which the end changes, until it is settled.
-struct Out {
-    file: File,
-    /// Only a file can have an end that changes.
-    is_file: bool,
-    /// What is settled but not written, where it was written to so far, and how much behind that is not settled.
-    settled: String,
-    at: u64,
-    tail: u64,
-    /// What is to be replaced in what was settled, and where.
-    amendment: Option<(usize, String)>,
-    is_failing: bool,
-}
-
-impl Out {
-    fn new(file: Option<File>) -> io::Result<Self> {
-        let file = match file {
-            Some(file) => file,
-            None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
-        };
-        let is_file = file.metadata()?.is_file();
-        Ok(Out { file, is_file, settled: String::new(), at: 0, tail: 0, amendment: None, is_failing: false })
-    }
-
-    fn length(&self) -> u64 {
-        self.at + self.settled.len() as u64
-    }
-
-    /// Writes what is settled, and behind it what is not. At every moment, the file is a script: a shorter end is followed by empty lines
-    /// until the file is cut.
-    fn write(&mut self, settled: &str, tail: &str) -> io::Result<()> {
-        self.settled.push_str(settled);
-        if !self.is_file {
-            self.file.write_all(self.settled.as_bytes())?;
-            self.settled.clear();
-            return Ok(());
-        }
-        if let Some((at, text)) = self.amendment.take() {
-            if self.at == 0 {
-                self.settled.replace_range(at..at + text.len(), &text);
-            } else if let Err(error) = self.file.write_all_at(text.as_bytes(), at as u64) {
-                self.amendment = Some((at, text));
-                return Err(error);
-            }
-        }
-        if self.settled.is_empty() && tail.len() as u64 == self.tail {
-            return Ok(());
-        }
-        let end = self.length() + tail.len() as u64;
-        let padding = (self.at + self.tail).saturating_sub(end);
-        let padding = "\n".repeat(usize::try_from(padding).unwrap_or_default());
-        let text = [&self.settled, tail, &padding].concat();
-        let written = self.file.write_all_at(text.as_bytes(), self.at);
-        if written.is_err() {
-            // Half a line would be another command.
-            self.tail = 0;
-            self.file.set_len(self.at)?;
-        }
-        written?;
-        if !padding.is_empty() {
-            self.file.set_len(end)?;
-        }
-        (self.at, self.tail) = (self.length(), tail.len() as u64);
-        self.settled.clear();
-        self.file.sync_data()
-    }
-}

@@ -1,7 +1,7 @@
 //! Stands where the program is built without the cargo feature `mcap`: there are no logs, and [`Log`](super::Log) says so.
 
 use std::fs::File;
-use std::path::PathBuf;
+
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
@@ -12,6 +12,6 @@ use super::{Entry, Screen};
 
 pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
 
-pub(super) fn keep(_: File, _: PathBuf, _: Arc<Board>, _: Screen, _: &Receiver<(Nanos, Entry)>) -> Option<String> {
+pub(super) fn keep(_: File, _: String, _: Arc<Board>, _: Screen, _: &Receiver<(Nanos, Entry)>) -> Option<String> {
     None
 }

@@ -98,7 +98,7 @@ impl Log {
         growing::begin(&file)?;
         let (entries, to_write) = mpsc::sync_channel(ROOM);
         let (keep, kept) = mpsc::channel();
-        let name = path.to_owned();
+        let name = format!("the log {}", path.display());
         start_thread("log", move || {
             let _ = keep.send(keeper::keep(file, name, board, screen, &to_write));
         })?;
