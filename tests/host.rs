@@ -203,7 +203,7 @@ fn what_is_wrong_counts_as_often_as_it_is_listed() {
     let (listing, said) = host.end();
     let wrong = listing.lines().filter(|line| line.contains("skipped") || line.contains("unknown")).count();
     assert_eq!(wrong, 3, "{listing}");
-    assert!(said.contains("it could not use 1 frames and 203 bytes"), "{said}");
+    assert!(said.contains("it could not use 1 frame and 203 bytes"), "{said}");
 }
 
 #[test]
