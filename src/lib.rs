@@ -19,7 +19,7 @@
 //! assert!(compiled.diagnostics.iter().next().is_none());
 //! let timeline = compiled.timeline.expect("the script has no errors");
 //!
-//! let first = &timeline.events()[0];
+//! let first = &timeline.events[0];
 //! assert_eq!(first.at, Micros::from_millis(500));
 //! let board = &timeline.board;
 //! assert_eq!(board.show(&first.command).to_string(), "servo 1 1500");

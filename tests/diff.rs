@@ -224,5 +224,5 @@ proptest! {
 
 fn sent(text: &str) -> (Vec<Moment>, Micros) {
     let timeline = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default()).timeline.unwrap();
-    (timeline.events().iter().map(Moment::from).collect(), timeline.end)
+    (timeline.events.iter().map(Moment::from).collect(), timeline.end)
 }

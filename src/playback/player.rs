@@ -11,7 +11,7 @@ use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
 use crate::units::{Micros, Nanos};
 
-/// Plays one track.
+/// Plays one timeline.
 #[derive(Debug)]
 pub struct Player<'t> {
     board: &'t Board,
@@ -64,14 +64,14 @@ enum Phase {
 }
 
 impl<'t> Player<'t> {
-    /// A player for the only track of `timeline`. A frame later than `max_late` ends the run.
+    /// A player for `timeline`. A frame later than `max_late` ends the run.
     pub fn new(timeline: &'t Timeline, max_late: Nanos) -> Self {
         let board = &*timeline.board;
-        let commands = timeline.events().iter().map(|event| &event.command);
+        let commands = timeline.events.iter().map(|event| &event.command);
         Player {
             board,
-            events: timeline.events(),
-            stops: Stops::of(board, timeline.abort()),
+            events: &timeline.events,
+            stops: Stops::of(board, &timeline.abort),
             cues: &timeline.cues,
             judge: Judge::new(&timeline.expects),
             again: None,
@@ -99,7 +99,7 @@ impl<'t> Player<'t> {
     #[must_use]
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
-        let commands = again.events().iter().map(|event| &event.command);
+        let commands = again.events.iter().map(|event| &event.command);
         self.out.needs_zeros(self.board.zeros_behind_flush(commands));
         self.again = Some(again).filter(|again| again.end > Micros::ZERO);
         self
@@ -112,7 +112,7 @@ impl<'t> Player<'t> {
         self.origin = self.origin.saturating_add_unsigned(self.end.0);
         self.passed += self.end;
         self.pass += 1;
-        self.events = again.events();
+        self.events = &again.events;
         self.cues = &again.cues;
         self.judge.restart(&again.expects);
         self.end = again.end.nanos();

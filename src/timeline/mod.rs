@@ -28,13 +28,17 @@ pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
 
-/// Everything that a script sends and shows, for every robot.
+/// Everything that a script sends to a robot, and shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
     /// The board that it is for.
     pub board: Arc<Board>,
-    /// One track a robot. A script that names no robots has one track without a name.
-    pub tracks: Vec<Track>,
+    /// Every frame, in the order of sending.
+    pub events: Vec<Event>,
+    /// The moves whose steps are among the events, in the order of their first steps.
+    pub tweens: Vec<Tween>,
+    /// What is sent when something ends a run early, after the stop; times count from there.
+    pub abort: Vec<Event>,
     /// Lines to show, sorted by time.
     pub cues: Vec<Cue>,
     /// What the board should report, sorted by time.
@@ -64,19 +68,6 @@ pub struct Bars {
     pub tempo: Tempo,
     /// When bar 1 begins, in microseconds from the start; before it for a part of a script.
     pub first_us: i64,
-}
-
-/// What one robot is sent.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Track {
-    /// The robot's name; `None` where the script names no robots.
-    pub robot: Option<String>,
-    /// Every frame, in the order of sending.
-    pub events: Vec<Event>,
-    /// The moves whose steps are among the events, in the order of their first steps.
-    pub tweens: Vec<Tween>,
-    /// What is sent when something ends a run early, after the stop; times count from there.
-    pub abort: Vec<Event>,
 }
 
 /// One frame at its time.
@@ -167,26 +158,9 @@ pub struct Cue {
 }
 
 impl Timeline {
-    /// The only track, while scripts have one.
-    pub fn events(&self) -> &[Event] {
-        self.tracks.first().map(|track| track.events.as_slice()).unwrap_or_default()
-    }
-
-    /// The moves of the only track.
-    pub(crate) fn tweens(&self) -> &[Tween] {
-        self.tracks.first().map(|track| track.tweens.as_slice()).unwrap_or_default()
-    }
-
-    /// What the only track sends where something ends a run early.
-    pub fn abort(&self) -> &[Event] {
-        self.tracks.first().map(|track| track.abort.as_slice()).unwrap_or_default()
-    }
-}
-
-impl Timeline {
-    /// What the only track sends, or what it sends where something ends a run early.
+    /// What is sent, or what is sent where something ends a run early.
     pub fn frames(&self, aborts: bool) -> &[Event] {
-        if aborts { self.abort() } else { self.events() }
+        if aborts { &self.abort } else { &self.events }
     }
 
     /// An `expect` that failed, in words: what was wanted, what was found instead, and what the script says why.
@@ -226,7 +200,7 @@ impl Event {
     }
 }
 
-/// Lays a program out in time, with at most `events` frames a robot. Clashes and what else is wrong in the order of time is
+/// Lays a program out in time, with at most `events` frames. Clashes and what else is wrong in the order of time is
 /// reported.
 pub(crate) fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     order(&mut program, diagnostics);

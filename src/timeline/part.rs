@@ -3,7 +3,7 @@
 //! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Track, Tween};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
 use super::{lints, order, wire};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::Diagnostics;
@@ -42,7 +42,7 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     }
     let board = &timeline.board;
     let mut cut = Cut { board, events: Vec::new(), state: State::default(), marks: vec![None; board.resources.len()] };
-    let events = timeline.events();
+    let events = &timeline.events;
     let begin = events.partition_point(|event| event.at < part.from);
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
@@ -75,24 +75,15 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
         events.insert(0, auto(Micros::ZERO, start, first.span, first.trace));
         events.push(auto(end, stop, last.span, last.trace));
     }
-    let abort = timeline.abort().to_vec();
     let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(part.from.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
-    Timeline {
-        tracks: vec![Track { robot: None, events, tweens: Vec::new(), abort }],
-        cues,
-        expects,
-        marks,
-        end,
-        bars,
-        ..timeline.clone()
-    }
+    Timeline { events, tweens: Vec::new(), cues, expects, marks, end, bars, ..timeline.clone() }
 }
 
 /// What the board was told when a timeline has been played.
 pub fn state_after(timeline: &Timeline) -> State {
     let mut state = State::default();
-    for event in timeline.events() {
+    for event in &timeline.events {
         state.apply(&timeline.board, &event.command);
     }
     state
@@ -102,8 +93,7 @@ pub fn state_after(timeline: &Timeline) -> State {
 /// `None` where that is more than `events` frames or more than a day.
 pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> Option<Timeline> {
     let more = count.saturating_sub(1);
-    let frames =
-        u64::try_from(again.events().len()).ok()?.checked_mul(more)?.checked_add(first.events().len() as u64)?;
+    let frames = u64::try_from(again.events.len()).ok()?.checked_mul(more)?.checked_add(first.events.len() as u64)?;
     let end = again.end * more + first.end;
     if frames > events as u64 || end > Micros::DAY {
         return None;
@@ -111,12 +101,9 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     let mut all = first.clone();
     for pass in 0..more {
         let by = first.end + again.end * pass;
-        if let Some(track) = all.tracks.first_mut() {
-            let events = again.events().iter();
-            track.events.extend(events.map(|event| Event { at: event.at + by, ..event.clone() }));
-            let tweens = again.tweens().iter();
-            track.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
-        }
+        all.events.extend(again.events.iter().map(|event| Event { at: event.at + by, ..event.clone() }));
+        let tweens = again.tweens.iter();
+        all.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
         let expects = again.expects.iter();
         all.expects.extend(expects.map(|expect| Expectation {
             at: expect.at + by,

@@ -79,7 +79,7 @@ pub fn load(timeline: &Timeline) -> Load {
     let mut wire = Wire::new(timeline.baud);
     let mut load = Load::default();
     let second = wire.ticks(Micros::SECOND);
-    for (at, event) in timeline.events().iter().enumerate() {
+    for (at, event) in timeline.events.iter().enumerate() {
         let bytes = timeline.board.frame_length(&event.command);
         let departure = wire.send(event.at, bytes);
         let late = late(&wire, event, departure);

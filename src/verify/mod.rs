@@ -340,7 +340,7 @@ pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), Stri
 
 /// Whether a script does nothing: it is there for its phrases.
 fn is_phrases(timeline: &Timeline) -> bool {
-    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
+    timeline.events.is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
 }
 
 /// The path of a script's snapshot.

@@ -6,7 +6,7 @@ mod moves;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Track, Tween};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Abort, Action, Limit, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
@@ -29,7 +29,9 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
         abort.map(|abort| lay_abort(&board, abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
     Timeline {
         board,
-        tracks: vec![Track { robot: None, events, tweens, abort }],
+        events,
+        tweens,
+        abort,
         cues,
         expects,
         marks,
