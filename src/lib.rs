@@ -33,7 +33,8 @@
 //! | [`diagnostic`] | errors and warnings as data: a code, a place, a message, and a help that shows what to write |
 //! | [`syntax`] | a script as a tree, and the formatter |
 //! | [`program`] | the options of a compilation, and the tables of the language: commands, settings, units, functions, easings |
-//! | [`timeline`] | every frame with its time and its place in the script; parts and passes; listings, snapshots, and what changed between two |
+//! | [`timeline`] | every frame with its time and its place in the script; parts and passes; listings and snapshots |
+//! | [`diff`] | what changed between two timelines, in the words of the script |
 //! | [`board`] | what can be sent to a board, as data: its commands, their ranges, its frames and its reports |
 //! | [`units`] | microseconds and nanoseconds, read and shown |
 //! | [`plot`] | a timeline as a picture |
@@ -64,6 +65,7 @@ pub mod capture;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod clock;
 pub mod diagnostic;
+pub mod diff;
 #[cfg(all(feature = "player", target_os = "linux"))]
 pub mod link;
 pub mod playback;

@@ -9,12 +9,13 @@ use motionseq::board::{
 };
 use motionseq::capture::{Reading, Scribe, TimedDecoder, decode};
 use motionseq::diagnostic::Code;
+use motionseq::diff::diff;
 use motionseq::playback::{Cause, Input, Order, Player, Stop};
 use motionseq::plot::{Shows, plot};
 use motionseq::program::Options;
 use motionseq::sim::{Settings, VirtualBoard};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Kind, Part, Snapshot, Timeline, diff, part, read_snapshot, write_listing, write_snapshot};
+use motionseq::timeline::{Kind, Part, Snapshot, Timeline, part, read_snapshot, write_listing, write_snapshot};
 use motionseq::units::{Micros, Nanos};
 use motionseq::verify::rehearse;
 

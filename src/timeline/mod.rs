@@ -3,14 +3,13 @@
 //! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
 //! one time: commands and samples in script order, then refreshes, then closing frames.
 
-mod diff;
 mod lay;
 mod lints;
 mod listing;
 mod order;
 mod part;
 mod snapshot;
-mod tween;
+pub(crate) mod tween;
 pub mod wire;
 
 use std::sync::Arc;
@@ -21,7 +20,6 @@ use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Trace
 use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
-pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
 pub use part::{Part, check_passes, part, passes, state_after};
 pub(crate) use snapshot::write_aborted;

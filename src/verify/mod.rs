@@ -9,10 +9,11 @@ use std::sync::Arc;
 
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diff::{Change, diff};
 use crate::program::Options;
 use crate::sim::Faults;
 use crate::source::{Disk, Lines, Source, Sources, read_file};
-use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
+use crate::timeline::{Snapshot, Timeline, read_snapshot, write_snapshot};
 use crate::units::Micros;
 
 pub use rehearse::{Rehearsal, rehearse};
