@@ -3,7 +3,7 @@
 use smallvec::SmallVec;
 
 use super::command::{Command, MAX_MOVING, VerbId};
-use super::table::{Board, Part, ResourceId, Sets};
+use super::table::{Board, Part, Resource, ResourceId, Sets};
 
 /// The last command of each resource, in the words of the verb that sets it alone. A frame that is not interpreted makes the resource
 /// unknown that it is for.
@@ -62,6 +62,19 @@ impl State {
             let command = told.command.as_ref()?;
             (resource.rest.is_none() || board.is_active(command)).then_some(command)
         })
+    }
+
+    /// What has a rest and is active, the last first, with the command that brings it there; where `is_unknown`, because something was
+    /// sent that is not understood, all that has a rest.
+    pub fn closing<'b>(
+        &self,
+        board: &'b Board,
+        is_unknown: bool,
+    ) -> impl Iterator<Item = (ResourceId, &'b Resource, &'b Command)> {
+        let is_active = |resource| self.told(resource).is_some_and(|told| board.is_active(told));
+        let all = board.resources.iter().enumerate().rev();
+        let all = all.filter_map(|(id, resource)| Some((id, resource, resource.rest.as_ref()?)));
+        all.filter(move |(id, ..)| is_unknown || is_active(*id))
     }
 
     /// The active resources, each with its last command.

@@ -3,11 +3,11 @@
 //! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
 //! one time: commands and samples in script order, then refreshes, then closing frames.
 
-mod lay;
+mod clashes;
 mod lints;
 mod listing;
-mod order;
 mod part;
+mod schedule;
 mod snapshot;
 pub(crate) mod tween;
 pub mod wire;
@@ -202,7 +202,7 @@ impl Event {
 /// reported.
 pub(crate) fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     order(&mut program, diagnostics);
-    let timeline = lay::lay(program, events, diagnostics);
+    let timeline = schedule::schedule(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
     lints::servo_speed(&timeline, diagnostics);
     timeline
@@ -219,10 +219,10 @@ pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
         }
     };
     sort(&mut program.steps);
-    order::check(&program.board, &program.steps, &program.traces, diagnostics);
+    clashes::check(&program.board, &program.steps, &program.traces, diagnostics);
     if let Some(abort) = &mut program.abort {
         sort(&mut abort.steps);
-        order::check(&program.board, &abort.steps, &program.traces, diagnostics);
+        clashes::check(&program.board, &abort.steps, &program.traces, diagnostics);
     }
 }
 

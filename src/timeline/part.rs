@@ -3,8 +3,9 @@
 //! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
+use super::schedule::report_requests;
 use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
-use super::{lints, order, wire};
+use super::{clashes, lints, wire};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Ease, TraceId};
@@ -69,11 +70,9 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at));
     let marks = marks.map(|mark| Mark { at: shifted(mark.at), ..mark.clone() }).collect();
     let mut events = cut.events;
-    if let (Some(first), Some(last)) = (expects.first(), expects.last())
-        && let Some([start, stop]) = board.reporting.clone()
-    {
-        events.insert(0, auto(Micros::ZERO, start, first.span, first.trace));
-        events.push(auto(end, stop, last.span, last.trace));
+    if let Some([start, stop]) = report_requests(board, &expects, end) {
+        events.insert(0, start);
+        events.push(stop);
     }
     let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(part.from.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
@@ -121,14 +120,10 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
 /// of one pass and again at the start of the next, and a servo that the next pass sends elsewhere before it can have arrived. `all` are
 /// these passes, or enough of those without end.
 pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnostics: &mut Diagnostics) {
-    order::check_seam(first, again, diagnostics);
-    order::check_seam(again, again, diagnostics);
+    clashes::check_seam(first, again, diagnostics);
+    clashes::check_seam(again, again, diagnostics);
     wire::check(all, diagnostics);
     lints::servo_speed(all, diagnostics);
-}
-
-fn auto(at: Micros, command: Command, span: Span, trace: TraceId) -> Event {
-    Event { at, command, kind: Kind::Auto, is_instant: false, span, trace }
 }
 
 /// A part that grows.
@@ -218,16 +213,12 @@ impl Cut<'_> {
 
     /// What is still running at the end is ended, the last resource first.
     fn close(&mut self, end: Micros) {
-        let board = self.board;
-        let is_opaque = self.events.iter().any(|event| board.is_opaque(&event.command));
         if self.events.last().is_some_and(|event| event.kind == Kind::Closing) {
             return;
         }
-        let active: Vec<ResourceId> = self.state.active(board).map(|(resource, _)| resource).collect();
-        for (resource, found) in board.resources.iter().enumerate().rev() {
-            if let Some(rest) = found.rest.clone().filter(|_| is_opaque || active.contains(&resource)) {
-                self.push(end, rest, Kind::Closing);
-            }
+        let is_unknown = self.events.iter().any(|event| self.board.is_opaque(&event.command));
+        for (.., rest) in self.state.closing(self.board, is_unknown).collect::<Vec<_>>() {
+            self.push(end, rest.clone(), Kind::Closing);
         }
     }
 }

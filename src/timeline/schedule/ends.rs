@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::From;
+use super::Origin;
 use crate::board::{Board, Command};
 use crate::program::{Action, Step, Time};
 use crate::units::Micros;
@@ -10,7 +10,7 @@ use crate::units::Micros;
 /// The end of a `for`. Ends are sorted by time, and at one time in script order.
 pub(super) struct End {
     pub(super) due: Micros,
-    pub(super) from: From,
+    pub(super) from: Origin,
     /// The exact time.
     pub(super) at: Time,
     pub(super) command: Command,
