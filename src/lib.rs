@@ -107,19 +107,19 @@ pub fn compile(sources: &Sources, options: &Options) -> Compiled {
 fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Option<Timeline> {
     let script = syntax::read(sources.main(), diagnostics)?;
     let mut program = program::program(script, sources, options, diagnostics);
-    if !diagnostics.has_errors() {
-        let program = program.at_speed(options.speed);
+    let is_correct = !diagnostics.has_errors();
+    if is_correct {
+        program = program.at_speed(options.speed);
         if program.end > Time::LONGEST {
             let help = "play it faster, or only a part of it; a script is at most 24 hours long";
             let message = "at this speed the script is longer than 24 hours";
             diagnostics.push(Diagnostic::new(Code::TooLong, Span::new(0, 0), message, help));
             return None;
         }
-        return Some(timeline::timeline(program, options.events, diagnostics));
     }
     // All errors at once, but none that is only there because something else is missing.
-    if program.times_known {
+    if is_correct || program.times_known {
         timeline::order(&mut program, diagnostics);
     }
-    None
+    is_correct.then(|| timeline::timeline(program, options.events, diagnostics))
 }

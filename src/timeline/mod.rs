@@ -198,18 +198,15 @@ impl Event {
     }
 }
 
-/// Lays a program out in time, with at most `events` frames. Clashes and what else is wrong in the order of time is
-/// reported.
-pub(crate) fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    order(&mut program, diagnostics);
+/// Schedules a program that is in [`order`], with at most `events` frames, and reports what is wrong with the result.
+pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let timeline = schedule::schedule(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
     lints::servo_speed(&timeline, diagnostics);
     timeline
 }
 
-/// Sorts a program by time, and looks for what is wrong in that order. Alone it is for a program that has other errors but whose
-/// times are right.
+/// Sorts a program by time, and reports clashes. The program may have other errors, but its times are right.
 pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
     let key = |step: &Step| (step.at.micros(), step.order);
     let sort = |steps: &mut [Step]| {
