@@ -153,37 +153,32 @@ impl Cut<'_> {
         self.events.push(Event { at, command, kind, is_instant: false, span, trace });
     }
 
-    /// Brings the board to the state of the start; gives how long that takes. What has a value goes there softly, or is sent there at once
-    /// where it is not known where it is; what is active follows when that is over.
+    /// Brings the board to the state of the start; returns how long that takes. What has a value goes there softly, or is sent there at
+    /// once where it is not known where it is; what is active follows when that is over.
     fn lead_in(&mut self, lead_in: Micros, known: &State, at_once: &[&Command]) -> Micros {
-        let board = self.board;
-        let state = self.state.clone();
-        let (held, still): (Vec<&Command>, Vec<&Command>) =
-            state.commands(board).partition(|command| board.is_active(command));
+        let (board, state) = (self.board, self.state.clone());
+        let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
         let mut takes = Micros::ZERO;
-        for command in still {
-            let moves = board.verb(command.verb()).is_some_and(|verb| verb.moves);
-            let before = board.occupies(command).first().and_then(|resource| known.told(*resource));
-            match before {
-                _ if !moves => self.push(Micros::ZERO, command.clone(), Kind::Auto),
-                Some(before) if before == command => {}
-                Some(before) => {
-                    takes = lead_in;
-                    self.glide(before, command, lead_in);
+        for command in state.commands(board) {
+            let resources = board.occupies(command);
+            let before = resources.first().and_then(|resource| known.told(*resource));
+            if board.is_active(command) {
+                if !resources.iter().any(is_told) {
+                    self.push(takes, command.clone(), Kind::Auto);
                 }
-                // It gets the time.
-                None => {
-                    takes = lead_in;
-                    self.push(Micros::ZERO, command.clone(), Kind::Auto);
+            } else if !board.verb(command.verb()).is_some_and(|verb| verb.moves) {
+                self.push(Micros::ZERO, command.clone(), Kind::Auto);
+            } else if before != Some(command) {
+                takes = lead_in;
+                match before {
+                    Some(before) => self.glide(before, command, lead_in),
+                    // It gets the time.
+                    None => self.push(Micros::ZERO, command.clone(), Kind::Auto),
                 }
             }
         }
         // What takes no time first, then step by step, each resource in its order.
         self.events.sort_by_key(|event| event.at);
-        let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
-        for command in held.into_iter().filter(|command| !board.occupies(command).iter().any(is_told)) {
-            self.push(takes, command.clone(), Kind::Auto);
-        }
         takes
     }
 
