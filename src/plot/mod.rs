@@ -297,14 +297,12 @@ fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
 
 /// How busy the line is.
 fn load(timeline: &Timeline) -> Load {
-    let mut line = Wire::new(timeline.baud);
+    let line = Wire::new(timeline.baud);
     #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
     let piece_us = shown(timeline.end).0 as f64 / f64::from(PIECES);
     let mut busy_us = vec![0.0; PIECES as usize];
     let mut late = Vec::new();
-    for event in &timeline.events {
-        let departure = line.send(event.at, timeline.board.frame_length(&event.command));
-        let late_by = wire::late(&line, event, departure);
+    for (event, departure, late_by) in wire::departures(timeline, &timeline.events) {
         if late_by > wire::LATE {
             late.push(Late { at: event.at, late: late_by });
         }
