@@ -12,7 +12,7 @@ use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::program::{Action, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
 use crate::units::Micros;
-use ends::{End, Starts};
+use ends::{End, Ends, Starts};
 
 pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let Program { board, settings, steps, end, abort, traces, marks, .. } = program;
@@ -159,14 +159,14 @@ impl<'d> Scheduler<'d> {
     /// Schedules every step, sorted by time. The steps are given back: those that are one event each become it where they stand, in
     /// [`finish`](Self::finish), because there may be millions of them.
     fn run(&mut self, mut steps: Vec<Step>) -> Vec<Step> {
-        let mut ends: BinaryHeap<Reverse<End>> = BinaryHeap::new();
+        let mut ends = Ends::new();
         let mut ended: Vec<End> = Vec::new();
         let mut starts = Starts::default();
         self.raw_drives = steps.iter().filter_map(|step| raw_drive(self.board, step)).collect();
         let mut rest = steps.as_mut_slice();
         loop {
             let next = rest.first().map(|step| step.at.micros());
-            let end = ends.peek().map(|Reverse(end)| end.due);
+            let end = ends.first_key_value().map(|((due, _), _)| *due);
             let Some(now) = next.into_iter().chain(end).min() else { break };
             let count = rest.iter().take_while(|step| step.at.micros() == now).count();
             let (group, behind) = rest.split_at_mut(count);
@@ -176,16 +176,17 @@ impl<'d> Scheduler<'d> {
                     && let Some(command) = self.rest_of(&held.0)
                 {
                     let at = step.at.plus(held.1);
-                    ends.push(Reverse(End { due: at.micros(), from: Origin::step(step), at, command }));
+                    ends.insert((at.micros(), step.order), End { from: Origin::step(step), at, command });
                 }
             }
             // Of a hold too short to see, the start still comes before its end.
             ended.clear();
-            if ends.peek().is_some_and(|Reverse(end)| end.due == now) {
+            let is_due = |ends: &Ends| ends.first_key_value().is_some_and(|((due, _), _)| *due == now);
+            if is_due(&ends) {
                 starts.read(self.board, group);
             }
-            while ends.peek().is_some_and(|Reverse(end)| end.due == now) {
-                let end = ends.pop().map(|Reverse(end)| end);
+            while is_due(&ends) {
+                let end = ends.pop_first().map(|(_, end)| end);
                 ended.extend(end.filter(|end| !starts.supersede(self.board, end)));
             }
             let mut ended = ended.iter().peekable();
