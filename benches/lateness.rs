@@ -84,7 +84,7 @@ fn main() {
     });
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
     let mut rig = Rig {
-        link: Stamped { port, stamps: Vec::with_capacity(timeline.events().len()) },
+        link: Stamped { port, stamps: Vec::with_capacity(timeline.events.len()) },
         signals: Signals::catch().unwrap(),
         guard,
         keys: None,
@@ -100,11 +100,11 @@ fn main() {
     drop(port);
     far.join().unwrap();
 
-    assert_eq!(outcome.sent, timeline.events().len(), "{outcome:?}");
-    let due = timeline.events().iter().map(|event| start + event.at.nanos());
+    assert_eq!(outcome.sent, timeline.events.len(), "{outcome:?}");
+    let due = timeline.events.iter().map(|event| start + event.at.nanos());
     let mut late: Vec<u64> =
         stamps.iter().zip(due).map(|(stamp, due)| stamp.0.checked_sub(due.0).expect("no frame is early")).collect();
-    assert_eq!(late.len(), timeline.events().len());
+    assert_eq!(late.len(), timeline.events.len());
     let last = late.last().copied().unwrap();
     late.sort_unstable();
     let percentile = |per_mille: usize| late[(late.len() - 1) * per_mille / 1_000];

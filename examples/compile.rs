@@ -32,6 +32,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     let timeline = compiled.timeline.ok_or("the script has errors")?;
-    write_listing(&timeline.board, timeline.events(), &mut io::stdout())?;
+    write_listing(&timeline.board, &timeline.events, &mut io::stdout())?;
     Ok(())
 }

@@ -60,7 +60,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     let mut player = Player::new(&timeline, ward.max_late);
     let outcome = drive(&mut player, &mut rig, now(), |notice| {
         if let Notice::Sent { event, .. } = notice
-            && let Some(event) = timeline.events().get(event)
+            && let Some(event) = timeline.events.get(event)
         {
             println!("{:.3} s: {}", event.at, timeline.board.show(&event.command));
         }

@@ -44,7 +44,7 @@ fn compile_json(input: &[u8]) -> String {
             let frames = compiled.timeline.map(|timeline| {
                 let mut text = Vec::new();
                 // Nothing can fail that is written to a vector.
-                let _ = write_listing(&timeline.board, timeline.events(), &mut text);
+                let _ = write_listing(&timeline.board, &timeline.events, &mut text);
                 String::from_utf8_lossy(&text).into_owned()
             });
             Output { frames, findings: findings(&sources, &compiled.diagnostics) }

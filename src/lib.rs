@@ -19,7 +19,7 @@
 //! assert!(compiled.diagnostics.iter().next().is_none());
 //! let timeline = compiled.timeline.expect("the script has no errors");
 //!
-//! let first = &timeline.events()[0];
+//! let first = &timeline.events[0];
 //! assert_eq!(first.at, Micros::from_millis(500));
 //! let board = &timeline.board;
 //! assert_eq!(board.show(&first.command).to_string(), "servo 1 1500");
@@ -33,7 +33,8 @@
 //! | [`diagnostic`] | errors and warnings as data: a code, a place, a message, and a help that shows what to write |
 //! | [`syntax`] | a script as a tree, and the formatter |
 //! | [`program`] | the options of a compilation, and the tables of the language: commands, settings, units, functions, easings |
-//! | [`timeline`] | every frame with its time and its place in the script; parts and passes; listings, snapshots, and what changed between two |
+//! | [`timeline`] | every frame with its time and its place in the script; parts and passes; listings and snapshots |
+//! | [`diff`] | what changed between two timelines, in the words of the script |
 //! | [`board`] | what can be sent to a board, as data: its commands, their ranges, its frames and its reports |
 //! | [`units`] | microseconds and nanoseconds, read and shown |
 //! | [`plot`] | a timeline as a picture |
@@ -64,6 +65,7 @@ pub mod capture;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod clock;
 pub mod diagnostic;
+pub mod diff;
 #[cfg(all(feature = "player", target_os = "linux"))]
 pub mod link;
 pub mod playback;
@@ -105,19 +107,19 @@ pub fn compile(sources: &Sources, options: &Options) -> Compiled {
 fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Option<Timeline> {
     let script = syntax::read(sources.main(), diagnostics)?;
     let mut program = program::program(script, sources, options, diagnostics);
-    if !diagnostics.has_errors() {
-        let program = program.at_speed(options.speed);
+    let is_correct = !diagnostics.has_errors();
+    if is_correct {
+        program = program.at_speed(options.speed);
         if program.end > Time::LONGEST {
             let help = "play it faster, or only a part of it; a script is at most 24 hours long";
             let message = "at this speed the script is longer than 24 hours";
             diagnostics.push(Diagnostic::new(Code::TooLong, Span::new(0, 0), message, help));
             return None;
         }
-        return Some(timeline::timeline(program, options.events, diagnostics));
     }
     // All errors at once, but none that is only there because something else is missing.
-    if program.times_known {
+    if is_correct || program.times_known {
         timeline::order(&mut program, diagnostics);
     }
-    None
+    is_correct.then(|| timeline::timeline(program, options.events, diagnostics))
 }

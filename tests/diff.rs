@@ -4,9 +4,10 @@ use std::fs;
 
 use crate::support::board::board;
 use crate::support::{run, script, stderr, stdout};
+use motionseq::diff::{Change, What, diff};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Lines, Source, Sources};
-use motionseq::timeline::{Change, Moment, Snapshot, Timeline, What, diff, is_snapshot, read_snapshot, write_snapshot};
+use motionseq::timeline::{Moment, Snapshot, Timeline, is_snapshot, read_snapshot, write_snapshot};
 use motionseq::units::Micros;
 use proptest::prelude::*;
 
@@ -224,5 +225,5 @@ proptest! {
 
 fn sent(text: &str) -> (Vec<Moment>, Micros) {
     let timeline = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default()).timeline.unwrap();
-    (timeline.events().iter().map(Moment::from).collect(), timeline.end)
+    (timeline.events.iter().map(Moment::from).collect(), timeline.end)
 }

@@ -9,12 +9,13 @@ use motionseq::board::{
 };
 use motionseq::capture::{Reading, Scribe, TimedDecoder, decode};
 use motionseq::diagnostic::Code;
+use motionseq::diff::diff;
 use motionseq::playback::{Cause, Input, Order, Player, Stop};
 use motionseq::plot::{Shows, plot};
 use motionseq::program::Options;
 use motionseq::sim::{Settings, VirtualBoard};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Kind, Part, Snapshot, Timeline, diff, part, read_snapshot, write_listing, write_snapshot};
+use motionseq::timeline::{Kind, Part, Snapshot, Timeline, part, read_snapshot, write_listing, write_snapshot};
 use motionseq::units::{Micros, Nanos};
 use motionseq::verify::rehearse;
 
@@ -201,7 +202,7 @@ fn wrong(text: &str) -> Vec<(Code, String)> {
 
 fn listing(timeline: &Timeline) -> String {
     let mut out = Vec::new();
-    write_listing(&timeline.board, timeline.events(), &mut out).unwrap();
+    write_listing(&timeline.board, &timeline.events, &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -258,7 +259,7 @@ fn what_is_wrong_with_it_is_said_in_its_words() {
 #[test]
 fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would_be() {
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
-    let closing = whole.events().last().unwrap();
+    let closing = whole.events.last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
     let cut = part(&whole, &Part::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
     let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
@@ -317,14 +318,14 @@ fn it_is_decoded_and_folded() {
     let played = compiled("lamp 2 0\nwait 500ms\nlamp 2 1000 over 1s\nfan on\nwait 300ms\nfan off\n");
     let mut scribe = Scribe::new(Arc::clone(&board), false, board.baud);
     let mut decoder = TimedDecoder::of_times(&board);
-    for event in played.events() {
+    for event in &played.events {
         decoder.feed(event.at.nanos(), &board.to_frame(&event.command), |at, item| scribe.take(at, item));
     }
     scribe.finish(Micros(2_000_000));
     let text = scribe.settled();
     let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(lines, ["at 0s lamp 2 0", "at 0.5s lamp 2 1000 over 1s", "at 1.5s fan on", "at 1.8s fan off"], "{text}");
-    assert_eq!(compiled(&text).events().len(), played.events().len());
+    assert_eq!(compiled(&text).events.len(), played.events.len());
 }
 
 #[test]

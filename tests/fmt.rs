@@ -23,9 +23,9 @@ fn meaning(source: Source) -> String {
     match compiled.timeline {
         Some(timeline) => {
             let frames: Vec<_> = timeline
-                .events()
+                .events
                 .iter()
-                .chain(timeline.abort())
+                .chain(&timeline.abort)
                 .map(|event| (event.at, &event.command, event.kind))
                 .collect();
             let said: Vec<_> = timeline.cues.iter().map(|cue| (cue.at, &cue.text)).collect();

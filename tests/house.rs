@@ -15,6 +15,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("random", &[]),
     ("program", &["units", "source", "diagnostic", "syntax", "board", "random"]),
     ("timeline", &["units", "source", "diagnostic", "program", "board"]),
+    ("diff", &["units", "program", "board", "timeline"]),
     ("link", &["units", "clock"]),
     ("playback", &["units", "source", "timeline", "link", "board", "clock"]),
     ("sim", &["units", "board", "random"]),
@@ -22,7 +23,10 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("capture", &["units", "board", "program", "timeline"]),
     ("plot", &["units", "source", "diagnostic", "program", "timeline", "board", "sim"]),
     // `compile` stands in the library's root.
-    ("verify", &["units", "source", "diagnostic", "program", "timeline", "board", "playback", "sim", "compile"]),
+    (
+        "verify",
+        &["units", "source", "diagnostic", "program", "timeline", "diff", "board", "playback", "sim", "compile"],
+    ),
     ("report", &["units", "source", "diagnostic", "verify"]),
 ];
 

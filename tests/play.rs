@@ -383,7 +383,7 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     }
     assert!(said.contains("`expect voltage < 5V` failed: the board reports 1"), "{said}");
     let mut expected: Vec<u8> = Vec::new();
-    for event in timeline.events().iter().take(rehearsal.given) {
+    for event in timeline.events.iter().take(rehearsal.given) {
         expected.extend(event.command.to_frame());
     }
     // What brings a receiver back in step behind a flush.

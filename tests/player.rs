@@ -25,7 +25,7 @@ fn shipped(path: &std::path::Path) -> Timeline {
 
 fn rendered(timeline: &Timeline) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_bin(board(), timeline.events(), &mut bytes).unwrap();
+    write_bin(board(), &timeline.events, &mut bytes).unwrap();
     bytes
 }
 
@@ -366,7 +366,7 @@ fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
         .notices
         .iter()
         .filter_map(|notice| match notice {
-            Notice::Dropped { event } => Some(timeline.events()[*event].at.0 / 1_000),
+            Notice::Dropped { event } => Some(timeline.events[*event].at.0 / 1_000),
             _ => None,
         })
         .collect();

@@ -147,7 +147,7 @@ proptest! {
         let result = compiled(&text);
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
         if let Some(timeline) = result.timeline {
-            let events = timeline.events();
+            let events = &timeline.events;
             prop_assert!(events.is_sorted_by_key(|event| (event.at, event.rank(board()))));
             prop_assert!(events.iter().all(|event| event.at <= timeline.end));
             let mut state = State::default();
@@ -185,7 +185,7 @@ proptest! {
         let written = compiled(&format!("{start}{written}stop\nbuzzer off\n"));
         let sent = |compiled: &Compiled| {
             let timeline = compiled.timeline.as_ref()?;
-            let frames = timeline.events().iter().map(|event| (event.at, event.command.clone(), event.kind));
+            let frames = timeline.events.iter().map(|event| (event.at, event.command.clone(), event.kind));
             Some((frames.collect::<Vec<_>>(), timeline.end))
         };
         prop_assert_eq!(sent(&repeated), sent(&written));
@@ -224,7 +224,7 @@ fn an_else_is_never_cut_off() {
         let text =
             format!("#{}\nif false {{ servo 1 1000 }}\n\n# why\n  else {{ servo 1 2000 }}\n", "-".repeat(length));
         let timeline = compiled(&text).timeline.expect("the else belongs to its if");
-        assert_eq!(timeline.events()[0].command.said(), "servo 1 2000");
+        assert_eq!(timeline.events[0].command.said(), "servo 1 2000");
     }
 }
 

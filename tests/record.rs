@@ -71,7 +71,7 @@ fn amend(scribe: &mut Scribe, text: &mut String) {
 }
 
 fn sent(timeline: &Timeline) -> Vec<(u64, Vec<u8>)> {
-    timeline.events().iter().map(|event| (event.at.0, event.command.to_frame())).collect()
+    timeline.events.iter().map(|event| (event.at.0, event.command.to_frame())).collect()
 }
 
 /// When each frame begins on the line, and what it is.
@@ -287,7 +287,7 @@ proptest! {
             if lane == Lane::Rocker {
                 starve(&mut sent, end);
             }
-            let events = folded.events().iter().filter(|event| event.kind != Kind::Refresh);
+            let events = folded.events.iter().filter(|event| event.kind != Kind::Refresh);
             let again: Vec<_> = events.filter_map(|event| Some((event.at.0, given(&event.command, lane)?))).collect();
             let Some((first, _)) = sent.first().copied() else {
                 prop_assert!(again.is_empty(), "{lane:?} was never given anything\n{text}");
@@ -342,12 +342,12 @@ fn an_owners_program_is_recorded_and_its_script_sends_the_same() {
     assert!(said.contains(&format!("recorded {} frames as {0} lines", wrote.len())), "{said}");
     let text = text_of(&path);
     let again = compiled(&text);
-    let sent: Vec<String> = again.events().iter().map(|event| hex(&event.command.to_frame())).collect();
+    let sent: Vec<String> = again.events.iter().map(|event| hex(&event.command.to_frame())).collect();
     assert_eq!(sent, wrote);
     // Each at its time.
     let times = listing.lines().map(|line| line.split('\t').next().unwrap().parse::<f64>().unwrap());
     let times: Vec<f64> = times.collect();
-    for (event, time) in again.events().iter().zip(&times) {
+    for (event, time) in again.events.iter().zip(&times) {
         let received_us = (time - times[0]) * 1e6;
         assert!((event.at.0 as f64 - received_us).abs() < 2.0, "{} {received_us}", event.at);
     }
@@ -389,7 +389,7 @@ fn a_kill_leaves_a_script_of_what_came_before() {
     host.signal(Signal::KILL);
     host.child.wait().unwrap();
     let text = text_of(&path);
-    assert!(text.contains("x=1 ") && compiled(&text).events().len() >= 19, "{text}");
+    assert!(text.contains("x=1 ") && compiled(&text).events.len() >= 19, "{text}");
     let _ = fs::remove_file(&host.path);
 }
 
@@ -603,7 +603,7 @@ fn a_recording_does_not_move_while_the_program_stands_still() {
     let sent: Vec<_> = (0..=20).map(|step| servo(pause(step), 1_000 + step as i32 * 40)).collect();
     let again = compiled(&folded(&sent));
     let events: Vec<_> =
-        again.events().iter().filter_map(|event| Some((event.at.0, given(&event.command, Lane::Servo(1))?))).collect();
+        again.events.iter().filter_map(|event| Some((event.at.0, given(&event.command, Lane::Servo(1))?))).collect();
     let (least, most) = held(&events, 200_000, 260_000).unwrap();
     assert!(1_395 <= least[0] && most[0] <= 1_405, "{events:?}");
 }
@@ -651,7 +651,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
             &(format!("baud {baud}\nservos 1500 1500\nbuzzer on\nrequest voltage\n") + &lines.collect::<String>()),
         );
         let (mut listing, mut snapshot) = (Vec::new(), Vec::new());
-        write_listing(board(), script.events(), &mut listing).unwrap();
+        write_listing(board(), &script.events, &mut listing).unwrap();
         write_snapshot("x.motion", &script, &mut snapshot).unwrap();
         for (capture, given) in [(&listing, Some(baud)), (&snapshot, None)] {
             let (text, _) = script_of(capture, true, given);
@@ -670,7 +670,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
 #[test]
 fn what_a_snapshot_sends_only_where_a_run_ends_early_is_no_part_of_a_script() {
     let script = compiled("servo 1 1500\nwait 1s\nservo 1 1600\non abort { servo 1 1000; buzzer on for 100ms }");
-    assert_eq!(script.abort().len(), 3);
+    assert_eq!(script.abort.len(), 3);
     let mut snapshot = Vec::new();
     write_snapshot("x.motion", &script, &mut snapshot).unwrap();
     for exact in [false, true] {

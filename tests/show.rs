@@ -20,7 +20,7 @@ fn timeline(text: &str) -> Timeline {
 
 /// Time, command and kind of each frame.
 fn frames(timeline: &Timeline) -> Vec<(u64, String, Kind)> {
-    timeline.events().iter().map(|event| (event.at.0, event.command.said(), event.kind)).collect()
+    timeline.events.iter().map(|event| (event.at.0, event.command.said(), event.kind)).collect()
 }
 
 const SHOW: &str = "\
@@ -49,18 +49,18 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
     for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
         let cut = part(&whole, &Part::new(from, None, Micros::SECOND), &State::default());
         let mut there = State::default();
-        for event in whole.events().iter().take_while(|event| event.at < from) {
+        for event in whole.events.iter().take_while(|event| event.at < from) {
             there.apply(board(), &event.command);
         }
         // What brings it there, without what comes at that very time.
-        let count = cut.events().iter().take_while(|event| event.kind == Kind::Auto).count();
+        let count = cut.events.iter().take_while(|event| event.kind == Kind::Auto).count();
         let mut state = State::default();
-        for event in &cut.events()[..count] {
+        for event in &cut.events[..count] {
             state.apply(board(), &event.command);
         }
         // What the drive and the buzzer are told anew at that very time is not told before.
         let anew: Vec<&Command> =
-            whole.events().iter().filter(|event| event.at == from).map(|event| &event.command).collect();
+            whole.events.iter().filter(|event| event.at == from).map(|event| &event.command).collect();
         let is_anew = |command: &Command| {
             anew.iter().any(|new| {
                 let is_buzzer = |command: &Command| command.said().starts_with("buzzer");
@@ -71,17 +71,17 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
         let wanted: Vec<Command> = there.commands(board()).filter(|command| !is_anew(command)).cloned().collect();
         assert_eq!(told, wanted, "{from}");
         // The servos come first and get their time; the drive runs only when they are there.
-        let drives = cut.events()[..count].iter().find(|event| event.command.is_drive());
+        let drives = cut.events[..count].iter().find(|event| event.command.is_drive());
         assert!(drives.is_none_or(|event| event.at == Micros::SECOND && event.at == cut.end - (whole.end - from)));
         // Behind it, the same frames in the same distances.
-        let rest: Vec<_> = whole.events().iter().filter(|event| event.at >= from).collect();
+        let rest: Vec<_> = whole.events.iter().filter(|event| event.at >= from).collect();
         let by = cut.end - (whole.end - from);
-        assert_eq!(rest.len(), cut.events().len() - count);
-        for (event, other) in rest.iter().zip(&cut.events()[count..]) {
+        assert_eq!(rest.len(), cut.events.len() - count);
+        for (event, other) in rest.iter().zip(&cut.events[count..]) {
             assert_eq!((event.at - from + by, &event.command), (other.at, &other.command));
         }
         let mut end = State::default();
-        cut.events().iter().for_each(|event| end.apply(board(), &event.command));
+        cut.events.iter().for_each(|event| end.apply(board(), &event.command));
         assert!(end.at_rest(board()), "{from}");
     }
 }
@@ -93,7 +93,7 @@ fn wherever_it_is_cut_off_nothing_is_left_running() {
         let cut = part(&whole, &Part::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
         assert_eq!(cut.end, to);
         assert!(state_after(&cut).at_rest(board()), "{to}");
-        assert!(cut.events().is_sorted_by_key(|event| event.at) && cut.events().iter().all(|event| event.at <= to));
+        assert!(cut.events.is_sorted_by_key(|event| event.at) && cut.events.iter().all(|event| event.at <= to));
     }
     assert_eq!(part(&whole, &Part::default(), &State::default()), whole);
 }
@@ -129,8 +129,8 @@ fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
 fn passes_follow_each_other_exactly() {
     let whole = timeline("servo 1 1000\nwait 333333us\nservo 1 1100\nwait 1us\n");
     let all = passes(&whole, &whole, 1_000, 10_000_000).unwrap();
-    assert_eq!((all.events().len(), all.end), (2_000, Micros(333_334_000)));
-    for (at, event) in all.events().iter().enumerate() {
+    assert_eq!((all.events.len(), all.end), (2_000, Micros(333_334_000)));
+    for (at, event) in all.events.iter().enumerate() {
         let pass = u64::try_from(at / 2).unwrap();
         assert_eq!(event.at, Micros(pass * 333_334 + if at % 2 == 0 { 0 } else { 333_333 }));
     }
@@ -154,7 +154,7 @@ fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
     assert_eq!(kind(Kind::Command), [200_000, 400_000]);
     // Exact: a third as fast and three times as long.
     let third = compiled("wait 100ms\nservo 1 1000\n", Speed::of("3").unwrap());
-    assert_eq!(third.events()[0].at, Micros(33_333));
+    assert_eq!(third.events[0].at, Micros(33_333));
     for wrong in ["0.09", "10.001", "11", "", "x", "1.0000", "-1", "1e1", "0"] {
         assert_eq!(Speed::of(wrong), None, "{wrong}");
     }

@@ -87,7 +87,7 @@ fn reports(settings: Settings, commands: &[(u64, &str)], until: u64) -> Vec<(u64
     let mut commands = commands.iter().peekable();
     for now in (0..=until).step_by(10_000) {
         while let Some((_, text)) = commands.next_if(|(at, _)| *at <= now) {
-            let command: Command = timeline(&format!("{text}\n")).events()[0].command.clone();
+            let command: Command = timeline(&format!("{text}\n")).events[0].command.clone();
             board.receive(Micros(now), &command.to_frame());
         }
         board.poll(Micros(now));
@@ -308,7 +308,7 @@ fn within_takes_its_time_and_the_first_report_that_fits() {
     assert_eq!(found(script, &[(1_100_000, line(1_001)), (1_500_000, line(949))]), [Found::Failed(Hundredths(949))]);
     // The timeline is not shortened.
     assert_eq!(
-        timeline(script).events().iter().find(|event| event.command.said() == "servo 1 1500").unwrap().at,
+        timeline(script).events.iter().find(|event| event.command.said() == "servo 1 1500").unwrap().at,
         Micros(2_000_000)
     );
     for (wanted, fits) in

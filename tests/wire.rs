@@ -73,7 +73,7 @@ proptest! {
         }
         let Some(timeline) = compiled(&text).timeline else { return Ok(()) };
         let frames: Vec<(u64, usize)> =
-            timeline.events().iter().map(|event| (event.at.0, crate::support::board::OnBoard::to_frame(&event.command).len())).collect();
+            timeline.events.iter().map(|event| (event.at.0, crate::support::board::OnBoard::to_frame(&event.command).len())).collect();
         let second = 1_000_000 * u128::from(baud);
         let mut seconds: Vec<u64> = Vec::new();
         for (_, _, left) in simulated(&frames, u64::from(baud)) {

@@ -20,8 +20,8 @@ fuzz_target!(|text: &str| {
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }
     let Some(timeline) = compiled.timeline else { return };
-    assert!(timeline.events().is_sorted_by_key(|event| (event.at, event.rank(&timeline.board))));
-    for event in timeline.events() {
+    assert!(timeline.events.is_sorted_by_key(|event| (event.at, event.rank(&timeline.board))));
+    for event in &timeline.events {
         let board = &timeline.board;
         let bytes = board.to_frame(&event.command);
         // A raw frame may be that of a command.

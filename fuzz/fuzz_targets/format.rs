@@ -13,7 +13,7 @@ fn meaning(text: &str) -> String {
     let compiled = motionseq::compile(&sources, &Options::default().with_events(1_000));
     match compiled.timeline {
         Some(timeline) => {
-            let frames: Vec<_> = timeline.events().iter().map(|event| (event.at, &event.command, event.kind)).collect();
+            let frames: Vec<_> = timeline.events.iter().map(|event| (event.at, &event.command, event.kind)).collect();
             format!("{frames:?} {:?}", timeline.cues.iter().map(|cue| (cue.at, &cue.text)).collect::<Vec<_>>())
         }
         None => {

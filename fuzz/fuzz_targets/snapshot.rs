@@ -2,7 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::timeline::{Snapshot, diff, read_snapshot};
+use motionseq::diff::diff;
+use motionseq::timeline::{Snapshot, read_snapshot};
 
 fuzz_target!(|input: (Vec<u8>, Vec<u8>)| {
     let read = |text: &[u8]| {

@@ -3,7 +3,7 @@
 use smallvec::SmallVec;
 
 use super::command::{Command, MAX_MOVING, VerbId};
-use super::table::{Board, Part, ResourceId, Sets};
+use super::table::{Board, Part, Resource, ResourceId, Sets};
 
 /// The last command of each resource, in the words of the verb that sets it alone. A frame that is not interpreted makes the resource
 /// unknown that it is for.
@@ -20,6 +20,11 @@ struct Told {
 }
 
 impl State {
+    /// That of a board that received nothing; takes no memory later.
+    pub fn new(board: &Board) -> Self {
+        State { told: vec![Told::default(); board.resources.len()] }
+    }
+
     /// Takes in one command.
     pub fn apply(&mut self, board: &Board, command: &Command) {
         if board.is_opaque(command) {
@@ -54,14 +59,25 @@ impl State {
         has_all
     }
 
-    /// The commands that bring a board to this state again, in the order of its resources. What is at rest, or comes to rest by itself, is
-    /// left out.
+    /// The commands that bring a board to this state, in the order of its resources: first those that have no rest, then what is active.
+    /// What is at rest, or comes to rest by itself, is left out.
     pub fn commands<'s>(&'s self, board: &'s Board) -> impl Iterator<Item = &'s Command> {
-        let told = board.resources.iter().zip(&self.told);
-        told.filter_map(|(resource, told)| {
-            let command = told.command.as_ref()?;
-            (resource.rest.is_none() || board.is_active(command)).then_some(command)
-        })
+        let told = board.resources.iter().zip(&self.told).filter(|(resource, _)| resource.rest.is_none());
+        let still = told.filter_map(|(_, told)| told.command.as_ref()).filter(|command| !board.is_active(command));
+        still.chain(self.active(board).map(|(_, command)| command))
+    }
+
+    /// What has a rest and is active, the last first, with the command that brings it there; where `is_unknown`, because something was
+    /// sent that is not understood, all that has a rest.
+    pub fn closing<'b>(
+        &self,
+        board: &'b Board,
+        is_unknown: bool,
+    ) -> impl Iterator<Item = (ResourceId, &'b Resource, &'b Command)> {
+        let is_active = |resource| self.told(resource).is_some_and(|told| board.is_active(told));
+        let all = board.resources.iter().enumerate().rev();
+        let all = all.filter_map(|(id, resource)| Some((id, resource, resource.rest.as_ref()?)));
+        all.filter(move |(id, ..)| is_unknown || is_active(*id))
     }
 
     /// The active resources, each with its last command.

@@ -105,7 +105,7 @@ impl Check {
             let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
                 Some(timeline) if !denied => {
-                    let frames = plural(timeline.events().len(), "frame");
+                    let frames = plural(timeline.events.len(), "frame");
                     screen.note(&format!("{}: ok, {frames} in {:.3} s", sources.main().name(), timeline.end));
                     if screen.is_verbose() {
                         for line in load(&timeline, &sources) {
@@ -180,7 +180,7 @@ fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
         lines.push(format!("  and {} s more; the busiest is {at} s with {bytes} bytes", load.len() - second));
     }
     if let Some((at, late)) = worst
-        && let Some(event) = timeline.events().get(at)
+        && let Some(event) = timeline.events.get(at)
     {
         let origin = timeline.origin(event, sources, &Lines::of(sources));
         let (late, when) = (late.in_millis(), event.at);

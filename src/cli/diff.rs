@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use motionseq::board::raspblock;
+use motionseq::diff::{Change, diff};
 use motionseq::source::{Disk, Lines, Sources, read_file};
-use motionseq::timeline::{Change, Snapshot, Timeline, diff, is_snapshot, read_snapshot};
+use motionseq::timeline::{Snapshot, Timeline, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::exit::Exit;

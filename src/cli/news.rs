@@ -206,7 +206,7 @@ impl News {
                 self.judged(verdict);
             }
             Notice::Sent { event, late } => {
-                if let Some(event) = self.timeline.events().get(event) {
+                if let Some(event) = self.timeline.events.get(event) {
                     self.notes.sent(late);
                     self.state.apply(&self.timeline.board, &event.command);
                     self.worst_late = self.worst_late.max(late);
@@ -217,7 +217,7 @@ impl News {
                 }
             }
             Notice::Passed { event } => {
-                if let Some(event) = self.timeline.events().get(event) {
+                if let Some(event) = self.timeline.events.get(event) {
                     self.state.apply(&self.timeline.board, &event.command);
                 }
                 self.frame("not sent, as the drive stands: ", event);
@@ -284,7 +284,7 @@ impl News {
 
     /// A line about one frame.
     fn frame(&self, what: &str, event: usize) {
-        if let Some(event) = self.timeline.events().get(event) {
+        if let Some(event) = self.timeline.events.get(event) {
             let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
             self.screen.note(&format!("{:.3} s: {what}{}{kind}", event.at, self.timeline.board.show(&event.command)));
         }

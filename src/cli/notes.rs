@@ -104,7 +104,7 @@ impl Notes {
             tenths(Nanos(nanos).min(outcome.worst_late))
         };
         let dropped = self.dropped.iter().filter_map(|(timeline, event)| {
-            let event = timeline.events().get(*event)?;
+            let event = timeline.events.get(*event)?;
             let place = lines.place(event.span);
             let (at, command) = (event.at, timeline.board.show(&event.command).to_string());
             Some(Dropped { at, command, file: place.file.to_owned(), line: place.line })

@@ -70,21 +70,19 @@ impl Render {
     fn write(&self, sources: &Sources, timeline: &Timeline, screen: &Screen, out: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let lines = Lines::of(sources);
-        let frames = timeline.tracks.iter().map(|track| track.events.len()).sum();
+        let frames = timeline.events.len();
         // Frames that are printed on the terminal show themselves how far it is.
         let is_shown = self.output.is_some() || !io::stdout().is_terminal();
         let progress = is_shown.then(|| Progress::new(screen, "frames", frames));
-        for track in &timeline.tracks {
-            for events in track.events.chunks(CHUNK) {
-                match self.format {
-                    Format::Listing => write_listing(&timeline.board, events, &mut out)?,
-                    Format::Hex => write_hex(&timeline.board, events, &mut out)?,
-                    Format::Bin => write_bin(&timeline.board, events, &mut out)?,
-                    Format::Jsonl => write_jsonl(&timeline.board, track.robot.as_deref(), events, &lines, &mut out)?,
-                }
-                if let Some(progress) = &progress {
-                    progress.add(events.len());
-                }
+        for events in timeline.events.chunks(CHUNK) {
+            match self.format {
+                Format::Listing => write_listing(&timeline.board, events, &mut out)?,
+                Format::Hex => write_hex(&timeline.board, events, &mut out)?,
+                Format::Bin => write_bin(&timeline.board, events, &mut out)?,
+                Format::Jsonl => write_jsonl(&timeline.board, events, &lines, &mut out)?,
+            }
+            if let Some(progress) = &progress {
+                progress.add(events.len());
             }
         }
         out.flush()

@@ -211,7 +211,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                     return Err("this takes no time, and cannot go on forever".to_owned());
                 }
                 // What the line cannot carry grows from pass to pass.
-                let enough = MANY / again.events().len().max(1);
+                let enough = MANY / again.events.len().max(1);
                 let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
                 let all = passes(&first, &again, enough, usize::MAX);
                 check_passes(&first, &again, all.as_ref().unwrap_or(&first), diagnostics);

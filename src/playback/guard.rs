@@ -144,7 +144,7 @@ pub struct Ward {
 impl Ward {
     /// What the guard of a player of this timeline must know. A frame may be 50 ms late.
     pub fn of(timeline: &Timeline) -> Self {
-        let commands = timeline.events().iter().map(|event| &event.command);
+        let commands = timeline.events.iter().map(|event| &event.command);
         Ward { zeros: timeline.board.zeros_behind_flush(commands), ..Ward::of_board(&timeline.board) }
     }
 

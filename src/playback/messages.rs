@@ -113,19 +113,19 @@ pub enum Order {
 pub enum Notice {
     /// This frame is given to the port.
     Sent {
-        /// Its index in the track.
+        /// Its index in the timeline.
         event: usize,
         /// How late.
         late: Nanos,
     },
     /// This frame of the drive was not sent at a pause; what it says holds when the run goes on.
     Passed {
-        /// Its index in the track.
+        /// Its index in the timeline.
         event: usize,
     },
     /// This frame was left out, because a newer one had overtaken it.
     Dropped {
-        /// Its index in the track.
+        /// Its index in the timeline.
         event: usize,
     },
     /// This line is due.

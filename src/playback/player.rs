@@ -11,7 +11,7 @@ use crate::source::Span;
 use crate::timeline::{Cue, Event, Kind, Timeline};
 use crate::units::{Micros, Nanos};
 
-/// Plays one track.
+/// Plays one timeline.
 #[derive(Debug)]
 pub struct Player<'t> {
     board: &'t Board,
@@ -21,8 +21,8 @@ pub struct Player<'t> {
     judge: Judge<'t>,
     /// What comes again and again when everything was played.
     again: Option<&'t Timeline>,
-    /// What was played before this pass.
-    before: [&'t [Event]; 2],
+    /// What the board was sent, in this pass and before it.
+    state: State,
     pass: u64,
     /// How long the passes before this one took.
     passed: Nanos,
@@ -64,18 +64,18 @@ enum Phase {
 }
 
 impl<'t> Player<'t> {
-    /// A player for the only track of `timeline`. A frame later than `max_late` ends the run.
+    /// A player for `timeline`. A frame later than `max_late` ends the run.
     pub fn new(timeline: &'t Timeline, max_late: Nanos) -> Self {
         let board = &*timeline.board;
-        let commands = timeline.events().iter().map(|event| &event.command);
+        let commands = timeline.events.iter().map(|event| &event.command);
         Player {
             board,
-            events: timeline.events(),
-            stops: Stops::of(board, timeline.abort()),
+            events: &timeline.events,
+            stops: Stops::of(board, &timeline.abort),
             cues: &timeline.cues,
             judge: Judge::new(&timeline.expects),
             again: None,
-            before: [&[], &[]],
+            state: State::new(board),
             pass: 1,
             passed: Nanos::ZERO,
             end: timeline.end.nanos(),
@@ -99,7 +99,7 @@ impl<'t> Player<'t> {
     #[must_use]
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
-        let commands = again.events().iter().map(|event| &event.command);
+        let commands = again.events.iter().map(|event| &event.command);
         self.out.needs_zeros(self.board.zeros_behind_flush(commands));
         self.again = Some(again).filter(|again| again.end > Micros::ZERO);
         self
@@ -107,12 +107,10 @@ impl<'t> Player<'t> {
 
     /// Begins the next pass at the very moment when the last one was to end.
     fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
-        self.before =
-            [if self.pass == 1 { self.events } else { self.before[0] }, if self.pass == 1 { &[] } else { self.events }];
         self.origin = self.origin.saturating_add_unsigned(self.end.0);
         self.passed += self.end;
         self.pass += 1;
-        self.events = again.events();
+        self.events = &again.events;
         self.cues = &again.cues;
         self.judge.restart(&again.expects);
         self.end = again.end.nanos();
@@ -304,7 +302,7 @@ impl<'t> Player<'t> {
             let is_newer =
                 |newer: &Event| due(newer) > due(event) && self.board.overtakes(&newer.command, &event.command);
             if may_drop && ready.iter().skip(at + 1).any(is_newer) {
-                self.next += 1;
+                self.take(event);
                 self.dropped += 1;
                 notices(Notice::Dropped { event: index });
                 continue;
@@ -315,13 +313,19 @@ impl<'t> Player<'t> {
                 break;
             }
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
-            self.next += 1;
+            self.take(event);
             self.pending += 1;
             self.last = Some(index);
             self.worst_late = self.worst_late.max(late);
             notices(Notice::Sent { event: index, late });
         }
         None
+    }
+
+    /// Goes on to the next event; the board counts as told this one.
+    fn take(&mut self, event: &Event) {
+        self.next += 1;
+        self.state.apply(self.board, &event.command);
     }
 
     fn span(&self, event: Option<usize>) -> Option<Span> {
@@ -394,7 +398,7 @@ impl<'t> Player<'t> {
         let count = rest.iter().take_while(|event| due(event) <= at).count();
         for event in rest.iter().take(count) {
             let index = self.next;
-            self.next += 1;
+            self.take(event);
             if self.out.is_full() || self.board.is_drive(&event.command) {
                 notices(Notice::Passed { event: index });
                 continue;
@@ -440,12 +444,7 @@ impl<'t> Player<'t> {
 
     /// Brings the robot back to where the pause found it; what was queued then may never have reached it.
     fn restore(&mut self, at: Nanos) {
-        let mut state = State::default();
-        let before = self.before.iter().copied().flatten();
-        for event in before.chain(self.events.iter().take(self.next)) {
-            state.apply(self.board, &event.command);
-        }
-        for command in state.commands(self.board) {
+        for command in self.state.commands(self.board) {
             self.out.push(|bytes| self.board.encode(command, bytes));
             self.extra += 1;
         }

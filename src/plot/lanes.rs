@@ -3,7 +3,7 @@
 use super::{Lane, Moment, Shows, Stretch};
 use crate::board::{Board, Command, LaneKind, Limited, Shown};
 use crate::program::Limit;
-use crate::timeline::{Event, Timeline};
+use crate::timeline::Timeline;
 use crate::units::Micros;
 
 /// What a lane shows, as it comes.
@@ -51,7 +51,7 @@ impl Course {
 }
 
 /// The lanes of what is used.
-pub(super) fn lanes(events: &[Event], timeline: &Timeline) -> Vec<Lane> {
+pub(super) fn lanes(timeline: &Timeline) -> Vec<Lane> {
     let board = &timeline.board;
     let picture = board.picture();
     let course = |lane: &crate::board::Lane| match lane.kind {
@@ -60,7 +60,7 @@ pub(super) fn lanes(events: &[Event], timeline: &Timeline) -> Vec<Lane> {
         LaneKind::Ticks { .. } => Course::Ticks(Vec::new()),
     };
     let mut courses: Vec<Course> = picture.lanes.iter().map(course).collect();
-    for event in events {
+    for event in &timeline.events {
         for (lane, shown) in (picture.draw)(board, &event.command) {
             if let (Some(course), Some(lane)) = (courses.get_mut(lane), picture.lanes.get(lane)) {
                 course.take(event.at, &shown, || said(board, lane, &event.command));

@@ -17,8 +17,8 @@ use crate::board::Text;
 use crate::diagnostic::{Diagnostic, Diagnostics, escaped};
 use crate::sim::Pose;
 use crate::source::{Lines, Sources, Span};
+use crate::timeline::Timeline;
 use crate::timeline::wire::{self, Wire};
-use crate::timeline::{Timeline, Track};
 use crate::units::Micros;
 
 #[cfg(feature = "png")]
@@ -239,7 +239,7 @@ pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
             .map(|due| Stretch { at: due.at, until: due.until, text: escaped(&due.expect.to_string()) })
             .collect(),
         warnings: warnings(timeline, sources, diagnostics),
-        tracks: timeline.tracks.iter().map(|track| robot(track, timeline)).collect(),
+        tracks: vec![robot(timeline)],
     }
 }
 
@@ -258,13 +258,13 @@ impl Plot {
     }
 }
 
-fn robot(track: &Track, timeline: &Timeline) -> Robot {
+fn robot(timeline: &Timeline) -> Robot {
     Robot {
-        robot: track.robot.as_deref().map(escaped),
-        frames: track.events.len(),
-        lanes: lanes::lanes(&track.events, timeline),
-        wire: load(track, timeline),
-        path: road::road(&timeline.board, &track.events, timeline.end),
+        robot: None,
+        frames: timeline.events.len(),
+        lanes: lanes::lanes(timeline),
+        wire: load(timeline),
+        path: road::road(timeline),
     }
 }
 
@@ -276,7 +276,7 @@ fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
             first.get_or_insert(at);
         }
     };
-    for event in timeline.tracks.iter().flat_map(|track| &track.events) {
+    for event in &timeline.events {
         meet(event.at, event.span);
     }
     timeline.cues.iter().for_each(|cue| meet(cue.at, cue.span));
@@ -296,15 +296,13 @@ fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
 }
 
 /// How busy the line is.
-fn load(track: &Track, timeline: &Timeline) -> Load {
-    let mut line = Wire::new(timeline.baud);
+fn load(timeline: &Timeline) -> Load {
+    let line = Wire::new(timeline.baud);
     #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
     let piece_us = shown(timeline.end).0 as f64 / f64::from(PIECES);
     let mut busy_us = vec![0.0; PIECES as usize];
     let mut late = Vec::new();
-    for event in &track.events {
-        let departure = line.send(event.at, timeline.board.frame_length(&event.command));
-        let late_by = wire::late(&line, event, departure);
+    for (event, departure, late_by) in wire::departures(timeline, &timeline.events) {
         if late_by > wire::LATE {
             late.push(Late { at: event.at, late: late_by });
         }

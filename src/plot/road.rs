@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::Place;
-use crate::board::{Board, Command, Simulation};
+use crate::board::{Command, Simulation};
 use crate::sim::{Pose, Settings, VirtualBoard};
-use crate::timeline::Event;
+use crate::timeline::Timeline;
 use crate::units::Micros;
 
 /// How many places at the most, but for turns of the way, and how far the robot moves or turns between two of them.
@@ -16,7 +16,8 @@ const NEAR_DEG: f64 = 2.0;
 const LOOK: Micros = Micros::from_millis(20);
 
 /// Where the robot is, from the start to the end; nothing where it stays where it is.
-pub(super) fn road(board: &Arc<Board>, events: &[Event], end: Micros) -> Vec<Place> {
+pub(super) fn road(timeline: &Timeline) -> Vec<Place> {
+    let Timeline { board, events, end, .. } = timeline;
     if board.simulation == Simulation::State {
         return Vec::new();
     }
@@ -33,9 +34,9 @@ pub(super) fn road(board: &Arc<Board>, events: &[Event], end: Micros) -> Vec<Pla
         road.turns(&event.command);
         road.board.receive(event.at, &board.to_frame(&event.command));
     }
-    road.pass(end);
+    road.pass(*end);
     let Road { board, mut places, .. } = road;
-    let last = Place::new(end, board.received().pose);
+    let last = Place::new(*end, board.received().pose);
     if places.len() == 1 && is_near(&Place::new(Micros::ZERO, Pose::default()), &last, 0.01) {
         return Vec::new();
     }

@@ -35,15 +35,13 @@ impl Limit {
     }
 }
 
-/// The first limit that a command breaks, with the value that does.
-pub(crate) fn broken<'l>(board: &Board, limits: &'l [Limit], command: &Command) -> Option<(&'l Limit, i32)> {
-    limits
-        .iter()
-        .find_map(|limit| board.outside(limit.limited, (limit.low, limit.high), command).map(|value| (limit, value)))
+/// What is wrong with a command that breaks a limit, and how to widen the first one that it breaks.
+pub(crate) fn broken(board: &Board, limits: &[Limit], command: &Command, span: Span) -> Option<Diagnostic> {
+    let value = |limit: &Limit| board.outside(limit.limited, (limit.low, limit.high), command);
+    limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span)))
 }
 
-/// Says that a command breaks a limit, and how to widen it.
-pub(crate) fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {
+fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {
     let Limit { limited, low, high, .. } = *limit;
     let Some(set) = limit.span else {
         let (least, most) = board.range(limited).unwrap_or_default();

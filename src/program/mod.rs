@@ -32,7 +32,7 @@ pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Expect, Measured, Wanted};
 pub use functions::{FUNCTIONS, Function};
 pub use limits::Limit;
-pub(crate) use limits::{broken, diagnostic as broken_limit};
+pub(crate) use limits::broken as broken_limit;
 pub(crate) use motion::{Motion, Move};
 pub use settings::SETTINGS;
 pub use suggest::suggest;

@@ -52,8 +52,8 @@ fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
     let board = &timeline.board;
     let mut paced: Vec<Option<Paced>> =
         speeds.iter().map(|speed| Some(Paced { speed: (*speed)?, ..Paced::default() })).collect();
-    let mut walk = Walk::new(board, timeline.tweens());
-    for event in timeline.events() {
+    let mut walk = Walk::new(board, &timeline.tweens);
+    for event in &timeline.events {
         let part = walk.take(&event.command, event.kind);
         board.each_part(&event.command, |resource, command| {
             let servo = paced.get_mut(resource).and_then(Option::as_mut);

@@ -45,15 +45,7 @@ pub fn write_hex(board: &Board, events: &[Event], out: &mut impl Write) -> io::R
 }
 
 /// One JSON object a line. The time is in microseconds, `file` and `line` say where in the script the command stands.
-///
-/// `robot` is the name of the track that the events are of.
-pub fn write_jsonl(
-    board: &Board,
-    robot: Option<&str>,
-    events: &[Event],
-    lines: &Lines<'_>,
-    out: &mut impl Write,
-) -> io::Result<()> {
+pub fn write_jsonl(board: &Board, events: &[Event], lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
     each(board, events, |event, frame| {
         let place = lines.place(event.span);
         let object = Object {
@@ -63,7 +55,7 @@ pub fn write_jsonl(
             kind: event.kind.word().unwrap_or("command"),
             file: place.file,
             line: place.line,
-            robot,
+            robot: (),
         };
         serde_json::to_writer(&mut *out, &object)?;
         out.write_all(b"\n")
@@ -80,7 +72,8 @@ struct Object<'a> {
     kind: &'static str,
     file: &'a str,
     line: usize,
-    robot: Option<&'a str>,
+    /// Always null: the name of the robot, once scripts can name robots.
+    robot: (),
 }
 
 /// The bytes of the frames, one after another: exactly what the port is given.

@@ -3,14 +3,13 @@
 //! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
 //! one time: commands and samples in script order, then refreshes, then closing frames.
 
-mod diff;
-mod lay;
+mod clashes;
 mod lints;
 mod listing;
-mod order;
 mod part;
+mod schedule;
 mod snapshot;
-mod tween;
+pub(crate) mod tween;
 pub mod wire;
 
 use std::sync::Arc;
@@ -21,20 +20,23 @@ use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Trace
 use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
-pub use diff::{Again, Change, Shift, What, diff};
 pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
 pub use part::{Part, check_passes, part, passes, state_after};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
 
-/// Everything that a script sends and shows, for every robot.
+/// Everything that a script sends to a robot, and shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
     /// The board that it is for.
     pub board: Arc<Board>,
-    /// One track a robot. A script that names no robots has one track without a name.
-    pub tracks: Vec<Track>,
+    /// Every frame, in the order of sending.
+    pub events: Vec<Event>,
+    /// The moves whose steps are among the events, in the order of their first steps.
+    pub tweens: Vec<Tween>,
+    /// What is sent when something ends a run early, after the stop; times count from there.
+    pub abort: Vec<Event>,
     /// Lines to show, sorted by time.
     pub cues: Vec<Cue>,
     /// What the board should report, sorted by time.
@@ -64,19 +66,6 @@ pub struct Bars {
     pub tempo: Tempo,
     /// When bar 1 begins, in microseconds from the start; before it for a part of a script.
     pub first_us: i64,
-}
-
-/// What one robot is sent.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Track {
-    /// The robot's name; `None` where the script names no robots.
-    pub robot: Option<String>,
-    /// Every frame, in the order of sending.
-    pub events: Vec<Event>,
-    /// The moves whose steps are among the events, in the order of their first steps.
-    pub tweens: Vec<Tween>,
-    /// What is sent when something ends a run early, after the stop; times count from there.
-    pub abort: Vec<Event>,
 }
 
 /// One frame at its time.
@@ -167,26 +156,9 @@ pub struct Cue {
 }
 
 impl Timeline {
-    /// The only track, while scripts have one.
-    pub fn events(&self) -> &[Event] {
-        self.tracks.first().map(|track| track.events.as_slice()).unwrap_or_default()
-    }
-
-    /// The moves of the only track.
-    pub(crate) fn tweens(&self) -> &[Tween] {
-        self.tracks.first().map(|track| track.tweens.as_slice()).unwrap_or_default()
-    }
-
-    /// What the only track sends where something ends a run early.
-    pub fn abort(&self) -> &[Event] {
-        self.tracks.first().map(|track| track.abort.as_slice()).unwrap_or_default()
-    }
-}
-
-impl Timeline {
-    /// What the only track sends, or what it sends where something ends a run early.
+    /// What is sent, or what is sent where something ends a run early.
     pub fn frames(&self, aborts: bool) -> &[Event] {
-        if aborts { self.abort() } else { self.events() }
+        if aborts { &self.abort } else { &self.events }
     }
 
     /// An `expect` that failed, in words: what was wanted, what was found instead, and what the script says why.
@@ -226,18 +198,15 @@ impl Event {
     }
 }
 
-/// Lays a program out in time, with at most `events` frames a robot. Clashes and what else is wrong in the order of time is
-/// reported.
-pub(crate) fn timeline(mut program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    order(&mut program, diagnostics);
-    let timeline = lay::lay(program, events, diagnostics);
+/// Schedules a program that is in [`order`], with at most `events` frames, and reports what is wrong with the result.
+pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
+    let timeline = schedule::schedule(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
     lints::servo_speed(&timeline, diagnostics);
     timeline
 }
 
-/// Sorts a program by time, and looks for what is wrong in that order. Alone it is for a program that has other errors but whose
-/// times are right.
+/// Sorts a program by time, and reports clashes. The program may have other errors, but its times are right.
 pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
     let key = |step: &Step| (step.at.micros(), step.order);
     let sort = |steps: &mut [Step]| {
@@ -247,10 +216,10 @@ pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
         }
     };
     sort(&mut program.steps);
-    order::check(&program.board, &program.steps, &program.traces, diagnostics);
+    clashes::check(&program.board, &program.steps, &program.traces, diagnostics);
     if let Some(abort) = &mut program.abort {
         sort(&mut abort.steps);
-        order::check(&program.board, &abort.steps, &program.traces, diagnostics);
+        clashes::check(&program.board, &abort.steps, &program.traces, diagnostics);
     }
 }
 

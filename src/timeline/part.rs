@@ -3,8 +3,9 @@
 //! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
 //! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
 
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Track, Tween};
-use super::{lints, order, wire};
+use super::schedule::report_requests;
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
+use super::{clashes, lints, wire};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::Diagnostics;
 use crate::program::{Ease, TraceId};
@@ -42,7 +43,7 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     }
     let board = &timeline.board;
     let mut cut = Cut { board, events: Vec::new(), state: State::default(), marks: vec![None; board.resources.len()] };
-    let events = timeline.events();
+    let events = &timeline.events;
     let begin = events.partition_point(|event| event.at < part.from);
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
@@ -69,30 +70,19 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at));
     let marks = marks.map(|mark| Mark { at: shifted(mark.at), ..mark.clone() }).collect();
     let mut events = cut.events;
-    if let (Some(first), Some(last)) = (expects.first(), expects.last())
-        && let Some([start, stop]) = board.reporting.clone()
-    {
-        events.insert(0, auto(Micros::ZERO, start, first.span, first.trace));
-        events.push(auto(end, stop, last.span, last.trace));
+    if let Some([start, stop]) = report_requests(board, &expects, end) {
+        events.insert(0, start);
+        events.push(stop);
     }
-    let abort = timeline.abort().to_vec();
     let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(part.from.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
-    Timeline {
-        tracks: vec![Track { robot: None, events, tweens: Vec::new(), abort }],
-        cues,
-        expects,
-        marks,
-        end,
-        bars,
-        ..timeline.clone()
-    }
+    Timeline { events, tweens: Vec::new(), cues, expects, marks, end, bars, ..timeline.clone() }
 }
 
 /// What the board was told when a timeline has been played.
 pub fn state_after(timeline: &Timeline) -> State {
     let mut state = State::default();
-    for event in timeline.events() {
+    for event in &timeline.events {
         state.apply(&timeline.board, &event.command);
     }
     state
@@ -102,8 +92,7 @@ pub fn state_after(timeline: &Timeline) -> State {
 /// `None` where that is more than `events` frames or more than a day.
 pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> Option<Timeline> {
     let more = count.saturating_sub(1);
-    let frames =
-        u64::try_from(again.events().len()).ok()?.checked_mul(more)?.checked_add(first.events().len() as u64)?;
+    let frames = u64::try_from(again.events.len()).ok()?.checked_mul(more)?.checked_add(first.events.len() as u64)?;
     let end = again.end * more + first.end;
     if frames > events as u64 || end > Micros::DAY {
         return None;
@@ -111,12 +100,9 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     let mut all = first.clone();
     for pass in 0..more {
         let by = first.end + again.end * pass;
-        if let Some(track) = all.tracks.first_mut() {
-            let events = again.events().iter();
-            track.events.extend(events.map(|event| Event { at: event.at + by, ..event.clone() }));
-            let tweens = again.tweens().iter();
-            track.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
-        }
+        all.events.extend(again.events.iter().map(|event| Event { at: event.at + by, ..event.clone() }));
+        let tweens = again.tweens.iter();
+        all.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
         let expects = again.expects.iter();
         all.expects.extend(expects.map(|expect| Expectation {
             at: expect.at + by,
@@ -134,14 +120,10 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
 /// of one pass and again at the start of the next, and a servo that the next pass sends elsewhere before it can have arrived. `all` are
 /// these passes, or enough of those without end.
 pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnostics: &mut Diagnostics) {
-    order::check_seam(first, again, diagnostics);
-    order::check_seam(again, again, diagnostics);
+    clashes::check_seam(first, again, diagnostics);
+    clashes::check_seam(again, again, diagnostics);
     wire::check(all, diagnostics);
     lints::servo_speed(all, diagnostics);
-}
-
-fn auto(at: Micros, command: Command, span: Span, trace: TraceId) -> Event {
-    Event { at, command, kind: Kind::Auto, is_instant: false, span, trace }
 }
 
 /// A part that grows.
@@ -171,37 +153,32 @@ impl Cut<'_> {
         self.events.push(Event { at, command, kind, is_instant: false, span, trace });
     }
 
-    /// Brings the board to the state of the start; gives how long that takes. What has a value goes there softly, or is sent there at once
-    /// where it is not known where it is; what is active follows when that is over.
+    /// Brings the board to the state of the start; returns how long that takes. What has a value goes there softly, or is sent there at
+    /// once where it is not known where it is; what is active follows when that is over.
     fn lead_in(&mut self, lead_in: Micros, known: &State, at_once: &[&Command]) -> Micros {
-        let board = self.board;
-        let state = self.state.clone();
-        let (held, still): (Vec<&Command>, Vec<&Command>) =
-            state.commands(board).partition(|command| board.is_active(command));
+        let (board, state) = (self.board, self.state.clone());
+        let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
         let mut takes = Micros::ZERO;
-        for command in still {
-            let moves = board.verb(command.verb()).is_some_and(|verb| verb.moves);
-            let before = board.occupies(command).first().and_then(|resource| known.told(*resource));
-            match before {
-                _ if !moves => self.push(Micros::ZERO, command.clone(), Kind::Auto),
-                Some(before) if before == command => {}
-                Some(before) => {
-                    takes = lead_in;
-                    self.glide(before, command, lead_in);
+        for command in state.commands(board) {
+            let resources = board.occupies(command);
+            let before = resources.first().and_then(|resource| known.told(*resource));
+            if board.is_active(command) {
+                if !resources.iter().any(is_told) {
+                    self.push(takes, command.clone(), Kind::Auto);
                 }
-                // It gets the time.
-                None => {
-                    takes = lead_in;
-                    self.push(Micros::ZERO, command.clone(), Kind::Auto);
+            } else if !board.verb(command.verb()).is_some_and(|verb| verb.moves) {
+                self.push(Micros::ZERO, command.clone(), Kind::Auto);
+            } else if before != Some(command) {
+                takes = lead_in;
+                match before {
+                    Some(before) => self.glide(before, command, lead_in),
+                    // It gets the time.
+                    None => self.push(Micros::ZERO, command.clone(), Kind::Auto),
                 }
             }
         }
         // What takes no time first, then step by step, each resource in its order.
         self.events.sort_by_key(|event| event.at);
-        let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
-        for command in held.into_iter().filter(|command| !board.occupies(command).iter().any(is_told)) {
-            self.push(takes, command.clone(), Kind::Auto);
-        }
         takes
     }
 
@@ -231,16 +208,12 @@ impl Cut<'_> {
 
     /// What is still running at the end is ended, the last resource first.
     fn close(&mut self, end: Micros) {
-        let board = self.board;
-        let is_opaque = self.events.iter().any(|event| board.is_opaque(&event.command));
         if self.events.last().is_some_and(|event| event.kind == Kind::Closing) {
             return;
         }
-        let active: Vec<ResourceId> = self.state.active(board).map(|(resource, _)| resource).collect();
-        for (resource, found) in board.resources.iter().enumerate().rev() {
-            if let Some(rest) = found.rest.clone().filter(|_| is_opaque || active.contains(&resource)) {
-                self.push(end, rest, Kind::Closing);
-            }
+        let is_unknown = self.events.iter().any(|event| self.board.is_opaque(&event.command));
+        for (.., rest) in self.state.closing(self.board, is_unknown).collect::<Vec<_>>() {
+            self.push(end, rest.clone(), Kind::Closing);
         }
     }
 }

@@ -68,8 +68,8 @@ impl Snapshot {
     pub fn of(timeline: &Timeline) -> Self {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
         let Timeline { end, baud, .. } = *timeline;
-        let more = More { tweens: timeline.tweens().to_vec(), abort: moments(timeline.abort()), end, baud };
-        Snapshot { board: Arc::clone(&timeline.board), moments: moments(timeline.events()), more: Some(more) }
+        let more = More { tweens: timeline.tweens.to_vec(), abort: moments(&timeline.abort), end, baud };
+        Snapshot { board: Arc::clone(&timeline.board), moments: moments(&timeline.events), more: Some(more) }
     }
 
     /// Whether the robot does the same, as far as both say what it does. Moves that send the same frames are the same.
@@ -120,21 +120,21 @@ impl fmt::Display for SnapshotError {
 /// Writes the snapshot of a script that is called `name`.
 pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
-    let mut walk = Walk::new(&timeline.board, timeline.tweens());
+    let mut walk = Walk::new(&timeline.board, &timeline.tweens);
     let mut bytes = Vec::new();
-    for event in timeline.events() {
+    for event in &timeline.events {
         if let Part::First(Tween { at, end, ease, steps }) = walk.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{at:.6}\t{end:.6}\t{}\t{steps}", ease.name())?;
         }
         write_line(&timeline.board, event, &mut bytes, out)?;
     }
-    if !timeline.abort().is_empty() {
+    if !timeline.abort.is_empty() {
         writeln!(out, "{ABORT}")?;
     }
-    for event in timeline.abort() {
+    for event in &timeline.abort {
         write_line(&timeline.board, event, &mut bytes, out)?;
     }
-    let count = timeline.events().len() + timeline.abort().len();
+    let count = timeline.events.len() + timeline.abort.len();
     writeln!(out, "{END}{:.6}\tframes\t{count}\tbaud\t{}", timeline.end, timeline.baud)
 }
 

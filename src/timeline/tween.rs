@@ -21,7 +21,7 @@ pub struct Tween {
 
 /// Gives each step its move, frame by frame: a thing does one thing at a time, so the steps of a lane belong to its moves
 /// in their order.
-pub(super) struct Walk<'t> {
+pub(crate) struct Walk<'t> {
     next: std::slice::Iter<'t, Tween>,
     /// Of each lane, how many steps of its move are still to come.
     left: Vec<usize>,
@@ -29,7 +29,7 @@ pub(super) struct Walk<'t> {
 }
 
 /// What a frame is to the moves.
-pub(super) enum Part<'t> {
+pub(crate) enum Part<'t> {
     /// No step.
     None,
     /// The first step of this move.
@@ -41,17 +41,17 @@ pub(super) enum Part<'t> {
 }
 
 impl<'t> Walk<'t> {
-    pub(super) fn new(board: &'t Board, tweens: &'t [Tween]) -> Self {
+    pub(crate) fn new(board: &'t Board, tweens: &'t [Tween]) -> Self {
         Walk { next: tweens.iter(), left: vec![0; board.lanes()], board }
     }
 
     /// Whether every move was taken whole.
-    pub(super) fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.next.len() == 0 && self.left.iter().all(|left| *left == 0)
     }
 
     /// Takes the next frame.
-    pub(super) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
+    pub(crate) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
         if kind != Kind::Sample {
             return Part::None;
         }

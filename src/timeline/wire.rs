@@ -74,19 +74,28 @@ pub struct Load {
     pub worst: Option<(usize, Micros)>,
 }
 
+/// When frames leave, sent one after another, and how long after it is due each begins to, rounded up.
+pub(crate) fn departures<'t>(
+    timeline: &'t Timeline,
+    events: &'t [Event],
+) -> impl Iterator<Item = (&'t Event, Departure, Micros)> {
+    let mut wire = Wire::new(timeline.baud);
+    events.iter().map(move |event| {
+        let departure = wire.send(event.at, timeline.board.frame_length(&event.command));
+        let late = departure.begins.saturating_sub(wire.ticks(event.at)).div_ceil(wire.baud);
+        (event, departure, Micros(late))
+    })
+}
+
 /// How busy the line is, second by second.
 pub fn load(timeline: &Timeline) -> Load {
-    let mut wire = Wire::new(timeline.baud);
     let mut load = Load::default();
-    let second = wire.ticks(Micros::SECOND);
-    for (at, event) in timeline.events().iter().enumerate() {
-        let bytes = timeline.board.frame_length(&event.command);
-        let departure = wire.send(event.at, bytes);
-        let late = late(&wire, event, departure);
+    let second = Wire::new(timeline.baud).ticks(Micros::SECOND);
+    for (at, (_, departure, late)) in departures(timeline, &timeline.events).enumerate() {
         if load.worst.is_none_or(|(_, worst)| late > worst) {
             load.worst = Some((at, late));
         }
-        for byte in 1..=bytes as u64 {
+        for byte in 1..=(departure.left - departure.begins) / BYTE {
             let left = departure.begins.saturating_add(byte * BYTE);
             let at = usize::try_from(left.saturating_sub(1) / second).unwrap_or(usize::MAX);
             // A script is at most a day long, and what leaves behind its end leaves soon after.
@@ -101,20 +110,12 @@ pub fn load(timeline: &Timeline) -> Load {
     load
 }
 
-/// How long after it is due a frame begins to leave, rounded up.
-pub(crate) fn late(wire: &Wire, event: &Event, departure: Departure) -> Micros {
-    Micros(departure.begins.saturating_sub(wire.ticks(event.at)).div_ceil(wire.baud))
-}
-
 /// Reports what leaves too late: summed up, at the worst frame.
 pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
     for aborts in [false, true] {
-        let mut wire = Wire::new(timeline.baud);
         let mut worst: Option<(&Event, Micros)> = None;
         let mut count = 0_usize;
-        for event in timeline.frames(aborts) {
-            let departure = wire.send(event.at, timeline.board.frame_length(&event.command));
-            let late = late(&wire, event, departure);
+        for (event, _, late) in departures(timeline, timeline.frames(aborts)) {
             let is_allowed = || late <= FULL && diagnostics.is_allowed(Code::WireLate, event.span);
             if late <= LATE || is_allowed() {
                 continue;
@@ -125,14 +126,13 @@ pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
             }
         }
         if let Some((event, late)) = worst {
-            let diagnostic = too_late(timeline, event, late, count, aborts, &wire);
+            let diagnostic = too_late(timeline, event, late, count, aborts);
             diagnostics.push(timeline.traces.attach(diagnostic, event.trace));
         }
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "what is said of it")]
-fn too_late(timeline: &Timeline, event: &Event, late: Micros, count: usize, aborts: bool, wire: &Wire) -> Diagnostic {
+fn too_late(timeline: &Timeline, event: &Event, late: Micros, count: usize, aborts: bool) -> Diagnostic {
     let code = if late > FULL { Code::WireFull } else { Code::WireLate };
     let when = if aborts { " from the stop" } else { "" };
     let late = late.short();
@@ -148,7 +148,7 @@ fn too_late(timeline: &Timeline, event: &Event, late: Micros, count: usize, abor
     );
     let help = format!(
         "the line carries {} bytes a second: let time pass between these commands, or send less with a lower `rate` or a longer `refresh`",
-        wire.capacity()
+        Wire::new(timeline.baud).capacity()
     );
     Diagnostic::new(code, event.span, message, help).label(format!("{late} late"))
 }

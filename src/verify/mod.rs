@@ -9,10 +9,11 @@ use std::sync::Arc;
 
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diff::{Change, diff};
 use crate::program::Options;
 use crate::sim::Faults;
 use crate::source::{Disk, Lines, Source, Sources, read_file};
-use crate::timeline::{Change, Snapshot, Timeline, diff, read_snapshot, write_snapshot};
+use crate::timeline::{Snapshot, Timeline, read_snapshot, write_snapshot};
 use crate::units::Micros;
 
 pub use rehearse::{Rehearsal, rehearse};
@@ -354,7 +355,7 @@ pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), Stri
 
 /// Whether a script does nothing: it is there for its phrases.
 fn is_phrases(timeline: &Timeline) -> bool {
-    timeline.events().is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
+    timeline.events.is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
 }
 
 /// The path of a script's snapshot.

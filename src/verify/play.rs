@@ -7,10 +7,11 @@ use std::sync::Arc;
 
 use super::rehearse::{Rehearsal, rehearse};
 use super::{DIFFERENCE, Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
+use crate::diff::diff;
 use crate::playback::Cause;
 use crate::sim::{Faults, Settings};
 use crate::source::{Lines, Sources};
-use crate::timeline::{Moment, Snapshot, Timeline, diff, write_aborted};
+use crate::timeline::{Moment, Snapshot, Timeline, write_aborted};
 
 /// How a comment begins that names faults to rehearse.
 const REHEARSE: &str = "rehearse";

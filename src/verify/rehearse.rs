@@ -120,7 +120,7 @@ impl Line<'_> {
         let count = bytes.len();
         let mut rest = bytes;
         let mut expected = Vec::new();
-        while let Some(event) = self.timeline.events().get(self.given).filter(|_| !self.ending && !rest.is_empty()) {
+        while let Some(event) = self.timeline.events.get(self.given).filter(|_| !self.ending && !rest.is_empty()) {
             expected.clear();
             self.timeline.board.encode(&event.command, &mut expected);
             let Some(behind) = rest.strip_prefix(expected.as_slice()) else { break };
@@ -165,6 +165,6 @@ impl Rehearsal {
 
     /// Whether the run ended as the script says: everything was sent, and nothing else.
     pub fn is_complete(&self, timeline: &Timeline) -> bool {
-        self.outcome.cause == Cause::Finished && self.given == timeline.events().len() && self.aborted.is_empty()
+        self.outcome.cause == Cause::Finished && self.given == timeline.events.len() && self.aborted.is_empty()
     }
 }

@@ -44,14 +44,14 @@ impl RunLog {
                 }
             }
             Notice::Sent { event, late } => {
-                if let Some(event) = timeline.events().get(event) {
+                if let Some(event) = timeline.events.get(event) {
                     self.pass_marks(timeline, event.at);
                     let (command, place) = (event.command.clone(), spot(event.span));
                     self.log.put(at, Entry::Late { script: event.at, late, command, place });
                 }
             }
             Notice::Dropped { event } => {
-                if let Some(event) = timeline.events().get(event) {
+                if let Some(event) = timeline.events.get(event) {
                     self.line(
                         at,
                         Level::Warning,

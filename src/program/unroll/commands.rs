@@ -172,9 +172,8 @@ impl<'s, 'd> Unroll<'s, 'd> {
             return;
         }
         // A stop is never refused.
-        let broken = limits::broken(board, &self.settings.limits, &command).filter(|_| !board.is_rest(&command));
-        if let Some((limit, value)) = broken {
-            let diagnostic = limits::diagnostic(board, limit, value, span);
+        let broken = limits::broken(board, &self.settings.limits, &command, span);
+        if let Some(diagnostic) = broken.filter(|_| !board.is_rest(&command)) {
             self.context.report(diagnostic);
             return;
         }

@@ -1,14 +1,14 @@
 //! Moves: where they start, and the frames on their way.
 
 use super::super::{Kind, Tween};
-use super::{From, Lay};
+use super::{Origin, Scheduler};
 use crate::diagnostic::{Code, Diagnostic};
-use crate::program::{MAX_STEPS, Motion, Move, Time, broken, broken_limit};
+use crate::program::{MAX_STEPS, Motion, Move, Time, broken_limit};
 
-impl Lay<'_> {
+impl Scheduler<'_> {
     /// Samples a move: at the start where it says so, then every period, then exactly the target. What would say the same
     /// as the last frame to the same thing is left out.
-    pub(super) fn go(&mut self, at: Time, going: &Move, from: From) {
+    pub(super) fn go(&mut self, at: Time, going: &Move, from: Origin) {
         let Move { motion, over, ease, .. } = going;
         let Some(starts) = self.starts(motion, from) else {
             return;
@@ -27,13 +27,13 @@ impl Lay<'_> {
     }
 
     #[expect(clippy::too_many_arguments, reason = "a move and where it goes")]
-    fn samples(&mut self, at: Time, end: Time, going: &Move, starts: &[f64], from: From) {
+    fn samples(&mut self, at: Time, end: Time, going: &Move, starts: &[f64], from: Origin) {
         let Move { motion, over, ease, .. } = going;
         if motion.has_start() {
             self.sample(at, going, starts, from);
         }
         for k in 1_u64.. {
-            let passed = self.period.times(k);
+            let passed = self.settings.period.times(k);
             if passed >= *over || self.full {
                 break;
             }
@@ -49,8 +49,8 @@ impl Lay<'_> {
     }
 
     /// Whether a move so long may be sampled. Moves that do not overlap stay below the bound; those that clash may not.
-    fn may_sample(&mut self, over: Time, from: From) -> bool {
-        let samples = over.micros().0 / self.period.micros().0.max(1);
+    fn may_sample(&mut self, over: Time, from: Origin) -> bool {
+        let samples = over.micros().0 / self.settings.period.micros().0.max(1);
         if let Some(left) = self.samples_left.checked_sub(samples) {
             self.samples_left = left;
             return true;
@@ -65,7 +65,7 @@ impl Lay<'_> {
     }
 
     /// Where each value of a move starts; `None` where one is not known, which is reported.
-    fn starts(&mut self, motion: &Motion, from: From) -> Option<Vec<f64>> {
+    fn starts(&mut self, motion: &Motion, from: Origin) -> Option<Vec<f64>> {
         let board = self.board;
         let known = self.state.values(board, motion.verb, motion.index);
         let mut starts = Vec::new();
@@ -84,7 +84,7 @@ impl Lay<'_> {
                 let help = format!("{help}: `{}`", motion.with_starts(board));
                 let message = format!("nobody knows where the {} starts", motion.name(board, at));
                 self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
-                // From here on it is known, so that one mistake is one message.
+                // Origin here on it is known, so that one mistake is one message.
                 if let Some(target) = motion.target(board) {
                     self.state.apply(board, &target);
                     for resource in occupied {
@@ -101,7 +101,7 @@ impl Lay<'_> {
     }
 
     /// Sends one sample, if it says anything new. `false` where it is out of range, which is reported.
-    fn sample(&mut self, at: Time, going: &Move, values: &[f64], from: From) -> bool {
+    fn sample(&mut self, at: Time, going: &Move, values: &[f64], from: Origin) -> bool {
         let board = self.board;
         let command = match going.motion.command(board, values) {
             Ok(command) => command,
@@ -118,8 +118,8 @@ impl Lay<'_> {
                 return false;
             }
         };
-        if let Some((limit, value)) = broken(board, self.limits, &command) {
-            self.report(broken_limit(board, limit, value, from.span), from);
+        if let Some(diagnostic) = broken_limit(board, &self.settings.limits, &command, from.span) {
+            self.report(diagnostic, from);
             return false;
         }
         if board.is_drive(&command) {

@@ -7,8 +7,8 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use super::{Moment, Snapshot, Tween};
 use crate::board::Board;
+use crate::timeline::{Moment, Snapshot, Tween};
 use crate::units::Micros;
 
 mod align;

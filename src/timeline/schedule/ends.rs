@@ -1,46 +1,22 @@
 //! The ends of `for`s, and which of them are left out.
 
-use std::cmp::Ordering;
+use std::collections::BTreeMap;
 
-use super::From;
+use super::Origin;
 use crate::board::{Board, Command};
 use crate::program::{Action, Step, Time};
 use crate::units::Micros;
 
-/// The end of a `for`. Ends are sorted by time, and at one time in script order.
+/// The end of a `for`.
 pub(super) struct End {
-    pub(super) due: Micros,
-    pub(super) from: From,
+    pub(super) from: Origin,
     /// The exact time.
     pub(super) at: Time,
     pub(super) command: Command,
 }
 
-impl End {
-    fn key(&self) -> (Micros, u32) {
-        (self.due, self.from.order)
-    }
-}
-
-impl PartialEq for End {
-    fn eq(&self, other: &Self) -> bool {
-        self.key() == other.key()
-    }
-}
-
-impl Eq for End {}
-
-impl PartialOrd for End {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for End {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.key().cmp(&other.key())
-    }
-}
+/// Ends by time, and at one time in script order.
+pub(super) type Ends = BTreeMap<(Micros, u32), End>;
 
 /// Of each resource, the first two steps of one moment that start something else for it.
 #[derive(Default)]

@@ -4,10 +4,10 @@
 //! one item only; by what they say and when; and by when they should be as another thing has moved. The one that leaves
 //! least to say is taken. What a way leaves open between two places is aligned with as little moved in time as possible.
 
-use std::collections::HashMap;
 use std::hash::Hash;
+use std::ops::Range;
 
-use imara_diff::{Algorithm, Token};
+use imara_diff::{Algorithm, InternedInput, Interner};
 
 use super::Item;
 use super::shifts::difference;
@@ -97,21 +97,15 @@ fn by_times<'i>(old: &[&'i Item], new: &[&'i Item], moved: &Moved) -> Aligned<'i
 
 fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], after: &[T]) -> Aligned<'i> {
     let mut aligned = Aligned::default();
-    let (mut old_at, mut new_at) = (0, 0);
-    for (before, after) in hunks(before, after) {
-        aligned.beside(slice(old, old_at, before.0), slice(new, new_at, after.0));
-        let (gone, come) = (slice(old, before.0, before.1), slice(new, after.0, after.1));
-        (old_at, new_at) = (before.1, after.1);
-        // A gap between two items that were aligned: by how much the one before it has moved, and the one behind it.
+    aligned.by_keys([old, new], [before, after], |aligned, gone, come, next| {
+        // By how much the item before the gap has moved, and the one behind it.
         let last = aligned.pairs.last().map_or(0, delta);
-        let next = old.get(old_at).zip(new.get(new_at)).map_or(last, |(old, new)| difference(old.at, new.at));
         if gone.len().saturating_mul(come.len()) <= WEIGHED {
-            aligned.weigh(gone, come, [last, next]);
+            aligned.weigh(gone, come, [last, next.as_ref().map_or(last, delta)]);
         } else {
             aligned.by_words(gone, come);
         }
-    }
-    aligned.beside(slice(old, old_at, old.len()), slice(new, new_at, new.len()));
+    });
     aligned
 }
 
@@ -124,23 +118,16 @@ fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, Micros)> {
 }
 
 /// Where two sequences differ: in each the first place, and the first behind.
-fn hunks<T: Eq + Hash>(old: &[T], new: &[T]) -> Vec<((usize, usize), (usize, usize))> {
-    let mut tokens = HashMap::new();
-    let mut token = |key| {
-        let next = u32::try_from(tokens.len()).unwrap_or(u32::MAX);
-        Token(*tokens.entry(key).or_insert(next))
-    };
-    let before: Vec<Token> = old.iter().map(&mut token).collect();
-    let after: Vec<Token> = new.iter().map(&mut token).collect();
-    let count = u32::try_from(tokens.len()).unwrap_or(u32::MAX);
-    let mut found = imara_diff::Diff::default();
-    found.compute_with(Algorithm::Histogram, &before, &after, count);
-    let range = |range: std::ops::Range<u32>| (range.start as usize, range.end as usize);
-    found.hunks().map(|hunk| (range(hunk.before), range(hunk.after))).collect()
+fn hunks<T: Eq + Hash>(before: &[T], after: &[T]) -> Vec<[Range<usize>; 2]> {
+    let mut interner = Interner::new(0);
+    let [before, after] = [before, after].map(|keys| keys.iter().map(|key| interner.intern(key)).collect());
+    let found = imara_diff::Diff::compute(Algorithm::Histogram, &InternedInput { before, after, interner });
+    let range = |range: Range<u32>| range.start as usize..range.end as usize;
+    found.hunks().map(|hunk| [range(hunk.before), range(hunk.after)]).collect()
 }
 
-fn slice<T>(all: &[T], from: usize, to: usize) -> &[T] {
-    all.get(from..to).unwrap_or_default()
+fn slice<T>(all: &[T], range: Range<usize>) -> &[T] {
+    all.get(range).unwrap_or_default()
 }
 
 impl<'i> Aligned<'i> {
@@ -159,20 +146,33 @@ impl<'i> Aligned<'i> {
         self.pairs.extend(old.iter().copied().zip(new.iter().copied()));
     }
 
+    /// Aligns what has the same keys. `gap` aligns what is between; it is given the pair that follows, too.
+    fn by_keys<T: Eq + Hash>(
+        &mut self,
+        [old, new]: [&[&'i Item]; 2],
+        [before, after]: [&[T]; 2],
+        mut gap: impl FnMut(&mut Self, &[&'i Item], &[&'i Item], Option<(&'i Item, &'i Item)>),
+    ) {
+        let (mut old_at, mut new_at) = (0, 0);
+        for [before, after] in hunks(before, after) {
+            self.beside(slice(old, old_at..before.start), slice(new, new_at..after.start));
+            (old_at, new_at) = (before.end, after.end);
+            let next = old.get(old_at).copied().zip(new.get(new_at).copied());
+            gap(self, slice(old, before), slice(new, after), next);
+        }
+        self.beside(slice(old, old_at..old.len()), slice(new, new_at..new.len()));
+    }
+
     /// Aligns by words alone, and what is left in its order.
     fn by_words(&mut self, old: &[&'i Item], new: &[&'i Item]) {
         let words =
-            |items: &[&'i Item]| -> Vec<_> { items.iter().map(|item| (&item.says, item.moves.is_some())).collect() };
-        let (mut old_at, mut new_at) = (0, 0);
-        for (before, after) in hunks(&words(old), &words(new)) {
-            self.beside(slice(old, old_at, before.0), slice(new, new_at, after.0));
-            let (gone, come) = (slice(old, before.0, before.1), slice(new, after.0, after.1));
-            (old_at, new_at) = (before.1, after.1);
-            self.beside(gone, come);
-            self.gone.extend(gone.iter().skip(come.len()));
-            self.come.extend(come.iter().skip(gone.len()));
-        }
-        self.beside(slice(old, old_at, old.len()), slice(new, new_at, new.len()));
+            [old, new].map(|items| -> Vec<_> { items.iter().map(|item| (&item.says, item.moves.is_some())).collect() });
+        let [before, after] = &words;
+        self.by_keys([old, new], [before, after], |aligned, gone, come, _| {
+            aligned.beside(gone, come);
+            aligned.gone.extend(gone.iter().skip(come.len()));
+            aligned.come.extend(come.iter().skip(gone.len()));
+        });
     }
 
     /// Aligns at the least cost. `usual` is by how much the items before and behind have moved.
@@ -211,7 +211,7 @@ impl<'i> Aligned<'i> {
             let least = Some(read(&costs, i, j));
             match choices(&costs, i, j) {
                 [pair, _, _] if pair == least => {
-                    self.beside(slice(old, i, i + 1), slice(new, j, j + 1));
+                    self.beside(slice(old, i..i + 1), slice(new, j..j + 1));
                     (i, j) = (i + 1, j + 1);
                 }
                 [_, gone, _] if gone == least => {

@@ -1,4 +1,4 @@
-//! Lays the steps of a program out in time: moves, ends of holds, refreshes, closing frames.
+//! The schedule of a program's steps: moves, ends of holds, refreshes, closing frames, requests for reports.
 
 mod ends;
 mod moves;
@@ -6,30 +6,38 @@ mod moves;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Track, Tween};
+use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::program::{Abort, Action, Limit, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
+use crate::program::{Action, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
 use crate::units::Micros;
-use ends::{End, Starts};
+use ends::{End, Ends, Starts};
 
-pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
+pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let Program { board, settings, steps, end, abort, traces, marks, .. } = program;
     let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at: at.micros() }).collect();
     marks.sort_by_key(|mark| mark.at);
-    let mut cues = Vec::new();
-    let mut lay = Lay::new(&board, &settings, &traces, limit, diagnostics);
-    let steps = lay.run(steps, &mut cues);
-    lay.close(end);
-    lay.reports(end);
-    let expects = std::mem::take(&mut lay.expects);
-    let (events, tweens) = lay.finish(steps);
-    let (abort, abort_cues) =
-        abort.map(|abort| lay_abort(&board, abort, &settings, &traces, limit, diagnostics)).unwrap_or_default();
+    let mut script = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
+    let steps = script.run(steps);
+    script.warn_of_running(end);
+    script.close(end);
+    script.request_reports(end);
+    let (cues, expects) = (std::mem::take(&mut script.cues), std::mem::take(&mut script.expects));
+    let (events, tweens) = script.finish(steps);
+    // What is sent when something ends a run early starts with nothing known.
+    let mut early = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
+    let (steps, early_end) = abort.map_or((Vec::new(), Time::ZERO), |abort| (abort.steps, abort.end));
+    let steps = early.run(steps);
+    early.close(early_end);
+    let abort_cues = std::mem::take(&mut early.cues);
+    let (mut abort, _) = early.finish(steps);
+    abort.iter_mut().for_each(|event| event.kind = Kind::Abort);
     Timeline {
         board,
-        tracks: vec![Track { robot: None, events, tweens, abort }],
+        events,
+        tweens,
+        abort,
         cues,
         expects,
         marks,
@@ -43,33 +51,13 @@ pub(super) fn lay(program: Program, limit: usize, diagnostics: &mut Diagnostics)
     }
 }
 
-/// What is sent where something ends a run early. It starts with nothing known, and leaves no buzzer on.
-#[expect(clippy::too_many_arguments, reason = "what a layout starts with")]
-fn lay_abort(
-    board: &Board,
-    abort: Abort,
-    settings: &Settings,
-    traces: &Traces,
-    limit: usize,
-    diagnostics: &mut Diagnostics,
-) -> (Vec<Event>, Vec<Cue>) {
-    let mut cues = Vec::new();
-    let mut lay = Lay::new(board, settings, traces, limit, diagnostics);
-    let steps = lay.run(abort.steps, &mut cues);
-    let active = lay.active();
-    for (resource, found) in board.resources.iter().enumerate().rev() {
-        if let Some(rest) = found.rest.clone().filter(|_| lay.raw.is_some() || active.contains(&resource)) {
-            // Behind everything else of that time, the last resource first.
-            let order = u32::MAX.saturating_sub(u32::try_from(resource).unwrap_or(u32::MAX));
-            let from = lay.raw.unwrap_or_else(|| lay.last(resource));
-            lay.emit(abort.end, rest, Kind::Abort, From { order, ..from });
-        }
-    }
-    let (mut events, _) = lay.finish(steps);
-    for event in &mut events {
-        event.kind = Kind::Abort;
-    }
-    (events, cues)
+/// The frames between which the board reports: at the start and at the end, where anything is expected.
+pub(super) fn report_requests(board: &Board, expects: &[Expectation], end: Micros) -> Option<[Event; 2]> {
+    let [start, stop] = board.reporting.clone()?;
+    let event = |at, command, &Expectation { span, trace, .. }: &Expectation| {
+        Origin { order: 0, span, trace }.event(at, command, Kind::Auto)
+    };
+    Some([event(Micros::ZERO, start, expects.first()?), event(end, stop, expects.last()?)])
 }
 
 /// How many `expect`s with `within` may wait at the same time.
@@ -79,16 +67,16 @@ const LONG_HOLD: Time = Time::from_millis(10_000);
 
 /// The step that a frame belongs to.
 #[derive(Clone, Copy, Default)]
-struct From {
+struct Origin {
     /// The place in script order.
     order: u32,
     span: Span,
     trace: TraceId,
 }
 
-impl From {
-    fn step(step: &Step) -> From {
-        From { order: step.order, span: step.span, trace: step.trace }
+impl Origin {
+    fn step(step: &Step) -> Origin {
+        Origin { order: step.order, span: step.span, trace: step.trace }
     }
 
     fn event(self, at: Micros, command: Command, kind: Kind) -> Event {
@@ -101,16 +89,14 @@ impl From {
 struct Held {
     since: Time,
     command: Command,
-    from: From,
+    from: Origin,
     /// Whether it goes on until something ends it: it has no `for`.
     is_open_ended: bool,
 }
 
-struct Lay<'d> {
+struct Scheduler<'d> {
     board: &'d Board,
-    period: Time,
-    refresh: Option<Time>,
-    limits: &'d [Limit],
+    settings: &'d Settings,
     traces: &'d Traces,
     /// The most events.
     limit: usize,
@@ -122,24 +108,25 @@ struct Lay<'d> {
     tweens: Vec<(Tween, (Micros, u32))>,
     /// Refreshes, sorted by time.
     refreshes: Vec<Event>,
+    cues: Vec<Cue>,
     expects: Vec<Expectation>,
     state: State,
     /// Of each resource that must be fed, the command that holds.
     held: Vec<Option<Held>>,
     /// Of each resource, the last step that used it.
-    last: Vec<From>,
+    last: Vec<Origin>,
     /// Raw frames for a resource that must be fed which are still to come, in the order of sending.
-    raw_drives: VecDeque<(Time, Command, From)>,
+    raw_drives: VecDeque<(Time, Command, Origin)>,
     /// Samples that moves may still be asked for, sent or not.
     samples_left: u64,
     /// The first raw frame.
-    raw: Option<From>,
+    raw: Option<Origin>,
     /// Whether the limit of events was reached.
     full: bool,
     diagnostics: &'d mut Diagnostics,
 }
 
-impl<'d> Lay<'d> {
+impl<'d> Scheduler<'d> {
     fn new(
         board: &'d Board,
         settings: &'d Settings,
@@ -147,21 +134,20 @@ impl<'d> Lay<'d> {
         limit: usize,
         diagnostics: &'d mut Diagnostics,
     ) -> Self {
-        Lay {
+        Scheduler {
             board,
-            period: settings.period,
-            refresh: settings.refresh,
-            limits: &settings.limits,
+            settings,
             traces,
             limit,
             plain: 0,
             events: Vec::new(),
             tweens: Vec::new(),
             refreshes: Vec::new(),
+            cues: Vec::new(),
             expects: Vec::new(),
             state: State::default(),
             held: vec![None; board.resources.len()],
-            last: vec![From::default(); board.resources.len()],
+            last: vec![Origin::default(); board.resources.len()],
             raw_drives: VecDeque::new(),
             samples_left: MAX_STEPS,
             raw: None,
@@ -170,17 +156,17 @@ impl<'d> Lay<'d> {
         }
     }
 
-    /// Lays every step, sorted by time; lines to show go to `cues`. The steps are given back: those that are one event each become
-    /// it where they stand, in [`finish`](Self::finish), because there may be millions of them.
-    fn run(&mut self, mut steps: Vec<Step>, cues: &mut Vec<Cue>) -> Vec<Step> {
-        let mut ends: BinaryHeap<Reverse<End>> = BinaryHeap::new();
+    /// Schedules every step, sorted by time. The steps are given back: those that are one event each become it where they stand, in
+    /// [`finish`](Self::finish), because there may be millions of them.
+    fn run(&mut self, mut steps: Vec<Step>) -> Vec<Step> {
+        let mut ends = Ends::new();
         let mut ended: Vec<End> = Vec::new();
         let mut starts = Starts::default();
         self.raw_drives = steps.iter().filter_map(|step| raw_drive(self.board, step)).collect();
         let mut rest = steps.as_mut_slice();
         loop {
             let next = rest.first().map(|step| step.at.micros());
-            let end = ends.peek().map(|Reverse(end)| end.due);
+            let end = ends.first_key_value().map(|((due, _), _)| *due);
             let Some(now) = next.into_iter().chain(end).min() else { break };
             let count = rest.iter().take_while(|step| step.at.micros() == now).count();
             let (group, behind) = rest.split_at_mut(count);
@@ -190,16 +176,17 @@ impl<'d> Lay<'d> {
                     && let Some(command) = self.rest_of(&held.0)
                 {
                     let at = step.at.plus(held.1);
-                    ends.push(Reverse(End { due: at.micros(), from: From::step(step), at, command }));
+                    ends.insert((at.micros(), step.order), End { from: Origin::step(step), at, command });
                 }
             }
             // Of a hold too short to see, the start still comes before its end.
             ended.clear();
-            if ends.peek().is_some_and(|Reverse(end)| end.due == now) {
+            let is_due = |ends: &Ends| ends.first_key_value().is_some_and(|((due, _), _)| *due == now);
+            if is_due(&ends) {
                 starts.read(self.board, group);
             }
-            while ends.peek().is_some_and(|Reverse(end)| end.due == now) {
-                let end = ends.pop().map(|Reverse(end)| end);
+            while is_due(&ends) {
+                let end = ends.pop_first().map(|(_, end)| end);
                 ended.extend(end.filter(|end| !starts.supersede(self.board, end)));
             }
             let mut ended = ended.iter().peekable();
@@ -207,7 +194,7 @@ impl<'d> Lay<'d> {
                 while let Some(end) = ended.next_if(|end| end.from.order < step.order) {
                     self.send(end.at, &end.command, Kind::Command, end.from);
                 }
-                self.step(step, cues);
+                self.step(step);
             }
             for end in ended {
                 self.send(end.at, &end.command, Kind::Command, end.from);
@@ -217,8 +204,8 @@ impl<'d> Lay<'d> {
         steps
     }
 
-    fn step(&mut self, step: &mut Step, cues: &mut Vec<Cue>) {
-        let from = From::step(step);
+    fn step(&mut self, step: &mut Step) {
+        let from = Origin::step(step);
         match &mut step.action {
             Action::Send(command) => self.plain(step.at, command, from),
             Action::Hold(held) => {
@@ -231,7 +218,8 @@ impl<'d> Lay<'d> {
             }
             Action::Go(going) => self.go(step.at, going, from),
             Action::Say(text) => {
-                cues.push(Cue { at: step.at.micros(), text: std::mem::take(&mut **text).into(), span: step.span });
+                let text = std::mem::take(&mut **text).into();
+                self.cues.push(Cue { at: step.at.micros(), text, span: step.span });
             }
             Action::Expect(expect) => {
                 let until = step.at.plus(expect.within.unwrap_or(Time::ZERO));
@@ -247,21 +235,16 @@ impl<'d> Lay<'d> {
         self.board.occupies(command).iter().find_map(|resource| self.board.rest(*resource).cloned())
     }
 
-    fn last(&self, resource: ResourceId) -> From {
+    fn last(&self, resource: ResourceId) -> Origin {
         self.last.get(resource).copied().unwrap_or_default()
     }
 
-    /// What is active.
-    fn active(&self) -> Vec<ResourceId> {
-        self.state.active(self.board).map(|(resource, _)| resource).collect()
-    }
-
-    fn report(&mut self, diagnostic: Diagnostic, from: From) {
+    fn report(&mut self, diagnostic: Diagnostic, from: Origin) {
         self.diagnostics.push(self.traces.attach(diagnostic, from.trace));
     }
 
     /// Sends a command that is a step.
-    fn plain(&mut self, at: Time, command: &Command, from: From) {
+    fn plain(&mut self, at: Time, command: &Command, from: Origin) {
         self.tell(at, command, from);
         if self.has_room(1, from) {
             self.plain += 1;
@@ -269,18 +252,19 @@ impl<'d> Lay<'d> {
     }
 
     /// Sends a command that is none.
-    fn send(&mut self, at: Time, command: &Command, kind: Kind, from: From) {
+    fn send(&mut self, at: Time, command: &Command, kind: Kind, from: Origin) {
         self.tell(at, command, from);
         self.emit(at, command.clone(), kind, from);
     }
 
     /// The hold before a command ends, and its own begins.
-    fn tell(&mut self, at: Time, command: &Command, from: From) {
+    fn tell(&mut self, at: Time, command: &Command, from: Origin) {
         let board = self.board;
         let is_opaque = board.is_opaque(command);
         let touched = board.touches(command);
-        let is_raw_drive = is_opaque && touched.iter().any(|resource| board.is_fed(*resource));
-        if is_raw_drive && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none() {
+        if is_raw_drive(board, command)
+            && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none()
+        {
             // The move that it is in the middle of has told it already, between two of its samples.
             return;
         }
@@ -304,7 +288,7 @@ impl<'d> Lay<'d> {
     }
 
     /// Tells the raw frames for the drive that are sent before what a move sends at `at`.
-    fn tell_raw_drives(&mut self, at: Time, from: From) {
+    fn tell_raw_drives(&mut self, at: Time, from: Origin) {
         let key = (at.micros(), from.order);
         while let Some((at, command, from)) =
             self.raw_drives.front().filter(|(at, _, raw)| (at.micros(), raw.order) < key).cloned()
@@ -313,9 +297,13 @@ impl<'d> Lay<'d> {
         }
     }
 
-    fn emit(&mut self, at: Time, command: Command, kind: Kind, from: From) {
-        if self.has_room(1, from) {
-            self.events.push((from.event(at.micros(), command, kind), from.order));
+    fn emit(&mut self, at: Time, command: Command, kind: Kind, from: Origin) {
+        self.add(from.event(at.micros(), command, kind), from.order);
+    }
+
+    fn add(&mut self, event: Event, order: u32) {
+        if self.has_room(1, Origin { order, span: event.span, trace: event.trace }) {
+            self.events.push((event, order));
         }
     }
 
@@ -342,7 +330,7 @@ impl<'d> Lay<'d> {
     /// Ends a hold just before `until`, and sends its refreshes.
     fn release(&mut self, resource: ResourceId, until: Time) {
         let held = self.held.get_mut(resource).and_then(Option::take);
-        let (Some(Held { since: start, command, from, .. }), Some(interval)) = (held, self.refresh) else {
+        let (Some(Held { since: start, command, from, .. }), Some(interval)) = (held, self.settings.refresh) else {
             return;
         };
         if start.plus(interval).micros() >= until.micros() {
@@ -360,23 +348,25 @@ impl<'d> Lay<'d> {
         }
     }
 
-    /// What is still running at the end is ended, the last resource first.
-    fn close(&mut self, end: Time) {
+    /// Ends every hold, and reports what is still running.
+    fn warn_of_running(&mut self, end: Time) {
         let board = self.board;
         for resource in 0..board.resources.len() {
             self.release(resource, end);
         }
-        let active = self.active();
-        let ending = || {
-            board.resources.iter().enumerate().rev().filter_map(|(id, found)| Some((id, found, found.rest.clone()?)))
-        };
-        for (id, resource, rest) in ending().filter(|(id, ..)| active.contains(id)) {
+        for (id, resource, rest) in self.state.closing(board, false).collect::<Vec<_>>() {
             let message = format!("{} is still {} when the script ends", resource.name, resource.activity);
-            self.left_running(self.last(id), &message, &board.show(&rest).to_string());
+            let rest = board.show(rest);
+            let help = format!("end the script with `{rest}`; motionseq sends it at the end in any case");
+            let from = self.last(id);
+            self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
         }
-        // Nobody knows what a raw frame left behind.
-        for (id, _, rest) in ending().filter(|(id, ..)| self.raw.is_some() || active.contains(id)).collect::<Vec<_>>() {
-            self.emit(end, rest, Kind::Closing, self.raw.unwrap_or(self.last(id)));
+    }
+
+    /// Ends what is still running. What a raw frame left behind is unknown.
+    fn close(&mut self, end: Time) {
+        for (id, _, rest) in self.state.closing(self.board, self.raw.is_some()).collect::<Vec<_>>() {
+            self.emit(end, rest.clone(), Kind::Closing, self.raw.unwrap_or(self.last(id)));
         }
     }
 
@@ -397,27 +387,19 @@ impl<'d> Lay<'d> {
         if let Some((span, trace)) = found {
             let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time here");
             let diagnostic = Diagnostic::new(Code::TooManyEvents, span, message, "let fewer of them overlap");
-            self.report(diagnostic, From { span, trace, ..From::default() });
+            self.report(diagnostic, Origin { span, trace, ..Origin::default() });
         }
     }
 
-    /// Where something is expected, the board reports from the start to the end.
-    fn reports(&mut self, end: Time) {
-        let Some([start, stop]) = self.board.reporting.clone() else { return };
-        if let (Some(first), Some(last)) = (self.expects.first(), self.expects.last()) {
-            let (first, last) = ((first.span, first.trace), (last.span, last.trace));
-            self.emit(Time::ZERO, start, Kind::Auto, From { order: 0, span: first.0, trace: first.1 });
-            self.emit(end, stop, Kind::Auto, From { order: u32::MAX, span: last.0, trace: last.1 });
+    fn request_reports(&mut self, end: Time) {
+        let requests = report_requests(self.board, &self.expects, end.micros());
+        for (event, order) in requests.into_iter().flatten().zip([0, u32::MAX]) {
+            self.add(event, order);
         }
-    }
-
-    fn left_running(&mut self, from: From, message: &str, command: &str) {
-        let help = format!("end the script with `{command}`; motionseq sends it at the end in any case");
-        self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
     }
 
     /// Whether so many more frames are allowed; where not, that is reported once.
-    fn has_room(&mut self, more: usize, from: From) -> bool {
+    fn has_room(&mut self, more: usize, from: Origin) -> bool {
         let total = (self.plain + self.events.len() + self.refreshes.len()).saturating_add(more);
         let room = total <= self.limit;
         if !room && !self.full {
@@ -461,7 +443,7 @@ impl<'d> Lay<'d> {
 
 /// The event that a step is, if it is one, with its place in script order.
 fn plain_event(step: Step) -> Option<(Event, u32)> {
-    let from = From::step(&step);
+    let from = Origin::step(&step);
     let (command, is_instant) = match step.action {
         Action::Send(command) => (command, true),
         Action::Hold(held) => (held.0, false),
@@ -478,9 +460,9 @@ fn whole(number: f64) -> u64 {
 }
 
 /// A step that is a raw frame for a resource that must be fed: its time, its command and its place.
-fn raw_drive(board: &Board, step: &Step) -> Option<(Time, Command, From)> {
+fn raw_drive(board: &Board, step: &Step) -> Option<(Time, Command, Origin)> {
     match &step.action {
-        Action::Send(command) if is_raw_drive(board, command) => Some((step.at, command.clone(), From::step(step))),
+        Action::Send(command) if is_raw_drive(board, command) => Some((step.at, command.clone(), Origin::step(step))),
         _ => None,
     }
 }
