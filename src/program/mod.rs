@@ -6,9 +6,9 @@
 mod arguments;
 mod calls;
 mod commands;
-mod context;
 mod duration;
 mod ease;
+mod evaluator;
 mod expect;
 mod functions;
 mod later;

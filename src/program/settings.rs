@@ -66,38 +66,35 @@ fn language(args: &mut Args<'_, '_, '_, '_>, _: &mut Settings) -> Option<()> {
     if (version - 1.0).abs() < f64::EPSILON {
         return Some(());
     }
-    args.context.report(Diagnostic::new(
+    args.eval.refuse(
         Code::LanguageVersion,
         value.span,
         format!("this motionseq reads version 1 of the language, not {version}"),
         "update motionseq, or write `language 1` if the script was written for it",
-    ));
-    None
+    )
 }
 
 fn rate(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    match args.context.value(value)? {
+    match args.eval.value(value)? {
         Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => {
             settings.period = Time::from_millis(1_000).over_number(rate)?;
         }
         Quantity::Hertz(_) => {
-            args.context.report(Diagnostic::new(
+            return args.eval.refuse(
                 Code::OutOfRange,
                 value.span,
                 "a rate is from 1 to 200 hz",
                 "write a rate such as `rate 50hz`",
-            ));
-            return None;
+            );
         }
         other => {
-            args.context.report(Diagnostic::new(
+            return args.eval.refuse(
                 Code::Unit,
                 value.span,
                 format!("a frequency is needed here, not {}", other.kind()),
                 "write a rate such as `rate 50hz`",
-            ));
-            return None;
+            );
         }
     }
     Some(())
@@ -110,23 +107,22 @@ fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<(
         settings.refresh = None;
         return Some(());
     }
-    let interval = arguments::time(value, args.context)?;
+    let interval = arguments::time(value, args.eval)?;
     if !(Time::from_millis(10)..=Time::from_millis(1_000)).contains(&interval) {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             value.span,
             "a refresh interval is from 10 ms to 1 s",
             "write an interval such as `refresh 50ms`, or `refresh off`",
-        ));
-        return None;
+        );
     }
     if interval > Time::from_millis(500) {
-        args.context.report(Diagnostic::new(
+        args.eval.report(
             Code::SlowRefresh,
             value.span,
             "a drive frame that is sent again so seldom may not keep the robot moving",
             format!("{ON_SILENCE}. Stay at or below `refresh 500ms`"),
-        ));
+        );
     }
     settings.refresh = Some(interval);
     Some(())
@@ -141,25 +137,18 @@ fn baud(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
 
 fn tempo(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    match args.context.value(value)? {
+    match args.eval.value(value)? {
         Quantity::Tempo(bpm) if (1.0..=1_000.0).contains(&bpm) => {
             settings.tempo = settings.tempo.at(bpm)?;
             settings.has_tempo = true;
         }
         Quantity::Tempo(_) => {
             let help = "write a tempo such as `tempo 120bpm`";
-            args.context.report(Diagnostic::new(Code::OutOfRange, value.span, "a tempo is from 1 to 1000 bpm", help));
-            return None;
+            return args.eval.refuse(Code::OutOfRange, value.span, "a tempo is from 1 to 1000 bpm", help);
         }
         other => {
             let message = format!("a tempo is needed here, not {}", other.kind());
-            args.context.report(Diagnostic::new(
-                Code::Unit,
-                value.span,
-                message,
-                "write a tempo such as `tempo 120bpm`",
-            ));
-            return None;
+            return args.eval.refuse(Code::Unit, value.span, message, "write a tempo such as `tempo 120bpm`");
         }
     }
     Some(())
@@ -176,13 +165,12 @@ fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         _ => None,
     };
     let Some(beats) = beats else {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::Arguments,
             value.span,
             "a meter is two numbers with a `/` between them, each 1 to 64",
             "write `meter 3/4` for three beats a bar",
-        ));
-        return None;
+        );
     };
     settings.tempo = settings.tempo.of(beats);
     settings.has_tempo = true;
@@ -198,7 +186,7 @@ fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
 
 /// What a `limit` is for.
 fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
-    let board = args.context.board;
+    let board = args.eval.board;
     let thing = args.next()?;
     let word = if let ValueKind::Word(word) = thing.kind { word } else { "" };
     if let Some((_, verb)) = board.find(word)
@@ -210,8 +198,7 @@ fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
         let lines: Vec<String> = names.iter().map(|name| format!("`limit {name} {range}`")).collect();
         let help = format!("limit each of the two: {}", lines.join(", "));
         let message = format!("`{word}` is {}, which have a limit each", names.join(" and "));
-        args.context.report(Diagnostic::new(Code::Arguments, thing.span, message, help));
-        return None;
+        return args.eval.refuse(Code::Arguments, thing.span, message, help);
     }
     let words: Vec<&str> = limitable(board).map(|verb| &*verb.word).collect();
     let word = args.word(thing, &words)?;
@@ -236,8 +223,7 @@ fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
         let range = if given.is_some() { args.next_argument() } else { Some(argument) };
         let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
         let help = format!("its axes are {}: `limit {word} x {range}`", list(names.iter().copied()));
-        args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
-        return None;
+        return args.eval.refuse(Code::Arguments, argument.span, message, help);
     }
     Some(limited)
 }
@@ -258,7 +244,7 @@ fn range_text(argument: &Argument<'_>) -> Option<String> {
 fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let limited = limited(args)?;
     let argument = args.next_argument()?;
-    let board = args.context.board;
+    let board = args.eval.board;
     let resource = board.occupied(limited.verb, limited.index).first().copied();
     let resource = resource.filter(|resource| board.resource(*resource).is_some_and(|found| found.speed.is_some()));
     if let (Some(resource), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (resource, &argument.item) {
@@ -266,8 +252,7 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     }
     let Item::Range(ends) = &argument.item else {
         let help = "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`";
-        args.context.report(Diagnostic::new(Code::Arguments, argument.span, "a range is needed here", help));
-        return None;
+        return args.eval.refuse(Code::Arguments, argument.span, "a range is needed here", help);
     };
     let axis = board.axis(limited)?;
     let (min, max) = axis.range;
@@ -277,20 +262,19 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     };
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             argument.span,
             format!("a limit lies inside the board's own range, {min}..{max}, smaller value first"),
             "narrow the range; the smaller value stands first",
-        ));
-        return None;
+        );
     }
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
     if let Some(first) = first {
         let diagnostic =
             Diagnostic::new(Code::SettingPlace, args.command.span, "this is limited twice", "keep one of the two");
-        args.context.report(diagnostic.label("again here").related(first, "first limited here"));
+        args.eval.push(diagnostic.label("again here").related(first, "first limited here"));
         return None;
     }
     settings.limits.retain(|other| other.limited != limited);
@@ -305,13 +289,12 @@ fn speed(resource: ResourceId, args: &mut Args<'_, '_, '_, '_>, settings: &mut S
     let range = 100.0..=100_000.0;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
     let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             value.span,
             "a servo's speed is 100 to 100000 µs of pulse width a second",
             "60° in 0.12 s is 5500: write `limit servo 2 speed 5500us`",
-        ));
-        return None;
+        );
     };
     *settings.speeds.get_mut(resource)? = Some(speed);
     Some(())

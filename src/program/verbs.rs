@@ -6,7 +6,7 @@ use super::arguments::Bound;
 use super::commands::Args;
 use super::motion::{Glide, Motion};
 use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::Code;
 use crate::syntax::{Item, Value};
 
 /// What a line with a verb says.
@@ -36,12 +36,12 @@ pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> 
     }
     let command = Command::new(id, &values);
     if let Sets::Opaque(_) = verb.sets {
-        args.context.report(Diagnostic::new(
+        args.eval.report(
             Code::RawFrame,
             args.command.span,
             "nothing checks what this frame makes the robot do",
             "use the command that sends it, or end the line with `# allow: raw-frame`",
-        ));
+        );
     }
     Some(Spoken::Command(command))
 }
@@ -126,12 +126,12 @@ fn list(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: &str)
     let count = axis.count();
     if given.len() != count {
         let (name, called, (least, most)) = (&axis.name, &axis.what, axis.range);
-        args.context.report(Diagnostic::new(
+        args.eval.report(
             Code::Arguments,
             argument.span,
             format!("`{name}` has {count} {called}"),
             format!("write `{name}={letters}`, each {least} to {most}"),
-        ));
+        );
     }
     (values.len() == count && given.len() == count).then_some(values)
 }
@@ -150,13 +150,12 @@ fn bytes(args: &mut Args<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) -> Opti
     }
     let length = values.len();
     if length > most {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             args.command.span,
             format!("a frame carries at most {most} bytes, and these are {length}"),
             "split it into several frames",
-        ));
-        return None;
+        );
     }
     is_complete.then_some(values)
 }
@@ -172,7 +171,7 @@ fn has_axis(args: &mut Args<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     let argument = args.next_argument()?;
     let row = args.row();
     let message = format!("`{}` wants each value with its axis", row.name);
-    args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, row.how()));
+    args.eval.report(Code::Arguments, argument.span, message, row.how());
     // The rest of them would only repeat it.
     while args.more() {
         args.next_argument();

@@ -17,7 +17,7 @@ use crate::syntax::Command;
 impl<'s, 'd> Unroll<'s, 'd> {
     #[expect(clippy::too_many_lines, reason = "a table of commands")]
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
-        let row = match commands::find(self.context.board, command.head.text) {
+        let row = match commands::find(self.eval.board, command.head.text) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
             None => {
@@ -29,26 +29,30 @@ impl<'s, 'd> Unroll<'s, 'd> {
             self.malformed_or_later(row, command);
             return None;
         }
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
+        let mut args = Arguments::new(Word::Row(row), command, &mut self.eval)?;
         match row.build {
             Build::Wait => {
                 let value = args.next()?;
-                let time = arguments::time(value, args.context);
+                let time = arguments::time(value, args.eval);
                 args.finish();
                 let time = time?;
                 if time < Time::ZERO {
-                    self.taken_back("wait", value.span);
-                    return None;
+                    return self.taken_back("wait", value.span);
                 }
                 if frame.together.is_some() {
                     let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
-                    self.report(Code::WaitInTogether, command.span, "a `wait` delays nothing inside `together`", help);
+                    self.eval.report(
+                        Code::WaitInTogether,
+                        command.span,
+                        "a `wait` delays nothing inside `together`",
+                        help,
+                    );
                 }
                 Some(start.plus(time))
             }
             Build::Say => {
                 let value = args.next()?;
-                let text = say::say(value, args.context);
+                let text = say::say(value, args.eval);
                 args.finish()?;
                 let text = text?;
                 if !self.keep(weight::SAY, text.len(), command.span) {
@@ -62,8 +66,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 args.finish()?;
                 if self.in_abort {
                     let help = "leave it out: what is sent on abort cannot be ended early";
-                    self.report(Code::Abort, command.span, "there is no `expect` in `on abort`", help);
-                    return None;
+                    return self.eval.refuse(Code::Abort, command.span, "there is no `expect` in `on abort`", help);
                 }
                 let length = expect.why.as_ref().map_or(0, String::len);
                 // The reason is there twice for a while.
@@ -79,28 +82,25 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 let name = bare_word(argument);
                 args.finish()?;
                 let Some(name) = name else {
-                    self.report(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
-                    return None;
+                    return self.eval.refuse(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
                 };
                 if self.in_abort {
-                    self.report(
+                    return self.eval.refuse(
                         Code::Abort,
                         command.span,
                         "there is no mark in `on abort`",
                         "write times: `at 0.5s …`",
                     );
-                    return None;
                 }
                 self.is_free(name)?;
-                if let Some(first) = self.context.scope.hidden_by_mark(name.text) {
-                    self.given_twice(name, first);
-                    return None;
+                if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
+                    return self.given_twice(name, first);
                 }
                 if !self.keep(weight::MARK, name.text.len(), command.span) {
                     return None;
                 }
                 self.marks.push((name.text.to_owned(), start));
-                self.context.scope.bind(name, Quantity::Moment(start), false);
+                self.eval.scope.bind(name, Quantity::Moment(start), false);
                 Some(start)
             }
             Build::Repeat => self.repeat(command, row, start, depth),
@@ -113,8 +113,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 let value = args.next()?;
                 args.finish()?;
                 if !frame.top {
-                    self.top_level("use", command.span);
-                    return None;
+                    return self.top_level("use", command.span);
                 }
                 self.use_(value, command.span)?;
                 Some(start)
@@ -126,8 +125,8 @@ impl<'s, 'd> Unroll<'s, 'd> {
 
     /// A verb of the board: one command, or a move.
     fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
-        let board = self.context.board;
-        let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.context)?;
+        let board = self.eval.board;
+        let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.eval)?;
         let spoken = verbs::read(&mut args, id, verb);
         let lasting = args.lasting();
         let complete = args.finish();
@@ -149,7 +148,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
             }
             (Spoken::Motion(motion), _) if motion.has_start() => {
                 let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
-                self.report(Code::Arguments, span, "`A -> B` needs a time", help);
+                self.eval.report(Code::Arguments, span, "`A -> B` needs a time", help);
                 return Some(end);
             }
             (Spoken::Motion(motion), _) => motion.target(board)?,
@@ -158,7 +157,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
         let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
             let message = format!("`{}` takes no `for`", board.show(&sent));
-            self.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
+            self.eval.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
             return Some(end);
         }
         self.send(start, span, sent, hold);
@@ -166,7 +165,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
     }
 
     pub(super) fn send(&mut self, at: Time, span: Span, command: board::Command, hold: Option<Time>) {
-        let board = self.context.board;
+        let board = self.eval.board;
         if self.in_abort && board.is_drive(&command) {
             self.drive_in_abort(span);
             return;
@@ -175,7 +174,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
         let broken = limits::broken(board, &self.settings.limits, &command).filter(|_| !board.is_rest(&command));
         if let Some((limit, value)) = broken {
             let diagnostic = limits::diagnostic(board, limit, value, span);
-            self.context.report(diagnostic);
+            self.eval.push(diagnostic);
             return;
         }
         let action = match hold {
@@ -194,7 +193,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
     }
 
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
-        let trace = self.context.traces.here();
+        let trace = self.eval.traces.here();
         let order = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
         self.moves += u64::from(matches!(action, Action::Go(_)));
         self.sent += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));

@@ -73,14 +73,14 @@ impl<'s> Unroll<'s, '_> {
             return Some(());
         }
         let line = line.read();
-        if !may_be_fixed(self.context.board, &line) {
+        if !may_be_fixed(self.eval.board, &line) {
             return self.line(&line, frame, depth);
         }
         let outer = fixed.outer;
         let before = self.steps.len();
-        (self.context.varies, self.context.scope.newest) = (false, 0);
+        (self.eval.varies, self.eval.scope.newest) = (false, 0);
         self.line(&line, frame, depth)?;
-        if self.context.varies || self.context.scope.newest > outer {
+        if self.eval.varies || self.eval.scope.newest > outer {
             return Some(());
         }
         let step = self.steps.get(before);

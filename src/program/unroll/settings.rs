@@ -26,7 +26,7 @@ impl<'s> Unroll<'s, '_> {
         } else if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
             let message = format!("the setting `{name}` has no time and is not joined to anything");
             Diagnostic::new(Code::SettingPlace, span, message, "give it a line of its own, before the first command")
-        } else if frame.begun || !(in_block || frame.top && self.context.scope.main) {
+        } else if frame.begun || !(in_block || frame.top && self.eval.scope.main) {
             let (message, help) = if in_block {
                 (format!("`{name}` stands behind a command"), "put it first in its block")
             } else {
@@ -44,7 +44,7 @@ impl<'s> Unroll<'s, '_> {
         } else {
             return Some(true);
         };
-        self.context.report(diagnostic);
+        self.eval.push(diagnostic);
         Some(false)
     }
 
@@ -56,16 +56,16 @@ impl<'s> Unroll<'s, '_> {
         let Some((row, Build::Set(build))) = row.map(|row| (row, &row.build)) else { return };
         let given = if frame.top { &mut self.given } else { &mut frame.given };
         given.push((row.name, command.span));
-        let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
-        if let Some(mut args) = Arguments::new(Word::Row(row), command, &mut self.context) {
+        let mut settings = Settings { tempo: self.eval.tempo, ..self.settings.clone() };
+        if let Some(mut args) = Arguments::new(Word::Row(row), command, &mut self.eval) {
             // Behind a wrong value, what is left over often belongs to the same mistake.
             if build(&mut args, &mut settings).is_some() {
                 args.finish();
             }
         }
-        self.context.tempo = settings.tempo;
+        self.eval.tempo = settings.tempo;
         if frame.top {
-            self.context.random.0 = settings.seed;
+            self.eval.random.0 = settings.seed;
             self.settings = settings;
         }
     }
