@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
 use super::later::Later;
-use super::scope::{Scope, is_name, is_reserved};
+use super::scope::Scope;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
+use super::words::{is_name, is_reserved};
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::random::SplitMix;

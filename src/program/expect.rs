@@ -3,8 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::arguments;
-use super::commands::Args;
+use super::arguments::{self, Arguments};
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
@@ -115,7 +114,7 @@ impl fmt::Display for Expect {
 
 /// Reads what stands behind `expect`.
 #[expect(clippy::too_many_lines, reason = "one line, read from left to right")]
-pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
+pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
     let board = args.eval.board;
     let all = board.quantities.iter().enumerate();
     let all: Vec<Measured> = all.map(|(row, quantity)| Measured { row, quantity: Arc::clone(quantity) }).collect();
@@ -189,7 +188,7 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
 }
 
 /// A value in the unit of what is measured.
-fn bound<'a, 's>(args: &mut Args<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
+fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
     match (args.eval.value(value)?, measured.unit()) {
         (Quantity::Volts(bound), "V") | (Quantity::Degrees(bound), "deg") | (Quantity::Number(bound), "") => {
             Some(bound)

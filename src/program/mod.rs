@@ -5,7 +5,6 @@
 
 mod arguments;
 mod calls;
-mod commands;
 mod duration;
 mod ease;
 mod evaluator;
@@ -26,20 +25,20 @@ mod unroll;
 mod value;
 mod verbs;
 mod weight;
+mod words;
 
-pub use commands::{COMMANDS, Row, Signature, signatures};
 pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Expect, Measured, Wanted};
 pub use functions::{FUNCTIONS, Function};
 pub use limits::Limit;
 pub(crate) use limits::{broken, diagnostic as broken_limit};
 pub(crate) use motion::{Motion, Move};
-pub use settings::SETTINGS;
 pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};
 pub use value::{UNITS, Unit};
+pub use words::{COMMANDS, Row, SETTINGS, Signature, signatures};
 
 use std::sync::Arc;
 

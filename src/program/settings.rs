@@ -1,66 +1,31 @@
-//! The one table of settings. A new one is one row here and the function that reads its arguments.
+//! What each setting changes: one function each, which reads its arguments.
 
 use super::Settings;
-use super::arguments::{self, text_of};
-use super::commands::{Args, Build, Row};
+use super::arguments::{self, Arguments, text_of};
 use super::limits::Limit;
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
+use super::words::Setting;
 use crate::board::{Board, Limited, ON_SILENCE, ResourceId, Sets, Takes, Unit, Verb};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
-/// What may stand before every command.
-pub const SETTINGS: &[Row] = &[
-    Row::new(
-        "language",
-        "language 1",
-        "language 1",
-        "the version of the language that the script is written for",
-        Build::Set(language),
-    ),
-    Row::new(
-        "tempo",
-        "tempo BPM",
-        "tempo 120bpm",
-        "how many beats a minute; also first in a block; 120bpm where it is not given",
-        Build::Set(tempo),
-    ),
-    Row::new(
-        "meter",
-        "meter BEATS/NOTE",
-        "meter 3/4",
-        "how many beats a bar; also first in a block; 4/4 where it is not given",
-        Build::Set(meter),
-    ),
-    Row::new("rate", "rate FREQUENCY", "rate 50hz", "samples a second of moves, 1-200hz", Build::Set(rate)),
-    Row::new(
-        "refresh",
-        "refresh TIME|off",
-        "refresh 50ms",
-        "how often a drive frame is sent again while it holds, 10ms-1s",
-        Build::Set(refresh),
-    ),
-    Row::new("baud", "baud SPEED", "baud 115200", "the speed of the serial line", Build::Set(baud)),
-    Row::new(
-        "seed",
-        "seed N",
-        "seed 7",
-        "which random numbers there are, a whole number; 0 where it is not given",
-        Build::Set(seed),
-    ),
-    Row::new(
-        "limit",
-        "limit servo N MIN..MAX",
-        "limit servo 2 900..1700",
-        "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
-        Build::Set(limit),
-    ),
-    Row::later("robots"),
-];
+/// Reads the arguments of a setting; `None` where they are wrong, which is reported.
+pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+    match setting {
+        Setting::Language => language(args),
+        Setting::Tempo => tempo(args, settings),
+        Setting::Meter => meter(args, settings),
+        Setting::Rate => rate(args, settings),
+        Setting::Refresh => refresh(args, settings),
+        Setting::Baud => baud(args, settings),
+        Setting::Seed => seed(args, settings),
+        Setting::Limit => limit(args, settings),
+    }
+}
 
-fn language(args: &mut Args<'_, '_, '_, '_>, _: &mut Settings) -> Option<()> {
+fn language(args: &mut Arguments<'_, '_, '_, '_>) -> Option<()> {
     let value = args.next()?;
     let version = args.number(value, "the version of the language")?;
     if (version - 1.0).abs() < f64::EPSILON {
@@ -74,7 +39,7 @@ fn language(args: &mut Args<'_, '_, '_, '_>, _: &mut Settings) -> Option<()> {
     )
 }
 
-fn rate(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     match args.eval.value(value)? {
         Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => {
@@ -100,7 +65,7 @@ fn rate(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
     Some(())
 }
 
-fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     if let ValueKind::Word(_) = value.kind {
         args.word(value, &["off"])?;
@@ -128,14 +93,14 @@ fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<(
     Some(())
 }
 
-fn baud(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn baud(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let baud = args.integer(value, "the speed of the line", (1_200, 4_000_000))?;
     settings.baud = u32::try_from(baud).ok()?;
     Some(())
 }
 
-fn tempo(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn tempo(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     match args.eval.value(value)? {
         Quantity::Tempo(bpm) if (1.0..=1_000.0).contains(&bpm) => {
@@ -154,7 +119,7 @@ fn tempo(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     Some(())
 }
 
-fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn meter(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let beats = match value.kind {
         ValueKind::Number(NumberShape::Ratio, text) => {
@@ -177,7 +142,7 @@ fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     Some(())
 }
 
-fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn seed(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let seed = args.integer(value, "a seed", (0, i32::MAX))?;
     settings.seed = u64::try_from(seed).ok()?;
@@ -185,7 +150,7 @@ fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
 }
 
 /// What a `limit` is for.
-fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
+fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
     let board = args.eval.board;
     let thing = args.next()?;
     let word = if let ValueKind::Word(word) = thing.kind { word } else { "" };
@@ -241,7 +206,7 @@ fn range_text(argument: &Argument<'_>) -> Option<String> {
     }
 }
 
-fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let limited = limited(args)?;
     let argument = args.next_argument()?;
     let board = args.eval.board;
@@ -283,7 +248,7 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
 }
 
 /// `limit servo N speed PULSE`: how far a servo goes in a second.
-fn speed(resource: ResourceId, args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn speed(resource: ResourceId, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let speed = args.micros(value, "a speed", Unit::None)?;
     let range = 100.0..=100_000.0;

@@ -4,20 +4,17 @@ mod values;
 
 use smallvec::SmallVec;
 
-use super::commands::{self, Signature, Word};
 use super::ease::Ease;
 use super::evaluator::Evaluator;
 use super::suggest::{list, suggest};
 use super::time::Time;
 use super::value::{self, Quantity};
+use super::words::{self, MODIFIERS, Signature, Word, is_modifier};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
 
 pub(super) use values::Bound;
-
-/// The words that change how a command runs, each with one argument behind it.
-const MODIFIERS: &[&str] = &["for", "over", "ease", "within", "every", "as"];
 
 /// The arguments of one command that are not taken yet.
 pub(super) struct Arguments<'r, 'a, 's, 'd> {
@@ -98,7 +95,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let mut last: Option<&'a Argument<'s>> = None;
         while let Some(argument) = rest.next() {
             let word = bare_word(argument);
-            if let Some(word) = word.filter(|word| MODIFIERS.contains(&word.text)) {
+            if let Some(word) = word.filter(|word| is_modifier(word.text)) {
                 last = rest.next();
                 self.modifier(word, last)?;
                 continue;
@@ -112,7 +109,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             }
             if let Item::Arrow(ends) = &argument.item
                 && let Value { kind: ValueKind::Word(word), negative: false, .. } = ends.1
-                && MODIFIERS.contains(&word)
+                && is_modifier(word)
             {
                 let from = text_of(&ends.0).unwrap_or_else(|| "A".to_owned());
                 let help = format!("write where it goes: `{from} -> B {word} …`");
@@ -137,14 +134,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
 
     fn modifier(&mut self, word: Name<'s>, operand: Option<&'a Argument<'s>>) -> Option<()> {
         let Some(operand) = operand else {
-            let example = match word.text {
-                "ease" => "ease in-out-sine",
-                "as" => "as i",
-                "every" => "every 1 beat",
-                "over" => "over 2s",
-                "within" => "within 2s",
-                _ => "for 2s",
-            };
+            let example =
+                MODIFIERS.iter().find(|(modifier, _)| *modifier == word.text).map_or("", |(_, example)| example);
             return self.eval.refuse(
                 Code::Arguments,
                 word.span,
@@ -233,10 +224,10 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         if word == "at" {
             return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row().name));
         }
-        if commands::find(self.eval.board, word).is_some() {
+        if words::find(self.eval.board, word).is_some() {
             return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
         }
-        suggest(word, MODIFIERS.iter().copied()).map(|near| format!("did you mean `{near}`?"))
+        suggest(word, MODIFIERS.iter().map(|(modifier, _)| *modifier)).map(|near| format!("did you mean `{near}`?"))
     }
 
     /// The next argument without a name, whatever it is.

@@ -2,11 +2,11 @@
 
 use super::super::Abort;
 use super::super::arguments::{self, Arguments, bare_word};
-use super::super::commands::{Row, Word};
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
+use super::super::words::{Row, Word};
 use super::fixed::Fixed;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};

@@ -1,12 +1,12 @@
 //! One command of a script: its row in the table decides what becomes of it.
 
 use super::super::arguments::{self, Arguments, Lasting, bare_word};
-use super::super::commands::{self, Build, Word};
 use super::super::motion::Move;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Spoken};
 use super::super::weight::{self, Weight};
+use super::super::words::{self, Does, Word};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Unroll};
 use crate::board::{self, Verb, VerbId};
@@ -17,7 +17,7 @@ use crate::syntax::Command;
 impl<'s, 'd> Unroll<'s, 'd> {
     #[expect(clippy::too_many_lines, reason = "a table of commands")]
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
-        let row = match commands::find(self.eval.board, command.head.text) {
+        let row = match words::find(self.eval.board, command.head.text) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
             None => {
@@ -25,13 +25,17 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 return None;
             }
         };
-        if let Build::Later = row.build {
-            self.malformed_or_later(row, command);
-            return None;
+        match row.does {
+            Does::Malformed(message, help) => return self.eval.refuse(Code::Syntax, command.span, message, help),
+            Does::Let => {
+                let help = self.mended_let(command);
+                return self.eval.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help);
+            }
+            _ => {}
         }
         let mut args = Arguments::new(Word::Row(row), command, &mut self.eval)?;
-        match row.build {
-            Build::Wait => {
+        match row.does {
+            Does::Wait => {
                 let value = args.next()?;
                 let time = arguments::time(value, args.eval);
                 args.finish();
@@ -50,7 +54,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 }
                 Some(start.plus(time))
             }
-            Build::Say => {
+            Does::Say => {
                 let value = args.next()?;
                 let text = say::say(value, args.eval);
                 args.finish()?;
@@ -61,7 +65,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 self.push(start, command.span, Action::Say(Box::new(text.into())));
                 Some(start)
             }
-            Build::Expect => {
+            Does::Expect => {
                 let expect = expect::expect(&mut args)?;
                 args.finish()?;
                 if self.in_abort {
@@ -77,7 +81,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 self.push(start, command.span, Action::Expect(Box::new(expect)));
                 Some(end)
             }
-            Build::Mark => {
+            Does::Mark => {
                 let argument = args.next_argument()?;
                 let name = bare_word(argument);
                 args.finish()?;
@@ -103,13 +107,13 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 self.eval.scope.bind(name, Quantity::Moment(start), false);
                 Some(start)
             }
-            Build::Repeat => self.repeat(command, row, start, depth),
-            Build::Together => {
+            Does::Repeat => self.repeat(command, row, start, depth),
+            Does::Together => {
                 args.finish()?;
                 let block = command.block.as_ref()?;
                 Some(self.block(block, start, true, depth))
             }
-            Build::Use => {
+            Does::Use => {
                 let value = args.next()?;
                 args.finish()?;
                 if !frame.top {
@@ -118,8 +122,8 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 self.use_(value, command.span)?;
                 Some(start)
             }
-            Build::Abort => self.on_abort(command, row, frame, start, depth),
-            Build::Set(_) | Build::Later => None,
+            Does::Abort => self.on_abort(command, row, frame, start, depth),
+            Does::Set(_) | Does::Let | Does::Malformed(..) | Does::Later => None,
         }
     }
 

@@ -1,8 +1,8 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
 use super::super::later::Later;
-use super::super::settings::SETTINGS;
 use super::super::time::Time;
+use super::super::words;
 use super::{Frame, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
@@ -119,7 +119,7 @@ impl<'s> Unroll<'s, '_> {
                 };
                 if !allowed || line.start.is_some() {
                     let help = match &part.statement {
-                        Statement::Command(command) if is_setting(command.head.text) => {
+                        Statement::Command(command) if words::setting(command.head.text).is_some() => {
                             "put it before the first command of the main script; `tempo` and `meter` may also stand first in a `def`"
                         }
                         _ => "move it into a `def`, or into the script that uses this file",
@@ -144,8 +144,4 @@ impl<'s> Unroll<'s, '_> {
         // Of a file with a mistake no name is known.
         is_fine.then_some(())
     }
-}
-
-fn is_setting(word: &str) -> bool {
-    SETTINGS.iter().any(|row| row.name == word)
 }

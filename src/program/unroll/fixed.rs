@@ -2,8 +2,8 @@
 //! in all others. A script of a few lines may unroll to millions of commands.
 
 use super::super::Action;
-use super::super::commands::{self, Build, Word};
 use super::super::time::Time;
+use super::super::words::{self, Does, Word};
 use super::{Frame, Unroll};
 use crate::board::Board;
 use crate::source::Span;
@@ -99,9 +99,9 @@ impl<'s> Unroll<'s, '_> {
 /// Whether a line is one command to the board, or passes time, and starts where the line before has ended or a time behind.
 fn may_be_fixed(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
-    let is_plain = match commands::find(board, command.head.text) {
+    let is_plain = match words::find(board, command.head.text) {
         Some(Word::Verb(..)) => true,
-        Some(Word::Row(row)) => matches!(row.build, Build::Wait),
+        Some(Word::Row(row)) => row.does == Does::Wait,
         None => false,
     };
     is_plain && robots.is_empty() && matches!(line.start, None | Some(Start::After(_)))

@@ -7,13 +7,12 @@ mod files;
 mod fixed;
 mod phrases;
 mod settings;
-mod words;
+mod unknown;
 
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 
 use super::arguments::{self, blank_before_unit};
-use super::commands::{Build, Word};
 use super::evaluator::Evaluator;
 use super::later::Later;
 use super::scope::{self, Scope};
@@ -22,6 +21,7 @@ use super::time::Time;
 use super::trace::Traces;
 use super::value::{Quantity, not_yet};
 use super::weight::Weight;
+use super::words::{self, Word};
 use fixed::Fixed;
 
 use super::{Abort, Options, Program, Settings, Step};
@@ -404,7 +404,7 @@ impl<'s> Unroll<'s, '_> {
             }
             Origin::Value(value) => {
                 if let ValueKind::Word(word) = value.kind
-                    && super::commands::find(self.eval.board, word).is_some()
+                    && words::find(self.eval.board, word).is_some()
                 {
                     let help = format!("for example `at 0.5s {word} …`");
                     return self.eval.refuse(Code::StartTime, value.span, "`at` needs a time before the command", help);
@@ -525,10 +525,8 @@ fn stands_alone(board: &Board, statement: &Statement<'_>) -> Option<(&'static st
         Statement::Let(each) => Some(("let", each.span)),
         Statement::If(each) => Some(("if", each.span)),
         Statement::Def(def) => Some(("def", def.span)),
-        Statement::Command(command) => match super::commands::find(board, command.head.text)? {
-            Word::Row(row) if matches!(row.build, Build::Wait | Build::Mark | Build::Use | Build::Abort) => {
-                Some((row.name, command.span))
-            }
+        Statement::Command(command) => match words::find(board, command.head.text)? {
+            Word::Row(row) if row.alone => Some((row.name, command.span)),
             _ => None,
         },
         Statement::Block(_) | Statement::Call(_) => None,

@@ -8,6 +8,7 @@ use super::super::scope;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::weight::{self, Weight};
+use super::super::words;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
@@ -54,7 +55,7 @@ impl<'s> Unroll<'s, '_> {
     /// Whether a name may be given here; where not, that is reported.
     pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
         let text = name.text;
-        if scope::is_reserved(self.eval.board, text) {
+        if words::is_reserved(self.eval.board, text) {
             let message = format!("`{text}` is a word of the language");
             return self.eval.refuse(
                 Code::Name,
@@ -63,7 +64,7 @@ impl<'s> Unroll<'s, '_> {
                 format!("choose another name, such as `my_{text}`"),
             );
         }
-        if !scope::is_name(text) {
+        if !words::is_name(text) {
             let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
             return self.eval.refuse(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
         }
@@ -81,7 +82,7 @@ impl<'s> Unroll<'s, '_> {
         let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = parameters.insert(parameter.name.text, at).is_some();
-            if twice || scope::is_reserved(self.eval.board, parameter.name.text) || !scope::is_name(parameter.name.text)
+            if twice || words::is_reserved(self.eval.board, parameter.name.text) || !words::is_name(parameter.name.text)
             {
                 let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
                 let help = "give each parameter a name of its own, in small letters, that is no word of the language";

@@ -1,9 +1,7 @@
 //! Words that are not where they belong, or that nothing is called.
 
-use super::super::commands::{self, Build, COMMANDS, Row, Word};
-use super::super::settings::SETTINGS;
 use super::super::suggest::{list, suggest};
-use super::super::value::not_yet;
+use super::super::words::{self, COMMANDS, SETTINGS, Word};
 use super::Unroll;
 use crate::board::Board;
 use crate::diagnostic::Code;
@@ -23,7 +21,7 @@ impl<'s> Unroll<'s, '_> {
             for part in &line.parts {
                 match &part.statement {
                     Statement::Command(command) => {
-                        if commands::find(self.eval.board, command.head.text).is_none() {
+                        if words::find(self.eval.board, command.head.text).is_none() {
                             self.unknown(command);
                         }
                         if let Some(inner) = &command.block {
@@ -91,7 +89,7 @@ impl<'s> Unroll<'s, '_> {
             self.eval.report(Code::UnknownName, call.span, message, help);
             return;
         }
-        match commands::find(self.eval.board, name).map(Word::signature) {
+        match words::find(self.eval.board, name).map(Word::signature) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
                 self.eval.report(Code::Syntax, call.span, message, row.how());
@@ -103,31 +101,8 @@ impl<'s> Unroll<'s, '_> {
         }
     }
 
-    /// A word of the language whose line could not be read as what it is, or that this version does not run.
-    pub(super) fn malformed_or_later(&mut self, row: &Row, command: &Command<'s>) {
-        let (message, help) = match row.name {
-            "let" => {
-                let help = self.mended_let(command);
-                self.eval.report(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help);
-                return;
-            }
-            "def" => {
-                ("a `def` is a name, parameters in parentheses and a block", "write `def nod(depth = 200us) { … }`")
-            }
-            "if" => ("an `if` is a condition and a block", "write `if n > 0 { … }`, with its `{` on the same line"),
-            "else" => ("an `else` stands behind the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
-            name => {
-                self.eval.push(not_yet(command.head.span, &format!("`{name}`")));
-                return;
-            }
-        };
-        self.eval.report(Code::Syntax, command.span, message, help);
-    }
-}
-
-impl<'s> Unroll<'s, '_> {
     /// `let a 5`, as it was most likely meant; the name is meant to exist.
-    fn mended_let(&mut self, command: &Command<'s>) -> String {
+    pub(super) fn mended_let(&mut self, command: &Command<'s>) -> String {
         let [first, rest @ ..] = command.arguments.as_slice() else { return "write `let depth = 300us`".to_owned() };
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
             return "a name begins with a small letter: write `let depth = 300us`".to_owned();
@@ -141,8 +116,7 @@ impl<'s> Unroll<'s, '_> {
 
 /// The names of the commands that this version runs.
 fn runnable(board: &Board) -> impl Iterator<Item = &str> {
-    let runs = |row: &&Row| !matches!(row.build, Build::Later);
-    board.verbs.iter().map(|verb| &*verb.word).chain(COMMANDS.iter().filter(runs).map(|row| row.name))
+    words::signatures(board).filter(|row| !row.usage.is_empty()).map(|row| row.name)
 }
 
 /// How many phrases of a script are listed.
@@ -174,7 +148,7 @@ impl Unroll<'_, '_> {
         // `servo1 1500`
         let (name, digits) =
             word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
-        if !digits.is_empty() && commands::find(self.eval.board, name).is_some() {
+        if !digits.is_empty() && words::find(self.eval.board, name).is_some() {
             return format!("did you mean `{name} {digits}`?");
         }
         let rows = COMMANDS.iter().chain(SETTINGS).map(|row| row.name);
