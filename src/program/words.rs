@@ -326,6 +326,11 @@ pub(super) fn setting(name: &str) -> Option<&'static Row> {
     SETTINGS.iter().find(|row| row.name == name)
 }
 
+/// Whether a word takes over the names of another file.
+pub(super) fn is_use(name: &str) -> bool {
+    COMMANDS.iter().any(|row| row.name == name && row.does == Does::Use)
+}
+
 /// Everything that a line of a script for this board may start with, but for settings: the verbs of the board first.
 #[expect(clippy::redundant_closure_for_method_calls, reason = "the method alone would ask for a static board")]
 pub fn signatures(board: &Board) -> impl Iterator<Item = Signature<'_>> {

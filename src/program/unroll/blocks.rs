@@ -1,17 +1,17 @@
 //! Blocks that run in their own way: `repeat` and `on abort`.
 
 use super::super::Abort;
-use super::super::arguments::{self, Arguments, bare_word};
+use super::super::arguments::{self, bare_word};
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
-use super::super::words::{Row, Word};
+use super::commands::At;
 use super::fixed::Fixed;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
-use crate::syntax::{Block, Command, Name};
+use crate::syntax::{Block, Name};
 
 /// What stands behind `repeat`.
 struct Passes<'s> {
@@ -23,15 +23,9 @@ struct Passes<'s> {
 }
 
 impl<'s> Unroll<'s, '_> {
-    pub(super) fn repeat(
-        &mut self,
-        command: &Command<'s>,
-        row: &'static Row,
-        start: Time,
-        depth: usize,
-    ) -> Option<Time> {
-        let block = command.block.as_ref()?;
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.eval)?;
+    pub(super) fn repeat(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let block = at.command.block.as_ref()?;
         let value = args.next()?;
         let count = args.number(value, "a number of passes");
         let every = match args.behind("every") {
@@ -68,41 +62,35 @@ impl<'s> Unroll<'s, '_> {
         };
         let weight = self.weight(block).times(passes);
         let weight = Weight { steps: weight.steps.max(passes), ..weight };
-        if !self.allow_more(weight, command.head.span.to(value.span)) {
+        if !self.allow_more(weight, at.command.head.span.to(value.span)) {
             return None;
         }
         if passes == 0 {
             scope::names(block, &mut |name| self.eval.scope.touch(name));
             self.check_words(block);
         }
-        self.passes(command, block, Passes { count: passes, every, name }, start, depth)
+        self.passes(at, block, Passes { count: passes, every, name })
     }
 
     /// Runs a block so many times.
-    #[expect(clippy::too_many_arguments, reason = "a loop and where it stands")]
-    fn passes(
-        &mut self,
-        command: &Command<'s>,
-        block: &Block<'s>,
-        Passes { count, every, name }: Passes<'s>,
-        start: Time,
-        depth: usize,
-    ) -> Option<Time> {
-        let mut now = start;
+    fn passes(&mut self, at: At<'_, 's>, block: &Block<'s>, passes: Passes<'s>) -> Option<Time> {
+        let Passes { count, every, name } = passes;
+        let repeat = at.command.head.span;
+        let mut now = at.start;
         // What is done only once is not worth keeping.
         let mut fixed = (count > 1).then(|| Fixed::new(self.eval.scope.locals()));
         for pass in 0..count {
             self.done += 1;
             let mark = self.eval.scope.open();
             let number = u32::try_from(pass + 1).unwrap_or(u32::MAX);
-            self.eval.traces.enter(command.head.span, number);
+            self.eval.traces.enter(repeat, number);
             if let Some(name) = name {
                 if pass == 0 {
                     self.is_free(name);
                 }
                 self.eval.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
             }
-            let frame = self.body(block, Frame { fixed: fixed.take(), ..Frame::new(now) }, depth);
+            let frame = self.body(block, Frame { fixed: fixed.take(), ..at.frame.inside(now) });
             let end = frame.latest;
             fixed = frame.fixed;
             self.eval.traces.leave();
@@ -110,7 +98,7 @@ impl<'s> Unroll<'s, '_> {
             now = match every {
                 None => end,
                 Some((every, span)) => {
-                    let next = start.plus(every.times(pass + 1));
+                    let next = at.start.plus(every.times(pass + 1));
                     if end > next {
                         let message = format!("pass {number} takes {}, which is longer than {every}", end.minus(now));
                         return self.eval.refuse(
@@ -123,7 +111,7 @@ impl<'s> Unroll<'s, '_> {
                     next
                 }
             };
-            if self.exhausted || !self.within_bounds(command.head.span) || self.too_long {
+            if self.exhausted || !self.within_bounds(repeat) || self.too_long {
                 break;
             }
         }
@@ -131,35 +119,27 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// `on abort { … }`: a small script of its own, from time 0, with nothing known.
-    #[expect(clippy::too_many_arguments, reason = "a block and where it stands")]
-    pub(super) fn on_abort(
-        &mut self,
-        command: &Command<'s>,
-        row: &'static Row,
-        frame: &Frame,
-        start: Time,
-        depth: usize,
-    ) -> Option<Time> {
+    pub(super) fn on_abort(&mut self, at: At<'_, 's>) -> Option<Time> {
         const LONGEST: Time = Time::from_millis(2_000);
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.eval)?;
+        let mut args = at.args(&mut self.eval)?;
         let word = args.next()?;
         args.word(word, &["abort"])?;
         args.finish()?;
-        if !frame.top || !self.eval.scope.main {
-            return self.top_level("on abort", command.head.span.to(word.span));
+        let span = at.command.head.span.to(word.span);
+        if !at.frame.top || !self.eval.scope.main {
+            return self.top_level("on abort", span);
         }
-        let span = command.head.span.to(word.span);
         if let Some((_, first)) = &self.abort {
             let diagnostic = Diagnostic::new(Code::Abort, span, "there are two `on abort`", "keep one of the two");
             let diagnostic = diagnostic.label("again here").related(*first, "first here");
             self.eval.push(diagnostic);
             return None;
         }
-        let block = command.block.as_ref()?;
+        let block = at.command.block.as_ref()?;
         // Its frames are bounded by themselves.
         let (steps, sent) = (std::mem::take(&mut self.steps), std::mem::take(&mut self.sent));
         self.in_abort = true;
-        let end = self.block(block, Time::ZERO, false, depth);
+        let end = self.block(block, Time::ZERO, false, at.frame);
         self.in_abort = false;
         self.sent = sent;
         let steps = std::mem::replace(&mut self.steps, steps);
@@ -172,7 +152,7 @@ impl<'s> Unroll<'s, '_> {
             );
         }
         self.abort = Some((Abort { steps, end }, span));
-        Some(start)
+        Some(at.start)
     }
 
     /// Reports a command for the drive in `on abort`.

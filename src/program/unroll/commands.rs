@@ -1,12 +1,13 @@
 //! One command of a script: its row in the table decides what becomes of it.
 
 use super::super::arguments::{self, Arguments, Lasting, bare_word};
+use super::super::evaluator::Evaluator;
 use super::super::motion::Move;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Spoken};
 use super::super::weight::{self, Weight};
-use super::super::words::{self, Does, Word};
+use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Unroll};
 use crate::board::{self, Verb, VerbId};
@@ -14,9 +15,24 @@ use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::Command;
 
+/// A command of the language, and where it is run.
+#[derive(Clone, Copy)]
+pub(super) struct At<'c, 's> {
+    pub(super) row: &'static Row,
+    pub(super) command: &'c Command<'s>,
+    pub(super) start: Time,
+    pub(super) frame: &'c Frame,
+}
+
+impl<'c, 's> At<'c, 's> {
+    pub(super) fn args<'r, 'd>(self, eval: &'r mut Evaluator<'s, 'd>) -> Option<Arguments<'r, 'c, 's, 'd>> {
+        Arguments::new(Word::Row(self.row), self.command, eval)
+    }
+}
+
 impl<'s, 'd> Unroll<'s, 'd> {
-    #[expect(clippy::too_many_lines, reason = "a table of commands")]
-    pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
+    /// Runs a command; gives the time when it has ended.
+    pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let row = match words::find(self.eval.board, command.head.text) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
@@ -25,106 +41,92 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 return None;
             }
         };
+        let at = At { row, command, start, frame };
         match row.does {
-            Does::Malformed(message, help) => return self.eval.refuse(Code::Syntax, command.span, message, help),
-            Does::Let => {
-                let help = self.mended_let(command);
-                return self.eval.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help);
-            }
-            _ => {}
+            Does::Wait => self.wait(at),
+            Does::Say => self.say(at),
+            Does::Expect => self.expect(at),
+            Does::Mark => self.mark(at),
+            Does::Repeat => self.repeat(at),
+            Does::Together => self.together(at),
+            Does::Use => self.use_(at),
+            Does::Abort => self.on_abort(at),
+            Does::Let => self.malformed_let(command),
+            Does::Malformed(message, help) => self.eval.refuse(Code::Syntax, command.span, message, help),
+            // A line with a setting is not run as a command.
+            Does::Set(_) | Does::Later => None,
         }
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.eval)?;
-        match row.does {
-            Does::Wait => {
-                let value = args.next()?;
-                let time = arguments::time(value, args.eval);
-                args.finish();
-                let time = time?;
-                if time < Time::ZERO {
-                    return self.taken_back("wait", value.span);
-                }
-                if frame.together.is_some() {
-                    let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
-                    self.eval.report(
-                        Code::WaitInTogether,
-                        command.span,
-                        "a `wait` delays nothing inside `together`",
-                        help,
-                    );
-                }
-                Some(start.plus(time))
-            }
-            Does::Say => {
-                let value = args.next()?;
-                let text = say::say(value, args.eval);
-                args.finish()?;
-                let text = text?;
-                if !self.keep(weight::SAY, text.len(), command.span) {
-                    return None;
-                }
-                self.push(start, command.span, Action::Say(Box::new(text.into())));
-                Some(start)
-            }
-            Does::Expect => {
-                let expect = expect::expect(&mut args)?;
-                args.finish()?;
-                if self.in_abort {
-                    let help = "leave it out: what is sent on abort cannot be ended early";
-                    return self.eval.refuse(Code::Abort, command.span, "there is no `expect` in `on abort`", help);
-                }
-                let length = expect.why.as_ref().map_or(0, String::len);
-                // The reason is there twice for a while.
-                if !self.keep(weight::EXPECT, 2 * length, command.span) {
-                    return None;
-                }
-                let end = start.plus(expect.within.unwrap_or(Time::ZERO));
-                self.push(start, command.span, Action::Expect(Box::new(expect)));
-                Some(end)
-            }
-            Does::Mark => {
-                let argument = args.next_argument()?;
-                let name = bare_word(argument);
-                args.finish()?;
-                let Some(name) = name else {
-                    return self.eval.refuse(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
-                };
-                if self.in_abort {
-                    return self.eval.refuse(
-                        Code::Abort,
-                        command.span,
-                        "there is no mark in `on abort`",
-                        "write times: `at 0.5s …`",
-                    );
-                }
-                self.is_free(name)?;
-                if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
-                    return self.given_twice(name, first);
-                }
-                if !self.keep(weight::MARK, name.text.len(), command.span) {
-                    return None;
-                }
-                self.marks.push((name.text.to_owned(), start));
-                self.eval.scope.bind(name, Quantity::Moment(start), false);
-                Some(start)
-            }
-            Does::Repeat => self.repeat(command, row, start, depth),
-            Does::Together => {
-                args.finish()?;
-                let block = command.block.as_ref()?;
-                Some(self.block(block, start, true, depth))
-            }
-            Does::Use => {
-                let value = args.next()?;
-                args.finish()?;
-                if !frame.top {
-                    return self.top_level("use", command.span);
-                }
-                self.use_(value, command.span)?;
-                Some(start)
-            }
-            Does::Abort => self.on_abort(command, row, frame, start, depth),
-            Does::Set(_) | Does::Let | Does::Malformed(..) | Does::Later => None,
+    }
+
+    fn wait(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let value = args.next()?;
+        let time = arguments::time(value, args.eval);
+        args.finish();
+        let time = time?;
+        if time < Time::ZERO {
+            return self.taken_back("wait", value.span);
         }
+        if at.frame.together.is_some() {
+            let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
+            let message = "a `wait` delays nothing inside `together`";
+            self.eval.report(Code::WaitInTogether, at.command.span, message, help);
+        }
+        Some(at.start.plus(time))
+    }
+
+    fn say(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let value = args.next()?;
+        let text = say::say(value, args.eval);
+        args.finish()?;
+        let text = text?;
+        self.keep(weight::SAY, text.len(), at.command.span)?;
+        self.push(at.start, at.command.span, Action::Say(Box::new(text.into())));
+        Some(at.start)
+    }
+
+    fn expect(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let expect = expect::expect(&mut args)?;
+        args.finish()?;
+        if self.in_abort {
+            let help = "leave it out: what is sent on abort cannot be ended early";
+            return self.eval.refuse(Code::Abort, at.command.span, "there is no `expect` in `on abort`", help);
+        }
+        let length = expect.why.as_ref().map_or(0, String::len);
+        // The reason is there twice for a while.
+        self.keep(weight::EXPECT, 2 * length, at.command.span)?;
+        let end = at.start.plus(expect.within.unwrap_or(Time::ZERO));
+        self.push(at.start, at.command.span, Action::Expect(Box::new(expect)));
+        Some(end)
+    }
+
+    fn mark(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let argument = args.next_argument()?;
+        let name = bare_word(argument);
+        args.finish()?;
+        let Some(name) = name else {
+            return self.eval.refuse(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
+        };
+        if self.in_abort {
+            let help = "write times: `at 0.5s …`";
+            return self.eval.refuse(Code::Abort, at.command.span, "there is no mark in `on abort`", help);
+        }
+        self.is_free(name)?;
+        if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
+            return self.given_twice(name, first);
+        }
+        self.keep(weight::MARK, name.text.len(), at.command.span)?;
+        self.marks.push((name.text.to_owned(), at.start));
+        self.eval.scope.bind(name, Quantity::Moment(at.start), false);
+        Some(at.start)
+    }
+
+    fn together(&mut self, at: At<'_, 's>) -> Option<Time> {
+        at.args(&mut self.eval)?.finish()?;
+        Some(self.block(at.command.block.as_ref()?, at.start, true, at.frame))
     }
 
     /// A verb of the board: one command, or a move.
@@ -188,12 +190,12 @@ impl<'s, 'd> Unroll<'s, 'd> {
         self.push(at, span, action);
     }
 
-    /// Whether something that sends nothing may be kept, with a text so long.
-    fn keep(&mut self, bytes: u64, text: usize, span: Span) -> bool {
+    /// Counts something that sends nothing, with a text so long; `None` where it is too much, which is reported.
+    fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
         let is_allowed = self.allow_more(Weight { kept: bytes, ..Weight::default() }, span);
         self.kept = self.kept.saturating_add(bytes);
-        is_allowed
+        is_allowed.then_some(())
     }
 
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {

@@ -3,6 +3,7 @@
 use super::super::later::Later;
 use super::super::time::Time;
 use super::super::words;
+use super::commands::At;
 use super::{Frame, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
@@ -34,11 +35,17 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// Takes over the names of another file.
-    pub(super) fn use_(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
-        let used = self.try_use(value, span);
+    pub(super) fn use_(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let value = args.next()?;
+        args.finish()?;
+        if !at.frame.top {
+            return self.top_level("use", at.command.span);
+        }
+        let used = self.try_use(value, at.command.span);
         // What it would have named is not reported as missing.
         self.eval.lost.any |= used.is_none();
-        used
+        used.map(|()| at.start)
     }
 
     #[expect(clippy::too_many_lines, reason = "one check after the other, each with its message")]
@@ -109,12 +116,12 @@ impl<'s> Unroll<'s, '_> {
         self.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.eval.scope.main, false);
         let later = std::mem::replace(&mut self.eval.later, Later::new(source));
-        let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
+        let mut frame = Frame { top: true, ..Frame::default() };
         for line in tree.body.lines() {
             for part in &line.parts {
                 let allowed = match &part.statement {
                     Statement::Let(_) | Statement::Def(_) => true,
-                    Statement::Command(command) => command.head.text == "use",
+                    Statement::Command(command) => words::is_use(command.head.text),
                     _ => false,
                 };
                 if !allowed || line.start.is_some() {
@@ -135,7 +142,7 @@ impl<'s> Unroll<'s, '_> {
         }
         let is_fine = self.eval.diagnostics.errors() == errors;
         if is_fine {
-            self.lines(tree.body.places(), &mut frame, 0);
+            self.lines(tree.body.places(), &mut frame);
         }
         self.eval.later = later;
         self.eval.scope.main = main;

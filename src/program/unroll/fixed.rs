@@ -51,14 +51,8 @@ impl Fixed {
 
 impl<'s> Unroll<'s, '_> {
     /// Runs a line, which may be known from a pass before.
-    pub(super) fn line_again(
-        &mut self,
-        place: usize,
-        line: LineRef<'_, 's>,
-        frame: &mut Frame,
-        depth: usize,
-    ) -> Option<()> {
-        let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame, depth) };
+    pub(super) fn line_again(&mut self, place: usize, line: LineRef<'_, 's>, frame: &mut Frame) -> Option<()> {
+        let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame) };
         // A pass is no `together`.
         let from = frame.now;
         if let Some(done) = fixed.done(place, line.span()) {
@@ -74,12 +68,12 @@ impl<'s> Unroll<'s, '_> {
         }
         let line = line.read();
         if !may_be_fixed(self.eval.board, &line) {
-            return self.line(&line, frame, depth);
+            return self.line(&line, frame);
         }
         let outer = fixed.outer;
         let before = self.steps.len();
         (self.eval.varies, self.eval.scope.newest) = (false, 0);
-        self.line(&line, frame, depth)?;
+        self.line(&line, frame)?;
         if self.eval.varies || self.eval.scope.newest > outer {
             return Some(());
         }

@@ -86,20 +86,20 @@ pub(super) fn unroll<'s, 'd>(
         in_phrase: false,
     };
     unroll.read_sets(&options.set);
-    let mut frame = Frame::new(Time::ZERO);
-    frame.top = true;
+    let mut frame = Frame { top: true, ..Frame::default() };
     loop {
         let errors = unroll.eval.diagnostics.errors();
         let line = script.next(unroll.eval.diagnostics, &mut unroll.eval.lost);
         // What could not be read may have moved anything.
         unroll.times_known &= unroll.eval.diagnostics.errors() == errors;
         let Some(line) = line else { break };
-        unroll.lines(std::iter::once(LineRef::Tree(line)), &mut frame, 0);
+        unroll.lines(std::iter::once(LineRef::Tree(line)), &mut frame);
     }
     unroll.finish(frame.latest)
 }
 
 /// How far a block has run.
+#[derive(Default)]
 struct Frame {
     /// When it began.
     start: Time,
@@ -117,20 +117,14 @@ struct Frame {
     given: Vec<(&'static str, Span)>,
     /// In a pass of a `repeat`, what its lines do in every pass.
     fixed: Option<Fixed>,
+    /// How many blocks and calls it runs inside of.
+    depth: usize,
 }
 
 impl Frame {
-    fn new(start: Time) -> Self {
-        Frame {
-            start,
-            now: start,
-            latest: start,
-            together: None,
-            top: false,
-            begun: false,
-            given: Vec::new(),
-            fixed: None,
-        }
+    /// That of a block inside of this one, or of a call.
+    fn inside(&self, start: Time) -> Self {
+        Frame { start, now: start, latest: start, depth: self.depth + 1, ..Frame::default() }
     }
 }
 
@@ -234,18 +228,18 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
-    fn block(&mut self, block: &Block<'s>, start: Time, together: bool, depth: usize) -> Time {
+    fn block(&mut self, block: &Block<'s>, start: Time, together: bool, outer: &Frame) -> Time {
         let mark = self.eval.scope.open();
-        let frame = self.body(block, Frame { together: together.then_some(start), ..Frame::new(start) }, depth);
+        let frame = self.body(block, Frame { together: together.then_some(start), ..outer.inside(start) });
         self.eval.scope.close(mark, false);
         frame.latest
     }
 
     /// The lines of a block, with names in the scope that is open; gives how far they have run.
-    fn body(&mut self, block: &Block<'s>, mut frame: Frame, depth: usize) -> Frame {
+    fn body(&mut self, block: &Block<'s>, mut frame: Frame) -> Frame {
         let tempo = self.eval.tempo;
-        if depth < MAX_DEPTH {
-            self.lines(block.places(), &mut frame, depth + 1);
+        if frame.depth <= MAX_DEPTH {
+            self.lines(block.places(), &mut frame);
         } else {
             let help = "call fewer phrases inside each other";
             self.eval.report(
@@ -260,7 +254,7 @@ impl<'s> Unroll<'s, '_> {
         frame
     }
 
-    fn lines<'b>(&mut self, lines: impl Iterator<Item = LineRef<'b, 's>>, frame: &mut Frame, depth: usize)
+    fn lines<'b>(&mut self, lines: impl Iterator<Item = LineRef<'b, 's>>, frame: &mut Frame)
     where
         's: 'b,
     {
@@ -271,7 +265,7 @@ impl<'s> Unroll<'s, '_> {
             if self.exhausted || !self.within_bounds(line.span()) {
                 return;
             }
-            if self.line_again(place, line, frame, depth).is_none() {
+            if self.line_again(place, line, frame).is_none() {
                 self.times_known = false;
                 self.failed.get_or_insert(line.span());
             }
@@ -284,7 +278,7 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// Runs a line; `None` where something in it is wrong that may have moved what comes behind.
-    fn line(&mut self, line: &Line<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+    fn line(&mut self, line: &Line<'s>, frame: &mut Frame) -> Option<()> {
         if let Some(in_place) = line.parts.iter().find_map(|part| self.setting_in(line, part, frame)) {
             if in_place {
                 self.set(line, frame);
@@ -307,14 +301,14 @@ impl<'s> Unroll<'s, '_> {
             // In a `together`, every line of the branch starts when the `if` does.
             let together = frame.together;
             frame.together = together.map(|_| start);
-            let done = self.branch(each, frame, depth);
+            let done = self.branch(each, frame);
             frame.together = together;
             return done;
         }
         // Every part is looked at, so that every mistake in the line is found.
         let mut end = Some(start);
         for part in &line.parts {
-            let ended = self.part(part, joined, start, frame, depth);
+            let ended = self.part(part, joined, start, frame);
             end = end.zip(ended).map(|(end, ended)| end.max(ended));
         }
         frame.now = end?;
@@ -323,7 +317,7 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// The branch that is taken stands there as if the `if` and its braces were not written.
-    fn branch(&mut self, each: &If<'s>, frame: &mut Frame, depth: usize) -> Option<()> {
+    fn branch(&mut self, each: &If<'s>, frame: &mut Frame) -> Option<()> {
         let mut taken = each.otherwise.as_ref();
         for (condition, block) in &each.arms {
             let value = self.eval.expression(condition)?;
@@ -346,7 +340,7 @@ impl<'s> Unroll<'s, '_> {
         }
         if let Some(block) = taken {
             let names = self.eval.scope.locals();
-            self.lines(block.places(), frame, depth);
+            self.lines(block.places(), frame);
             // What it has named may hide, in this pass only, what lines behind it use.
             if self.eval.scope.locals() > names {
                 frame.fixed = None;
@@ -496,8 +490,7 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// Runs one part of a line; gives the time when it has ended, or `None` where something in it is wrong.
-    #[expect(clippy::too_many_arguments, reason = "a part and where it stands")]
-    fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
+    fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame) -> Option<Time> {
         if let Some(robot) = part.robots.first() {
             self.eval.push(not_yet(robot.span, "a command for one of several robots"));
             return None;
@@ -508,13 +501,13 @@ impl<'s> Unroll<'s, '_> {
             return self.eval.refuse(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
         }
         match &part.statement {
-            Statement::Block(block) => Some(self.block(block, start, false, depth)),
-            Statement::Call(call) => self.call(call, start, depth),
+            Statement::Block(block) => Some(self.block(block, start, false, frame)),
+            Statement::Call(call) => self.call(call, start, frame),
             Statement::Let(each) => self.let_(each).map(|()| start),
             Statement::Def(def) => self.def(def, frame).map(|()| start),
             // Taken care of where the line is run.
             Statement::If(_) => None,
-            Statement::Command(command) => self.command(command, start, frame, depth),
+            Statement::Command(command) => self.command(command, start, frame),
         }
     }
 }

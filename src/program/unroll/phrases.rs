@@ -184,7 +184,7 @@ impl<'s> Unroll<'s, '_> {
         None
     }
 
-    pub(super) fn call(&mut self, call: &Call<'s>, start: Time, depth: usize) -> Option<Time> {
+    pub(super) fn call(&mut self, call: &Call<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let Some(phrase) = self.eval.scope.phrase(call.name.text) else {
             // Inside a phrase it was reported where the phrase is defined.
             if !self.in_phrase {
@@ -225,7 +225,7 @@ impl<'s> Unroll<'s, '_> {
         if !self.allow_more(weight, call.span) {
             return None;
         }
-        let frame = self.eval.scope.enter(&phrase);
+        let outside = self.eval.scope.enter(&phrase);
         self.eval.traces.enter(call.span, 0);
         let in_phrase = std::mem::replace(&mut self.in_phrase, true);
         let mut complete = true;
@@ -243,10 +243,10 @@ impl<'s> Unroll<'s, '_> {
                 None => complete = false,
             }
         }
-        let end = if complete { Some(self.body(&phrase.def.body, Frame::new(start), depth).latest) } else { None };
+        let end = if complete { Some(self.body(&phrase.def.body, frame.inside(start)).latest) } else { None };
         self.in_phrase = in_phrase;
         self.eval.traces.leave();
-        self.eval.scope.leave(frame);
+        self.eval.scope.leave(outside);
         end
     }
 

@@ -101,8 +101,14 @@ impl<'s> Unroll<'s, '_> {
         }
     }
 
+    /// `let` with anything behind it that is not a name, `=` and a value.
+    pub(super) fn malformed_let<T>(&mut self, command: &Command<'s>) -> Option<T> {
+        let help = self.mended_let(command);
+        self.eval.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help)
+    }
+
     /// `let a 5`, as it was most likely meant; the name is meant to exist.
-    pub(super) fn mended_let(&mut self, command: &Command<'s>) -> String {
+    fn mended_let(&mut self, command: &Command<'s>) -> String {
         let [first, rest @ ..] = command.arguments.as_slice() else { return "write `let depth = 300us`".to_owned() };
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
             return "a name begins with a small letter: write `let depth = 300us`".to_owned();
