@@ -3,13 +3,12 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::arguments;
-use super::commands::Args;
+use super::arguments::{self, Arguments};
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use crate::board::{self, Hundredths, Report};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::Code;
 use crate::syntax::{Item, Value, ValueKind};
 
 /// What a report says, and what is wanted of it.
@@ -115,16 +114,15 @@ impl fmt::Display for Expect {
 
 /// Reads what stands behind `expect`.
 #[expect(clippy::too_many_lines, reason = "one line, read from left to right")]
-pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
-    let board = args.context.board;
+pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
+    let board = args.eval.board;
     let all = board.quantities.iter().enumerate();
     let all: Vec<Measured> = all.map(|(row, quantity)| Measured { row, quantity: Arc::clone(quantity) }).collect();
     // `expect voltage = 10V`.
     if let Some((measured, named)) = all.iter().find_map(|measured| Some((measured, args.named(measured.name())?))) {
         let (name, (_, sample)) = (measured.name(), measured.sample());
         let help = format!("to compare, write `==`, or better a range: `expect {name} in {sample}`");
-        args.context.report(Diagnostic::new(Code::Arguments, named.span, "nothing is compared here", help));
-        return None;
+        return args.eval.refuse(Code::Arguments, named.span, "nothing is compared here", help);
     }
     let value = args.next()?;
     let names: Vec<&str> = all.iter().map(Measured::name).collect();
@@ -148,21 +146,18 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
             let Item::Range(ends) = &range.item else {
                 let help =
                     format!("write both ends with `..` between them: `expect {name} in {}`", measured.sample().1);
-                args.context.report(Diagnostic::new(Code::Arguments, range.span, "`in` needs a range", help));
-                return None;
+                return args.eval.refuse(Code::Arguments, range.span, "`in` needs a range", help);
             };
             let (low, high) = (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
             if low > high {
                 let help = "the smaller value stands first";
-                args.context.report(Diagnostic::new(Code::OutOfRange, range.span, "nothing is in this range", help));
-                return None;
+                return args.eval.refuse(Code::OutOfRange, range.span, "nothing is in this range", help);
             }
             Wanted::In(low, high)
         }
         _ => {
             let help = format!("write {} or `in`, such as `expect voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
-            args.context.report(Diagnostic::new(Code::Arguments, sign.span, "nothing is compared here", help));
-            return None;
+            return args.eval.refuse(Code::Arguments, sign.span, "nothing is compared here", help);
         }
     };
     let why = match args.more().then(|| args.next()).flatten() {
@@ -173,20 +168,18 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
         }
         Some(other) => {
             let help = "write why between quotation marks, or take it away: `expect voltage > 10V \"charge me\"`";
-            args.context.report(Diagnostic::new(Code::Arguments, other.span, "nothing else stands here but why", help));
-            return None;
+            return args.eval.refuse(Code::Arguments, other.span, "nothing else stands here but why", help);
         }
     };
     let within = match args.behind("within") {
         None => None,
         Some(operand) => {
             let value = args.one(operand)?;
-            let time = arguments::time(value, args.context)?;
+            let time = arguments::time(value, args.eval)?;
             if time <= Time::ZERO {
                 let help = "write a time such as `within 2s`, or leave it out";
                 let message = "`within` needs a time above zero";
-                args.context.report(Diagnostic::new(Code::OutOfRange, value.span, message, help));
-                return None;
+                return args.eval.refuse(Code::OutOfRange, value.span, message, help);
             }
             Some(time)
         }
@@ -195,8 +188,8 @@ pub(super) fn expect(args: &mut Args<'_, '_, '_, '_>) -> Option<Expect> {
 }
 
 /// A value in the unit of what is measured.
-fn bound<'a, 's>(args: &mut Args<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
-    match (args.context.value(value)?, measured.unit()) {
+fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
+    match (args.eval.value(value)?, measured.unit()) {
         (Quantity::Volts(bound), "V") | (Quantity::Degrees(bound), "deg") | (Quantity::Number(bound), "") => {
             Some(bound)
         }
@@ -207,8 +200,7 @@ fn bound<'a, 's>(args: &mut Args<'_, 'a, 's, '_>, value: &'a Value<'s>, measured
                 _ => format!("write it with its unit, such as `expect {name} in {sample}`"),
             };
             let message = format!("`{name}` is compared with {what}, not with {}", other.kind());
-            args.context.report(Diagnostic::new(Code::Unit, value.span, message, help));
-            None
+            args.eval.refuse(Code::Unit, value.span, message, help)
         }
     }
 }

@@ -5,10 +5,9 @@
 
 mod arguments;
 mod calls;
-mod commands;
-mod context;
 mod duration;
 mod ease;
+mod evaluator;
 mod expect;
 mod functions;
 mod later;
@@ -26,19 +25,19 @@ mod unroll;
 mod value;
 mod verbs;
 mod weight;
+mod words;
 
-pub use commands::{COMMANDS, Row, Signature, signatures};
 pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Expect, Measured, Wanted};
 pub use functions::{FUNCTIONS, Function};
 pub use limits::Limit;
 pub(crate) use limits::broken as broken_limit;
 pub(crate) use motion::{Motion, Move};
-pub use settings::SETTINGS;
 pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};
+pub use words::{COMMANDS, Row, SETTINGS, Signature, signatures};
 
 use std::sync::Arc;
 

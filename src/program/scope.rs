@@ -8,10 +8,8 @@ use smallvec::SmallVec;
 use super::suggest::suggest;
 use super::template;
 use super::value::Quantity;
-use crate::board::Board;
 use crate::source::Span;
 use crate::syntax::{Block, Def, Expression, Name, NodeKind, Value, ValueKind};
-use crate::units::Unit;
 
 /// A name and its value.
 #[derive(Clone, Copy, Debug)]
@@ -91,25 +89,6 @@ pub(super) struct Scope<'s> {
     visible_phrases: usize,
     /// Whether what is named now is in the main script.
     pub(super) main: bool,
-}
-
-/// Words that cannot be names: those of the language that could stand where a name does.
-const RESERVED: &[&str] = &[
-    "at", "bar", "beat", "beats", "bars", "let", "def", "if", "else", "not", "and", "or", "true", "false", "for",
-    "over", "ease", "within", "every", "as", "off", "in", "abort",
-];
-
-/// Whether a word may be a name by its letters.
-pub(super) fn is_name(word: &str) -> bool {
-    word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
-}
-
-/// Whether a word belongs to the language.
-pub(super) fn is_reserved(board: &Board, word: &str) -> bool {
-    RESERVED.contains(&word)
-        || Unit::named(word).is_some()
-        || super::commands::find(board, word).is_some()
-        || super::functions::find(word).is_some()
 }
 
 impl<'s> Scope<'s> {

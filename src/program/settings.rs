@@ -1,171 +1,125 @@
-//! The one table of settings. A new one is one row here and the function that reads its arguments.
+//! What each setting changes: one function each, which reads its arguments.
 
 use super::Settings;
-use super::arguments::{self, text_of};
-use super::commands::{Args, Build, Row};
+use super::arguments::{self, Arguments, text_of};
 use super::limits::Limit;
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
+use super::words::Setting;
 use crate::board::{Board, Limited, ON_SILENCE, ResourceId, Sets, Takes, Unit, Verb};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
-/// What may stand before every command.
-pub const SETTINGS: &[Row] = &[
-    Row::new(
-        "language",
-        "language 1",
-        "language 1",
-        "the version of the language that the script is written for",
-        Build::Set(language),
-    ),
-    Row::new(
-        "tempo",
-        "tempo BPM",
-        "tempo 120bpm",
-        "how many beats a minute; also first in a block; 120bpm where it is not given",
-        Build::Set(tempo),
-    ),
-    Row::new(
-        "meter",
-        "meter BEATS/NOTE",
-        "meter 3/4",
-        "how many beats a bar; also first in a block; 4/4 where it is not given",
-        Build::Set(meter),
-    ),
-    Row::new("rate", "rate FREQUENCY", "rate 50hz", "samples a second of moves, 1-200hz", Build::Set(rate)),
-    Row::new(
-        "refresh",
-        "refresh TIME|off",
-        "refresh 50ms",
-        "how often a drive frame is sent again while it holds, 10ms-1s",
-        Build::Set(refresh),
-    ),
-    Row::new("baud", "baud SPEED", "baud 115200", "the speed of the serial line", Build::Set(baud)),
-    Row::new(
-        "seed",
-        "seed N",
-        "seed 7",
-        "which random numbers there are, a whole number; 0 where it is not given",
-        Build::Set(seed),
-    ),
-    Row::new(
-        "limit",
-        "limit servo N MIN..MAX",
-        "limit servo 2 900..1700",
-        "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
-        Build::Set(limit),
-    ),
-    Row::later("robots"),
-];
+/// Reads the arguments of a setting; `None` where they are wrong, which is reported.
+pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+    match setting {
+        Setting::Language => language(args),
+        Setting::Tempo => tempo(args, settings),
+        Setting::Meter => meter(args, settings),
+        Setting::Rate => rate(args, settings),
+        Setting::Refresh => refresh(args, settings),
+        Setting::Baud => baud(args, settings),
+        Setting::Seed => seed(args, settings),
+        Setting::Limit => limit(args, settings),
+    }
+}
 
-fn language(args: &mut Args<'_, '_, '_, '_>, _: &mut Settings) -> Option<()> {
+fn language(args: &mut Arguments<'_, '_, '_, '_>) -> Option<()> {
     let value = args.next()?;
     let version = args.number(value, "the version of the language")?;
     if (version - 1.0).abs() < f64::EPSILON {
         return Some(());
     }
-    args.context.report(Diagnostic::new(
+    args.eval.refuse(
         Code::LanguageVersion,
         value.span,
         format!("this motionseq reads version 1 of the language, not {version}"),
         "update motionseq, or write `language 1` if the script was written for it",
-    ));
-    None
+    )
 }
 
-fn rate(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    match args.context.value(value)? {
+    match args.eval.value(value)? {
         Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => {
             settings.period = Time::from_millis(1_000).over_number(rate)?;
         }
         Quantity::Hertz(_) => {
-            args.context.report(Diagnostic::new(
+            return args.eval.refuse(
                 Code::OutOfRange,
                 value.span,
                 "a rate is from 1 to 200 hz",
                 "write a rate such as `rate 50hz`",
-            ));
-            return None;
+            );
         }
         other => {
-            args.context.report(Diagnostic::new(
+            return args.eval.refuse(
                 Code::Unit,
                 value.span,
                 format!("a frequency is needed here, not {}", other.kind()),
                 "write a rate such as `rate 50hz`",
-            ));
-            return None;
+            );
         }
     }
     Some(())
 }
 
-fn refresh(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     if let ValueKind::Word(_) = value.kind {
         args.word(value, &["off"])?;
         settings.refresh = None;
         return Some(());
     }
-    let interval = arguments::time(value, args.context)?;
+    let interval = arguments::time(value, args.eval)?;
     if !(Time::from_millis(10)..=Time::from_millis(1_000)).contains(&interval) {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             value.span,
             "a refresh interval is from 10 ms to 1 s",
             "write an interval such as `refresh 50ms`, or `refresh off`",
-        ));
-        return None;
+        );
     }
     if interval > Time::from_millis(500) {
-        args.context.report(Diagnostic::new(
+        args.eval.report(
             Code::SlowRefresh,
             value.span,
             "a drive frame that is sent again so seldom may not keep the robot moving",
             format!("{ON_SILENCE}. Stay at or below `refresh 500ms`"),
-        ));
+        );
     }
     settings.refresh = Some(interval);
     Some(())
 }
 
-fn baud(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn baud(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let baud = args.integer(value, "the speed of the line", (1_200, 4_000_000))?;
     settings.baud = u32::try_from(baud).ok()?;
     Some(())
 }
 
-fn tempo(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn tempo(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    match args.context.value(value)? {
+    match args.eval.value(value)? {
         Quantity::Tempo(bpm) if (1.0..=1_000.0).contains(&bpm) => {
             settings.tempo = settings.tempo.at(bpm)?;
             settings.has_tempo = true;
         }
         Quantity::Tempo(_) => {
             let help = "write a tempo such as `tempo 120bpm`";
-            args.context.report(Diagnostic::new(Code::OutOfRange, value.span, "a tempo is from 1 to 1000 bpm", help));
-            return None;
+            return args.eval.refuse(Code::OutOfRange, value.span, "a tempo is from 1 to 1000 bpm", help);
         }
         other => {
             let message = format!("a tempo is needed here, not {}", other.kind());
-            args.context.report(Diagnostic::new(
-                Code::Unit,
-                value.span,
-                message,
-                "write a tempo such as `tempo 120bpm`",
-            ));
-            return None;
+            return args.eval.refuse(Code::Unit, value.span, message, "write a tempo such as `tempo 120bpm`");
         }
     }
     Some(())
 }
 
-fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn meter(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let beats = match value.kind {
         ValueKind::Number(NumberShape::Ratio, text) => {
@@ -176,20 +130,19 @@ fn meter(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
         _ => None,
     };
     let Some(beats) = beats else {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::Arguments,
             value.span,
             "a meter is two numbers with a `/` between them, each 1 to 64",
             "write `meter 3/4` for three beats a bar",
-        ));
-        return None;
+        );
     };
     settings.tempo = settings.tempo.of(beats);
     settings.has_tempo = true;
     Some(())
 }
 
-fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn seed(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let seed = args.integer(value, "a seed", (0, i32::MAX))?;
     settings.seed = u64::try_from(seed).ok()?;
@@ -197,8 +150,8 @@ fn seed(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> 
 }
 
 /// What a `limit` is for.
-fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
-    let board = args.context.board;
+fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
+    let board = args.eval.board;
     let thing = args.next()?;
     let word = if let ValueKind::Word(word) = thing.kind { word } else { "" };
     if let Some((_, verb)) = board.find(word)
@@ -210,8 +163,7 @@ fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
         let lines: Vec<String> = names.iter().map(|name| format!("`limit {name} {range}`")).collect();
         let help = format!("limit each of the two: {}", lines.join(", "));
         let message = format!("`{word}` is {}, which have a limit each", names.join(" and "));
-        args.context.report(Diagnostic::new(Code::Arguments, thing.span, message, help));
-        return None;
+        return args.eval.refuse(Code::Arguments, thing.span, message, help);
     }
     let words: Vec<&str> = limitable(board).map(|verb| &*verb.word).collect();
     let word = args.word(thing, &words)?;
@@ -236,8 +188,7 @@ fn limited(args: &mut Args<'_, '_, '_, '_>) -> Option<Limited> {
         let range = if given.is_some() { args.next_argument() } else { Some(argument) };
         let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
         let help = format!("its axes are {}: `limit {word} x {range}`", list(names.iter().copied()));
-        args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
-        return None;
+        return args.eval.refuse(Code::Arguments, argument.span, message, help);
     }
     Some(limited)
 }
@@ -255,10 +206,10 @@ fn range_text(argument: &Argument<'_>) -> Option<String> {
     }
 }
 
-fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let limited = limited(args)?;
     let argument = args.next_argument()?;
-    let board = args.context.board;
+    let board = args.eval.board;
     let resource = board.occupied(limited.verb, limited.index).first().copied();
     let resource = resource.filter(|resource| board.resource(*resource).is_some_and(|found| found.speed.is_some()));
     if let (Some(resource), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (resource, &argument.item) {
@@ -266,8 +217,7 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     }
     let Item::Range(ends) = &argument.item else {
         let help = "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`";
-        args.context.report(Diagnostic::new(Code::Arguments, argument.span, "a range is needed here", help));
-        return None;
+        return args.eval.refuse(Code::Arguments, argument.span, "a range is needed here", help);
     };
     let axis = board.axis(limited)?;
     let (min, max) = axis.range;
@@ -277,20 +227,19 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
     };
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             argument.span,
             format!("a limit lies inside the board's own range, {min}..{max}, smaller value first"),
             "narrow the range; the smaller value stands first",
-        ));
-        return None;
+        );
     }
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
     if let Some(first) = first {
         let diagnostic =
             Diagnostic::new(Code::SettingPlace, args.command.span, "this is limited twice", "keep one of the two");
-        args.context.report(diagnostic.label("again here").related(first, "first limited here"));
+        args.eval.push(diagnostic.label("again here").related(first, "first limited here"));
         return None;
     }
     settings.limits.retain(|other| other.limited != limited);
@@ -299,19 +248,18 @@ fn limit(args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()>
 }
 
 /// `limit servo N speed PULSE`: how far a servo goes in a second.
-fn speed(resource: ResourceId, args: &mut Args<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+fn speed(resource: ResourceId, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let speed = args.micros(value, "a speed", Unit::None)?;
     let range = 100.0..=100_000.0;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
     let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             value.span,
             "a servo's speed is 100 to 100000 µs of pulse width a second",
             "60° in 0.12 s is 5500: write `limit servo 2 speed 5500us`",
-        ));
-        return None;
+        );
     };
     *settings.speeds.get_mut(resource)? = Some(speed);
     Some(())

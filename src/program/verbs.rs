@@ -2,11 +2,10 @@
 
 use smallvec::SmallVec;
 
-use super::arguments::Bound;
-use super::commands::Args;
+use super::arguments::{Arguments, Bound};
 use super::motion::{Glide, Motion};
 use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::Code;
 use crate::syntax::{Item, Value};
 
 /// What a line with a verb says.
@@ -18,7 +17,7 @@ pub(super) enum Spoken {
 }
 
 /// Reads the arguments of a verb; what is wrong is reported.
-pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Spoken> {
+pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Spoken> {
     if let Some(is) = &verb.is {
         return Some(Spoken::Command(is.clone()));
     }
@@ -36,17 +35,17 @@ pub(super) fn read(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> 
     }
     let command = Command::new(id, &values);
     if let Sets::Opaque(_) = verb.sets {
-        args.context.report(Diagnostic::new(
+        args.eval.report(
             Code::RawFrame,
             args.command.span,
             "nothing checks what this frame makes the robot do",
             "use the command that sends it, or end the line with `# allow: raw-frame`",
-        ));
+        );
     }
     Some(Spoken::Command(command))
 }
 
-fn motion(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Motion> {
+fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Motion> {
     let mut index = None;
     if let Some(axis) = verb.axes.first().filter(|_| verb.is_indexed()) {
         let value = args.next()?;
@@ -73,7 +72,7 @@ fn motion(args: &mut Args<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Mo
 }
 
 /// The values of one axis of a verb that does not move.
-fn one(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -> Option<()> {
+fn one(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -> Option<()> {
     let bound = Bound::from(axis);
     let value = match &axis.takes {
         Takes::List(what, letters) => {
@@ -111,7 +110,7 @@ fn one(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -> Opt
 }
 
 /// A named list of whole numbers, as many as there are letters.
-fn list(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: &str) -> Option<Values> {
+fn list(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: &str) -> Option<Values> {
     let Some(argument) = args.named(&axis.name) else {
         args.missing();
         return None;
@@ -126,18 +125,18 @@ fn list(args: &mut Args<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: &str)
     let count = axis.count();
     if given.len() != count {
         let (name, called, (least, most)) = (&axis.name, &axis.what, axis.range);
-        args.context.report(Diagnostic::new(
+        args.eval.report(
             Code::Arguments,
             argument.span,
             format!("`{name}` has {count} {called}"),
             format!("write `{name}={letters}`, each {least} to {most}"),
-        ));
+        );
     }
     (values.len() == count && given.len() == count).then_some(values)
 }
 
 /// All that is left, as bytes.
-fn bytes(args: &mut Args<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) -> Option<Values> {
+fn bytes(args: &mut Arguments<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) -> Option<Values> {
     let mut values = Values::new();
     let mut is_complete = true;
     while args.more() {
@@ -150,19 +149,18 @@ fn bytes(args: &mut Args<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) -> Opti
     }
     let length = values.len();
     if length > most {
-        args.context.report(Diagnostic::new(
+        return args.eval.refuse(
             Code::OutOfRange,
             args.command.span,
             format!("a frame carries at most {most} bytes, and these are {length}"),
             "split it into several frames",
-        ));
-        return None;
+        );
     }
     is_complete.then_some(values)
 }
 
 /// A value without its name, or no value at all, is a mistake where all of them have names and may be left out.
-fn has_axis(args: &mut Args<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
+fn has_axis(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     let is_optional = |axis: &Axis| !axis.name.is_empty() && axis.takes == Takes::Number;
     let is_given = || args.command.arguments.iter().any(|argument| argument.name.is_some());
     if verb.axes.is_empty() || !verb.axes.iter().all(is_optional) || is_given() {
@@ -172,7 +170,7 @@ fn has_axis(args: &mut Args<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     let argument = args.next_argument()?;
     let row = args.row();
     let message = format!("`{}` wants each value with its axis", row.name);
-    args.context.report(Diagnostic::new(Code::Arguments, argument.span, message, row.how()));
+    args.eval.report(Code::Arguments, argument.span, message, row.how());
     // The rest of them would only repeat it.
     while args.more() {
         args.next_argument();

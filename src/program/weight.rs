@@ -1,6 +1,6 @@
 //! How much a block unrolls to at least, counted before anything is unrolled.
 
-use super::commands::{self, Build, Word};
+use super::words::{self, Does, Word};
 use crate::board::Board;
 use crate::syntax::{Block, Command, Item, NumberShape, Statement, Value, ValueKind};
 
@@ -70,21 +70,21 @@ fn of_statement(board: &Board, statement: &Statement<'_>, phrase: &dyn Fn(&str) 
 
 fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let inside = command.block.as_ref().map(|block| of_block(board, block, phrase)).unwrap_or_default();
-    let row = match commands::find(board, command.head.text) {
+    let row = match words::find(board, command.head.text) {
         Some(Word::Verb(_, verb)) if verb.moves && takes_time(command) => {
             return Weight { moves: 1, ..Weight::default() };
         }
         Some(Word::Verb(..)) => return Weight { events: 1, ..Weight::default() },
-        Some(Word::Row(row)) => Some(&row.build),
+        Some(Word::Row(row)) => Some(row.does),
         None => None,
     };
     match row {
-        Some(Build::Mark) => kept(MARK, texts(command)),
+        Some(Does::Mark) => kept(MARK, texts(command)),
         // What a `say` shows may be shorter than what is written.
-        Some(Build::Say) => kept(SAY, 0),
-        Some(Build::Expect) => kept(EXPECT, texts(command)),
-        Some(Build::Together) => inside,
-        Some(Build::Repeat) => {
+        Some(Does::Say) => kept(SAY, 0),
+        Some(Does::Expect) => kept(EXPECT, texts(command)),
+        Some(Does::Together) => inside,
+        Some(Does::Repeat) => {
             let passes = command.arguments.first().and_then(|argument| match &argument.item {
                 Item::One(Value { kind: ValueKind::Number(NumberShape::Plain, text), .. }) => text.parse().ok(),
                 _ => None,

@@ -4,12 +4,12 @@ mod values;
 
 use smallvec::SmallVec;
 
-use super::commands::{self, Signature, Word};
-use super::context::Context;
 use super::ease::Ease;
+use super::evaluator::Evaluator;
 use super::suggest::{list, suggest};
 use super::time::Time;
 use super::value::{self, Quantity};
+use super::words::{self, MODIFIERS, Signature, Word, is_modifier};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
@@ -17,16 +17,13 @@ use crate::units::{Measure, Unit};
 
 pub(super) use values::Bound;
 
-/// The words that change how a command runs, each with one argument behind it.
-const MODIFIERS: &[&str] = &["for", "over", "ease", "within", "every", "as"];
-
 /// The arguments of one command that are not taken yet.
 pub(super) struct Arguments<'r, 'a, 's, 'd> {
     /// What its word is.
     word: Word<'d>,
     /// The command itself.
     pub(super) command: &'a Command<'s>,
-    pub(super) context: &'r mut Context<'s, 'd>,
+    pub(super) eval: &'r mut Evaluator<'s, 'd>,
     positional: smallvec::IntoIter<[&'a Argument<'s>; 4]>,
     named: SmallVec<[&'a Argument<'s>; 4]>,
     modifiers: SmallVec<[(Name<'s>, &'a Argument<'s>); 2]>,
@@ -56,30 +53,28 @@ impl Lasting {
 
 impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     /// Sorts the arguments; `None` where they cannot be, which is reported.
-    pub(super) fn new(word: Word<'d>, command: &'a Command<'s>, context: &'r mut Context<'s, 'd>) -> Option<Self> {
+    pub(super) fn new(word: Word<'d>, command: &'a Command<'s>, eval: &'r mut Evaluator<'s, 'd>) -> Option<Self> {
         let row = word.signature();
         match &command.block {
             Some(block) if !row.block => {
                 let span = Span { end: block.span.start + 1, ..block.span };
                 let message = format!("`{}` takes no block", row.name);
-                context.report(Diagnostic::new(Code::Arguments, span, message, "end the line before the `{`"));
-                return None;
+                return eval.refuse(Code::Arguments, span, message, "end the line before the `{`");
             }
             // Its brace was reported to be missing its partner.
-            None if row.block && context.diagnostics.has(Code::Unclosed) => return None,
+            None if row.block && eval.diagnostics.has(Code::Unclosed) => return None,
             None if row.block => {
                 let message = format!("`{}` needs a block behind it", row.name);
                 let help = format!("{}; its `{{` stands on the same line", row.how());
-                context.report(Diagnostic::new(Code::Arguments, command.span, message, help));
-                return None;
+                return eval.refuse(Code::Arguments, command.span, message, help);
             }
             _ => {}
         }
-        let errors_before = context.diagnostics.errors();
+        let errors_before = eval.diagnostics.errors();
         let mut args = Arguments {
             word,
             command,
-            context,
+            eval,
             positional: SmallVec::new().into_iter(),
             named: SmallVec::new(),
             modifiers: SmallVec::new(),
@@ -101,7 +96,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let mut last: Option<&'a Argument<'s>> = None;
         while let Some(argument) = rest.next() {
             let word = bare_word(argument);
-            if let Some(word) = word.filter(|word| MODIFIERS.contains(&word.text)) {
+            if let Some(word) = word.filter(|word| is_modifier(word.text)) {
                 last = rest.next();
                 self.modifier(word, last)?;
                 continue;
@@ -110,18 +105,17 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 && let Item::One(value) = &before.item
                 && let Some(diagnostic) = blank_before_unit(value, word)
             {
-                self.context.report(diagnostic);
+                self.eval.push(diagnostic);
                 return None;
             }
             if let Item::Arrow(ends) = &argument.item
                 && let Value { kind: ValueKind::Word(word), negative: false, .. } = ends.1
-                && MODIFIERS.contains(&word)
+                && is_modifier(word)
             {
                 let from = text_of(&ends.0).unwrap_or_else(|| "A".to_owned());
                 let help = format!("write where it goes: `{from} -> B {word} …`");
                 let message = "the value behind `->` is missing";
-                self.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
-                return None;
+                return self.eval.refuse(Code::Arguments, argument.span, message, help);
             }
             match argument.name {
                 None => positional.push(argument),
@@ -141,21 +135,14 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
 
     fn modifier(&mut self, word: Name<'s>, operand: Option<&'a Argument<'s>>) -> Option<()> {
         let Some(operand) = operand else {
-            let example = match word.text {
-                "ease" => "ease in-out-sine",
-                "as" => "as i",
-                "every" => "every 1 beat",
-                "over" => "over 2s",
-                "within" => "within 2s",
-                _ => "for 2s",
-            };
-            self.context.report(Diagnostic::new(
+            let example =
+                MODIFIERS.iter().find(|(modifier, _)| *modifier == word.text).map_or("", |(_, example)| example);
+            return self.eval.refuse(
                 Code::Arguments,
                 word.span,
                 format!("something is missing behind `{}`", word.text),
                 format!("for example `{example}`"),
-            ));
-            return None;
+            );
         };
         if self.modifiers.iter().any(|(name, _)| name.text == word.text) {
             self.twice(word.text, word.span);
@@ -167,7 +154,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
 
     fn twice(&mut self, name: &str, span: Span) {
         let message = format!("`{name}` stands here twice");
-        self.context.report(Diagnostic::new(Code::Arguments, span, message, "keep one of the two"));
+        self.eval.report(Code::Arguments, span, message, "keep one of the two");
     }
 
     /// Reports everything that was not taken. `None` where there was anything.
@@ -184,22 +171,17 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         // The first one too many is enough: the others often belong to it.
         if let Some(argument) = self.positional.as_slice().first() {
             clean = false;
-            self.context.report(Diagnostic::new(
+            self.eval.report(
                 Code::Arguments,
                 argument.span,
                 format!("`{}` takes no more arguments", row.name),
                 self.meant(argument).unwrap_or_else(|| usage.clone()),
-            ));
+            );
         }
         for argument in self.named {
             clean = false;
             let name = argument.name.map_or("", |name| name.text);
-            self.context.report(Diagnostic::new(
-                Code::Arguments,
-                argument.span,
-                format!("`{}` has no `{name}=`", row.name),
-                usage.clone(),
-            ));
+            self.eval.report(Code::Arguments, argument.span, format!("`{}` has no `{name}=`", row.name), usage.clone());
         }
         for (word, operand) in self.modifiers {
             clean = false;
@@ -208,12 +190,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 ("ease", _) if row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
                 _ => usage.clone(),
             };
-            self.context.report(Diagnostic::new(
+            self.eval.report(
                 Code::Arguments,
                 word.span.to(operand.span),
                 format!("`{}` takes no `{}`", row.name, word.text),
                 help,
-            ));
+            );
         }
         clean.then_some(())
     }
@@ -243,10 +225,10 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         if word == "at" {
             return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row().name));
         }
-        if commands::find(self.context.board, word).is_some() {
+        if words::find(self.eval.board, word).is_some() {
             return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
         }
-        suggest(word, MODIFIERS.iter().copied()).map(|near| format!("did you mean `{near}`?"))
+        suggest(word, MODIFIERS.iter().map(|(modifier, _)| *modifier)).map(|near| format!("did you mean `{near}`?"))
     }
 
     /// The next argument without a name, whatever it is.
@@ -266,7 +248,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
 
     /// Reports, once a command, that something is missing.
     pub(super) fn missing(&mut self) {
-        let told = self.incomplete || self.context.diagnostics.errors() > self.errors_before;
+        let told = self.incomplete || self.eval.diagnostics.errors() > self.errors_before;
         self.incomplete = true;
         // What is missing is often in what was wrong before.
         if told {
@@ -275,7 +257,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let message = format!("`{}` needs more than this", self.row().name);
         let span =
             self.command.arguments.last().map_or(self.command.head.span, |last| self.command.head.span.to(last.span));
-        self.context.report(Diagnostic::new(Code::Arguments, span, message, self.row().how()));
+        self.eval.report(Code::Arguments, span, message, self.row().how());
     }
 
     /// Whether arguments without a name are left.
@@ -319,12 +301,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 Ok(Lasting::Over(over, ease))
             }
             (Some(hold), Some(over)) => {
-                self.context.report(Diagnostic::new(
+                self.eval.report(
                     Code::Arguments,
                     hold.span.to(over.span),
                     "`over` and `for` do not stand together",
                     "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it",
-                ));
+                );
                 Err(())
             }
         }
@@ -332,14 +314,14 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
 
     fn above_zero(&mut self, word: &str, operand: &'a Argument<'s>) -> Result<Time, ()> {
         let value = self.one(operand).ok_or(())?;
-        let time = time(value, self.context).ok_or(())?;
+        let time = time(value, self.eval).ok_or(())?;
         if time <= Time::ZERO {
-            self.context.report(Diagnostic::new(
+            self.eval.report(
                 Code::OutOfRange,
                 value.span,
                 format!("`{word}` needs a time above zero"),
                 "write a time such as `0.5s`, or leave the command out",
-            ));
+            );
             return Err(());
         }
         Ok(time)
@@ -357,7 +339,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                     list(super::ease::CURVES.iter().map(|curve| curve.name))
                 ),
             };
-            self.context.report(Diagnostic::new(Code::Arguments, argument.span, "there is no such easing", help));
+            self.eval.report(Code::Arguments, argument.span, "there is no such easing", help);
         }
         found
     }
@@ -380,7 +362,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 ("the value before `->` is missing".to_owned(), help)
             }
             Item::Arrow(..) => {
-                let moving = self.context.board.verbs.iter().filter(|verb| verb.moves);
+                let moving = self.eval.board.verbs.iter().filter(|verb| verb.moves);
                 let moving: Vec<String> = moving.map(|verb| format!("`{}`", verb.word)).collect();
                 let message = "a move from one value to another has no place here".to_owned();
                 (message, format!("`A -> B` stands in {}, with `over`", list(moving.iter().map(String::as_str))))
@@ -391,8 +373,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 (format!("`{}` compares, and nothing is compared here", sign.text), self.row().how())
             }
         };
-        self.context.report(Diagnostic::new(Code::Arguments, argument.span, message, help));
-        None
+        self.eval.refuse(Code::Arguments, argument.span, message, help)
     }
 }
 
@@ -477,26 +458,22 @@ fn is_time(word: &str) -> bool {
 }
 
 /// Reads a time; anything else is reported.
-pub(super) fn time<'s>(value: &Value<'s>, context: &mut Context<'s, '_>) -> Option<Time> {
-    match context.value(value)? {
+pub(super) fn time<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option<Time> {
+    match eval.value(value)? {
         Quantity::Time(time) => Some(time),
-        Quantity::Number(number) => {
-            context.report(Diagnostic::new(
-                Code::Unit,
-                value.span,
-                format!("a time needs a unit, and {number} has none"),
-                format!("write `{number}s` for seconds or `{number}ms` for milliseconds"),
-            ));
-            None
-        }
+        Quantity::Number(number) => eval.refuse(
+            Code::Unit,
+            value.span,
+            format!("a time needs a unit, and {number} has none"),
+            format!("write `{number}s` for seconds or `{number}ms` for milliseconds"),
+        ),
         other => {
             let help = match other {
                 Quantity::Moment(_) => "a mark is a moment: write `at` before it, or take two of them apart: `(b - a)`",
                 _ => "write a time such as `0.5s`, `250ms` or `2 beats`",
             };
             let message = format!("a time is needed here, not {}", other.kind());
-            context.report(Diagnostic::new(Code::Unit, value.span, message, help));
-            None
+            eval.refuse(Code::Unit, value.span, message, help)
         }
     }
 }

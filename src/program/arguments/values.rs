@@ -5,7 +5,7 @@ use super::super::suggest::{list, suggest};
 use super::super::value::{self, Quantity};
 use super::Arguments;
 use crate::board::{Axis, Unit};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::{Argument, Item, Value, ValueKind};
 
@@ -68,35 +68,31 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         let number = self.number(value, bound.what)?;
         let (what, (least, most)) = (bound.what, bound.range);
         if libm::trunc(number) != number {
-            self.context.report(Diagnostic::new(
+            return self.eval.refuse(
                 Code::NotWhole,
                 value.span,
                 format!("{what} is a whole number, and {number} is not"),
                 format!("write one from {least} to {most}, or round it: `round(…)`"),
-            ));
-            return None;
+            );
         }
         self.in_range(number, value.span, bound)
     }
 
     /// A pulse width in microseconds: a bare number, a time, or an angle from 0 to 180 degrees where the unit says what that is.
     pub(in crate::program) fn micros(&mut self, value: &'a Value<'s>, what: &str, unit: Unit) -> Option<f64> {
-        match (self.context.value(value)?, unit) {
+        match (self.eval.value(value)?, unit) {
             (Quantity::Number(micros), _) => Some(micros),
             (Quantity::Time(time), _) => Some(time.in_micros()),
             (Quantity::Degrees(degrees), Unit::Micros { least, most }) if (0.0..=180.0).contains(&degrees) => {
                 let (least, most) = (f64::from(least), f64::from(most));
                 Some(least + degrees / 180.0 * (most - least))
             }
-            (Quantity::Degrees(_), Unit::Micros { .. }) => {
-                self.context.report(Diagnostic::new(
-                    Code::OutOfRange,
-                    value.span,
-                    "a servo turns from 0 to 180 degrees",
-                    "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`",
-                ));
-                None
-            }
+            (Quantity::Degrees(_), Unit::Micros { .. }) => self.eval.refuse(
+                Code::OutOfRange,
+                value.span,
+                "a servo turns from 0 to 180 degrees",
+                "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`",
+            ),
             (other, _) => {
                 let help = "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`";
                 self.wrong_unit(value.span, what, other, help);
@@ -119,13 +115,12 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             None => format!("write one of {}", list(words.iter().copied())),
         };
         let message = format!("`{}` does not know `{found}`", self.row().name);
-        self.context.report(Diagnostic::new(Code::Arguments, value.span, message, help));
-        None
+        self.eval.refuse(Code::Arguments, value.span, message, help)
     }
 
     /// A bare number.
     pub(in crate::program) fn number(&mut self, value: &'a Value<'s>, what: &str) -> Option<f64> {
-        match self.context.value(value)? {
+        match self.eval.value(value)? {
             Quantity::Number(number) => Some(number),
             other => {
                 self.wrong_unit(value.span, what, other, "write the bare number");
@@ -136,7 +131,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
 
     fn wrong_unit(&mut self, span: Span, what: &str, found: Quantity, help: &str) {
         let message = format!("{what} is needed here, not {}", found.kind());
-        self.context.report(Diagnostic::new(Code::Unit, span, message, help));
+        self.eval.report(Code::Unit, span, message, help);
     }
 
     fn in_range(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
@@ -152,12 +147,12 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             };
             let symbol = unit.symbol();
             let blank = if symbol.is_empty() { "" } else { " " };
-            self.context.report(Diagnostic::new(
+            self.eval.report(
                 Code::OutOfRange,
                 span,
                 format!("{what} is from {least} to {most}{blank}{symbol}, and {number} is outside"),
                 format!("write a value from {least} to {most}{because}"),
-            ));
+            );
         }
         checked
     }

@@ -1,17 +1,17 @@
 //! Blocks that run in their own way: `repeat` and `on abort`.
 
 use super::super::Abort;
-use super::super::arguments::{self, Arguments, bare_word};
-use super::super::commands::{Row, Word};
+use super::super::arguments::{self, bare_word};
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
+use super::commands::At;
 use super::fixed::Fixed;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
-use crate::syntax::{Block, Command, Name};
+use crate::syntax::{Block, Name};
 
 /// What stands behind `repeat`.
 struct Passes<'s> {
@@ -23,22 +23,16 @@ struct Passes<'s> {
 }
 
 impl<'s> Unroll<'s, '_> {
-    pub(super) fn repeat(
-        &mut self,
-        command: &Command<'s>,
-        row: &'static Row,
-        start: Time,
-        depth: usize,
-    ) -> Option<Time> {
-        let block = command.block.as_ref()?;
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
+    pub(super) fn repeat(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let block = at.command.block.as_ref()?;
         let value = args.next()?;
         let count = args.number(value, "a number of passes");
         let every = match args.behind("every") {
             None => None,
             Some(every) => {
                 let value = args.one(every)?;
-                Some((arguments::time(value, args.context)?, every.span))
+                Some((arguments::time(value, args.eval)?, every.span))
             }
         };
         let name = args.behind("as").map(|argument| (bare_word(argument), argument.span));
@@ -46,83 +40,78 @@ impl<'s> Unroll<'s, '_> {
         let count = count?;
         if count < 0.0 || libm::floor(count) != count {
             let message = format!("a block cannot be repeated {count} times");
-            self.report(Code::NotWhole, value.span, message, "write a whole number from 0 on, or round it: `floor(…)`");
-            return None;
+            return self.eval.refuse(
+                Code::NotWhole,
+                value.span,
+                message,
+                "write a whole number from 0 on, or round it: `floor(…)`",
+            );
         }
         // Beyond this it is too much in any case.
         let passes = value::round(count).map_or(u64::MAX, |count| u64::from(count.unsigned_abs()));
         if let Some((every, span)) = every.filter(|(every, _)| *every <= Time::ZERO) {
             let message = format!("`every` needs a time above zero, and {every} is not");
-            self.report(Code::OutOfRange, span, message, "write a time such as `every 1 beat`");
-            return None;
+            return self.eval.refuse(Code::OutOfRange, span, message, "write a time such as `every 1 beat`");
         }
         let name = match name {
             None => None,
             Some((Some(name), _)) => Some(name),
             Some((None, span)) => {
-                self.report(Code::Arguments, span, "a name is needed behind `as`", "write `as i`");
-                return None;
+                return self.eval.refuse(Code::Arguments, span, "a name is needed behind `as`", "write `as i`");
             }
         };
         let weight = self.weight(block).times(passes);
         let weight = Weight { steps: weight.steps.max(passes), ..weight };
-        if !self.allow_more(weight, command.head.span.to(value.span)) {
+        if !self.allow_more(weight, at.command.head.span.to(value.span)) {
             return None;
         }
         if passes == 0 {
-            scope::names(block, &mut |name| self.context.scope.touch(name));
+            scope::names(block, &mut |name| self.eval.scope.touch(name));
             self.check_words(block);
         }
-        self.passes(command, block, Passes { count: passes, every, name }, start, depth)
+        self.passes(at, block, Passes { count: passes, every, name })
     }
 
     /// Runs a block so many times.
-    #[expect(clippy::too_many_arguments, reason = "a loop and where it stands")]
-    fn passes(
-        &mut self,
-        command: &Command<'s>,
-        block: &Block<'s>,
-        Passes { count, every, name }: Passes<'s>,
-        start: Time,
-        depth: usize,
-    ) -> Option<Time> {
-        let mut now = start;
+    fn passes(&mut self, at: At<'_, 's>, block: &Block<'s>, passes: Passes<'s>) -> Option<Time> {
+        let Passes { count, every, name } = passes;
+        let repeat = at.command.head.span;
+        let mut now = at.start;
         // What is done only once is not worth keeping.
-        let mut fixed = (count > 1).then(|| Fixed::new(self.context.scope.locals()));
+        let mut fixed = (count > 1).then(|| Fixed::new(self.eval.scope.locals()));
         for pass in 0..count {
             self.done += 1;
-            let mark = self.context.scope.open();
+            let mark = self.eval.scope.open();
             let number = u32::try_from(pass + 1).unwrap_or(u32::MAX);
-            self.context.traces.enter(command.head.span, number);
+            self.eval.traces.enter(repeat, number);
             if let Some(name) = name {
                 if pass == 0 {
                     self.is_free(name);
                 }
-                self.context.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
+                self.eval.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
             }
-            let frame = self.body(block, Frame { fixed: fixed.take(), ..Frame::new(now) }, depth);
+            let frame = self.body(block, Frame { fixed: fixed.take(), ..at.frame.inside(now) });
             let end = frame.latest;
             fixed = frame.fixed;
-            self.context.traces.leave();
-            self.context.scope.close(mark, true);
+            self.eval.traces.leave();
+            self.eval.scope.close(mark, true);
             now = match every {
                 None => end,
                 Some((every, span)) => {
-                    let next = start.plus(every.times(pass + 1));
+                    let next = at.start.plus(every.times(pass + 1));
                     if end > next {
                         let message = format!("pass {number} takes {}, which is longer than {every}", end.minus(now));
-                        self.report(
+                        return self.eval.refuse(
                             Code::TooLong,
                             span,
                             message,
                             "make the body shorter, or the time behind `every` longer",
                         );
-                        return None;
                     }
                     next
                 }
             };
-            if self.exhausted || !self.within_bounds(command.head.span) || self.too_long {
+            if self.exhausted || !self.within_bounds(repeat) || self.too_long {
                 break;
             }
         }
@@ -130,50 +119,45 @@ impl<'s> Unroll<'s, '_> {
     }
 
     /// `on abort { … }`: a small script of its own, from time 0, with nothing known.
-    #[expect(clippy::too_many_arguments, reason = "a block and where it stands")]
-    pub(super) fn on_abort(
-        &mut self,
-        command: &Command<'s>,
-        row: &'static Row,
-        frame: &Frame,
-        start: Time,
-        depth: usize,
-    ) -> Option<Time> {
+    pub(super) fn on_abort(&mut self, at: At<'_, 's>) -> Option<Time> {
         const LONGEST: Time = Time::from_millis(2_000);
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
+        let mut args = at.args(&mut self.eval)?;
         let word = args.next()?;
         args.word(word, &["abort"])?;
         args.finish()?;
-        if !frame.top || !self.context.scope.main {
-            self.top_level("on abort", command.head.span.to(word.span));
-            return None;
+        let span = at.command.head.span.to(word.span);
+        if !at.frame.top || !self.eval.scope.main {
+            return self.top_level("on abort", span);
         }
-        let span = command.head.span.to(word.span);
         if let Some((_, first)) = &self.abort {
             let diagnostic = Diagnostic::new(Code::Abort, span, "there are two `on abort`", "keep one of the two");
             let diagnostic = diagnostic.label("again here").related(*first, "first here");
-            self.context.report(diagnostic);
+            self.eval.push(diagnostic);
             return None;
         }
-        let block = command.block.as_ref()?;
+        let block = at.command.block.as_ref()?;
         // Its frames are bounded by themselves.
         let (steps, sent) = (std::mem::take(&mut self.steps), std::mem::take(&mut self.sent));
         self.in_abort = true;
-        let end = self.block(block, Time::ZERO, false, depth);
+        let end = self.block(block, Time::ZERO, false, at.frame);
         self.in_abort = false;
         self.sent = sent;
         let steps = std::mem::replace(&mut self.steps, steps);
         if end > LONGEST {
-            self.report(Code::Abort, span, format!("`on abort` takes {end}"), "make it shorter: at most 2 s");
-            return None;
+            return self.eval.refuse(
+                Code::Abort,
+                span,
+                format!("`on abort` takes {end}"),
+                "make it shorter: at most 2 s",
+            );
         }
         self.abort = Some((Abort { steps, end }, span));
-        Some(start)
+        Some(at.start)
     }
 
     /// Reports a command for the drive in `on abort`.
     pub(super) fn drive_in_abort(&mut self, span: Span) {
         let help = "leave it out: the drive was stopped before, and stays so";
-        self.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
+        self.eval.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
     }
 }

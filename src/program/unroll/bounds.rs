@@ -22,17 +22,17 @@ impl Unroll<'_, '_> {
         let weight = done.plus(more);
         if weight.steps > MAX_STEPS {
             let message = format!("the script takes more than {MAX_STEPS} steps to unroll");
-            self.report(Code::TooManySteps, span, message, "repeat less often");
+            self.eval.report(Code::TooManySteps, span, message, "repeat less often");
         } else if weight.events > self.max_events as u64 {
             let message = format!("the script sends more than {} frames", self.max_events);
             let help = "repeat less often, or allow more with `--max-events`";
-            self.report(Code::TooManyEvents, span, message, help);
+            self.eval.report(Code::TooManyEvents, span, message, help);
         } else if weight.moves > MAX_MOVES {
             let message = format!("the script has more than {MAX_MOVES} moves");
-            self.report(Code::TooManyEvents, span, message, "repeat less often, or move less often");
+            self.eval.report(Code::TooManyEvents, span, message, "repeat less often, or move less often");
         } else if weight.kept > MAX_KEPT {
             let message = "the marks, `say`s and `expect`s of the script take more than 48 MiB";
-            self.report(Code::TooManyEvents, span, message, "repeat them less often, or make their texts shorter");
+            self.eval.report(Code::TooManyEvents, span, message, "repeat them less often, or make their texts shorter");
         } else {
             return true;
         }

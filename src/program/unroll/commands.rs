@@ -1,12 +1,13 @@
 //! One command of a script: its row in the table decides what becomes of it.
 
 use super::super::arguments::{self, Arguments, Lasting, bare_word};
-use super::super::commands::{self, Build, Word};
+use super::super::evaluator::Evaluator;
 use super::super::motion::Move;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Spoken};
 use super::super::weight::{self, Weight};
+use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Unroll};
 use crate::board::{self, Verb, VerbId};
@@ -14,10 +15,25 @@ use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::Command;
 
+/// A command of the language, and where it is run.
+#[derive(Clone, Copy)]
+pub(super) struct At<'c, 's> {
+    pub(super) row: &'static Row,
+    pub(super) command: &'c Command<'s>,
+    pub(super) start: Time,
+    pub(super) frame: &'c Frame,
+}
+
+impl<'c, 's> At<'c, 's> {
+    pub(super) fn args<'r, 'd>(self, eval: &'r mut Evaluator<'s, 'd>) -> Option<Arguments<'r, 'c, 's, 'd>> {
+        Arguments::new(Word::Row(self.row), self.command, eval)
+    }
+}
+
 impl<'s, 'd> Unroll<'s, 'd> {
-    #[expect(clippy::too_many_lines, reason = "a table of commands")]
-    pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame, depth: usize) -> Option<Time> {
-        let row = match commands::find(self.context.board, command.head.text) {
+    /// Runs a command; gives the time when it has ended.
+    pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
+        let row = match words::find(self.eval.board, command.head.text) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
             None => {
@@ -25,109 +41,98 @@ impl<'s, 'd> Unroll<'s, 'd> {
                 return None;
             }
         };
-        if let Build::Later = row.build {
-            self.malformed_or_later(row, command);
-            return None;
+        let at = At { row, command, start, frame };
+        match row.does {
+            Does::Wait => self.wait(at),
+            Does::Say => self.say(at),
+            Does::Expect => self.expect(at),
+            Does::Mark => self.mark(at),
+            Does::Repeat => self.repeat(at),
+            Does::Together => self.together(at),
+            Does::Use => self.use_(at),
+            Does::Abort => self.on_abort(at),
+            Does::Let => self.malformed_let(command),
+            Does::Malformed(message, help) => self.eval.refuse(Code::Syntax, command.span, message, help),
+            // A line with a setting is not run as a command.
+            Does::Set(_) | Does::Later => None,
         }
-        let mut args = Arguments::new(Word::Row(row), command, &mut self.context)?;
-        match row.build {
-            Build::Wait => {
-                let value = args.next()?;
-                let time = arguments::time(value, args.context);
-                args.finish();
-                let time = time?;
-                if time < Time::ZERO {
-                    self.taken_back("wait", value.span);
-                    return None;
-                }
-                if frame.together.is_some() {
-                    let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
-                    self.report(Code::WaitInTogether, command.span, "a `wait` delays nothing inside `together`", help);
-                }
-                Some(start.plus(time))
-            }
-            Build::Say => {
-                let value = args.next()?;
-                let text = say::say(value, args.context);
-                args.finish()?;
-                let text = text?;
-                if !self.keep(weight::SAY, text.len(), command.span) {
-                    return None;
-                }
-                self.push(start, command.span, Action::Say(Box::new(text.into())));
-                Some(start)
-            }
-            Build::Expect => {
-                let expect = expect::expect(&mut args)?;
-                args.finish()?;
-                if self.in_abort {
-                    let help = "leave it out: what is sent on abort cannot be ended early";
-                    self.report(Code::Abort, command.span, "there is no `expect` in `on abort`", help);
-                    return None;
-                }
-                let length = expect.why.as_ref().map_or(0, String::len);
-                // The reason is there twice for a while.
-                if !self.keep(weight::EXPECT, 2 * length, command.span) {
-                    return None;
-                }
-                let end = start.plus(expect.within.unwrap_or(Time::ZERO));
-                self.push(start, command.span, Action::Expect(Box::new(expect)));
-                Some(end)
-            }
-            Build::Mark => {
-                let argument = args.next_argument()?;
-                let name = bare_word(argument);
-                args.finish()?;
-                let Some(name) = name else {
-                    self.report(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
-                    return None;
-                };
-                if self.in_abort {
-                    self.report(
-                        Code::Abort,
-                        command.span,
-                        "there is no mark in `on abort`",
-                        "write times: `at 0.5s …`",
-                    );
-                    return None;
-                }
-                self.is_free(name)?;
-                if let Some(first) = self.context.scope.hidden_by_mark(name.text) {
-                    self.given_twice(name, first);
-                    return None;
-                }
-                if !self.keep(weight::MARK, name.text.len(), command.span) {
-                    return None;
-                }
-                self.marks.push((name.text.to_owned(), start));
-                self.context.scope.bind(name, Quantity::Moment(start), false);
-                Some(start)
-            }
-            Build::Repeat => self.repeat(command, row, start, depth),
-            Build::Together => {
-                args.finish()?;
-                let block = command.block.as_ref()?;
-                Some(self.block(block, start, true, depth))
-            }
-            Build::Use => {
-                let value = args.next()?;
-                args.finish()?;
-                if !frame.top {
-                    self.top_level("use", command.span);
-                    return None;
-                }
-                self.use_(value, command.span)?;
-                Some(start)
-            }
-            Build::Abort => self.on_abort(command, row, frame, start, depth),
-            Build::Set(_) | Build::Later => None,
+    }
+
+    fn wait(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let value = args.next()?;
+        let time = arguments::time(value, args.eval);
+        args.finish();
+        let time = time?;
+        if time < Time::ZERO {
+            return self.taken_back("wait", value.span);
         }
+        if at.frame.together.is_some() {
+            let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
+            let message = "a `wait` delays nothing inside `together`";
+            self.eval.report(Code::WaitInTogether, at.command.span, message, help);
+        }
+        Some(at.start.plus(time))
+    }
+
+    fn say(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let value = args.next()?;
+        let text = say::say(value, args.eval);
+        args.finish()?;
+        let text = text?;
+        self.keep(weight::SAY, text.len(), at.command.span)?;
+        self.push(at.start, at.command.span, Action::Say(Box::new(text.into())));
+        Some(at.start)
+    }
+
+    fn expect(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let expect = expect::expect(&mut args)?;
+        args.finish()?;
+        if self.in_abort {
+            let help = "leave it out: what is sent on abort cannot be ended early";
+            return self.eval.refuse(Code::Abort, at.command.span, "there is no `expect` in `on abort`", help);
+        }
+        let length = expect.why.as_ref().map_or(0, String::len);
+        // The reason is there twice for a while.
+        self.keep(weight::EXPECT, 2 * length, at.command.span)?;
+        let end = at.start.plus(expect.within.unwrap_or(Time::ZERO));
+        self.push(at.start, at.command.span, Action::Expect(Box::new(expect)));
+        Some(end)
+    }
+
+    fn mark(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let argument = args.next_argument()?;
+        let name = bare_word(argument);
+        args.finish()?;
+        let Some(name) = name else {
+            return self.eval.refuse(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
+        };
+        if self.in_abort {
+            let help = "write times: `at 0.5s …`";
+            return self.eval.refuse(Code::Abort, at.command.span, "there is no mark in `on abort`", help);
+        }
+        self.is_free(name)?;
+        if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
+            return self.given_twice(name, first);
+        }
+        self.keep(weight::MARK, name.text.len(), at.command.span)?;
+        self.marks.push((name.text.to_owned(), at.start));
+        self.eval.scope.bind(name, Quantity::Moment(at.start), false);
+        Some(at.start)
+    }
+
+    fn together(&mut self, at: At<'_, 's>) -> Option<Time> {
+        at.args(&mut self.eval)?.finish()?;
+        Some(self.block(at.command.block.as_ref()?, at.start, true, at.frame))
     }
 
     /// A verb of the board: one command, or a move.
     fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
-        let board = self.context.board;
-        let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.context)?;
+        let board = self.eval.board;
+        let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.eval)?;
         let spoken = verbs::read(&mut args, id, verb);
         let lasting = args.lasting();
         let complete = args.finish();
@@ -149,7 +154,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
             }
             (Spoken::Motion(motion), _) if motion.has_start() => {
                 let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
-                self.report(Code::Arguments, span, "`A -> B` needs a time", help);
+                self.eval.report(Code::Arguments, span, "`A -> B` needs a time", help);
                 return Some(end);
             }
             (Spoken::Motion(motion), _) => motion.target(board)?,
@@ -158,7 +163,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
         let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
             let message = format!("`{}` takes no `for`", board.show(&sent));
-            self.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
+            self.eval.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
             return Some(end);
         }
         self.send(start, span, sent, hold);
@@ -166,7 +171,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
     }
 
     pub(super) fn send(&mut self, at: Time, span: Span, command: board::Command, hold: Option<Time>) {
-        let board = self.context.board;
+        let board = self.eval.board;
         if self.in_abort && board.is_drive(&command) {
             self.drive_in_abort(span);
             return;
@@ -174,7 +179,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
         // A stop is never refused.
         let broken = limits::broken(board, &self.settings.limits, &command, span);
         if let Some(diagnostic) = broken.filter(|_| !board.is_rest(&command)) {
-            self.context.report(diagnostic);
+            self.eval.push(diagnostic);
             return;
         }
         let action = match hold {
@@ -184,16 +189,16 @@ impl<'s, 'd> Unroll<'s, 'd> {
         self.push(at, span, action);
     }
 
-    /// Whether something that sends nothing may be kept, with a text so long.
-    fn keep(&mut self, bytes: u64, text: usize, span: Span) -> bool {
+    /// Counts something that sends nothing, with a text so long; `None` where it is too much, which is reported.
+    fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
         let is_allowed = self.allow_more(Weight { kept: bytes, ..Weight::default() }, span);
         self.kept = self.kept.saturating_add(bytes);
-        is_allowed
+        is_allowed.then_some(())
     }
 
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
-        let trace = self.context.traces.here();
+        let trace = self.eval.traces.here();
         let order = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
         self.moves += u64::from(matches!(action, Action::Go(_)));
         self.sent += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));

@@ -1,8 +1,9 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
 use super::super::later::Later;
-use super::super::settings::SETTINGS;
 use super::super::time::Time;
+use super::super::words;
+use super::commands::At;
 use super::{Frame, Set, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Span};
@@ -14,7 +15,7 @@ impl<'s> Unroll<'s, '_> {
         for (name, value) in sets {
             let source = Source::new(format!("--set {name}"), format!("let {name} = {value}"));
             let Some(source) = self.sources.add(source) else { continue };
-            let Some(tree) = syntax::parse(source, self.context.diagnostics) else { continue };
+            let Some(tree) = syntax::parse(source, self.eval.diagnostics) else { continue };
             let span = tree.body.span;
             let end = span.range().start + source.text().trim_end().len();
             let part = tree.body.lines().next().and_then(|line| line.into_owned().parts.into_iter().next());
@@ -27,18 +28,24 @@ impl<'s> Unroll<'s, '_> {
                 }
                 _ => {
                     let help = "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`";
-                    self.report(Code::Syntax, span, "this cannot be read as a value", help);
+                    self.eval.report(Code::Syntax, span, "this cannot be read as a value", help);
                 }
             }
         }
     }
 
     /// Takes over the names of another file.
-    pub(super) fn use_(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
-        let used = self.try_use(value, span);
+    pub(super) fn use_(&mut self, at: At<'_, 's>) -> Option<Time> {
+        let mut args = at.args(&mut self.eval)?;
+        let value = args.next()?;
+        args.finish()?;
+        if !at.frame.top {
+            return self.top_level("use", at.command.span);
+        }
+        let used = self.try_use(value, at.command.span);
         // What it would have named is not reported as missing.
-        self.context.lost.any |= used.is_none();
-        used
+        self.eval.lost.any |= used.is_none();
+        used.map(|()| at.start)
     }
 
     #[expect(clippy::too_many_lines, reason = "one check after the other, each with its message")]
@@ -46,8 +53,7 @@ impl<'s> Unroll<'s, '_> {
         const MAX_DEPTH: usize = 16;
         let ValueKind::Text(quoted) = value.kind else {
             let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
-            self.report(Code::Arguments, value.span, "`use` needs the name of a file", help);
-            return None;
+            return self.eval.refuse(Code::Arguments, value.span, "`use` needs the name of a file", help);
         };
         let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
         let resolve = |name: &str| self.sources.resolve(self.sources.file(span), name);
@@ -60,8 +66,7 @@ impl<'s> Unroll<'s, '_> {
                     Some(near) => format!("did you mean `use \"{near}\"`?"),
                     None => "name a script in the folder of the main script, or in a folder inside it".to_owned(),
                 };
-                self.report(Code::Use, value.span, error.to_string(), help);
-                return None;
+                return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
             }
         };
         if let Some(at) = self.loading.iter().position(|(loading, _)| *loading == path) {
@@ -74,7 +79,7 @@ impl<'s> Unroll<'s, '_> {
             for (_, span) in self.loading.iter().skip(at + 1) {
                 diagnostic = diagnostic.related(*span, "used here");
             }
-            self.context.report(diagnostic);
+            self.eval.push(diagnostic);
             return None;
         }
         if self.loaded.contains(&path) {
@@ -82,44 +87,51 @@ impl<'s> Unroll<'s, '_> {
         }
         if self.loading.len() > MAX_DEPTH {
             let message = format!("files use each other more than {MAX_DEPTH} deep here");
-            self.report(Code::Use, value.span, message, "use fewer files inside each other");
-            return None;
+            return self.eval.refuse(Code::Use, value.span, message, "use fewer files inside each other");
         }
-        let errors = self.context.diagnostics.errors();
+        let errors = self.eval.diagnostics.errors();
         let source = match self.sources.load(&path) {
             Ok(source) => source,
             Err(error) => {
                 let words = error.to_string();
-                self.report(Code::Use, value.span, words, "look at the name of the file, and whether it is a script");
-                return None;
+                return self.eval.refuse(
+                    Code::Use,
+                    value.span,
+                    words,
+                    "look at the name of the file, and whether it is a script",
+                );
             }
         };
         let Some(source) = self.sources.add(source) else {
             let help = "use fewer or shorter files";
-            self.report(Code::SourceTooLarge, value.span, "all files together are larger than 64 MiB", help);
-            return None;
+            return self.eval.refuse(
+                Code::SourceTooLarge,
+                value.span,
+                "all files together are larger than 64 MiB",
+                help,
+            );
         };
-        let mut tree = syntax::parse(source, self.context.diagnostics)?;
-        self.context.lost.add(std::mem::take(&mut tree.lost));
+        let mut tree = syntax::parse(source, self.eval.diagnostics)?;
+        self.eval.lost.add(std::mem::take(&mut tree.lost));
         self.loading.push((path.clone(), value.span));
-        let main = std::mem::replace(&mut self.context.scope.main, false);
-        let later = std::mem::replace(&mut self.context.later, Later::new(source));
-        let mut frame = Frame { top: true, ..Frame::new(Time::ZERO) };
+        let main = std::mem::replace(&mut self.eval.scope.main, false);
+        let later = std::mem::replace(&mut self.eval.later, Later::new(source));
+        let mut frame = Frame { top: true, ..Frame::default() };
         for line in tree.body.lines() {
             for part in &line.parts {
                 let allowed = match &part.statement {
                     Statement::Let(_) | Statement::Def(_) => true,
-                    Statement::Command(command) => command.head.text == "use",
+                    Statement::Command(command) => words::is_use(command.head.text),
                     _ => false,
                 };
                 if !allowed || line.start.is_some() {
                     let help = match &part.statement {
-                        Statement::Command(command) if is_setting(command.head.text) => {
+                        Statement::Command(command) if words::setting(command.head.text).is_some() => {
                             "put it before the first command of the main script; `tempo` and `meter` may also stand first in a `def`"
                         }
                         _ => "move it into a `def`, or into the script that uses this file",
                     };
-                    self.report(
+                    self.eval.report(
                         Code::Use,
                         part.statement.span(),
                         "a file that is used holds only `use`, `let` and `def`",
@@ -128,19 +140,15 @@ impl<'s> Unroll<'s, '_> {
                 }
             }
         }
-        let is_fine = self.context.diagnostics.errors() == errors;
+        let is_fine = self.eval.diagnostics.errors() == errors;
         if is_fine {
-            self.lines(tree.body.places(), &mut frame, 0);
+            self.lines(tree.body.places(), &mut frame);
         }
-        self.context.later = later;
-        self.context.scope.main = main;
+        self.eval.later = later;
+        self.eval.scope.main = main;
         self.loading.pop();
         self.loaded.push(path);
         // Of a file with a mistake no name is known.
         is_fine.then_some(())
     }
-}
-
-fn is_setting(word: &str) -> bool {
-    SETTINGS.iter().any(|row| row.name == word)
 }

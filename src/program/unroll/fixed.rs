@@ -2,8 +2,8 @@
 //! in all others. A script of a few lines may unroll to millions of commands.
 
 use super::super::Action;
-use super::super::commands::{self, Build, Word};
 use super::super::time::Time;
+use super::super::words::{self, Does, Word};
 use super::{Frame, Unroll};
 use crate::board::Board;
 use crate::source::Span;
@@ -51,14 +51,8 @@ impl Fixed {
 
 impl<'s> Unroll<'s, '_> {
     /// Runs a line, which may be known from a pass before.
-    pub(super) fn line_again(
-        &mut self,
-        place: usize,
-        line: LineRef<'_, 's>,
-        frame: &mut Frame,
-        depth: usize,
-    ) -> Option<()> {
-        let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame, depth) };
+    pub(super) fn line_again(&mut self, place: usize, line: LineRef<'_, 's>, frame: &mut Frame) -> Option<()> {
+        let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame) };
         // A pass is no `together`.
         let from = frame.now;
         if let Some(done) = fixed.done(place, line.span()) {
@@ -73,14 +67,14 @@ impl<'s> Unroll<'s, '_> {
             return Some(());
         }
         let line = line.read();
-        if !may_be_fixed(self.context.board, &line) {
-            return self.line(&line, frame, depth);
+        if !may_be_fixed(self.eval.board, &line) {
+            return self.line(&line, frame);
         }
         let outer = fixed.outer;
         let before = self.steps.len();
-        (self.context.varies, self.context.scope.newest) = (false, 0);
-        self.line(&line, frame, depth)?;
-        if self.context.varies || self.context.scope.newest > outer {
+        (self.eval.varies, self.eval.scope.newest) = (false, 0);
+        self.line(&line, frame)?;
+        if self.eval.varies || self.eval.scope.newest > outer {
             return Some(());
         }
         let step = self.steps.get(before);
@@ -99,9 +93,9 @@ impl<'s> Unroll<'s, '_> {
 /// Whether a line is one command to the board, or passes time, and starts where the line before has ended or a time behind.
 fn may_be_fixed(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
-    let is_plain = match commands::find(board, command.head.text) {
+    let is_plain = match words::find(board, command.head.text) {
         Some(Word::Verb(..)) => true,
-        Some(Word::Row(row)) => matches!(row.build, Build::Wait),
+        Some(Word::Row(row)) => row.does == Does::Wait,
         None => false,
     };
     is_plain && robots.is_empty() && matches!(line.start, None | Some(Start::After(_)))

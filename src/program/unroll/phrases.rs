@@ -8,6 +8,7 @@ use super::super::scope;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::weight::{self, Weight};
+use super::super::words;
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
@@ -16,23 +17,23 @@ use crate::syntax::{Block, Call, Def, Let, Name};
 impl<'s> Unroll<'s, '_> {
     pub(super) fn let_(&mut self, each: &Let<'s>) -> Option<()> {
         let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
-        let top = self.context.scope.main && !self.in_phrase;
-        let value = match set.filter(|_| top && self.context.scope.is_top()) {
+        let top = self.eval.scope.main && !self.in_phrase;
+        let value = match set.filter(|_| top && self.eval.scope.is_top()) {
             Some(set) => {
                 set.used = true;
                 // What it replaces still uses its names.
-                scope::names_in(&each.value, &mut |name| self.context.scope.touch_value(name));
-                self.context.expression(&set.value)
+                scope::names_in(&each.value, &mut |name| self.eval.scope.touch_value(name));
+                self.eval.expression(&set.value)
             }
-            None => self.context.expression(&each.value),
+            None => self.eval.expression(&each.value),
         };
         let free = self.is_free(each.name);
         // Also where its value is wrong, so that its users are not told that it does not exist.
         if free.is_some() {
             match value {
-                Some(value) => self.context.scope.bind(each.name, value, true),
+                Some(value) => self.eval.scope.bind(each.name, value, true),
                 None => {
-                    self.context.lost.names.insert(each.name.text);
+                    self.eval.lost.names.insert(each.name.text);
                 }
             }
         }
@@ -40,59 +41,58 @@ impl<'s> Unroll<'s, '_> {
         free
     }
 
-    pub(super) fn given_twice(&mut self, name: Name<'s>, first: Span) {
+    pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {
         let diagnostic = Diagnostic::new(
             Code::Name,
             name.span,
             format!("the name `{}` is given twice", name.text),
             "choose another name for one of the two",
         );
-        self.context.report(diagnostic.label("again here").related(first, "first given here"));
+        self.eval.push(diagnostic.label("again here").related(first, "first given here"));
+        None
     }
 
     /// Whether a name may be given here; where not, that is reported.
     pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
         let text = name.text;
-        if scope::is_reserved(self.context.board, text) {
+        if words::is_reserved(self.eval.board, text) {
             let message = format!("`{text}` is a word of the language");
-            self.report(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
-            return None;
+            return self.eval.refuse(
+                Code::Name,
+                name.span,
+                message,
+                format!("choose another name, such as `my_{text}`"),
+            );
         }
-        if !scope::is_name(text) {
+        if !words::is_name(text) {
             let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
-            self.report(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
-            return None;
+            return self.eval.refuse(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
         }
-        if let Some(first) = self.context.scope.taken(text) {
-            self.given_twice(name, first);
-            return None;
+        if let Some(first) = self.eval.scope.taken(text) {
+            return self.given_twice(name, first);
         }
         Some(())
     }
 
     pub(super) fn def(&mut self, def: &Arc<Def<'s>>, frame: &Frame) -> Option<()> {
         if !frame.top {
-            self.top_level("def", def.span);
-            return None;
+            return self.top_level("def", def.span);
         }
         self.is_free(def.name)?;
         let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = parameters.insert(parameter.name.text, at).is_some();
-            if twice
-                || scope::is_reserved(self.context.board, parameter.name.text)
-                || !scope::is_name(parameter.name.text)
+            if twice || words::is_reserved(self.eval.board, parameter.name.text) || !words::is_name(parameter.name.text)
             {
                 let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
                 let help = "give each parameter a name of its own, in small letters, that is no word of the language";
-                self.report(Code::Name, parameter.name.span, message, help);
-                return None;
+                return self.eval.refuse(Code::Name, parameter.name.span, message, help);
             }
         }
         // Called or not, it uses the names that stand above it.
-        scope::names_of_def(def, &mut |name| self.context.scope.touch_value(name));
+        scope::names_of_def(def, &mut |name| self.eval.scope.touch_value(name));
         let weight = self.weight(&def.body);
-        let number = self.context.scope.define(def, parameters);
+        let number = self.eval.scope.define(def, parameters);
         self.weights.resize(number + 1, Weight::default());
         if let Some(slot) = self.weights.get_mut(number) {
             *slot = weight;
@@ -109,21 +109,21 @@ impl<'s> Unroll<'s, '_> {
         calls_of(&def.body, &mut found);
         let mut fine = Some(());
         for call in found {
-            let visible = call.text != def.name.text && self.context.scope.phrase(call.text).is_some();
+            let visible = call.text != def.name.text && self.eval.scope.phrase(call.text).is_some();
             if visible {
                 continue;
             }
             fine = None;
-            let below = self.context.later.get(call.text);
+            let below = self.eval.later.get(call.text);
             match below {
                 Some(below) => match self.cycle(def, &below) {
                     Some(cycle) => {
                         let message = format!("`{}` ends up calling itself: {cycle}", def.name.text);
-                        self.report(Code::Recursion, call.span, message, "use `repeat`; a script always ends");
+                        self.eval.report(Code::Recursion, call.span, message, "use `repeat`; a script always ends");
                     }
                     None => {
                         let message = format!("`{}` stands below this `def`", call.text);
-                        self.report(
+                        self.eval.report(
                             Code::UnknownName,
                             call.span,
                             message,
@@ -141,7 +141,7 @@ impl<'s> Unroll<'s, '_> {
     pub(super) fn cycle(&mut self, def: &Def<'s>, next: &Arc<Def<'s>>) -> Option<String> {
         const SHOWN: usize = 8;
         const MOST_SEARCHED: usize = 100_000;
-        if !self.context.later.call_each_other(def.name.text, next.name.text) {
+        if !self.eval.later.call_each_other(def.name.text, next.name.text) {
             return None;
         }
         // Paths are kept as the place each name was reached from, so that long chains stay cheap.
@@ -173,7 +173,7 @@ impl<'s> Unroll<'s, '_> {
             let mut found = Vec::new();
             calls_of(&current.body, &mut found);
             for call in found {
-                if let Some(callee) = self.context.later.get(call.text)
+                if let Some(callee) = self.eval.later.get(call.text)
                     && seen.insert(callee.name.text)
                 {
                     reached.push((callee, Some(at)));
@@ -184,8 +184,8 @@ impl<'s> Unroll<'s, '_> {
         None
     }
 
-    pub(super) fn call(&mut self, call: &Call<'s>, start: Time, depth: usize) -> Option<Time> {
-        let Some(phrase) = self.context.scope.phrase(call.name.text) else {
+    pub(super) fn call(&mut self, call: &Call<'s>, start: Time, frame: &Frame) -> Option<Time> {
+        let Some(phrase) = self.eval.scope.phrase(call.name.text) else {
             // Inside a phrase it was reported where the phrase is defined.
             if !self.in_phrase {
                 self.unknown_call(Name { span: call.span, ..call.name });
@@ -201,19 +201,22 @@ impl<'s> Unroll<'s, '_> {
                 None => Some(next),
             };
             next += usize::from(given.name.is_none());
-            let value = self.context.expression(&given.value);
+            let value = self.eval.expression(&given.value);
             match at.and_then(|at| values.get_mut(at)) {
                 Some(slot @ None) => *slot = value,
                 Some(Some(_)) => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
-                    self.report(Code::Arguments, span, "this parameter is given twice", "keep one of the two");
-                    return None;
+                    return self.eval.refuse(
+                        Code::Arguments,
+                        span,
+                        "this parameter is given twice",
+                        "keep one of the two",
+                    );
                 }
                 None => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
                     let message = format!("`{}` has no such parameter", call.name.text);
-                    self.report(Code::Arguments, span, message, signature(&phrase.def));
-                    return None;
+                    return self.eval.refuse(Code::Arguments, span, message, signature(&phrase.def));
                 }
             }
             value?;
@@ -222,29 +225,28 @@ impl<'s> Unroll<'s, '_> {
         if !self.allow_more(weight, call.span) {
             return None;
         }
-        let frame = self.context.scope.enter(&phrase);
-        self.context.traces.enter(call.span, 0);
+        let outside = self.eval.scope.enter(&phrase);
+        self.eval.traces.enter(call.span, 0);
         let in_phrase = std::mem::replace(&mut self.in_phrase, true);
         let mut complete = true;
         for (parameter, value) in parameters.iter().zip(values) {
             let value = match (value, &parameter.default) {
                 (Some(value), _) => Some(value),
-                (None, Some(default)) => self.context.expression(default),
+                (None, Some(default)) => self.eval.expression(default),
                 (None, None) => {
                     let message = format!("`{}` needs a value for `{}`", call.name.text, parameter.name.text);
-                    self.report(Code::Arguments, call.span, message, signature(&phrase.def));
-                    None
+                    self.eval.refuse(Code::Arguments, call.span, message, signature(&phrase.def))
                 }
             };
             match value {
-                Some(value) => self.context.scope.bind(parameter.name, value, false),
+                Some(value) => self.eval.scope.bind(parameter.name, value, false),
                 None => complete = false,
             }
         }
-        let end = if complete { Some(self.body(&phrase.def.body, Frame::new(start), depth).latest) } else { None };
+        let end = if complete { Some(self.body(&phrase.def.body, frame.inside(start)).latest) } else { None };
         self.in_phrase = in_phrase;
-        self.context.traces.leave();
-        self.context.scope.leave(frame);
+        self.eval.traces.leave();
+        self.eval.scope.leave(outside);
         end
     }
 
@@ -253,8 +255,8 @@ impl<'s> Unroll<'s, '_> {
         if let Some(weight) = self.counted.get(&block.span) {
             return *weight;
         }
-        let weight = weight::of_block(self.context.board, block, &|name| {
-            let number = self.context.scope.phrase_number(name);
+        let weight = weight::of_block(self.eval.board, block, &|name| {
+            let number = self.eval.scope.phrase_number(name);
             number.and_then(|number| self.weights.get(number)).copied().unwrap_or_default()
         });
         self.counted.insert(block.span, weight);

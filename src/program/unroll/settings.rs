@@ -2,9 +2,9 @@
 
 use super::super::Settings;
 use super::super::arguments::Arguments;
-use super::super::commands::{Build, Word};
-use super::super::settings::SETTINGS;
+use super::super::settings;
 use super::super::value::not_yet;
+use super::super::words::{self, Does, Word};
 use super::{Frame, Unroll};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::syntax::{Line, Part, Statement};
@@ -15,18 +15,18 @@ impl<'s> Unroll<'s, '_> {
         let Statement::Command(command) = &part.statement else {
             return None;
         };
-        let row = SETTINGS.iter().find(|row| row.name == command.head.text)?;
+        let row = words::setting(command.head.text)?;
         let name = row.name;
         let span = command.head.span;
-        let in_block = matches!(name, "tempo" | "meter") && !frame.top;
+        let in_block = row.in_block && !frame.top;
         let given = if in_block { &frame.given } else { &self.given };
-        let twice = given.iter().find(|(given, _)| *given == name && name != "limit").map(|(_, first)| *first);
-        let diagnostic = if let Build::Later = row.build {
+        let twice = given.iter().find(|(given, _)| *given == name && !row.repeats).map(|(_, first)| *first);
+        let diagnostic = if row.does == Does::Later {
             not_yet(span, &format!("the setting `{name}`"))
         } else if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
             let message = format!("the setting `{name}` has no time and is not joined to anything");
             Diagnostic::new(Code::SettingPlace, span, message, "give it a line of its own, before the first command")
-        } else if frame.begun || !(in_block || frame.top && self.context.scope.main) {
+        } else if frame.begun || !(in_block || frame.top && self.eval.scope.main) {
             let (message, help) = if in_block {
                 (format!("`{name}` stands behind a command"), "put it first in its block")
             } else {
@@ -44,7 +44,7 @@ impl<'s> Unroll<'s, '_> {
         } else {
             return Some(true);
         };
-        self.context.report(diagnostic);
+        self.eval.push(diagnostic);
         Some(false)
     }
 
@@ -52,20 +52,20 @@ impl<'s> Unroll<'s, '_> {
         let Some(Part { statement: Statement::Command(command), .. }) = line.parts.first() else {
             return;
         };
-        let row = SETTINGS.iter().find(|row| row.name == command.head.text);
-        let Some((row, Build::Set(build))) = row.map(|row| (row, &row.build)) else { return };
+        let Some(row) = words::setting(command.head.text) else { return };
+        let Does::Set(setting) = row.does else { return };
         let given = if frame.top { &mut self.given } else { &mut frame.given };
         given.push((row.name, command.span));
-        let mut settings = Settings { tempo: self.context.tempo, ..self.settings.clone() };
-        if let Some(mut args) = Arguments::new(Word::Row(row), command, &mut self.context) {
+        let mut settings = Settings { tempo: self.eval.tempo, ..self.settings.clone() };
+        if let Some(mut args) = Arguments::new(Word::Row(row), command, &mut self.eval) {
             // Behind a wrong value, what is left over often belongs to the same mistake.
-            if build(&mut args, &mut settings).is_some() {
+            if settings::set(setting, &mut args, &mut settings).is_some() {
                 args.finish();
             }
         }
-        self.context.tempo = settings.tempo;
+        self.eval.tempo = settings.tempo;
         if frame.top {
-            self.context.random.0 = settings.seed;
+            self.eval.random.0 = settings.seed;
             self.settings = settings;
         }
     }

@@ -1,9 +1,7 @@
 //! Words that are not where they belong, or that nothing is called.
 
-use super::super::commands::{self, Build, COMMANDS, Row, Word};
-use super::super::settings::SETTINGS;
 use super::super::suggest::{list, suggest};
-use super::super::value::not_yet;
+use super::super::words::{self, COMMANDS, SETTINGS, Word};
 use super::Unroll;
 use crate::board::Board;
 use crate::diagnostic::Code;
@@ -11,9 +9,9 @@ use crate::source::Span;
 use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
 
 impl<'s> Unroll<'s, '_> {
-    pub(super) fn top_level(&mut self, word: &str, span: Span) {
+    pub(super) fn top_level<T>(&mut self, word: &str, span: Span) -> Option<T> {
         let message = format!("`{word}` stands at the top level only");
-        self.report(Code::TopLevel, span, message, "move it out of the block");
+        self.eval.refuse(Code::TopLevel, span, message, "move it out of the block")
     }
 
     /// Looks at the words of a block that may never run: what nothing is called is a mistake there too. The recursion is
@@ -23,7 +21,7 @@ impl<'s> Unroll<'s, '_> {
             for part in &line.parts {
                 match &part.statement {
                     Statement::Command(command) => {
-                        if commands::find(self.context.board, command.head.text).is_none() {
+                        if words::find(self.eval.board, command.head.text).is_none() {
                             self.unknown(command);
                         }
                         if let Some(inner) = &command.block {
@@ -36,7 +34,7 @@ impl<'s> Unroll<'s, '_> {
                             self.check_words(inner);
                         }
                     }
-                    Statement::Call(call) if !self.in_phrase && self.context.scope.phrase(call.name.text).is_none() => {
+                    Statement::Call(call) if !self.in_phrase && self.eval.scope.phrase(call.name.text).is_none() => {
                         self.unknown_call(Name { span: call.span, ..call.name });
                     }
                     Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
@@ -53,7 +51,7 @@ impl<'s> Unroll<'s, '_> {
         }
         if word == "at" {
             let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
-            self.report(
+            self.eval.report(
                 Code::StartTime,
                 command.head.span,
                 "a line has one start time, and this is a second one",
@@ -61,9 +59,9 @@ impl<'s> Unroll<'s, '_> {
             );
             return;
         }
-        if self.context.scope.phrase(word).is_some() {
+        if self.eval.scope.phrase(word).is_some() {
             let help = format!("write `{word}(…)`, with no blank before the `(`");
-            self.report(
+            self.eval.report(
                 Code::Syntax,
                 command.head.span,
                 format!("`{word}` is a `def`, and is called with parentheses"),
@@ -72,67 +70,50 @@ impl<'s> Unroll<'s, '_> {
             return;
         }
         let help = self.suggestion(word);
-        self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
+        self.eval.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
     }
 
     /// `servo(1, 1500)` is how other languages write it.
     pub(super) fn unknown_call(&mut self, call: Name<'s>) {
         let name = call.text;
-        if self.context.may_exist(name) || !self.unknown.insert(call.span) {
+        if self.eval.may_exist(name) || !self.unknown.insert(call.span) {
             return;
         }
-        if let Some(below) = self.context.later.get(name) {
+        if let Some(below) = self.eval.later.get(name) {
             let message = format!("`{name}` is defined further down");
             // One that stands above was not taken, and that was said.
             if below.span.start < call.span.start {
                 return;
             }
             let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
-            self.report(Code::UnknownName, call.span, message, help);
+            self.eval.report(Code::UnknownName, call.span, message, help);
             return;
         }
-        match commands::find(self.context.board, name).map(Word::signature) {
+        match words::find(self.eval.board, name).map(Word::signature) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
-                self.report(Code::Syntax, call.span, message, row.how());
+                self.eval.report(Code::Syntax, call.span, message, row.how());
             }
             _ => {
                 let help = self.suggestion(name);
-                self.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
+                self.eval.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
             }
         }
     }
 
-    /// A word of the language whose line could not be read as what it is, or that this version does not run.
-    pub(super) fn malformed_or_later(&mut self, row: &Row, command: &Command<'s>) {
-        let (message, help) = match row.name {
-            "let" => {
-                let help = self.mended_let(command);
-                self.report(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help);
-                return;
-            }
-            "def" => {
-                ("a `def` is a name, parameters in parentheses and a block", "write `def nod(depth = 200us) { … }`")
-            }
-            "if" => ("an `if` is a condition and a block", "write `if n > 0 { … }`, with its `{` on the same line"),
-            "else" => ("an `else` stands behind the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
-            name => {
-                self.context.report(not_yet(command.head.span, &format!("`{name}`")));
-                return;
-            }
-        };
-        self.report(Code::Syntax, command.span, message, help);
+    /// `let` with anything behind it that is not a name, `=` and a value.
+    pub(super) fn malformed_let<T>(&mut self, command: &Command<'s>) -> Option<T> {
+        let help = self.mended_let(command);
+        self.eval.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help)
     }
-}
 
-impl<'s> Unroll<'s, '_> {
     /// `let a 5`, as it was most likely meant; the name is meant to exist.
     fn mended_let(&mut self, command: &Command<'s>) -> String {
         let [first, rest @ ..] = command.arguments.as_slice() else { return "write `let depth = 300us`".to_owned() };
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
             return "a name begins with a small letter: write `let depth = 300us`".to_owned();
         };
-        self.context.lost.names.insert(name);
+        self.eval.lost.names.insert(name);
         let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
         let value = value.map_or("300us", |span| self.sources.file(span).slice(span).trim());
         format!("write `let {name} = {}`", value.trim_start_matches(['=', ':']).trim())
@@ -141,8 +122,7 @@ impl<'s> Unroll<'s, '_> {
 
 /// The names of the commands that this version runs.
 fn runnable(board: &Board) -> impl Iterator<Item = &str> {
-    let runs = |row: &&Row| !matches!(row.build, Build::Later);
-    board.verbs.iter().map(|verb| &*verb.word).chain(COMMANDS.iter().filter(runs).map(|row| row.name))
+    words::signatures(board).filter(|row| !row.usage.is_empty()).map(|row| row.name)
 }
 
 /// How many phrases of a script are listed.
@@ -164,33 +144,33 @@ impl Unroll<'_, '_> {
             "function" | "fn" => Some("def nod() { … }"),
             _ => None,
         };
-        if let Some(near) = self.context.scope.near(word, true) {
+        if let Some(near) = self.eval.scope.near(word, true) {
             return format!("did you mean `{near}(…)`?");
         }
-        let of_board = self.context.board.foreign.iter().find(|(foreign, _)| foreign == word);
+        let of_board = self.eval.board.foreign.iter().find(|(foreign, _)| foreign == word);
         if let Some(line) = elsewhere.or(of_board.map(|(_, line)| &**line)) {
             return format!("did you mean `{line}`?");
         }
         // `servo1 1500`
         let (name, digits) =
             word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
-        if !digits.is_empty() && commands::find(self.context.board, name).is_some() {
+        if !digits.is_empty() && words::find(self.eval.board, name).is_some() {
             return format!("did you mean `{name} {digits}`?");
         }
         let rows = COMMANDS.iter().chain(SETTINGS).map(|row| row.name);
-        let verbs = self.context.board.verbs.iter().map(|verb| &*verb.word);
+        let verbs = self.eval.board.verbs.iter().map(|verb| &*verb.word);
         match suggest(word, verbs.chain(rows)) {
             Some(near) => format!("did you mean `{near}`?"),
             None => {
-                let phrases: Vec<&str> = self.context.scope.phrase_names().take(PHRASES + 1).collect();
+                let phrases: Vec<&str> = self.eval.scope.phrase_names().take(PHRASES + 1).collect();
                 if phrases.is_empty() {
-                    return format!("the commands are {}", list(runnable(self.context.board)));
+                    return format!("the commands are {}", list(runnable(self.eval.board)));
                 }
                 let shown = list(phrases.iter().copied().take(PHRASES));
                 let more = if phrases.len() > PHRASES { " and others" } else { "" };
                 format!(
                     "the phrases of this script are {shown}{more}; the commands are {}",
-                    list(runnable(self.context.board))
+                    list(runnable(self.eval.board))
                 )
             }
         }

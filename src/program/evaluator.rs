@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
 use super::later::Later;
-use super::scope::{Scope, is_name, is_reserved};
+use super::scope::Scope;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
+use super::words::{is_name, is_reserved};
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::random::SplitMix;
@@ -19,7 +20,7 @@ use crate::syntax::{Binary, Expression, Lost, Node, NodeKind, NumberShape, Value
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
 
-pub(super) struct Context<'s, 'd> {
+pub(super) struct Evaluator<'s, 'd> {
     pub(super) diagnostics: &'d mut Diagnostics,
     /// The board that the script is for.
     pub(super) board: &'d Arc<Board>,
@@ -35,26 +36,40 @@ pub(super) struct Context<'s, 'd> {
     pub(super) later: Later<'s>,
 }
 
-impl<'s> Context<'s, '_> {
+impl<'s> Evaluator<'s, '_> {
     /// Reports something, with the calls that led here.
-    pub(super) fn report(&mut self, diagnostic: Diagnostic) {
+    pub(super) fn push(&mut self, diagnostic: Diagnostic) {
         let here = self.traces.here();
         self.diagnostics.push(self.traces.attach(diagnostic, here));
+    }
+
+    /// Reports what is wrong at a place, and what to write instead.
+    pub(super) fn report(&mut self, code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) {
+        self.push(Diagnostic::new(code, span, message, help));
+    }
+
+    /// Reports what is wrong, for what has no result because of it.
+    pub(super) fn refuse<T>(
+        &mut self,
+        code: Code,
+        span: Span,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> Option<T> {
+        self.report(code, span, message, help);
+        None
     }
 
     /// A value that must be a quantity; `None` where it is none, which is reported.
     pub(super) fn value(&mut self, value: &Value<'s>) -> Option<Quantity> {
         let quantity = match &value.kind {
             ValueKind::Number(shape, text) => self.number(*shape, text, value.span),
-            ValueKind::Text(_) => {
-                self.report(Diagnostic::new(
-                    Code::Arguments,
-                    value.span,
-                    "a number is needed here, not a text",
-                    "take the quotation marks away",
-                ));
-                None
-            }
+            ValueKind::Text(_) => self.refuse(
+                Code::Arguments,
+                value.span,
+                "a number is needed here, not a text",
+                "take the quotation marks away",
+            ),
             ValueKind::Word(word) => self.name(word, value.span),
             ValueKind::Expression(expression) => self.expression(expression),
         }?;
@@ -70,8 +85,7 @@ impl<'s> Context<'s, '_> {
             let result = match node.kind {
                 NodeKind::Number(shape, text) => self.number(shape, text, node.span)?,
                 NodeKind::Text(_) => {
-                    self.kinds(node.span, "a text cannot be calculated with");
-                    return None;
+                    return self.kinds(node.span, "a text cannot be calculated with");
                 }
                 NodeKind::Name(name) => self.name(name, node.span)?,
                 NodeKind::Negate => {
@@ -113,7 +127,7 @@ impl<'s> Context<'s, '_> {
 
     fn number(&mut self, shape: NumberShape, text: &str, span: Span) -> Option<Quantity> {
         self.varies |= shape == NumberShape::Beats;
-        value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.report(diagnostic)).ok()
+        value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.push(diagnostic)).ok()
     }
 
     /// Whether a name may have been lost with something that could not be read.
@@ -154,7 +168,7 @@ impl<'s> Context<'s, '_> {
                 ),
             };
             let message = format!("there is no mark `{name}` here");
-            self.report(Diagnostic::new(Code::UnknownName, span, message, help));
+            self.report(Code::UnknownName, span, message, help);
         }
         None
     }
@@ -185,15 +199,11 @@ impl<'s> Context<'s, '_> {
                 ),
             },
         };
-        self.report(Diagnostic::new(Code::UnknownName, span, format!("nothing is called `{name}` here"), help));
+        self.report(Code::UnknownName, span, format!("nothing is called `{name}` here"), help);
     }
 
     fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {
-        let negated = quantity.negated();
-        if negated.is_none() {
-            self.kinds(span, &format!("{} has no minus", quantity.kind()));
-        }
-        negated
+        quantity.negated().or_else(|| self.kinds(span, &format!("{} has no minus", quantity.kind())))
     }
 
     /// A condition.
@@ -202,32 +212,22 @@ impl<'s> Context<'s, '_> {
             Quantity::Truth(truth) => Some(truth),
             other => {
                 let message = format!("true or false is needed here, not {}", other.kind());
-                self.report(Diagnostic::new(Code::Unit, span, message, "compare it: `n > 0`, `n == 3`"));
-                None
+                self.refuse(Code::Unit, span, message, "compare it: `n > 0`, `n == 3`")
             }
         }
     }
 
-    fn kinds(&mut self, span: Span, message: &str) {
-        self.report(Diagnostic::new(
-            Code::Unit,
-            span,
-            message,
-            "`+`, `-`, `%` and comparisons need one kind on both sides, `*` at most one unit, `/` the same kind or a bare number behind it",
-        ));
+    fn kinds<T>(&mut self, span: Span, message: &str) -> Option<T> {
+        let help = "`+`, `-`, `%` and comparisons need one kind on both sides, `*` at most one unit, `/` the same kind or a bare number behind it";
+        self.refuse(Code::Unit, span, message, help)
     }
 
-    fn mismatch(&mut self, left: Quantity, right: Quantity, span: Span) {
-        self.kinds(span, &format!("this does not go with {} and {}", left.kind(), right.kind()));
+    fn mismatch<T>(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<T> {
+        self.kinds(span, &format!("this does not go with {} and {}", left.kind(), right.kind()))
     }
 
-    fn arithmetic(&mut self, span: Span, message: &str) {
-        self.report(Diagnostic::new(
-            Code::Arithmetic,
-            span,
-            message,
-            "change the numbers, or decide with `if` before it is done",
-        ));
+    fn arithmetic<T>(&mut self, span: Span, message: &str) -> Option<T> {
+        self.refuse(Code::Arithmetic, span, message, "change the numbers, or decide with `if` before it is done")
     }
 
     /// A float that is a number.
@@ -235,8 +235,7 @@ impl<'s> Context<'s, '_> {
         if number.is_finite() {
             return Some(number);
         }
-        self.arithmetic(span, "this has no result that is a number");
-        None
+        self.arithmetic(span, "this has no result that is a number")
     }
 
     #[expect(clippy::too_many_lines, reason = "a table of operators and kinds")]
@@ -249,8 +248,7 @@ impl<'s> Context<'s, '_> {
                     _ => match (below(left, right), below(right, left)) {
                         (Some(less), Some(more)) => (less, more),
                         _ => {
-                            self.mismatch(left, right, span);
-                            return None;
+                            return self.mismatch(left, right, span);
                         }
                     },
                 };
@@ -268,15 +266,13 @@ impl<'s> Context<'s, '_> {
                 }
                 _ => {
                     let Some(((a, left_unit), (b, right_unit))) = left.float().zip(right.float()) else {
-                        self.mismatch(left, right, span);
-                        return None;
+                        return self.mismatch(left, right, span);
                     };
                     let unit = match (left, right) {
                         (_, Number(_)) => left_unit,
                         (Number(_), _) => right_unit,
                         _ => {
-                            self.mismatch(left, right, span);
-                            return None;
+                            return self.mismatch(left, right, span);
                         }
                     };
                     self.finite(a * b, span).map(unit)
@@ -335,18 +331,12 @@ impl<'s> Context<'s, '_> {
     }
 
     fn by_zero(&mut self, span: Span) -> Option<Quantity> {
-        self.arithmetic(span, "this divides by zero");
-        None
+        self.arithmetic(span, "this divides by zero")
     }
 
     pub(super) fn exact<T>(&mut self, time: Option<T>, span: Span) -> Option<T> {
-        if time.is_none() {
-            self.arithmetic(
-                span,
-                "the result, or a number on the way to it, is too large for a time, which is at most 292 years",
-            );
-        }
-        time
+        let message = "the result, or a number on the way to it, is too large for a time, which is at most 292 years";
+        time.or_else(|| self.arithmetic(span, message))
     }
 
     /// The floats of two quantities of one kind, and their unit.
@@ -357,8 +347,7 @@ impl<'s> Context<'s, '_> {
         {
             return Some((a, b, unit));
         }
-        self.mismatch(left, right, span);
-        None
+        self.mismatch(left, right, span)
     }
 
     #[expect(clippy::too_many_lines, reason = "a table of functions")]
@@ -373,18 +362,16 @@ impl<'s> Context<'s, '_> {
                 }
                 None => format!("the functions are {}", list(names())),
             };
-            self.report(Diagnostic::new(Code::UnknownName, span, format!("there is no function `{name}`"), help));
-            return None;
+            return self.refuse(Code::UnknownName, span, format!("there is no function `{name}`"), help);
         };
         let (fewest, most) = function.count;
         if !(fewest..=most).contains(&arguments.len()) {
-            self.report(Diagnostic::new(
+            return self.refuse(
                 Code::Arguments,
                 span,
                 format!("`{name}` cannot be called with {} values", arguments.len()),
                 format!("write `{}`", function.usage),
-            ));
-            return None;
+            );
         }
         let first = *arguments.first()?;
         match function.compute {
@@ -392,42 +379,29 @@ impl<'s> Context<'s, '_> {
                 (Quantity::Time(time), _) if time < super::Time::ZERO => Some(Quantity::Time(time.negated())),
                 (_, Some((number, unit))) => Some(unit(libm::fabs(number))),
                 (Quantity::Time(_), None) => Some(first),
-                (_, None) => {
-                    self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind()));
-                    None
-                }
+                (_, None) => self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind())),
             },
             Compute::Unit(compute) => match first.float() {
                 Some((number, unit)) => self.finite(compute(number), span).map(unit),
-                None => {
-                    self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind()));
-                    None
-                }
+                None => self.kinds(span, &format!("`{name}` needs a number, not {}", first.kind())),
             },
             Compute::Number(compute) => match first {
                 Quantity::Number(number) => self.finite(compute(number), span).map(Quantity::Number),
-                _ => {
-                    self.kinds(span, &format!("`{name}` needs a bare number, not {}", first.kind()));
-                    None
-                }
+                _ => self.kinds(span, &format!("`{name}` needs a bare number, not {}", first.kind())),
             },
             Compute::Angle(compute) => match first {
                 Quantity::Number(radians) => self.finite(compute(radians), span).map(Quantity::Number),
                 Quantity::Degrees(degrees) => {
                     self.finite(compute(degrees * (std::f64::consts::PI / 180.0)), span).map(Quantity::Number)
                 }
-                _ => {
-                    self.kinds(span, &format!("`{name}` needs an angle, not {}", first.kind()));
-                    None
-                }
+                _ => self.kinds(span, &format!("`{name}` needs an angle, not {}", first.kind())),
             },
             Compute::Extreme(largest) => {
                 let mut best = first;
                 for &other in arguments.iter().skip(1) {
                     let (low, high) = if largest { (best, other) } else { (other, best) };
                     let Some(better) = below(low, high) else {
-                        self.mismatch(best, other, span);
-                        return None;
+                        return self.mismatch(best, other, span);
                     };
                     if better {
                         best = other;
@@ -447,12 +421,12 @@ impl<'s> Context<'s, '_> {
                 let chosen = chosen.and_then(|index| usize::try_from(index).ok()?.checked_add(1));
                 let found = chosen.and_then(|index| arguments.get(index).copied());
                 if found.is_none() {
-                    self.report(Diagnostic::new(
+                    self.report(
                         Code::OutOfRange,
                         span,
                         format!("`nth` has no value number {first}"),
                         format!("count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2)),
-                    ));
+                    );
                 }
                 found
             }

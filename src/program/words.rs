@@ -1,0 +1,338 @@
+//! The words of the language that a line may start with, besides those of a board: one row each, with how it is written and
+//! where it may stand. A new one is a row here, and the function that runs it: in `unroll/commands.rs` for a command, in
+//! `settings.rs` for a setting.
+
+use super::functions;
+use crate::board::{Board, Verb, VerbId};
+use crate::units::Unit;
+
+/// One row of the tables.
+#[derive(Debug)]
+pub struct Row {
+    /// The word that a line starts with.
+    pub name: &'static str,
+    /// What stands behind it.
+    pub usage: &'static str,
+    /// A line that works.
+    pub example: &'static str,
+    /// What it does, in a few words.
+    pub meaning: &'static str,
+    /// Whether a block stands behind it.
+    pub block: bool,
+    /// Whether it cannot be joined to other commands.
+    pub(super) alone: bool,
+    /// Whether a setting may also stand first in a block.
+    pub(super) in_block: bool,
+    /// Whether a setting may be given more than once.
+    pub(super) repeats: bool,
+    /// Which function runs it.
+    pub(super) does: Does,
+}
+
+/// What a row does with its arguments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Does {
+    /// Changes a setting.
+    Set(Setting),
+    /// Passes time.
+    Wait,
+    /// Writes a line on the screen.
+    Say,
+    /// Judges what the board reports.
+    Expect,
+    /// Names the moment.
+    Mark,
+    /// Runs its block several times.
+    Repeat,
+    /// Starts each statement of its block at the start.
+    Together,
+    /// Takes over the names of another file.
+    Use,
+    /// What is sent when something ends a run early.
+    Abort,
+    /// `let`, where the grammar could not read it as one.
+    Let,
+    /// Another statement that the grammar could not read as what it is: what it should look like, and what to write.
+    Malformed(&'static str, &'static str),
+    /// The language has it; this version does not.
+    Later,
+}
+
+/// Which setting a row changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Setting {
+    Language,
+    Tempo,
+    Meter,
+    Rate,
+    Refresh,
+    Baud,
+    Seed,
+    Limit,
+}
+
+/// How a line looks that starts with a word.
+#[derive(Clone, Copy, Debug)]
+pub struct Signature<'t> {
+    /// The word.
+    pub name: &'t str,
+    /// What stands behind it.
+    pub usage: &'t str,
+    /// A line that works.
+    pub example: &'t str,
+    /// What it does, in a few words.
+    pub meaning: &'t str,
+    /// Whether `for D` may stand behind it.
+    pub holds: bool,
+    /// Whether `over D` may stand behind it.
+    pub moves: bool,
+    /// Whether a block stands behind it.
+    pub block: bool,
+}
+
+impl<'t> Signature<'t> {
+    /// That of a verb.
+    pub fn of(verb: &'t Verb) -> Self {
+        let Verb { word, usage, example, meaning, holds, moves, .. } = verb;
+        Signature { name: word, usage, example, meaning, holds: *holds, moves: *moves, block: false }
+    }
+
+    /// How it is written, for messages.
+    pub(super) fn how(&self) -> String {
+        if self.usage == self.example {
+            return format!("write `{}`", self.usage);
+        }
+        format!("write `{}`, for example `{}`", self.usage, self.example)
+    }
+}
+
+/// What a word is that a line starts with.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Word<'t> {
+    /// A verb of the board.
+    Verb(VerbId, &'t Verb),
+    /// A word of the language.
+    Row(&'static Row),
+}
+
+impl<'t> Word<'t> {
+    #[inline]
+    pub(super) fn signature(self) -> Signature<'t> {
+        match self {
+            Word::Verb(_, verb) => Signature::of(verb),
+            Word::Row(row) => row.signature(),
+        }
+    }
+}
+
+impl Row {
+    const fn new(
+        name: &'static str,
+        usage: &'static str,
+        example: &'static str,
+        meaning: &'static str,
+        does: Does,
+    ) -> Row {
+        Row { name, usage, example, meaning, block: false, alone: false, in_block: false, repeats: false, does }
+    }
+
+    /// A word that is reserved, and does nothing at the start of a line.
+    const fn reserved(name: &'static str, does: Does) -> Row {
+        Row::new(name, "", "", "", does)
+    }
+
+    const fn block(self) -> Row {
+        Row { block: true, ..self }
+    }
+
+    const fn alone(self) -> Row {
+        Row { alone: true, ..self }
+    }
+
+    const fn in_block(self) -> Row {
+        Row { in_block: true, ..self }
+    }
+
+    const fn repeats(self) -> Row {
+        Row { repeats: true, ..self }
+    }
+
+    /// How a line with it looks.
+    pub fn signature(&self) -> Signature<'static> {
+        let Row { name, usage, example, meaning, block, .. } = *self;
+        Signature { name, usage, example, meaning, holds: false, moves: false, block }
+    }
+}
+
+/// What a line may start with.
+pub const COMMANDS: &[Row] = &[
+    Row::new(
+        "say",
+        "say \"TEXT\"",
+        "say \"here I go\"",
+        "shows a line while playing; `{NAME}` puts in a value, `{{` and `}}` are braces; sends nothing",
+        Does::Say,
+    ),
+    Row::new("wait", "wait TIME", "wait 0.5s", "passes time", Does::Wait).alone(),
+    Row::new("mark", "mark NAME", "mark bow", "names the moment, for `at` below it", Does::Mark).alone(),
+    Row::new(
+        "repeat",
+        "repeat N { … }",
+        "repeat 4 { buzzer on for 100ms }",
+        "runs its block N times; `every TIME` starts passes that far apart, `as NAME` counts them from 0",
+        Does::Repeat,
+    )
+    .block(),
+    Row::new(
+        "together",
+        "together { … }",
+        "together { servo 1 900; servo 2 900 }",
+        "starts each statement of its block at the start",
+        Does::Together,
+    )
+    .block(),
+    Row::new(
+        "use",
+        "use \"FILE\"",
+        "use \"lib/phrases.motion\"",
+        "takes over the `let`s and `def`s of another file",
+        Does::Use,
+    )
+    .alone(),
+    Row::new(
+        "on",
+        "on abort { … }",
+        "on abort { servos 1500 1500 }",
+        "what is sent when something ends a run early, after the stop",
+        Does::Abort,
+    )
+    .block()
+    .alone(),
+    Row::new(
+        "expect",
+        "expect QUANTITY SIGN VALUE",
+        "expect voltage > 10V within 2s \"charge me\"",
+        "what the board should report: voltage, pitch, roll or yaw, with `<` `<=` `>` `>=` `==` or `in A..B`; the newest report counts, or with `within` the first that fits; sends nothing",
+        Does::Expect,
+    ),
+    Row::reserved(
+        "def",
+        Does::Malformed(
+            "a `def` is a name, parameters in parentheses and a block",
+            "write `def nod(depth = 200us) { … }`",
+        ),
+    ),
+    Row::reserved("let", Does::Let),
+    Row::reserved(
+        "if",
+        Does::Malformed("an `if` is a condition and a block", "write `if n > 0 { … }`, with its `{` on the same line"),
+    ),
+    Row::reserved(
+        "else",
+        Does::Malformed("an `else` stands behind the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
+    ),
+];
+
+/// What may stand before every command.
+pub const SETTINGS: &[Row] = &[
+    Row::new(
+        "language",
+        "language 1",
+        "language 1",
+        "the version of the language that the script is written for",
+        Does::Set(Setting::Language),
+    ),
+    Row::new(
+        "tempo",
+        "tempo BPM",
+        "tempo 120bpm",
+        "how many beats a minute; also first in a block; 120bpm where it is not given",
+        Does::Set(Setting::Tempo),
+    ).in_block(),
+    Row::new(
+        "meter",
+        "meter BEATS/NOTE",
+        "meter 3/4",
+        "how many beats a bar; also first in a block; 4/4 where it is not given",
+        Does::Set(Setting::Meter),
+    ).in_block(),
+    Row::new("rate", "rate FREQUENCY", "rate 50hz", "samples a second of moves, 1-200hz", Does::Set(Setting::Rate)),
+    Row::new(
+        "refresh",
+        "refresh TIME|off",
+        "refresh 50ms",
+        "how often a drive frame is sent again while it holds, 10ms-1s",
+        Does::Set(Setting::Refresh),
+    ),
+    Row::new("baud", "baud SPEED", "baud 115200", "the speed of the serial line", Does::Set(Setting::Baud)),
+    Row::new(
+        "seed",
+        "seed N",
+        "seed 7",
+        "which random numbers there are, a whole number; 0 where it is not given",
+        Does::Set(Setting::Seed),
+    ),
+    Row::new(
+        "limit",
+        "limit servo N MIN..MAX",
+        "limit servo 2 900..1700",
+        "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
+        Does::Set(Setting::Limit),
+    ).repeats(),
+    Row::reserved("robots", Does::Later),
+];
+
+/// The words that change how a command runs, each with one argument behind it, and an example of that.
+pub(super) const MODIFIERS: &[(&str, &str)] = &[
+    ("for", "for 2s"),
+    ("over", "over 2s"),
+    ("ease", "ease in-out-sine"),
+    ("within", "within 2s"),
+    ("every", "every 1 beat"),
+    ("as", "as i"),
+];
+
+/// The other words that cannot be names, because they could stand where a name does.
+const RESERVED: &[&str] =
+    &["at", "bar", "beat", "beats", "bars", "not", "and", "or", "true", "false", "off", "in", "abort"];
+
+/// Whether a word is one that changes how a command runs.
+pub(super) fn is_modifier(word: &str) -> bool {
+    MODIFIERS.iter().any(|(modifier, _)| *modifier == word)
+}
+
+/// Whether a word may be a name by its letters.
+pub(super) fn is_name(word: &str) -> bool {
+    word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
+}
+
+/// Whether a word belongs to the language.
+pub(super) fn is_reserved(board: &Board, word: &str) -> bool {
+    RESERVED.contains(&word)
+        || is_modifier(word)
+        || Unit::named(word).is_some()
+        || find(board, word).is_some()
+        || functions::find(word).is_some()
+}
+
+/// What a word is.
+pub(super) fn find<'t>(board: &'t Board, name: &str) -> Option<Word<'t>> {
+    let row = || COMMANDS.iter().find(|row| row.name == name).or_else(|| setting(name));
+    board.find(name).map(|(id, verb)| Word::Verb(id, verb)).or_else(|| row().map(Word::Row))
+}
+
+/// The setting with this name.
+pub(super) fn setting(name: &str) -> Option<&'static Row> {
+    SETTINGS.iter().find(|row| row.name == name)
+}
+
+/// Whether a word takes over the names of another file.
+pub(super) fn is_use(name: &str) -> bool {
+    COMMANDS.iter().any(|row| row.name == name && row.does == Does::Use)
+}
+
+/// Everything that a line of a script for this board may start with, but for settings: the verbs of the board first.
+#[expect(clippy::redundant_closure_for_method_calls, reason = "the method alone would ask for a static board")]
+pub fn signatures(board: &Board) -> impl Iterator<Item = Signature<'_>> {
+    board.verbs.iter().map(Signature::of).chain(COMMANDS.iter().map(|row| row.signature()))
+}
