@@ -1,6 +1,7 @@
 //! Everything that decides what a value is at one place of a script: names, tempo, random numbers, and the calls that led
 //! there.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
@@ -14,8 +15,8 @@ use super::words::{is_name, is_reserved};
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::random::SplitMix;
-use crate::source::Span;
-use crate::syntax::{Binary, Expression, Lost, Node, NodeKind, NumberShape, Value, ValueKind};
+use crate::source::{Sources, Span};
+use crate::syntax::{Binary, Expression, Lost, Name, Node, NodeKind, NumberShape, Value, ValueKind};
 
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
@@ -34,9 +35,29 @@ pub(super) struct Evaluator<'s, 'd> {
     pub(super) lost: Lost<'s>,
     /// What stands further down in the file that is run.
     pub(super) later: Later<'s>,
+    /// Everything that was read, for messages.
+    pub(super) sources: &'s Sources,
+    /// Unknown words that were reported.
+    pub(super) unknown: HashSet<Span>,
 }
 
-impl<'s> Evaluator<'s, '_> {
+impl<'s, 'd> Evaluator<'s, 'd> {
+    pub(super) fn new(diagnostics: &'d mut Diagnostics, board: &'d Arc<Board>, sources: &'s Sources) -> Self {
+        Evaluator {
+            diagnostics,
+            board,
+            scope: Scope::new(),
+            tempo: Tempo::default(),
+            random: SplitMix::default(),
+            varies: false,
+            traces: Traces::default(),
+            lost: Lost::default(),
+            later: Later::new(sources.main()),
+            sources,
+            unknown: HashSet::new(),
+        }
+    }
+
     /// Reports something, with the calls that led here.
     pub(super) fn push(&mut self, diagnostic: Diagnostic) {
         let here = self.traces.here();
@@ -202,6 +223,34 @@ impl<'s> Evaluator<'s, '_> {
         self.report(Code::UnknownName, span, format!("nothing is called `{name}` here"), help);
     }
 
+    pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {
+        let diagnostic = Diagnostic::new(
+            Code::Name,
+            name.span,
+            format!("the name `{}` is given twice", name.text),
+            "choose another name for one of the two",
+        );
+        self.push(diagnostic.label("again here").related(first, "first given here"));
+        None
+    }
+
+    /// Whether a name may be given here; where not, that is reported.
+    pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
+        let text = name.text;
+        if is_reserved(self.board, text) {
+            let message = format!("`{text}` is a word of the language");
+            return self.refuse(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
+        }
+        if !is_name(text) {
+            let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
+            return self.refuse(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
+        }
+        if let Some(first) = self.scope.taken(text) {
+            return self.given_twice(name, first);
+        }
+        Some(())
+    }
+
     fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {
         quantity.negated().or_else(|| self.kinds(span, &format!("{} has no minus", quantity.kind())))
     }
@@ -330,6 +379,13 @@ impl<'s> Evaluator<'s, '_> {
         }
     }
 
+    /// Refuses a number where a time is needed.
+    pub(super) fn needs_unit<T>(&mut self, number: f64, span: Span) -> Option<T> {
+        let message = format!("a time needs a unit, and {number} has none");
+        let help = format!("write `{number}s` for seconds or `{number}ms` for milliseconds");
+        self.refuse(Code::Unit, span, message, help)
+    }
+
     fn by_zero(&mut self, span: Span) -> Option<Quantity> {
         self.arithmetic(span, "this divides by zero")
     }
@@ -366,12 +422,9 @@ impl<'s> Evaluator<'s, '_> {
         };
         let (fewest, most) = function.count;
         if !(fewest..=most).contains(&arguments.len()) {
-            return self.refuse(
-                Code::Arguments,
-                span,
-                format!("`{name}` cannot be called with {} values", arguments.len()),
-                format!("write `{}`", function.usage),
-            );
+            let message = format!("`{name}` cannot be called with {} values", arguments.len());
+            let help = format!("write `{}`", function.usage);
+            return self.refuse(Code::Arguments, span, message, help);
         }
         let first = *arguments.first()?;
         match function.compute {
@@ -421,12 +474,9 @@ impl<'s> Evaluator<'s, '_> {
                 let chosen = chosen.and_then(|index| usize::try_from(index).ok()?.checked_add(1));
                 let found = chosen.and_then(|index| arguments.get(index).copied());
                 if found.is_none() {
-                    self.report(
-                        Code::OutOfRange,
-                        span,
-                        format!("`nth` has no value number {first}"),
-                        format!("count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2)),
-                    );
+                    let message = format!("`nth` has no value number {first}");
+                    let help = format!("count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2));
+                    self.report(Code::OutOfRange, span, message, help);
                 }
                 found
             }

@@ -4,6 +4,7 @@
 //! and units are checked; what depends on the order in time (clashes, holding, refresh) belongs to the timeline.
 
 mod arguments;
+mod bounds;
 mod calls;
 mod duration;
 mod ease;
@@ -21,9 +22,10 @@ mod template;
 mod tempo;
 mod time;
 mod trace;
-mod unroll;
+mod unknown;
 mod value;
 mod verbs;
+mod walker;
 mod weight;
 mod words;
 
@@ -268,5 +270,5 @@ pub(crate) fn program<'s>(
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Program {
-    syntax::read_ahead(script, |lines| unroll::unroll(lines, sources, options, diagnostics))
+    syntax::read_ahead(script, |lines| walker::walk(lines, sources, options, diagnostics))
 }

@@ -10,24 +10,18 @@ use crate::syntax::{Value, ValueKind};
 pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option<String> {
     let span = value.span;
     let ValueKind::Text(quoted) = value.kind else {
-        return eval.refuse(
-            Code::Arguments,
-            value.span,
-            "`say` needs a text",
-            "write it between quotation marks: `say \"here I go\"`",
-        );
+        let message = "`say` needs a text";
+        let help = "write it between quotation marks: `say \"here I go\"`";
+        return eval.refuse(Code::Arguments, value.span, message, help);
     };
     let mut text = String::with_capacity(quoted.len());
     for piece in pieces(quoted) {
         match piece {
             Piece::Char(c) => text.push(c),
             Piece::LoneBackslash => {
-                return eval.refuse(
-                    Code::Arguments,
-                    value.span,
-                    "a `\\` in a text stands before `\"` or `\\` only",
-                    "write `\\\\` for a backslash",
-                );
+                let message = "a `\\` in a text stands before `\"` or `\\` only";
+                let help = "write `\\\\` for a backslash";
+                return eval.refuse(Code::Arguments, value.span, message, help);
             }
             Piece::Name(name) => match eval.scope.value(name) {
                 Some(found) => text.push_str(&found.to_string()),

@@ -198,6 +198,11 @@ impl<'s> Scope<'s> {
         self.by_name.get(name).copied().filter(|&at| at < self.visible_phrases)
     }
 
+    /// Whether this is the body of a phrase.
+    pub(super) fn in_phrase(&self) -> bool {
+        self.in_phrase
+    }
+
     /// Whether names go to the top level now.
     pub(super) fn is_top(&self) -> bool {
         self.top

@@ -31,12 +31,9 @@ fn language(args: &mut Arguments<'_, '_, '_, '_>) -> Option<()> {
     if (version - 1.0).abs() < f64::EPSILON {
         return Some(());
     }
-    args.eval.refuse(
-        Code::LanguageVersion,
-        value.span,
-        format!("this motionseq reads version 1 of the language, not {version}"),
-        "update motionseq, or write `language 1` if the script was written for it",
-    )
+    let message = format!("this motionseq reads version 1 of the language, not {version}");
+    let help = "update motionseq, or write `language 1` if the script was written for it";
+    args.eval.refuse(Code::LanguageVersion, value.span, message, help)
 }
 
 fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
@@ -46,20 +43,14 @@ fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option
             settings.period = Time::from_millis(1_000).over_number(rate)?;
         }
         Quantity::Hertz(_) => {
-            return args.eval.refuse(
-                Code::OutOfRange,
-                value.span,
-                "a rate is from 1 to 200 hz",
-                "write a rate such as `rate 50hz`",
-            );
+            let message = "a rate is from 1 to 200 hz";
+            let help = "write a rate such as `rate 50hz`";
+            return args.eval.refuse(Code::OutOfRange, value.span, message, help);
         }
         other => {
-            return args.eval.refuse(
-                Code::Unit,
-                value.span,
-                format!("a frequency is needed here, not {}", other.kind()),
-                "write a rate such as `rate 50hz`",
-            );
+            let message = format!("a frequency is needed here, not {}", other.kind());
+            let help = "write a rate such as `rate 50hz`";
+            return args.eval.refuse(Code::Unit, value.span, message, help);
         }
     }
     Some(())
@@ -74,20 +65,14 @@ fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Opt
     }
     let interval = arguments::time(value, args.eval)?;
     if !(Time::from_millis(10)..=Time::from_millis(1_000)).contains(&interval) {
-        return args.eval.refuse(
-            Code::OutOfRange,
-            value.span,
-            "a refresh interval is from 10 ms to 1 s",
-            "write an interval such as `refresh 50ms`, or `refresh off`",
-        );
+        let message = "a refresh interval is from 10 ms to 1 s";
+        let help = "write an interval such as `refresh 50ms`, or `refresh off`";
+        return args.eval.refuse(Code::OutOfRange, value.span, message, help);
     }
     if interval > Time::from_millis(500) {
-        args.eval.report(
-            Code::SlowRefresh,
-            value.span,
-            "a drive frame that is sent again so seldom may not keep the robot moving",
-            format!("{ON_SILENCE}. Stay at or below `refresh 500ms`"),
-        );
+        let message = "a drive frame that is sent again so seldom may not keep the robot moving";
+        let help = format!("{ON_SILENCE}. Stay at or below `refresh 500ms`");
+        args.eval.report(Code::SlowRefresh, value.span, message, help);
     }
     settings.refresh = Some(interval);
     Some(())
@@ -130,12 +115,9 @@ fn meter(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
         _ => None,
     };
     let Some(beats) = beats else {
-        return args.eval.refuse(
-            Code::Arguments,
-            value.span,
-            "a meter is two numbers with a `/` between them, each 1 to 64",
-            "write `meter 3/4` for three beats a bar",
-        );
+        let message = "a meter is two numbers with a `/` between them, each 1 to 64";
+        let help = "write `meter 3/4` for three beats a bar";
+        return args.eval.refuse(Code::Arguments, value.span, message, help);
     };
     settings.tempo = settings.tempo.of(beats);
     settings.has_tempo = true;
@@ -227,12 +209,9 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
     };
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
-        return args.eval.refuse(
-            Code::OutOfRange,
-            argument.span,
-            format!("a limit lies inside the board's own range, {min}..{max}, smaller value first"),
-            "narrow the range; the smaller value stands first",
-        );
+        let message = format!("a limit lies inside the board's own range, {min}..{max}, smaller value first");
+        let help = "narrow the range; the smaller value stands first";
+        return args.eval.refuse(Code::OutOfRange, argument.span, message, help);
     }
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
@@ -254,12 +233,9 @@ fn speed(resource: ResourceId, args: &mut Arguments<'_, '_, '_, '_>, settings: &
     let range = 100.0..=100_000.0;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
     let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
-        return args.eval.refuse(
-            Code::OutOfRange,
-            value.span,
-            "a servo's speed is 100 to 100000 µs of pulse width a second",
-            "60° in 0.12 s is 5500: write `limit servo 2 speed 5500us`",
-        );
+        let message = "a servo's speed is 100 to 100000 µs of pulse width a second";
+        let help = "60° in 0.12 s is 5500: write `limit servo 2 speed 5500us`";
+        return args.eval.refuse(Code::OutOfRange, value.span, message, help);
     };
     *settings.speeds.get_mut(resource)? = Some(speed);
     Some(())

@@ -35,12 +35,9 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
     }
     let command = Command::new(id, &values);
     if let Sets::Opaque(_) = verb.sets {
-        args.eval.report(
-            Code::RawFrame,
-            args.command.span,
-            "nothing checks what this frame makes the robot do",
-            "use the command that sends it, or end the line with `# allow: raw-frame`",
-        );
+        let message = "nothing checks what this frame makes the robot do";
+        let help = "use the command that sends it, or end the line with `# allow: raw-frame`";
+        args.eval.report(Code::RawFrame, args.command.span, message, help);
     }
     Some(Spoken::Command(command))
 }
@@ -125,12 +122,9 @@ fn list(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: 
     let count = axis.count();
     if given.len() != count {
         let (name, called, (least, most)) = (&axis.name, &axis.what, axis.range);
-        args.eval.report(
-            Code::Arguments,
-            argument.span,
-            format!("`{name}` has {count} {called}"),
-            format!("write `{name}={letters}`, each {least} to {most}"),
-        );
+        let message = format!("`{name}` has {count} {called}");
+        let help = format!("write `{name}={letters}`, each {least} to {most}");
+        args.eval.report(Code::Arguments, argument.span, message, help);
     }
     (values.len() == count && given.len() == count).then_some(values)
 }
@@ -149,12 +143,9 @@ fn bytes(args: &mut Arguments<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) ->
     }
     let length = values.len();
     if length > most {
-        return args.eval.refuse(
-            Code::OutOfRange,
-            args.command.span,
-            format!("a frame carries at most {most} bytes, and these are {length}"),
-            "split it into several frames",
-        );
+        let message = format!("a frame carries at most {most} bytes, and these are {length}");
+        let help = "split it into several frames";
+        return args.eval.refuse(Code::OutOfRange, args.command.span, message, help);
     }
     is_complete.then_some(values)
 }

@@ -1,5 +1,5 @@
 //! The words of the language that a line may start with, besides those of a board: one row each, with how it is written and
-//! where it may stand. A new one is a row here, and the function that runs it: in `unroll/commands.rs` for a command, in
+//! where it may stand. A new one is a row here, and the function that runs it: in `walker/commands.rs` for a command, in
 //! `settings.rs` for a setting.
 
 use super::functions;

@@ -122,8 +122,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 Some(name) => {
                     let twice = |other: &&Argument<'_>| other.name.is_some_and(|other| other.text == name.text);
                     if self.named.iter().any(twice) {
-                        self.twice(name.text, argument.span);
-                        return None;
+                        return self.twice(name.text, argument.span);
                     }
                     self.named.push(argument);
                 }
@@ -137,24 +136,20 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let Some(operand) = operand else {
             let example =
                 MODIFIERS.iter().find(|(modifier, _)| *modifier == word.text).map_or("", |(_, example)| example);
-            return self.eval.refuse(
-                Code::Arguments,
-                word.span,
-                format!("something is missing behind `{}`", word.text),
-                format!("for example `{example}`"),
-            );
+            let message = format!("something is missing behind `{}`", word.text);
+            let help = format!("for example `{example}`");
+            return self.eval.refuse(Code::Arguments, word.span, message, help);
         };
         if self.modifiers.iter().any(|(name, _)| name.text == word.text) {
-            self.twice(word.text, word.span);
-            return None;
+            return self.twice(word.text, word.span);
         }
         self.modifiers.push((word, operand));
         Some(())
     }
 
-    fn twice(&mut self, name: &str, span: Span) {
+    fn twice<T>(&mut self, name: &str, span: Span) -> Option<T> {
         let message = format!("`{name}` stands here twice");
-        self.eval.report(Code::Arguments, span, message, "keep one of the two");
+        self.eval.refuse(Code::Arguments, span, message, "keep one of the two")
     }
 
     /// Reports everything that was not taken. `None` where there was anything.
@@ -171,12 +166,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         // The first one too many is enough: the others often belong to it.
         if let Some(argument) = self.positional.as_slice().first() {
             clean = false;
-            self.eval.report(
-                Code::Arguments,
-                argument.span,
-                format!("`{}` takes no more arguments", row.name),
-                self.meant(argument).unwrap_or_else(|| usage.clone()),
-            );
+            let message = format!("`{}` takes no more arguments", row.name);
+            let help = self.meant(argument).unwrap_or_else(|| usage.clone());
+            self.eval.report(Code::Arguments, argument.span, message, help);
         }
         for argument in self.named {
             clean = false;
@@ -190,12 +182,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 ("ease", _) if row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
                 _ => usage.clone(),
             };
-            self.eval.report(
-                Code::Arguments,
-                word.span.to(operand.span),
-                format!("`{}` takes no `{}`", row.name, word.text),
-                help,
-            );
+            let message = format!("`{}` takes no `{}`", row.name, word.text);
+            self.eval.report(Code::Arguments, word.span.to(operand.span), message, help);
         }
         clean.then_some(())
     }
@@ -301,12 +289,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 Ok(Lasting::Over(over, ease))
             }
             (Some(hold), Some(over)) => {
-                self.eval.report(
-                    Code::Arguments,
-                    hold.span.to(over.span),
-                    "`over` and `for` do not stand together",
-                    "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it",
-                );
+                let message = "`over` and `for` do not stand together";
+                let help = "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it";
+                self.eval.report(Code::Arguments, hold.span.to(over.span), message, help);
                 Err(())
             }
         }
@@ -316,12 +301,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let value = self.one(operand).ok_or(())?;
         let time = time(value, self.eval).ok_or(())?;
         if time <= Time::ZERO {
-            self.eval.report(
-                Code::OutOfRange,
-                value.span,
-                format!("`{word}` needs a time above zero"),
-                "write a time such as `0.5s`, or leave the command out",
-            );
+            let message = format!("`{word}` needs a time above zero");
+            let help = "write a time such as `0.5s`, or leave the command out";
+            self.eval.report(Code::OutOfRange, value.span, message, help);
             return Err(());
         }
         Ok(time)
@@ -461,12 +443,7 @@ fn is_time(word: &str) -> bool {
 pub(super) fn time<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option<Time> {
     match eval.value(value)? {
         Quantity::Time(time) => Some(time),
-        Quantity::Number(number) => eval.refuse(
-            Code::Unit,
-            value.span,
-            format!("a time needs a unit, and {number} has none"),
-            format!("write `{number}s` for seconds or `{number}ms` for milliseconds"),
-        ),
+        Quantity::Number(number) => eval.needs_unit(number, value.span),
         other => {
             let help = match other {
                 Quantity::Moment(_) => "a mark is a moment: write `at` before it, or take two of them apart: `(b - a)`",

@@ -68,12 +68,9 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         let number = self.number(value, bound.what)?;
         let (what, (least, most)) = (bound.what, bound.range);
         if libm::trunc(number) != number {
-            return self.eval.refuse(
-                Code::NotWhole,
-                value.span,
-                format!("{what} is a whole number, and {number} is not"),
-                format!("write one from {least} to {most}, or round it: `round(…)`"),
-            );
+            let message = format!("{what} is a whole number, and {number} is not");
+            let help = format!("write one from {least} to {most}, or round it: `round(…)`");
+            return self.eval.refuse(Code::NotWhole, value.span, message, help);
         }
         self.in_range(number, value.span, bound)
     }
@@ -147,12 +144,9 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             };
             let symbol = unit.symbol();
             let blank = if symbol.is_empty() { "" } else { " " };
-            self.eval.report(
-                Code::OutOfRange,
-                span,
-                format!("{what} is from {least} to {most}{blank}{symbol}, and {number} is outside"),
-                format!("write a value from {least} to {most}{because}"),
-            );
+            let message = format!("{what} is from {least} to {most}{blank}{symbol}, and {number} is outside");
+            let help = format!("write a value from {least} to {most}{because}");
+            self.eval.report(Code::OutOfRange, span, message, help);
         }
         checked
     }

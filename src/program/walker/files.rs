@@ -1,20 +1,38 @@
 //! What comes from outside of the script: files that it uses, and `--set`.
 
+use std::path::PathBuf;
+
 use super::super::later::Later;
 use super::super::time::Time;
 use super::super::words;
 use super::commands::At;
-use super::{Frame, Set, Unroll};
+use super::{Frame, Set, Walker};
 use crate::diagnostic::{Code, Diagnostic};
-use crate::source::{Source, Span};
-use crate::syntax::{self, Statement, Value, ValueKind};
+use crate::source::{Source, Sources, Span};
+use crate::syntax::{self, Block, Statement, Value, ValueKind};
 
-impl<'s> Unroll<'s, '_> {
+/// How deep files may use each other.
+const MAX_DEPTH: usize = 16;
+
+/// Files that were used, and those that are being read, the script itself first.
+pub(super) struct Files {
+    loaded: Vec<PathBuf>,
+    loading: Vec<(PathBuf, Span)>,
+}
+
+impl Files {
+    pub(super) fn of(sources: &Sources) -> Self {
+        let main = sources.main_path().map(|path| (path, Span::default()));
+        Files { loaded: Vec::new(), loading: main.into_iter().collect() }
+    }
+}
+
+impl<'s> Walker<'s, '_> {
     /// Reads each `--set NAME=VALUE` as a `let` of its own.
     pub(super) fn read_sets(&mut self, sets: &[(String, String)]) {
         for (name, value) in sets {
             let source = Source::new(format!("--set {name}"), format!("let {name} = {value}"));
-            let Some(source) = self.sources.add(source) else { continue };
+            let Some(source) = self.eval.sources.add(source) else { continue };
             let Some(tree) = syntax::parse(source, self.eval.diagnostics) else { continue };
             let span = tree.body.span;
             let end = span.range().start + source.text().trim_end().len();
@@ -40,7 +58,7 @@ impl<'s> Unroll<'s, '_> {
         let value = args.next()?;
         args.finish()?;
         if !at.frame.top {
-            return self.top_level("use", at.command.span);
+            return self.eval.top_level("use", at.command.span);
         }
         let used = self.try_use(value, at.command.span);
         // What it would have named is not reported as missing.
@@ -48,15 +66,55 @@ impl<'s> Unroll<'s, '_> {
         used.map(|()| at.start)
     }
 
-    #[expect(clippy::too_many_lines, reason = "one check after the other, each with its message")]
     fn try_use(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
-        const MAX_DEPTH: usize = 16;
+        let path = self.resolve(value, span)?;
+        if self.files.loaded.contains(&path) {
+            return Some(());
+        }
+        if self.files.loading.len() > MAX_DEPTH {
+            let message = format!("files use each other more than {MAX_DEPTH} deep here");
+            return self.eval.refuse(Code::Use, value.span, message, "use fewer files inside each other");
+        }
+        let errors = self.eval.diagnostics.errors();
+        let source = match self.eval.sources.load(&path) {
+            Ok(source) => source,
+            Err(error) => {
+                let help = "look at the name of the file, and whether it is a script";
+                return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
+            }
+        };
+        let Some(source) = self.eval.sources.add(source) else {
+            let help = "use fewer or shorter files";
+            let message = "all files together are larger than 64 MiB";
+            return self.eval.refuse(Code::SourceTooLarge, value.span, message, help);
+        };
+        let mut tree = syntax::parse(source, self.eval.diagnostics)?;
+        self.eval.lost.add(std::mem::take(&mut tree.lost));
+        self.files.loading.push((path.clone(), value.span));
+        let main = std::mem::replace(&mut self.eval.scope.main, false);
+        let later = std::mem::replace(&mut self.eval.later, Later::new(source));
+        self.check_used(&tree.body);
+        let is_fine = self.eval.diagnostics.errors() == errors;
+        if is_fine {
+            self.lines(tree.body.places(), &mut Frame { top: true, ..Frame::default() });
+        }
+        self.eval.later = later;
+        self.eval.scope.main = main;
+        self.files.loading.pop();
+        self.files.loaded.push(path);
+        // Of a file with a mistake no name is known.
+        is_fine.then_some(())
+    }
+
+    /// The file that is meant by the name behind `use`, which must not be one that is being read.
+    fn resolve(&mut self, value: &Value<'s>, span: Span) -> Option<PathBuf> {
         let ValueKind::Text(quoted) = value.kind else {
             let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
             return self.eval.refuse(Code::Arguments, value.span, "`use` needs the name of a file", help);
         };
         let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
-        let resolve = |name: &str| self.sources.resolve(self.sources.file(span), name);
+        let sources = self.eval.sources;
+        let resolve = |name: &str| sources.resolve(sources.file(span), name);
         let path = match resolve(name) {
             Ok(path) => path,
             Err(error) => {
@@ -69,55 +127,20 @@ impl<'s> Unroll<'s, '_> {
                 return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
             }
         };
-        if let Some(at) = self.loading.iter().position(|(loading, _)| *loading == path) {
-            let mut diagnostic = Diagnostic::new(
-                Code::Use,
-                value.span,
-                format!("{name} ends up using itself"),
-                "move what both files need into a third one",
-            );
-            for (_, span) in self.loading.iter().skip(at + 1) {
-                diagnostic = diagnostic.related(*span, "used here");
-            }
-            self.eval.push(diagnostic);
-            return None;
+        let Some(at) = self.files.loading.iter().position(|(loading, _)| *loading == path) else { return Some(path) };
+        let message = format!("{name} ends up using itself");
+        let mut diagnostic =
+            Diagnostic::new(Code::Use, value.span, message, "move what both files need into a third one");
+        for (_, span) in self.files.loading.iter().skip(at + 1) {
+            diagnostic = diagnostic.related(*span, "used here");
         }
-        if self.loaded.contains(&path) {
-            return Some(());
-        }
-        if self.loading.len() > MAX_DEPTH {
-            let message = format!("files use each other more than {MAX_DEPTH} deep here");
-            return self.eval.refuse(Code::Use, value.span, message, "use fewer files inside each other");
-        }
-        let errors = self.eval.diagnostics.errors();
-        let source = match self.sources.load(&path) {
-            Ok(source) => source,
-            Err(error) => {
-                let words = error.to_string();
-                return self.eval.refuse(
-                    Code::Use,
-                    value.span,
-                    words,
-                    "look at the name of the file, and whether it is a script",
-                );
-            }
-        };
-        let Some(source) = self.sources.add(source) else {
-            let help = "use fewer or shorter files";
-            return self.eval.refuse(
-                Code::SourceTooLarge,
-                value.span,
-                "all files together are larger than 64 MiB",
-                help,
-            );
-        };
-        let mut tree = syntax::parse(source, self.eval.diagnostics)?;
-        self.eval.lost.add(std::mem::take(&mut tree.lost));
-        self.loading.push((path.clone(), value.span));
-        let main = std::mem::replace(&mut self.eval.scope.main, false);
-        let later = std::mem::replace(&mut self.eval.later, Later::new(source));
-        let mut frame = Frame { top: true, ..Frame::default() };
-        for line in tree.body.lines() {
+        self.eval.push(diagnostic);
+        None
+    }
+
+    /// Reports what a file that is used may not hold.
+    fn check_used(&mut self, body: &Block<'s>) {
+        for line in body.lines() {
             for part in &line.parts {
                 let allowed = match &part.statement {
                     Statement::Let(_) | Statement::Def(_) => true,
@@ -131,24 +154,10 @@ impl<'s> Unroll<'s, '_> {
                         }
                         _ => "move it into a `def`, or into the script that uses this file",
                     };
-                    self.eval.report(
-                        Code::Use,
-                        part.statement.span(),
-                        "a file that is used holds only `use`, `let` and `def`",
-                        help,
-                    );
+                    let message = "a file that is used holds only `use`, `let` and `def`";
+                    self.eval.report(Code::Use, part.statement.span(), message, help);
                 }
             }
         }
-        let is_fine = self.eval.diagnostics.errors() == errors;
-        if is_fine {
-            self.lines(tree.body.places(), &mut frame);
-        }
-        self.eval.later = later;
-        self.eval.scope.main = main;
-        self.loading.pop();
-        self.loaded.push(path);
-        // Of a file with a mistake no name is known.
-        is_fine.then_some(())
     }
 }

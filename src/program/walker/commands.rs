@@ -9,7 +9,7 @@ use super::super::verbs::{self, Spoken};
 use super::super::weight::{self, Weight};
 use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, say};
-use super::{Frame, Unroll};
+use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
 use crate::diagnostic::Code;
 use crate::source::Span;
@@ -30,14 +30,14 @@ impl<'c, 's> At<'c, 's> {
     }
 }
 
-impl<'s, 'd> Unroll<'s, 'd> {
+impl<'s, 'd> Walker<'s, 'd> {
     /// Runs a command; gives the time when it has ended.
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let row = match words::find(self.eval.board, command.head.text) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
             None => {
-                self.unknown(command);
+                self.eval.unknown_word(command);
                 return None;
             }
         };
@@ -51,7 +51,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
             Does::Together => self.together(at),
             Does::Use => self.use_(at),
             Does::Abort => self.on_abort(at),
-            Does::Let => self.malformed_let(command),
+            Does::Let => self.eval.malformed_let(command),
             Does::Malformed(message, help) => self.eval.refuse(Code::Syntax, command.span, message, help),
             // A line with a setting is not run as a command.
             Does::Set(_) | Does::Later => None,
@@ -114,12 +114,12 @@ impl<'s, 'd> Unroll<'s, 'd> {
             let help = "write times: `at 0.5s …`";
             return self.eval.refuse(Code::Abort, at.command.span, "there is no mark in `on abort`", help);
         }
-        self.is_free(name)?;
+        self.eval.is_free(name)?;
         if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
-            return self.given_twice(name, first);
+            return self.eval.given_twice(name, first);
         }
         self.keep(weight::MARK, name.text.len(), at.command.span)?;
-        self.marks.push((name.text.to_owned(), at.start));
+        self.program.marks.push((name.text.to_owned(), at.start));
         self.eval.scope.bind(name, Quantity::Moment(at.start), false);
         Some(at.start)
     }
@@ -177,7 +177,7 @@ impl<'s, 'd> Unroll<'s, 'd> {
             return;
         }
         // A stop is never refused.
-        let broken = limits::broken(board, &self.settings.limits, &command, span);
+        let broken = limits::broken(board, &self.program.settings.limits, &command, span);
         if let Some(diagnostic) = broken.filter(|_| !board.is_rest(&command)) {
             self.eval.push(diagnostic);
             return;
@@ -192,16 +192,15 @@ impl<'s, 'd> Unroll<'s, 'd> {
     /// Counts something that sends nothing, with a text so long; `None` where it is too much, which is reported.
     fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
-        let is_allowed = self.allow_more(Weight { kept: bytes, ..Weight::default() }, span);
-        self.kept = self.kept.saturating_add(bytes);
-        is_allowed.then_some(())
+        let is_allowed = self.bounds.allow(Weight { kept: bytes, ..Weight::default() }, span, &mut self.eval);
+        self.bounds.done.kept = self.bounds.done.kept.saturating_add(bytes);
+        is_allowed
     }
 
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.eval.traces.here();
-        let order = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
-        self.moves += u64::from(matches!(action, Action::Go(_)));
-        self.sent += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));
-        self.steps.push(Step { at, span, trace, order, action });
+        let order = u32::try_from(self.program.steps.len()).unwrap_or(u32::MAX);
+        self.bounds.count(&action);
+        self.program.steps.push(Step { at, span, trace, order, action });
     }
 }

@@ -1,40 +1,40 @@
 //! Words that are not where they belong, or that nothing is called.
 
-use super::super::suggest::{list, suggest};
-use super::super::words::{self, COMMANDS, SETTINGS, Word};
-use super::Unroll;
+use super::evaluator::Evaluator;
+use super::suggest::{list, suggest};
+use super::words::{self, COMMANDS, SETTINGS, Word};
 use crate::board::Board;
 use crate::diagnostic::Code;
 use crate::source::Span;
 use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
 
-impl<'s> Unroll<'s, '_> {
+impl<'s> Evaluator<'s, '_> {
     pub(super) fn top_level<T>(&mut self, word: &str, span: Span) -> Option<T> {
         let message = format!("`{word}` stands at the top level only");
-        self.eval.refuse(Code::TopLevel, span, message, "move it out of the block")
+        self.refuse(Code::TopLevel, span, message, "move it out of the block")
     }
 
     /// Looks at the words of a block that may never run: what nothing is called is a mistake there too. The recursion is
-    /// bounded by the depth of brackets.
-    pub(super) fn check_words(&mut self, block: &Block<'s>) {
+    /// bounded by the depth of brackets. Calls in a phrase are looked at where it is defined.
+    pub(super) fn check_words(&mut self, block: &Block<'s>, in_phrase: bool) {
         for line in block.lines() {
             for part in &line.parts {
                 match &part.statement {
                     Statement::Command(command) => {
-                        if words::find(self.eval.board, command.head.text).is_none() {
-                            self.unknown(command);
+                        if words::find(self.board, command.head.text).is_none() {
+                            self.unknown_word(command);
                         }
                         if let Some(inner) = &command.block {
-                            self.check_words(inner);
+                            self.check_words(inner, in_phrase);
                         }
                     }
-                    Statement::Block(inner) => self.check_words(inner),
+                    Statement::Block(inner) => self.check_words(inner, in_phrase),
                     Statement::If(each) => {
                         for inner in each.arms.iter().map(|(_, inner)| inner).chain(&each.otherwise) {
-                            self.check_words(inner);
+                            self.check_words(inner, in_phrase);
                         }
                     }
-                    Statement::Call(call) if !self.in_phrase && self.eval.scope.phrase(call.name.text).is_none() => {
+                    Statement::Call(call) if !in_phrase && self.scope.phrase(call.name.text).is_none() => {
                         self.unknown_call(Name { span: call.span, ..call.name });
                     }
                     Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
@@ -43,7 +43,7 @@ impl<'s> Unroll<'s, '_> {
         }
     }
 
-    pub(super) fn unknown(&mut self, command: &Command<'s>) {
+    pub(super) fn unknown_word(&mut self, command: &Command<'s>) {
         let word = command.head.text;
         // Said once, however often it is run; looking for a word that is near takes its time.
         if !self.unknown.insert(command.head.span) {
@@ -51,52 +51,44 @@ impl<'s> Unroll<'s, '_> {
         }
         if word == "at" {
             let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
-            self.eval.report(
-                Code::StartTime,
-                command.head.span,
-                "a line has one start time, and this is a second one",
-                help,
-            );
+            let message = "a line has one start time, and this is a second one";
+            self.report(Code::StartTime, command.head.span, message, help);
             return;
         }
-        if self.eval.scope.phrase(word).is_some() {
+        if self.scope.phrase(word).is_some() {
             let help = format!("write `{word}(…)`, with no blank before the `(`");
-            self.eval.report(
-                Code::Syntax,
-                command.head.span,
-                format!("`{word}` is a `def`, and is called with parentheses"),
-                help,
-            );
+            let message = format!("`{word}` is a `def`, and is called with parentheses");
+            self.report(Code::Syntax, command.head.span, message, help);
             return;
         }
         let help = self.suggestion(word);
-        self.eval.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
+        self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
     }
 
     /// `servo(1, 1500)` is how other languages write it.
     pub(super) fn unknown_call(&mut self, call: Name<'s>) {
         let name = call.text;
-        if self.eval.may_exist(name) || !self.unknown.insert(call.span) {
+        if self.may_exist(name) || !self.unknown.insert(call.span) {
             return;
         }
-        if let Some(below) = self.eval.later.get(name) {
+        if let Some(below) = self.later.get(name) {
             let message = format!("`{name}` is defined further down");
             // One that stands above was not taken, and that was said.
             if below.span.start < call.span.start {
                 return;
             }
             let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
-            self.eval.report(Code::UnknownName, call.span, message, help);
+            self.report(Code::UnknownName, call.span, message, help);
             return;
         }
-        match words::find(self.eval.board, name).map(Word::signature) {
+        match words::find(self.board, name).map(Word::signature) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
-                self.eval.report(Code::Syntax, call.span, message, row.how());
+                self.report(Code::Syntax, call.span, message, row.how());
             }
             _ => {
                 let help = self.suggestion(name);
-                self.eval.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
+                self.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
             }
         }
     }
@@ -104,7 +96,7 @@ impl<'s> Unroll<'s, '_> {
     /// `let` with anything behind it that is not a name, `=` and a value.
     pub(super) fn malformed_let<T>(&mut self, command: &Command<'s>) -> Option<T> {
         let help = self.mended_let(command);
-        self.eval.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help)
+        self.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help)
     }
 
     /// `let a 5`, as it was most likely meant; the name is meant to exist.
@@ -113,7 +105,7 @@ impl<'s> Unroll<'s, '_> {
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
             return "a name begins with a small letter: write `let depth = 300us`".to_owned();
         };
-        self.eval.lost.names.insert(name);
+        self.lost.names.insert(name);
         let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
         let value = value.map_or("300us", |span| self.sources.file(span).slice(span).trim());
         format!("write `let {name} = {}`", value.trim_start_matches(['=', ':']).trim())
@@ -122,13 +114,14 @@ impl<'s> Unroll<'s, '_> {
 
 /// The names of the commands that this version runs.
 fn runnable(board: &Board) -> impl Iterator<Item = &str> {
-    words::signatures(board).filter(|row| !row.usage.is_empty()).map(|row| row.name)
+    let rows = COMMANDS.iter().filter(|row| !row.usage.is_empty()).map(|row| row.name);
+    board.verbs.iter().map(|verb| &*verb.word).chain(rows)
 }
 
 /// How many phrases of a script are listed.
 const PHRASES: usize = 12;
 
-impl Unroll<'_, '_> {
+impl Evaluator<'_, '_> {
     /// What to write instead of a word that nothing is called.
     fn suggestion(&mut self, word: &str) -> String {
         // What other languages call it.
@@ -144,34 +137,31 @@ impl Unroll<'_, '_> {
             "function" | "fn" => Some("def nod() { … }"),
             _ => None,
         };
-        if let Some(near) = self.eval.scope.near(word, true) {
+        if let Some(near) = self.scope.near(word, true) {
             return format!("did you mean `{near}(…)`?");
         }
-        let of_board = self.eval.board.foreign.iter().find(|(foreign, _)| foreign == word);
+        let of_board = self.board.foreign.iter().find(|(foreign, _)| foreign == word);
         if let Some(line) = elsewhere.or(of_board.map(|(_, line)| &**line)) {
             return format!("did you mean `{line}`?");
         }
         // `servo1 1500`
         let (name, digits) =
             word.split_at_checked(word.trim_end_matches(|c: char| c.is_ascii_digit()).len()).unwrap_or((word, ""));
-        if !digits.is_empty() && words::find(self.eval.board, name).is_some() {
+        if !digits.is_empty() && words::find(self.board, name).is_some() {
             return format!("did you mean `{name} {digits}`?");
         }
         let rows = COMMANDS.iter().chain(SETTINGS).map(|row| row.name);
-        let verbs = self.eval.board.verbs.iter().map(|verb| &*verb.word);
+        let verbs = self.board.verbs.iter().map(|verb| &*verb.word);
         match suggest(word, verbs.chain(rows)) {
             Some(near) => format!("did you mean `{near}`?"),
             None => {
-                let phrases: Vec<&str> = self.eval.scope.phrase_names().take(PHRASES + 1).collect();
+                let phrases: Vec<&str> = self.scope.phrase_names().take(PHRASES + 1).collect();
                 if phrases.is_empty() {
-                    return format!("the commands are {}", list(runnable(self.eval.board)));
+                    return format!("the commands are {}", list(runnable(self.board)));
                 }
                 let shown = list(phrases.iter().copied().take(PHRASES));
                 let more = if phrases.len() > PHRASES { " and others" } else { "" };
-                format!(
-                    "the phrases of this script are {shown}{more}; the commands are {}",
-                    list(runnable(self.eval.board))
-                )
+                format!("the phrases of this script are {shown}{more}; the commands are {}", list(runnable(self.board)))
             }
         }
     }

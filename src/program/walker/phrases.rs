@@ -7,18 +7,15 @@ use super::super::calls::calls_of;
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::Quantity;
-use super::super::weight::{self, Weight};
 use super::super::words;
-use super::{Frame, Unroll};
-use crate::diagnostic::{Code, Diagnostic};
-use crate::source::Span;
-use crate::syntax::{Block, Call, Def, Let, Name};
+use super::{Frame, Walker};
+use crate::diagnostic::Code;
+use crate::syntax::{Call, Def, Let, Name};
 
-impl<'s> Unroll<'s, '_> {
+impl<'s> Walker<'s, '_> {
     pub(super) fn let_(&mut self, each: &Let<'s>) -> Option<()> {
         let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
-        let top = self.eval.scope.main && !self.in_phrase;
-        let value = match set.filter(|_| top && self.eval.scope.is_top()) {
+        let value = match set.filter(|_| self.eval.scope.main && self.eval.scope.is_top()) {
             Some(set) => {
                 set.used = true;
                 // What it replaces still uses its names.
@@ -27,7 +24,7 @@ impl<'s> Unroll<'s, '_> {
             }
             None => self.eval.expression(&each.value),
         };
-        let free = self.is_free(each.name);
+        let free = self.eval.is_free(each.name);
         // Also where its value is wrong, so that its users are not told that it does not exist.
         if free.is_some() {
             match value {
@@ -41,44 +38,11 @@ impl<'s> Unroll<'s, '_> {
         free
     }
 
-    pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {
-        let diagnostic = Diagnostic::new(
-            Code::Name,
-            name.span,
-            format!("the name `{}` is given twice", name.text),
-            "choose another name for one of the two",
-        );
-        self.eval.push(diagnostic.label("again here").related(first, "first given here"));
-        None
-    }
-
-    /// Whether a name may be given here; where not, that is reported.
-    pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
-        let text = name.text;
-        if words::is_reserved(self.eval.board, text) {
-            let message = format!("`{text}` is a word of the language");
-            return self.eval.refuse(
-                Code::Name,
-                name.span,
-                message,
-                format!("choose another name, such as `my_{text}`"),
-            );
-        }
-        if !words::is_name(text) {
-            let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
-            return self.eval.refuse(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
-        }
-        if let Some(first) = self.eval.scope.taken(text) {
-            return self.given_twice(name, first);
-        }
-        Some(())
-    }
-
     pub(super) fn def(&mut self, def: &Arc<Def<'s>>, frame: &Frame) -> Option<()> {
         if !frame.top {
-            return self.top_level("def", def.span);
+            return self.eval.top_level("def", def.span);
         }
-        self.is_free(def.name)?;
+        self.eval.is_free(def.name)?;
         let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = parameters.insert(parameter.name.text, at).is_some();
@@ -91,15 +55,10 @@ impl<'s> Unroll<'s, '_> {
         }
         // Called or not, it uses the names that stand above it.
         scope::names_of_def(def, &mut |name| self.eval.scope.touch_value(name));
-        let weight = self.weight(&def.body);
+        let weight = self.bounds.of_block(&def.body, &self.eval);
         let number = self.eval.scope.define(def, parameters);
-        self.weights.resize(number + 1, Weight::default());
-        if let Some(slot) = self.weights.get_mut(number) {
-            *slot = weight;
-        }
-        let in_phrase = std::mem::replace(&mut self.in_phrase, true);
-        self.check_words(&def.body);
-        self.in_phrase = in_phrase;
+        self.bounds.define(number, weight);
+        self.eval.check_words(&def.body, true);
         self.check_calls(def)
     }
 
@@ -123,15 +82,11 @@ impl<'s> Unroll<'s, '_> {
                     }
                     None => {
                         let message = format!("`{}` stands below this `def`", call.text);
-                        self.eval.report(
-                            Code::UnknownName,
-                            call.span,
-                            message,
-                            "move it above: a body sees only what stands above its `def`",
-                        );
+                        let help = "move it above: a body sees only what stands above its `def`";
+                        self.eval.report(Code::UnknownName, call.span, message, help);
                     }
                 },
-                None => self.unknown_call(call),
+                None => self.eval.unknown_call(call),
             }
         }
         fine
@@ -140,7 +95,6 @@ impl<'s> Unroll<'s, '_> {
     /// How calls lead from `def` over `next` back to `def`, if they do.
     pub(super) fn cycle(&mut self, def: &Def<'s>, next: &Arc<Def<'s>>) -> Option<String> {
         const SHOWN: usize = 8;
-        const MOST_SEARCHED: usize = 100_000;
         if !self.eval.later.call_each_other(def.name.text, next.name.text) {
             return None;
         }
@@ -149,9 +103,8 @@ impl<'s> Unroll<'s, '_> {
         let mut seen: HashSet<&str> = HashSet::from([next.name.text]);
         let mut at = 0;
         while let Some((current, _)) = reached.get(at) {
-            self.searched += 1;
             // The first circles are shown whole; of very many long ones only where they begin.
-            if self.searched > MOST_SEARCHED {
+            if !self.bounds.may_search() {
                 return Some(format!("{} → {} → …", def.name.text, next.name.text));
             }
             let current = Arc::clone(current);
@@ -187,8 +140,8 @@ impl<'s> Unroll<'s, '_> {
     pub(super) fn call(&mut self, call: &Call<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let Some(phrase) = self.eval.scope.phrase(call.name.text) else {
             // Inside a phrase it was reported where the phrase is defined.
-            if !self.in_phrase {
-                self.unknown_call(Name { span: call.span, ..call.name });
+            if !self.eval.scope.in_phrase() {
+                self.eval.unknown_call(Name { span: call.span, ..call.name });
             }
             return None;
         };
@@ -206,12 +159,9 @@ impl<'s> Unroll<'s, '_> {
                 Some(slot @ None) => *slot = value,
                 Some(Some(_)) => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
-                    return self.eval.refuse(
-                        Code::Arguments,
-                        span,
-                        "this parameter is given twice",
-                        "keep one of the two",
-                    );
+                    let message = "this parameter is given twice";
+                    let help = "keep one of the two";
+                    return self.eval.refuse(Code::Arguments, span, message, help);
                 }
                 None => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
@@ -221,13 +171,9 @@ impl<'s> Unroll<'s, '_> {
             }
             value?;
         }
-        let weight = self.weights.get(phrase.above).copied().unwrap_or_default();
-        if !self.allow_more(weight, call.span) {
-            return None;
-        }
+        self.bounds.allow(self.bounds.of_phrase(phrase.above), call.span, &mut self.eval)?;
         let outside = self.eval.scope.enter(&phrase);
         self.eval.traces.enter(call.span, 0);
-        let in_phrase = std::mem::replace(&mut self.in_phrase, true);
         let mut complete = true;
         for (parameter, value) in parameters.iter().zip(values) {
             let value = match (value, &parameter.default) {
@@ -244,23 +190,9 @@ impl<'s> Unroll<'s, '_> {
             }
         }
         let end = if complete { Some(self.body(&phrase.def.body, frame.inside(start)).latest) } else { None };
-        self.in_phrase = in_phrase;
         self.eval.traces.leave();
         self.eval.scope.leave(outside);
         end
-    }
-
-    /// What a block unrolls to at least.
-    pub(super) fn weight(&mut self, block: &Block<'s>) -> Weight {
-        if let Some(weight) = self.counted.get(&block.span) {
-            return *weight;
-        }
-        let weight = weight::of_block(self.eval.board, block, &|name| {
-            let number = self.eval.scope.phrase_number(name);
-            number.and_then(|number| self.weights.get(number)).copied().unwrap_or_default()
-        });
-        self.counted.insert(block.span, weight);
-        weight
     }
 }
 

@@ -4,7 +4,7 @@
 use super::super::Action;
 use super::super::time::Time;
 use super::super::words::{self, Does, Word};
-use super::{Frame, Unroll};
+use super::{Frame, Walker};
 use crate::board::Board;
 use crate::source::Span;
 use crate::syntax::{Line, LineRef, Part, Start, Statement};
@@ -49,7 +49,7 @@ impl Fixed {
     }
 }
 
-impl<'s> Unroll<'s, '_> {
+impl<'s> Walker<'s, '_> {
     /// Runs a line, which may be known from a pass before.
     pub(super) fn line_again(&mut self, place: usize, line: LineRef<'_, 's>, frame: &mut Frame) -> Option<()> {
         let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame) };
@@ -71,13 +71,13 @@ impl<'s> Unroll<'s, '_> {
             return self.line(&line, frame);
         }
         let outer = fixed.outer;
-        let before = self.steps.len();
+        let before = self.program.steps.len();
         (self.eval.varies, self.eval.scope.newest) = (false, 0);
         self.line(&line, frame)?;
         if self.eval.varies || self.eval.scope.newest > outer {
             return Some(());
         }
-        let step = self.steps.get(before);
+        let step = self.program.steps.get(before);
         let (start, end) = (step.map_or(from, |step| step.at), frame.now);
         // Whole nanoseconds are added and taken away exactly.
         if [from, start, end].into_iter().all(Time::is_whole)

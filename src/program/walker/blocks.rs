@@ -2,18 +2,18 @@
 
 use super::super::Abort;
 use super::super::arguments::{self, bare_word};
-use super::super::scope;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
 use super::commands::At;
 use super::fixed::Fixed;
-use super::{Frame, Unroll};
+use super::{Frame, Walker};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::Span;
 use crate::syntax::{Block, Name};
 
 /// What stands behind `repeat`.
+#[derive(Clone, Copy)]
 struct Passes<'s> {
     count: u64,
     /// The time from one start to the next, and where it is written.
@@ -22,7 +22,7 @@ struct Passes<'s> {
     name: Option<Name<'s>>,
 }
 
-impl<'s> Unroll<'s, '_> {
+impl<'s> Walker<'s, '_> {
     pub(super) fn repeat(&mut self, at: At<'_, 's>) -> Option<Time> {
         let mut args = at.args(&mut self.eval)?;
         let block = at.command.block.as_ref()?;
@@ -40,12 +40,8 @@ impl<'s> Unroll<'s, '_> {
         let count = count?;
         if count < 0.0 || libm::floor(count) != count {
             let message = format!("a block cannot be repeated {count} times");
-            return self.eval.refuse(
-                Code::NotWhole,
-                value.span,
-                message,
-                "write a whole number from 0 on, or round it: `floor(…)`",
-            );
+            let help = "write a whole number from 0 on, or round it: `floor(…)`";
+            return self.eval.refuse(Code::NotWhole, value.span, message, help);
         }
         // Beyond this it is too much in any case.
         let passes = value::round(count).map_or(u64::MAX, |count| u64::from(count.unsigned_abs()));
@@ -60,14 +56,11 @@ impl<'s> Unroll<'s, '_> {
                 return self.eval.refuse(Code::Arguments, span, "a name is needed behind `as`", "write `as i`");
             }
         };
-        let weight = self.weight(block).times(passes);
+        let weight = self.bounds.of_block(block, &self.eval).times(passes);
         let weight = Weight { steps: weight.steps.max(passes), ..weight };
-        if !self.allow_more(weight, at.command.head.span.to(value.span)) {
-            return None;
-        }
+        self.bounds.allow(weight, at.command.head.span.to(value.span), &mut self.eval)?;
         if passes == 0 {
-            scope::names(block, &mut |name| self.eval.scope.touch(name));
-            self.check_words(block);
+            self.look_through(block);
         }
         self.passes(at, block, Passes { count: passes, every, name })
     }
@@ -80,13 +73,13 @@ impl<'s> Unroll<'s, '_> {
         // What is done only once is not worth keeping.
         let mut fixed = (count > 1).then(|| Fixed::new(self.eval.scope.locals()));
         for pass in 0..count {
-            self.done += 1;
+            self.bounds.done.steps += 1;
             let mark = self.eval.scope.open();
             let number = u32::try_from(pass + 1).unwrap_or(u32::MAX);
             self.eval.traces.enter(repeat, number);
             if let Some(name) = name {
                 if pass == 0 {
-                    self.is_free(name);
+                    self.eval.is_free(name);
                 }
                 self.eval.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
             }
@@ -101,17 +94,13 @@ impl<'s> Unroll<'s, '_> {
                     let next = at.start.plus(every.times(pass + 1));
                     if end > next {
                         let message = format!("pass {number} takes {}, which is longer than {every}", end.minus(now));
-                        return self.eval.refuse(
-                            Code::TooLong,
-                            span,
-                            message,
-                            "make the body shorter, or the time behind `every` longer",
-                        );
+                        let help = "make the body shorter, or the time behind `every` longer";
+                        return self.eval.refuse(Code::TooLong, span, message, help);
                     }
                     next
                 }
             };
-            if self.exhausted || !self.within_bounds(repeat) || self.too_long {
+            if !self.bounds.another(repeat, &mut self.eval) {
                 break;
             }
         }
@@ -127,31 +116,30 @@ impl<'s> Unroll<'s, '_> {
         args.finish()?;
         let span = at.command.head.span.to(word.span);
         if !at.frame.top || !self.eval.scope.main {
-            return self.top_level("on abort", span);
+            return self.eval.top_level("on abort", span);
         }
-        if let Some((_, first)) = &self.abort {
+        if let Some(first) = self.on_abort {
             let diagnostic = Diagnostic::new(Code::Abort, span, "there are two `on abort`", "keep one of the two");
-            let diagnostic = diagnostic.label("again here").related(*first, "first here");
+            let diagnostic = diagnostic.label("again here").related(first, "first here");
             self.eval.push(diagnostic);
             return None;
         }
         let block = at.command.block.as_ref()?;
         // Its frames are bounded by themselves.
-        let (steps, sent) = (std::mem::take(&mut self.steps), std::mem::take(&mut self.sent));
+        let steps = std::mem::take(&mut self.program.steps);
+        let sent = std::mem::take(&mut self.bounds.done.events);
         self.in_abort = true;
         let end = self.block(block, Time::ZERO, false, at.frame);
         self.in_abort = false;
-        self.sent = sent;
-        let steps = std::mem::replace(&mut self.steps, steps);
+        self.bounds.done.events = sent;
+        let steps = std::mem::replace(&mut self.program.steps, steps);
         if end > LONGEST {
-            return self.eval.refuse(
-                Code::Abort,
-                span,
-                format!("`on abort` takes {end}"),
-                "make it shorter: at most 2 s",
-            );
+            let message = format!("`on abort` takes {end}");
+            let help = "make it shorter: at most 2 s";
+            return self.eval.refuse(Code::Abort, span, message, help);
         }
-        self.abort = Some((Abort { steps, end }, span));
+        self.program.abort = Some(Abort { steps, end });
+        self.on_abort = Some(span);
         Some(at.start)
     }
 

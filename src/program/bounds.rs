@@ -1,0 +1,136 @@
+//! How much a script may unroll to, and how deep.
+
+use std::collections::HashMap;
+
+use super::evaluator::Evaluator;
+use super::time::Time;
+use super::weight::{self, Weight};
+use super::{Action, MAX_STEPS};
+use crate::diagnostic::Code;
+use crate::source::Span;
+use crate::syntax::Block;
+
+/// The most moves, and the most bytes of marks, lines to show and expectations.
+const MAX_MOVES: u64 = 1_000_000;
+const MAX_KEPT: u64 = 48 << 20;
+
+/// How many steps of a script that has an error are looked through.
+const ENOUGH: u64 = 300_000;
+
+/// How deep blocks and calls may run inside each other.
+const MAX_DEPTH: usize = 200;
+
+/// How many `def`s are looked at for circles of calls.
+const MAX_SEARCHED: usize = 100_000;
+
+/// What was run so far, and what else may be run.
+#[derive(Debug, Default)]
+pub(super) struct Bounds {
+    /// Lines and passes that were run, and what they added. A move may send nothing, where everything is there already.
+    pub(super) done: Weight,
+    max_events: usize,
+    /// Whether a bound was reached, so that nothing more is run.
+    exhausted: bool,
+    too_long: bool,
+    /// The weights of blocks that were counted.
+    blocks: HashMap<Span, Weight>,
+    /// The weight of each `def`, by its number in the scope.
+    phrases: Vec<Weight>,
+    /// How many `def`s were looked at for circles of calls.
+    searched: usize,
+}
+
+impl Bounds {
+    pub(super) fn new(max_events: usize) -> Self {
+        Bounds { max_events, ..Bounds::default() }
+    }
+
+    /// Counts a line; whether it may be run.
+    pub(super) fn line(&mut self, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
+        self.done.steps += 1;
+        // Behind an error only more errors are looked for, and not for ever.
+        self.exhausted |= self.done.steps > ENOUGH && eval.diagnostics.has_errors();
+        !self.exhausted && self.allow(Weight::default(), span, eval).is_some()
+    }
+
+    /// Whether another pass may be run.
+    pub(super) fn another(&mut self, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
+        !self.exhausted && self.allow(Weight::default(), span, eval).is_some() && !self.too_long
+    }
+
+    /// Whether so much more may be run; `None` where not, which is reported, and nothing more is run.
+    pub(super) fn allow(&mut self, more: Weight, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<()> {
+        let weight = self.done.plus(more);
+        if weight.steps > MAX_STEPS {
+            let message = format!("the script takes more than {MAX_STEPS} steps to unroll");
+            eval.report(Code::TooManySteps, span, message, "repeat less often");
+        } else if weight.events > self.max_events as u64 {
+            let message = format!("the script sends more than {} frames", self.max_events);
+            let help = "repeat less often, or allow more with `--max-events`";
+            eval.report(Code::TooManyEvents, span, message, help);
+        } else if weight.moves > MAX_MOVES {
+            let message = format!("the script has more than {MAX_MOVES} moves");
+            eval.report(Code::TooManyEvents, span, message, "repeat less often, or move less often");
+        } else if weight.kept > MAX_KEPT {
+            let message = "the marks, `say`s and `expect`s of the script take more than 48 MiB";
+            eval.report(Code::TooManyEvents, span, message, "repeat them less often, or make their texts shorter");
+        } else {
+            return Some(());
+        }
+        self.exhausted = true;
+        None
+    }
+
+    /// Whether a block or a call may run inside so many others.
+    pub(super) fn allow_depth(&mut self, depth: usize, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
+        if depth > MAX_DEPTH {
+            let message = format!("blocks and calls run more than {MAX_DEPTH} deep here");
+            eval.report(Code::Nesting, span, message, "call fewer phrases inside each other");
+            self.exhausted = true;
+        }
+        depth <= MAX_DEPTH
+    }
+
+    /// Reports, once, that a script has become too long.
+    pub(super) fn check_length(&mut self, latest: Time, span: Span, eval: &mut Evaluator<'_, '_>) {
+        if latest > Time::LONGEST && !self.too_long {
+            self.too_long = true;
+            let help = "make it shorter; a script is at most 24 hours long";
+            eval.report(Code::TooLong, span, "the script reaches beyond 24 hours here", help);
+        }
+    }
+
+    /// Whether another `def` may be looked at for circles of calls.
+    pub(super) fn may_search(&mut self) -> bool {
+        self.searched += 1;
+        self.searched <= MAX_SEARCHED
+    }
+
+    /// Counts what a step does.
+    pub(super) fn count(&mut self, action: &Action) {
+        self.done.moves += u64::from(matches!(action, Action::Go(_)));
+        self.done.events += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));
+    }
+
+    /// What a block unrolls to at least.
+    pub(super) fn of_block(&mut self, block: &Block<'_>, eval: &Evaluator<'_, '_>) -> Weight {
+        if let Some(weight) = self.blocks.get(&block.span) {
+            return *weight;
+        }
+        let of_phrase = |name: &str| eval.scope.phrase_number(name).map(|at| self.of_phrase(at)).unwrap_or_default();
+        let weight = weight::of_block(eval.board, block, &of_phrase);
+        self.blocks.insert(block.span, weight);
+        weight
+    }
+
+    /// What a `def` unrolls to at least, by its number in the scope.
+    pub(super) fn of_phrase(&self, number: usize) -> Weight {
+        self.phrases.get(number).copied().unwrap_or_default()
+    }
+
+    /// Keeps the weight of a `def`.
+    pub(super) fn define(&mut self, number: usize, weight: Weight) {
+        self.phrases.resize(number, Weight::default());
+        self.phrases.push(weight);
+    }
+}

@@ -1,0 +1,299 @@
+//! Walks the lines of a script and gives every command its time.
+
+mod blocks;
+mod commands;
+mod files;
+mod fixed;
+mod phrases;
+mod settings;
+mod starts;
+
+use std::collections::HashSet;
+
+use super::bounds::Bounds;
+use super::evaluator::Evaluator;
+use super::scope;
+use super::suggest::suggest;
+use super::time::Time;
+use super::trace::Traces;
+use super::value::not_yet;
+use super::words::{self, Word};
+use files::Files;
+use fixed::Fixed;
+
+use super::{Options, Program, Settings};
+use crate::board::Board;
+use crate::diagnostic::{Code, Diagnostics};
+use crate::source::{Sources, Span};
+use crate::syntax::{Block, Expression, If, Line, LineRef, Lines, Part, Statement};
+
+/// Runs a script to its end.
+pub(super) fn walk<'s>(
+    script: &mut Lines<'s>,
+    sources: &'s Sources,
+    options: &Options,
+    diagnostics: &mut Diagnostics,
+) -> Program {
+    let program = Program {
+        board: std::sync::Arc::clone(&options.board),
+        settings: Settings::of(&options.board),
+        steps: Vec::new(),
+        end: Time::ZERO,
+        abort: None,
+        marks: Vec::new(),
+        traces: Traces::default(),
+        times_known: !diagnostics.has_errors(),
+    };
+    let mut walker = Walker {
+        eval: Evaluator::new(diagnostics, &options.board, sources),
+        bounds: Bounds::new(options.events),
+        program,
+        sets: Vec::new(),
+        files: Files::of(sources),
+        touched: HashSet::new(),
+        failed: None,
+        on_abort: None,
+        in_abort: false,
+    };
+    walker.read_sets(&options.set);
+    let mut frame = Frame { top: true, ..Frame::default() };
+    loop {
+        let errors = walker.eval.diagnostics.errors();
+        let line = script.next(walker.eval.diagnostics, &mut walker.eval.lost);
+        // What could not be read may have moved anything.
+        walker.program.times_known &= walker.eval.diagnostics.errors() == errors;
+        let Some(line) = line else { break };
+        walker.lines(std::iter::once(LineRef::Tree(line)), &mut frame);
+    }
+    walker.finish(&frame)
+}
+
+/// How far a block has run.
+#[derive(Default)]
+struct Frame {
+    /// When it began.
+    start: Time,
+    /// When the next line starts, if it says nothing else.
+    now: Time,
+    /// When everything in it so far has ended.
+    latest: Time,
+    /// In a `together`, when each line starts, if it says nothing else.
+    together: Option<Time>,
+    /// Whether it is the top level of the script.
+    top: bool,
+    /// Whether anything but a setting has come.
+    begun: bool,
+    /// The settings that stand first in it, with their places.
+    given: Vec<(&'static str, Span)>,
+    /// In a pass of a `repeat`, what its lines do in every pass.
+    fixed: Option<Fixed>,
+    /// How many blocks and calls it runs inside of.
+    depth: usize,
+}
+
+impl Frame {
+    /// That of a block inside of this one, or of a call.
+    fn inside(&self, start: Time) -> Self {
+        Frame { start, now: start, latest: start, depth: self.depth + 1, ..Frame::default() }
+    }
+}
+
+/// A `--set` that stands in for a `let`.
+struct Set<'s> {
+    name: &'s str,
+    value: Expression<'s>,
+    span: Span,
+    used: bool,
+}
+
+/// Runs lines and blocks: the evaluator says what their values are, the bounds how many may be run.
+struct Walker<'s, 'd> {
+    eval: Evaluator<'s, 'd>,
+    bounds: Bounds,
+    /// What was run so far. Its traces are the evaluator's until the end.
+    program: Program,
+    sets: Vec<Set<'s>>,
+    files: Files,
+    /// The `if`s whose names were counted as used.
+    touched: HashSet<Span>,
+    /// The first line that could not be run.
+    failed: Option<Span>,
+    /// Where `on abort` stands, and whether that is what runs.
+    on_abort: Option<Span>,
+    in_abort: bool,
+}
+
+impl<'s> Walker<'s, '_> {
+    fn finish(mut self, frame: &Frame) -> Program {
+        for set in self.sets.iter().filter(|set| !set.used) {
+            let name = set.name;
+            let help = match suggest(name, self.eval.scope.names()) {
+                Some(near) if near != name => format!("did you mean `{near}`?"),
+                _ => {
+                    "name a `let` of the script itself, outside of all blocks and not of a file that it uses".to_owned()
+                }
+            };
+            let message = format!("the script has no `let {name}` at its top level");
+            self.eval.report(Code::UnknownName, set.span, message, help);
+        }
+        // Whatever could not be run has said why; were that forgotten, it must not pass in silence.
+        if let Some(span) = self.failed.filter(|_| !self.eval.diagnostics.has_errors()) {
+            let help = "write it in another way, and report this";
+            self.eval.report(Code::Syntax, span, "this line could not be run", help);
+        }
+        if !frame.begun && !self.eval.diagnostics.has_errors() {
+            let help = "write a command, such as `servo 1 1500`";
+            self.eval.report(Code::EmptyScript, Span::new(0, 0), "the script does nothing", help);
+        }
+        // A script that does nothing is there for its phrases. What was not run because of an error may have used a name.
+        let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
+        if !is_phrases && !self.eval.diagnostics.has_errors() {
+            for (name, span) in self.eval.scope.unused() {
+                self.eval.report(Code::Unused, span, format!("nothing uses `{name}`"), "take it away, or use it");
+            }
+        }
+        Program { end: frame.latest, traces: self.eval.traces, ..self.program }
+    }
+
+    /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
+    fn block(&mut self, block: &Block<'s>, start: Time, together: bool, outer: &Frame) -> Time {
+        let mark = self.eval.scope.open();
+        let frame = self.body(block, Frame { together: together.then_some(start), ..outer.inside(start) });
+        self.eval.scope.close(mark, false);
+        frame.latest
+    }
+
+    /// The lines of a block, with names in the scope that is open; gives how far they have run.
+    fn body(&mut self, block: &Block<'s>, mut frame: Frame) -> Frame {
+        let tempo = self.eval.tempo;
+        if self.bounds.allow_depth(frame.depth, block.span, &mut self.eval) {
+            self.lines(block.places(), &mut frame);
+        }
+        self.eval.tempo = tempo;
+        frame
+    }
+
+    fn lines<'b>(&mut self, lines: impl Iterator<Item = LineRef<'b, 's>>, frame: &mut Frame)
+    where
+        's: 'b,
+    {
+        for (place, line) in lines.enumerate() {
+            if !self.bounds.line(line.span(), &mut self.eval) {
+                return;
+            }
+            if self.line_again(place, line, frame).is_none() {
+                self.program.times_known = false;
+                self.failed.get_or_insert(line.span());
+            }
+            self.bounds.check_length(frame.latest, line.span(), &mut self.eval);
+        }
+    }
+
+    /// Runs a line; `None` where something in it is wrong that may have moved what comes behind.
+    fn line(&mut self, line: &Line<'s>, frame: &mut Frame) -> Option<()> {
+        if self.setting(line, frame) {
+            return Some(());
+        }
+        frame.begun = true;
+        let from = frame.together.unwrap_or(frame.now);
+        let start = match &line.start {
+            None => from,
+            Some(start) => self.start(start, line, frame.start, from)?,
+        };
+        let joined = line.parts.len() > 1;
+        if let ([Part { statement: Statement::If(each), robots }], false) = (line.parts.as_slice(), joined)
+            && robots.is_empty()
+        {
+            frame.now = start;
+            frame.latest = frame.latest.max(start);
+            // In a `together`, every line of the branch starts when the `if` does.
+            let together = frame.together;
+            frame.together = together.map(|_| start);
+            let done = self.branch(each, frame);
+            frame.together = together;
+            return done;
+        }
+        // Every part is looked at, so that every mistake in the line is found.
+        let mut end = Some(start);
+        for part in &line.parts {
+            let ended = self.part(part, joined, start, frame);
+            end = end.zip(ended).map(|(end, ended)| end.max(ended));
+        }
+        frame.now = end?;
+        frame.latest = frame.latest.max(frame.now);
+        Some(())
+    }
+
+    /// The branch that is taken stands there as if the `if` and its braces were not written.
+    fn branch(&mut self, each: &If<'s>, frame: &mut Frame) -> Option<()> {
+        let mut taken = each.otherwise.as_ref();
+        for (condition, block) in &each.arms {
+            let value = self.eval.expression(condition)?;
+            if self.eval.truth(value, condition.span)? {
+                taken = Some(block);
+                break;
+            }
+        }
+        // What is not taken is not run, but it uses its names. Once is enough.
+        if self.touched.insert(each.span) {
+            for (condition, _) in &each.arms {
+                scope::names_in(condition, &mut |name| self.eval.scope.touch(name));
+            }
+            for block in each.arms.iter().map(|(_, block)| block).chain(&each.otherwise) {
+                self.look_through(block);
+            }
+        }
+        if let Some(block) = taken {
+            let names = self.eval.scope.locals();
+            self.lines(block.places(), frame);
+            // What it has named may hide, in this pass only, what lines behind it use.
+            if self.eval.scope.locals() > names {
+                frame.fixed = None;
+            }
+        }
+        Some(())
+    }
+
+    /// A block that may never run uses its names, and what nothing is called is a mistake there too.
+    fn look_through(&mut self, block: &Block<'s>) {
+        scope::names(block, &mut |name| self.eval.scope.touch(name));
+        self.eval.check_words(block, self.eval.scope.in_phrase());
+    }
+
+    /// Runs one part of a line; gives the time when it has ended, or `None` where something in it is wrong.
+    fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame) -> Option<Time> {
+        if let Some(robot) = part.robots.first() {
+            self.eval.push(not_yet(robot.span, "a command for one of several robots"));
+            return None;
+        }
+        if joined && let Some((word, span)) = stands_alone(self.eval.board, &part.statement) {
+            let help =
+                "give it a line of its own; what `;` joins starts together and takes as long as its longest part";
+            return self.eval.refuse(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
+        }
+        match &part.statement {
+            Statement::Block(block) => Some(self.block(block, start, false, frame)),
+            Statement::Call(call) => self.call(call, start, frame),
+            Statement::Let(each) => self.let_(each).map(|()| start),
+            Statement::Def(def) => self.def(def, frame).map(|()| start),
+            // Taken care of where the line is run.
+            Statement::If(_) => None,
+            Statement::Command(command) => self.command(command, start, frame),
+        }
+    }
+}
+
+/// The word of a statement that cannot be joined to others, and its place.
+fn stands_alone(board: &Board, statement: &Statement<'_>) -> Option<(&'static str, Span)> {
+    let word = match statement {
+        Statement::Let(_) => "let",
+        Statement::If(_) => "if",
+        Statement::Def(_) => "def",
+        Statement::Command(command) => match words::find(board, command.head.text)? {
+            Word::Row(row) if row.alone => row.name,
+            _ => return None,
+        },
+        Statement::Block(_) | Statement::Call(_) => return None,
+    };
+    Some((word, statement.span()))
+}

@@ -1,0 +1,74 @@
+//! Settings: where they may stand, and what they change.
+
+use super::super::arguments::Arguments;
+use super::super::value::not_yet;
+use super::super::words::{self, Does, Row, Setting, Word};
+use super::super::{Settings, settings};
+use super::{Frame, Walker};
+use crate::diagnostic::{Code, Diagnostic};
+use crate::source::Span;
+use crate::syntax::{Command, Line, Part, Statement};
+
+impl<'s> Walker<'s, '_> {
+    /// Runs a line that has a setting in it; whether it has.
+    pub(super) fn setting(&mut self, line: &Line<'s>, frame: &mut Frame) -> bool {
+        let found = line.parts.iter().find_map(|part| match &part.statement {
+            Statement::Command(command) => Some((part, command, words::setting(command.head.text)?)),
+            _ => None,
+        });
+        let Some((part, command, row)) = found else { return false };
+        match (self.misplaced(line, part, (row, command.head.span), frame), row.does) {
+            (Some(diagnostic), _) => self.eval.push(diagnostic),
+            (None, Does::Set(setting)) => self.set(setting, Word::Row(row), command, frame),
+            (None, _) => {}
+        }
+        true
+    }
+
+    /// What is wrong with the place of a setting.
+    fn misplaced(
+        &self,
+        line: &Line<'s>,
+        part: &Part<'s>,
+        (row, span): (&Row, Span),
+        frame: &Frame,
+    ) -> Option<Diagnostic> {
+        let name = row.name;
+        let in_block = row.in_block && !frame.top;
+        let wrong = |message, help| Some(Diagnostic::new(Code::SettingPlace, span, message, help));
+        if row.does == Does::Later {
+            return Some(not_yet(span, &format!("the setting `{name}`")));
+        }
+        if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
+            let message = format!("the setting `{name}` has no time and is not joined to anything");
+            return wrong(message, "give it a line of its own, before the first command");
+        }
+        if in_block && frame.begun {
+            return wrong(format!("`{name}` stands behind a command"), "put it first in its block");
+        }
+        if !in_block && (frame.begun || !frame.top || !self.eval.scope.main) {
+            let place = if frame.top { "behind a command" } else { "in a block" };
+            let help = "put it before the first command of the script, outside of all blocks";
+            return wrong(format!("the setting `{name}` stands {place}"), help);
+        }
+        let (_, first) = frame.given.iter().find(|(given, _)| *given == name && !row.repeats)?;
+        let diagnostic = wrong(format!("`{name}` is set twice"), "keep one of the two")?;
+        Some(diagnostic.label("again here").related(*first, "first set here"))
+    }
+
+    fn set(&mut self, setting: Setting, word: Word<'static>, command: &Command<'s>, frame: &mut Frame) {
+        frame.given.push((word.signature().name, command.span));
+        let mut settings = Settings { tempo: self.eval.tempo, ..self.program.settings.clone() };
+        if let Some(mut args) = Arguments::new(word, command, &mut self.eval) {
+            // Behind a wrong value, what is left over often belongs to the same mistake.
+            if settings::set(setting, &mut args, &mut settings).is_some() {
+                args.finish();
+            }
+        }
+        self.eval.tempo = settings.tempo;
+        if frame.top {
+            self.eval.random.0 = settings.seed;
+            self.program.settings = settings;
+        }
+    }
+}
