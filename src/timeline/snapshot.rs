@@ -68,7 +68,7 @@ impl Snapshot {
     pub fn of(timeline: &Timeline) -> Self {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
         let Timeline { end, baud, .. } = *timeline;
-        let more = More { tweens: timeline.tweens.to_vec(), abort: moments(&timeline.abort), end, baud };
+        let more = More { tweens: timeline.tweens.clone(), abort: moments(&timeline.abort), end, baud };
         Snapshot { board: Arc::clone(&timeline.board), moments: moments(&timeline.events), more: Some(more) }
     }
 

@@ -32,7 +32,9 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
     early.close(early_end);
     let abort_cues = std::mem::take(&mut early.cues);
     let (mut abort, _) = early.finish(steps);
-    abort.iter_mut().for_each(|event| event.kind = Kind::Abort);
+    for event in &mut abort {
+        event.kind = Kind::Abort;
+    }
     Timeline {
         board,
         events,
