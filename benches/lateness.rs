@@ -49,7 +49,6 @@ impl Link for Stamped {
     }
 }
 
-#[expect(clippy::too_many_lines, reason = "one run, from its arguments to its figures")]
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     if args.first().is_some_and(|word| word == GUARD) {
@@ -83,14 +82,9 @@ fn main() {
         Guard::start(program, port.descriptor(), &ward).unwrap()
     });
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
-    let mut rig = Rig {
-        link: Stamped { port, stamps: Vec::with_capacity(timeline.events.len()) },
-        signals: Signals::catch().unwrap(),
-        guard,
-        keys: None,
-        lines: Lines::of(&sources),
-        realtime,
-    };
+    let link = Stamped { port, stamps: Vec::with_capacity(timeline.events.len()) };
+    let mut rig = Rig::new(link, Signals::catch().unwrap(), Lines::of(&sources));
+    (rig.guard, rig.realtime) = (guard, realtime);
     let mut player = Player::new(&timeline, MAX_LATE);
     // Not in the time to come: the driver sends the first frame at once.
     let start = now();

@@ -21,9 +21,11 @@ fn main() -> std::process::ExitCode {
 fn play() -> Result<(), Box<dyn std::error::Error>> {
     use std::path::Path;
     use std::process::Command;
+    use std::sync::mpsc;
+    use std::thread;
 
     use motionseq::link::{Link as _, Serial};
-    use motionseq::playback::{Guard, Notice, Player, Rig, Signals, Ward, drive, guard, now};
+    use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Ward, drive, guard, now};
     use motionseq::program::Options;
     use motionseq::source::{Disk, Lines, Sources};
 
@@ -42,34 +44,41 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     };
 
     let sources = Sources::read(Path::new(script), Disk)?;
-    let lines = Lines::of(&sources);
     let compiled = motionseq::compile(&sources, &Options::default());
+    let lines = Lines::of(&sources);
     for diagnostic in &compiled.diagnostics {
         eprintln!("{}: {}; {}", lines.place(diagnostic.span), diagnostic.message, diagnostic.help);
     }
     let timeline = compiled.timeline.ok_or("the script has errors")?;
 
-    let link = Serial::open(Path::new(port), timeline.baud)?;
     let ward = Ward::of(&timeline);
-    let mut program = Command::new(std::env::current_exe()?);
-    program.arg("guard");
-    let guard = Guard::start(program, link.descriptor(), &ward)?;
-    let mut rig =
-        Rig { link, signals: Signals::catch()?, guard: Some(guard), keys: None, lines, realtime: ward.realtime };
-
     let mut player = Player::new(&timeline, ward.max_late);
-    let outcome = drive(&mut player, &mut rig, now(), |notice| {
-        if let Notice::Sent { event, .. } = notice
-            && let Some(event) = timeline.events.get(event)
-        {
-            println!("{:.3} s: {}", event.at, timeline.board.show(&event.command));
+    let mut rig = Rig::new(Serial::open(Path::new(port), timeline.baud)?, Signals::catch()?, lines);
+    let timeline = &timeline;
+    let outcome = thread::scope(|scope| {
+        // A terminal may take nothing for a while: the motion does not wait for it.
+        let (tell, told) = mpsc::sync_channel::<usize>(1_024);
+        scope.spawn(move || {
+            for event in told.iter().filter_map(|event| timeline.events.get(event)) {
+                println!("{:.3} s: {}", event.at, timeline.board.show(&event.command));
+            }
+        });
+        let mut program = Command::new(std::env::current_exe()?);
+        program.arg("guard");
+        // The last of all: from here on the player must give signs of life.
+        rig.guard = Some(Guard::start(program, rig.link.descriptor(), &ward)?);
+        let outcome = drive(&mut player, &mut rig, now(), |notice| {
+            if let Notice::Sent { event, .. } = notice {
+                let _ = tell.try_send(event);
+            }
+        });
+        if let Some(guard) = rig.guard.take() {
+            guard.goodbye();
         }
-    });
-    if let Some(guard) = rig.guard.take() {
-        guard.goodbye();
-    }
-    println!("{:?} at {} s; the robot: {:?}", outcome.cause, outcome.at, outcome.stop);
-    Ok(())
+        std::io::Result::Ok(outcome)
+    })?;
+    println!("{:?} at {} s; the stop of the robot: {:?}", outcome.cause, outcome.at, outcome.stop);
+    if outcome.cause == Cause::Finished { Ok(()) } else { Err("the run ended early".into()) }
 }
 
 #[cfg(not(target_os = "linux"))]

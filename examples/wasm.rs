@@ -7,7 +7,7 @@
 //!
 //! `frames` is `null` where the script has errors. Build it with
 //! `cargo build --release --example wasm --target wasm32-unknown-unknown --no-default-features`; `tests/wasm/compile.mjs` shows how
-//! JavaScript calls it.
+//! JavaScript calls it. `.cargo/config.toml` has it optimised for size: 0.8 MB.
 #![expect(unsafe_code, reason = "memory is shared with the caller, who is not Rust")]
 
 use std::collections::BTreeMap;

@@ -97,7 +97,7 @@ pub struct Compiled {
 }
 
 /// Compiles a script: the same text gives the same bytes on every machine. Files that it uses are read on the way, and are
-/// in `sources` afterwards.
+/// in `sources` afterwards: use new ones for each compilation.
 pub fn compile(sources: &Sources, options: &Options) -> Compiled {
     let mut diagnostics = Diagnostics::default();
     let timeline = stages(sources, options, &mut diagnostics);

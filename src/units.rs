@@ -21,7 +21,7 @@ pub struct Micros(pub u64);
 /// Operators and `saturating_*` stop at [`Nanos::ZERO`] and [`Nanos::MAX`] and never panic.
 ///
 /// `Display` shows seconds without a unit: with a precision exactly so many decimals, without one as few as the time needs.
-/// Digits are cut off, not rounded, so that no time is shown before it is reached.
+/// Digits are cut off, not rounded, so that no time is shown before it is reached. Width and fill are ignored.
 ///
 /// ```
 /// use motionseq::units::{Micros, Nanos};

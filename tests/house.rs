@@ -261,6 +261,31 @@ fn the_binary_uses_the_library_as_anybody_would() {
 }
 
 #[test]
+fn the_language_half_needs_little() {
+    let output = std::process::Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--locked",
+            "--no-default-features",
+            "-e",
+            "normal,build",
+            "--prefix",
+            "none",
+            "--format",
+            "{p}",
+        ])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    let text = crate::support::stdout(&output);
+    let crates: BTreeSet<&str> = text.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert!((10..=50).contains(&crates.len()), "{}: {crates:?}", crates.len());
+    for unwanted in ["serialport", "rustix", "quick-junit", "rayon", "walkdir", "clap", "signal-hook"] {
+        assert!(!crates.contains(unwanted), "{unwanted}");
+    }
+}
+
+#[test]
 fn words_stay_at_home() {
     for path in files(Path::new("src")).into_iter().filter(|path| room(path).is_some()) {
         let code = code(&path);

@@ -60,14 +60,8 @@ fn the_thread_that_sends_allocates_nothing() {
     let guard = Guard::start(program, port.descriptor(), &ward).unwrap();
     let (bytes, _recorded) = rtrb::RingBuffer::new(64 * 1024);
     let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
-    let mut rig = Rig {
-        link: Recorder::new(port, bytes),
-        signals: Signals::catch().unwrap(),
-        guard: Some(guard),
-        keys: None,
-        lines: Lines::of(&sources),
-        realtime: false,
-    };
+    let mut rig = Rig::new(Recorder::new(port, bytes), Signals::catch().unwrap(), Lines::of(&sources));
+    rig.guard = Some(guard);
     let mut player = Player::new(&timeline, Nanos::from_millis(5_000));
     let mut outcome = None;
     let counted = allocation_counter::measure(|| {
@@ -118,14 +112,7 @@ fn a_program_that_fails_still_stops_the_robot() {
     let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
     let (near, mut far) = UnixStream::pair().unwrap();
     let mut player = Player::new(&timeline, Nanos::from_millis(1_000));
-    let mut rig = Rig {
-        link: Fragile(near, 0),
-        signals: Signals::catch().unwrap(),
-        guard: None,
-        keys: None,
-        lines: Lines::of(&sources),
-        realtime: false,
-    };
+    let mut rig = Rig::new(Fragile(near, 0), Signals::catch().unwrap(), Lines::of(&sources));
     let outcome = drive(&mut player, &mut rig, now(), |_| {});
     drop(rig);
     assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));

@@ -83,6 +83,9 @@ pub(super) struct Growing {
     end: Vec<u8>,
     /// What replaces something that was settled, and where.
     amendment: Option<(u64, Vec<u8>)>,
+    /// Whether it may be longer than what it should contain, and whether the disk may not have it yet.
+    is_uncut: bool,
+    is_unsynced: bool,
     /// Why it takes nothing.
     failing: Option<String>,
 }
@@ -91,7 +94,19 @@ impl Growing {
     pub(super) fn new(file: File, name: String, screen: Screen) -> Self {
         let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
         let (pending, end) = (Vec::new(), Vec::new());
-        Growing { file, is_file, name, screen, at: 0, pending, end, amendment: None, failing: None }
+        Growing {
+            file,
+            is_file,
+            name,
+            screen,
+            at: 0,
+            pending,
+            end,
+            amendment: None,
+            is_uncut: false,
+            is_unsynced: false,
+            failing: None,
+        }
     }
 
     /// How long it is without its end, in bytes, once everything is written.
@@ -147,8 +162,8 @@ impl Growing {
             }
             self.amendment = None;
         }
-        if self.pending.is_empty() && end == self.end {
-            return Ok(());
+        if self.pending.is_empty() && end == self.end && !self.is_uncut {
+            return self.sync();
         }
         let length = self.length() + end.len() as u64;
         let spare = (self.at + self.end.len() as u64).saturating_sub(length);
@@ -157,20 +172,32 @@ impl Growing {
         if let Err(error) = self.file.write_all_at(&text, self.at) {
             // Half a piece is worth nothing, or worse.
             self.end.clear();
+            self.is_uncut = true;
             self.file.set_len(self.at)?;
             if self.file.write_all_at(whole, self.at).is_ok() {
                 self.end.extend_from_slice(whole);
             }
             return Err(error);
         }
-        if spare > 0 {
-            self.file.set_len(length)?;
-        }
         self.at = self.length();
         self.pending.clear();
         self.end = end.to_vec();
-        // A robot's power may be cut at any time.
-        self.file.sync_data()
+        self.is_uncut |= spare > 0;
+        if self.is_uncut {
+            self.file.set_len(length)?;
+            self.is_uncut = false;
+        }
+        self.is_unsynced = true;
+        self.sync()
+    }
+
+    /// A robot's power may be cut at any time.
+    fn sync(&mut self) -> io::Result<()> {
+        if self.is_unsynced {
+            self.file.sync_data()?;
+            self.is_unsynced = false;
+        }
+        Ok(())
     }
 
     /// Writes to what only goes on; what it takes of a piece is not given to it again.

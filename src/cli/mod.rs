@@ -75,8 +75,15 @@ use screen::{Color, Screen, Volume, Warnings};
 /// Timed motion scripts for the Yahboom Raspblock: check them, see their bytes, play them.
 #[derive(Debug, Parser)]
 #[command(version, arg_required_else_help = true, max_term_width = 100)]
-#[command(
-    after_help = "Example:\n  motionseq play scripts/hello.motion     rehearse on a virtual board, no robot needed"
+#[cfg_attr(
+    target_os = "linux",
+    command(
+        after_help = "Example:\n  motionseq play scripts/hello.motion     rehearse on a virtual board, no robot needed"
+    )
+)]
+#[cfg_attr(
+    not(target_os = "linux"),
+    command(after_help = "Example:\n  motionseq check scripts/hello.motion     is it right?")
 )]
 struct Cli {
     #[command(subcommand)]

@@ -181,14 +181,10 @@ impl Play {
             player = player.again_and_again(again);
         }
         let stalls = port.board.as_ref().map(Served::stalls).unwrap_or_default();
-        let mut rig = Rig {
-            link: Recorder::new(Stalling::new(port.link, stalls), bytes_in),
-            signals,
-            guard: None,
-            keys,
-            lines: Lines::of(&sources),
-            realtime: self.realtime && become_realtime(screen),
-        };
+        let link = Recorder::new(Stalling::new(port.link, stalls), bytes_in);
+        let mut rig = Rig::new(link, signals, Lines::of(&sources));
+        rig.keys = keys;
+        rig.realtime = self.realtime && become_realtime(screen);
         // The last of all: from here on the player must beat.
         let mut ward = Ward::of(&timeline);
         (ward.max_late, ward.realtime) = (max_late, self.realtime);

@@ -32,6 +32,7 @@ const LOOK: Nanos = Nanos::from_millis(10);
 
 /// What a run needs, all of it made before the first frame.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Rig<'s, L> {
     /// The way to the board.
     pub link: L,
@@ -45,6 +46,13 @@ pub struct Rig<'s, L> {
     pub lines: Lines<'s>,
     /// Whether this thread has real-time priority.
     pub realtime: bool,
+}
+
+impl<'s, L> Rig<'s, L> {
+    /// Without a guard, keys and real-time priority. The guard is started last: from then on the loop must run.
+    pub fn new(link: L, signals: Signals, lines: Lines<'s>) -> Self {
+        Rig { link, signals, guard: None, keys: None, lines, realtime: false }
+    }
 }
 
 /// Plays until the end, or until something ends it early. Time 0 of the script is at `start` on [`now`](super::now)'s clock,

@@ -39,6 +39,9 @@ impl Files for Disk {
         let path = here(from).join(name).canonicalize().map_err(missing)?;
         let root = here(main).canonicalize().map_err(missing)?;
         match path.strip_prefix(root) {
+            Ok(inside) if inside.as_os_str().is_empty() => {
+                Err(UseError::Missing { name: name.to_owned(), cause: FOLDER.to_owned() })
+            }
             Ok(inside) => Ok(folder(main).join(inside)),
             Err(_) => Err(UseError::Outside(name.to_owned())),
         }
@@ -48,11 +51,11 @@ impl Files for Disk {
     ///
     /// Never blocks and never reads more than [`MAX_SOURCE`] bytes: a pipe, a device or a folder is refused before it is opened.
     fn read(&self, path: &Path) -> Result<Source, SourceError> {
-        let name = path.display().to_string();
+        let name = shown(path);
         let unreadable = |error: &io::Error| SourceError::Unreadable { name: name.clone(), cause: describe(error) };
         let data = path.metadata().map_err(|error| unreadable(&error))?;
         if data.is_dir() {
-            return Err(SourceError::Unreadable { name, cause: "it is a folder; name a script in it".into() });
+            return Err(SourceError::Unreadable { name, cause: FOLDER.to_owned() });
         }
         if !data.is_file() {
             return Err(SourceError::Unreadable {
@@ -65,11 +68,11 @@ impl Files for Disk {
         }
         let file = File::open(path).map_err(|error| unreadable(&error))?;
         let source = Source::read_from(name, file)?;
-        Ok(Source { path: Some(path.to_owned()), ..source })
+        Ok(source.at(path))
     }
 }
 
-/// Texts in memory, by paths with `/` between their parts: for editors, web pages and tests.
+/// Texts in memory, by paths with `/` between their parts: for editors, web pages and tests. A URI is not a path.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
     texts: BTreeMap<PathBuf, String>,
@@ -78,8 +81,7 @@ pub struct Memory {
 impl Memory {
     /// Adds a text, in the place of one that has the same path.
     pub fn insert(&mut self, path: impl AsRef<Path>, text: impl Into<String>) {
-        let path = path.as_ref();
-        self.texts.insert(plain(path).unwrap_or_else(|| path.to_owned()), text.into());
+        self.texts.insert(plain(path.as_ref()), text.into());
     }
 }
 
@@ -99,11 +101,11 @@ impl<P: AsRef<Path>, T: Into<String>, const N: usize> From<[(P, T); N]> for Memo
 
 impl Files for Memory {
     fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError> {
-        let outside = || UseError::Outside(name.to_owned());
-        let path = plain(&folder(from).join(name)).ok_or_else(outside)?;
-        let root = plain(folder(main)).ok_or_else(outside)?;
-        if Path::new(name).has_root() || !path.starts_with(root) {
-            return Err(outside());
+        let path = plain(&folder(from).join(name));
+        let root = plain(folder(main));
+        let is_inside = path.strip_prefix(root).is_ok_and(|inside| !inside.starts_with(".."));
+        if Path::new(name).has_root() || !is_inside {
+            return Err(UseError::Outside(name.to_owned()));
         }
         if self.texts.contains_key(&path) {
             return Ok(path);
@@ -112,17 +114,19 @@ impl Files for Memory {
     }
 
     fn read(&self, path: &Path) -> Result<Source, SourceError> {
-        let name = path.display().to_string();
-        let Some((path, text)) = plain(path).and_then(|path| self.texts.get_key_value(&path)) else {
+        let (name, path) = (shown(path), plain(path));
+        let Some(text) = self.texts.get(&path) else {
             return Err(SourceError::Unreadable { name, cause: MISSING.to_owned() });
         };
         if text.len() as u64 > MAX_SOURCE {
             return Err(SourceError::TooLarge(name));
         }
-        Ok(Source { path: Some(path.clone()), ..Source::new(name, text.as_str()) })
+        Ok(Source::new(name, text.as_str()).at(path))
     }
 }
 
+/// What is said of a folder.
+const FOLDER: &str = "it is a folder; name a script in it";
 /// What Linux says of a file that is not there.
 const MISSING: &str = "no such file or directory";
 
@@ -131,18 +135,24 @@ fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-/// A path without `.` and `..`; `None` where it leads out of where it begins.
-fn plain(path: &Path) -> Option<PathBuf> {
+/// What messages call a file: the same on every system.
+fn shown(path: &Path) -> String {
+    path.display().to_string().replace(std::path::MAIN_SEPARATOR, "/")
+}
+
+/// A path without `.`, and with `..` only where it begins.
+fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for part in path.components() {
         match part {
             Component::CurDir => {}
-            Component::ParentDir if plain.pop() => {}
-            Component::ParentDir => return None,
+            Component::ParentDir if matches!(plain.components().next_back(), Some(Component::Normal(_))) => {
+                plain.pop();
+            }
             part => plain.push(part),
         }
     }
-    Some(plain)
+    plain
 }
 
 /// Reads a regular file of the disk that is no longer than `most` bytes.
@@ -164,6 +174,7 @@ pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Sources;
     use super::*;
 
     #[test]
@@ -180,5 +191,54 @@ mod tests {
         assert!(matches!(resolve(main, "b.motion"), Err(UseError::Missing { .. })));
         assert_eq!(memory.read(lib).unwrap().text(), "stop");
         assert!(matches!(memory.read(Path::new("d.motion")), Err(SourceError::Unreadable { .. })));
+        // Above where paths begin there may be texts, too.
+        let above = Memory::from([("../a.motion", "stop"), ("../b.motion", "stop"), ("../../c.motion", "stop")]);
+        let main = Path::new("../a.motion");
+        assert_eq!(above.resolve(main, main, "x/../b.motion").as_deref(), Ok(Path::new("../b.motion")));
+        assert!(matches!(above.resolve(main, main, "../c.motion"), Err(UseError::Outside(_))));
+        assert_eq!(above.read(Path::new("x/../../b.motion")).unwrap().text(), "stop");
+    }
+
+    #[test]
+    fn a_folder_is_no_script() {
+        let main = Path::new("x.motion");
+        for name in [".", "src/.."] {
+            let error = Disk.resolve(main, main, name).unwrap_err();
+            assert_eq!(error, UseError::Missing { name: name.to_owned(), cause: FOLDER.to_owned() });
+        }
+    }
+
+    /// An editor: it only knows texts.
+    struct Editor(Memory);
+
+    impl Files for Editor {
+        fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError> {
+            self.0.resolve(main, from, name)
+        }
+
+        fn read(&self, path: &Path) -> Result<Source, SourceError> {
+            Ok(Source::new(path.display().to_string(), self.0.read(path)?.text()))
+        }
+    }
+
+    #[test]
+    fn texts_of_others_are_used_from_where_they_are() {
+        let compiled = |texts: &[(&str, &str)]| {
+            let editor = Editor(texts.iter().copied().collect());
+            let sources = Sources::read(Path::new("show/a.motion"), editor).unwrap();
+            crate::compile(&sources, &crate::program::Options::default())
+        };
+        let fine = compiled(&[
+            ("show/a.motion", "use \"lib/b.motion\"\nb()\n"),
+            ("show/lib/b.motion", "use \"../c.motion\"\ndef b() { c() }\n"),
+            ("show/c.motion", "def c() { stop }\n"),
+        ]);
+        assert_eq!(fine.timeline.map(|timeline| timeline.events.len()), Some(1), "{:?}", fine.diagnostics);
+        let circle = compiled(&[
+            ("show/a.motion", "use \"lib/b.motion\"\nstop\n"),
+            ("show/lib/b.motion", "use \"../a.motion\"\n"),
+        ]);
+        let messages: Vec<&str> = circle.diagnostics.iter().map(|found| found.message.as_str()).collect();
+        assert_eq!(messages, ["../a.motion ends up using itself"]);
     }
 }

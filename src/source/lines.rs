@@ -78,17 +78,19 @@ impl Count {
 }
 
 impl<'s> Lines<'s> {
-    /// Reads every file once.
+    /// Reads every file once. Files that a script uses are there once it was compiled: an index that was made before does not know
+    /// them.
     pub fn of(sources: &'s Sources) -> Self {
         Lines { files: sources.iter().map(Index::of).collect() }
     }
 
     /// The file that holds an offset.
     fn file(&self, offset: u32) -> Option<&Index<'s>> {
-        self.files.get(self.files.partition_point(|file| file.source.base <= offset).saturating_sub(1))
+        let at = self.files.partition_point(|file| file.source.base <= offset).checked_sub(1)?;
+        self.files.get(at).filter(|file| offset <= file.source.end())
     }
 
-    /// Where a span begins.
+    /// Where a span begins; line 0 of no file where this index does not know its file.
     pub fn place(&self, span: Span) -> Place<'s> {
         match self.file(span.start) {
             Some(file) => Place { file: &file.source.name, line: file.line(span.start) },
@@ -182,6 +184,16 @@ mod tests {
         let sources = Sources::from(Source::new("x", "é𝄞z"));
         let lines = Lines::of(&sources);
         let column = |offset| lines.position(offset, Encoding::Utf16).column;
-        assert_eq!([0, 1, 2, 3, 5, 6, 7, 99].map(column), [0, 0, 1, 1, 1, 3, 4, 4]);
+        assert_eq!([0, 1, 2, 3, 5, 6, 7].map(column), [0, 0, 1, 1, 1, 3, 4]);
+    }
+
+    #[test]
+    fn an_index_knows_the_files_that_there_were() {
+        let sources = Sources::from(Source::new("x", "stop"));
+        let early = Lines::of(&sources);
+        let span = Span::new(5, 6);
+        sources.add(Source::new("y", "stop")).unwrap();
+        assert_eq!(early.place(span), Place { file: "", line: 0 });
+        assert_eq!(Lines::of(&sources).place(span), Place { file: "y", line: 1 });
     }
 }

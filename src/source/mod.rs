@@ -84,7 +84,7 @@ impl Sources {
     /// # Errors
     /// Those of [`Files::read`].
     pub fn read(path: &Path, files: impl Files + 'static) -> Result<Self, SourceError> {
-        Ok(Sources::new(files.read(path)?, files))
+        Ok(Sources::new(files.read(path)?.at(path), files))
     }
 
     /// The script itself.
@@ -129,7 +129,7 @@ impl Sources {
 
     /// Reads a file at a path that [`resolve`](Self::resolve) has found.
     pub(crate) fn load(&self, path: &Path) -> Result<Source, SourceError> {
-        self.files.read(path)
+        Ok(self.files.read(path)?.at(path))
     }
 
     /// Where a span begins. Counts lines from the start of its file; [`Lines`] is for many of them.
@@ -167,6 +167,12 @@ impl Source {
                 Err(SourceError::NotUtf8 { lossy: Source::new(name, text), at, byte })
             }
         }
+    }
+
+    /// The same at a path: names of files that it uses are taken from the folder of that.
+    #[must_use]
+    pub fn at(self, path: impl Into<PathBuf>) -> Self {
+        Source { path: Some(path.into()), ..self }
     }
 
     /// The same with another name.
