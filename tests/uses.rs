@@ -1,7 +1,10 @@
 //! `use` and `--set`: what comes from outside of a script, in folders of its own.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use motionseq::program::Options;
+use motionseq::source::{Files, Memory, Source, SourceError, Sources, UseError};
 
 use crate::support::{run, stderr, stdout};
 
@@ -265,4 +268,36 @@ fn set_replaces_a_top_level_let_from_outside() {
     fs::write(&used, "let a = 1000\nlet b = a\nservo 1 b\n").unwrap();
     let output = run(&["check", "--deny", "warnings", "--set", "b=1500", used.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+}
+
+/// An editor: it only knows texts.
+struct Editor(Memory);
+
+impl Files for Editor {
+    fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError> {
+        self.0.resolve(main, from, name)
+    }
+
+    fn read(&self, path: &Path) -> Result<Source, SourceError> {
+        Ok(Source::new(path.display().to_string(), self.0.read(path)?.text()))
+    }
+}
+
+#[test]
+fn texts_of_others_are_used_from_where_they_are() {
+    let compiled = |texts: &[(&str, &str)]| {
+        let editor = Editor(texts.iter().copied().collect());
+        let sources = Sources::read(Path::new("show/a.motion"), editor).unwrap();
+        motionseq::compile(&sources, &Options::default())
+    };
+    let fine = compiled(&[
+        ("show/a.motion", "use \"lib/b.motion\"\nb()\n"),
+        ("show/lib/b.motion", "use \"../c.motion\"\ndef b() { c() }\n"),
+        ("show/c.motion", "def c() { stop }\n"),
+    ]);
+    assert_eq!(fine.timeline.map(|timeline| timeline.events.len()), Some(1), "{:?}", fine.diagnostics);
+    let circle =
+        compiled(&[("show/a.motion", "use \"lib/b.motion\"\nstop\n"), ("show/lib/b.motion", "use \"../a.motion\"\n")]);
+    let messages: Vec<&str> = circle.diagnostics.iter().map(|found| found.message.as_str()).collect();
+    assert_eq!(messages, ["../a.motion ends up using itself"]);
 }

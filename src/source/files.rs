@@ -174,7 +174,6 @@ pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Sources;
     use super::*;
 
     #[test]
@@ -206,39 +205,5 @@ mod tests {
             let error = Disk.resolve(main, main, name).unwrap_err();
             assert_eq!(error, UseError::Missing { name: name.to_owned(), cause: FOLDER.to_owned() });
         }
-    }
-
-    /// An editor: it only knows texts.
-    struct Editor(Memory);
-
-    impl Files for Editor {
-        fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError> {
-            self.0.resolve(main, from, name)
-        }
-
-        fn read(&self, path: &Path) -> Result<Source, SourceError> {
-            Ok(Source::new(path.display().to_string(), self.0.read(path)?.text()))
-        }
-    }
-
-    #[test]
-    fn texts_of_others_are_used_from_where_they_are() {
-        let compiled = |texts: &[(&str, &str)]| {
-            let editor = Editor(texts.iter().copied().collect());
-            let sources = Sources::read(Path::new("show/a.motion"), editor).unwrap();
-            crate::compile(&sources, &crate::program::Options::default())
-        };
-        let fine = compiled(&[
-            ("show/a.motion", "use \"lib/b.motion\"\nb()\n"),
-            ("show/lib/b.motion", "use \"../c.motion\"\ndef b() { c() }\n"),
-            ("show/c.motion", "def c() { stop }\n"),
-        ]);
-        assert_eq!(fine.timeline.map(|timeline| timeline.events.len()), Some(1), "{:?}", fine.diagnostics);
-        let circle = compiled(&[
-            ("show/a.motion", "use \"lib/b.motion\"\nstop\n"),
-            ("show/lib/b.motion", "use \"../a.motion\"\n"),
-        ]);
-        let messages: Vec<&str> = circle.diagnostics.iter().map(|found| found.message.as_str()).collect();
-        assert_eq!(messages, ["../a.motion ends up using itself"]);
     }
 }
