@@ -50,7 +50,11 @@ impl Bounds {
         self.done.steps += 1;
         // Behind an error only more errors are looked for, and not for ever.
         self.exhausted |= self.done.steps > ENOUGH && eval.diagnostics.has_errors();
-        !self.exhausted && self.allow(Weight::default(), span, eval).is_some()
+        let Weight { steps, events, moves, kept } = self.done;
+        let is_within =
+            steps <= MAX_STEPS && events <= self.max_events as u64 && moves <= MAX_MOVES && kept <= MAX_KEPT;
+        // Nearly every line is within all bounds.
+        !self.exhausted && (is_within || self.allow(Weight::default(), span, eval).is_some())
     }
 
     /// Whether another pass may be run.
@@ -92,6 +96,7 @@ impl Bounds {
     }
 
     /// Reports, once, that a script has become too long.
+    #[inline]
     pub(super) fn check_length(&mut self, latest: Time, span: Span, eval: &mut Evaluator<'_, '_>) {
         if latest > Time::LONGEST && !self.too_long {
             self.too_long = true;

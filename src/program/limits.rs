@@ -36,6 +36,7 @@ impl Limit {
 }
 
 /// What is wrong with a command that breaks a limit, and how to widen the first one that it breaks.
+#[inline]
 pub(crate) fn broken(board: &Board, limits: &[Limit], command: &Command, span: Span) -> Option<Diagnostic> {
     let value = |limit: &Limit| board.outside(limit.limited, (limit.low, limit.high), command);
     limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span)))

@@ -177,8 +177,9 @@ impl<'s, 'd> Walker<'s, 'd> {
             return;
         }
         // A stop is never refused.
-        let broken = limits::broken(board, &self.program.settings.limits, &command, span);
-        if let Some(diagnostic) = broken.filter(|_| !board.is_rest(&command)) {
+        if let Some(diagnostic) = limits::broken(board, &self.program.settings.limits, &command, span)
+            && !board.is_rest(&command)
+        {
             self.eval.push(diagnostic);
             return;
         }
@@ -197,6 +198,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         is_allowed
     }
 
+    #[inline]
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.eval.traces.here();
         let order = u32::try_from(self.program.steps.len()).unwrap_or(u32::MAX);
