@@ -1,5 +1,5 @@
-//! The clock that nobody can set, Only what runs in real time imports it: playback, the way to a board,
-//! and the virtual board's thread.
+//! The clock that cannot be set. Only what runs in real time imports it: playback, the link to a board, and the thread of the
+//! virtual board.
 //!
 //! It goes on while the computer sleeps: a robot that drove on meanwhile must not be sent the rest of its script as if
 //! nothing had happened.

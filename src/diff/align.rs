@@ -31,7 +31,7 @@ const WEIGHED: usize = 40_000;
 #[derive(Default)]
 struct Moved {
     points: Vec<(Micros, i64)>,
-    /// Whether a time between two points has moved as the one behind it, and not as the one before.
+    /// Whether a time between two points has moved as the one after it, and not as the one before.
     early: bool,
 }
 
@@ -98,7 +98,7 @@ fn by_times<'i>(old: &[&'i Item], new: &[&'i Item], moved: &Moved) -> Aligned<'i
 fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], after: &[T]) -> Aligned<'i> {
     let mut aligned = Aligned::default();
     aligned.by_keys([old, new], [before, after], |aligned, gone, come, next| {
-        // By how much the item before the gap has moved, and the one behind it.
+        // By how much the item before the gap has moved, and the one after it.
         let last = aligned.pairs.last().map_or(0, delta);
         if gone.len().saturating_mul(come.len()) <= WEIGHED {
             aligned.weigh(gone, come, [last, next.as_ref().map_or(last, delta)]);

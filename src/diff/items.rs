@@ -32,7 +32,7 @@ pub(super) struct Item {
 /// What makes a command a move.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Moves {
-    /// The time from its start to its end, and how it gets there; `None` where nobody said.
+    /// The time from its start to its end, and how it gets there; `None` where it is unknown.
     pub(super) meant: Option<(Micros, Ease)>,
     /// The frame that it starts with, where it sends one.
     start: Option<String>,

@@ -32,11 +32,11 @@ pub enum PortEvent<'a> {
     Came(Nanos, &'a [u8]),
     /// The board has sent bytes to the program.
     Answered(&'a [u8]),
-    /// The program sends more than the line carries: so many bytes wait, for so long.
+    /// The program sends more than the line carries: how many bytes wait, and for how long.
     Behind(u64, Micros),
     /// The program has set its line up otherwise than the board's.
     SetUp(LineSettings),
-    /// At the end, so many bytes that the program had written could not be read.
+    /// At the end: how many bytes that the program had written could not be read.
     Unread(u64),
     /// Some time has passed, at most a fiftieth of a second.
     Passed,
