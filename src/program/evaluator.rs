@@ -147,6 +147,12 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     fn number(&mut self, shape: NumberShape, text: &str, span: Span) -> Option<Quantity> {
+        // Nearly every number of a long script is one.
+        if shape == NumberShape::Plain
+            && let Some(number) = value::small(text)
+        {
+            return Some(Quantity::Number(number));
+        }
         self.varies |= shape == NumberShape::Beats;
         value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.push(diagnostic)).ok()
     }

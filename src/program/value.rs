@@ -143,9 +143,6 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
 
 /// A number with letters behind it, or none.
 fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
-    if let Some(number) = small(text) {
-        return Ok(Quantity::Number(number));
-    }
     let digits_end = text.bytes().position(|byte| !byte.is_ascii_digit() && byte != b'.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
     let Some(number) = float(digits) else {
@@ -189,7 +186,8 @@ fn float(digits: &str) -> Option<f64> {
 }
 
 /// A whole number of few digits.
-fn small(digits: &str) -> Option<f64> {
+#[inline]
+pub(super) fn small(digits: &str) -> Option<f64> {
     if !(1..=9).contains(&digits.len()) {
         return None;
     }

@@ -13,7 +13,10 @@ impl<'s> Walker<'s, '_> {
     /// Runs a line that has a setting in it; whether it has.
     pub(super) fn setting(&mut self, line: &Line<'s>, frame: &mut Frame) -> bool {
         let found = line.parts.iter().find_map(|part| match &part.statement {
-            Statement::Command(command) => Some((part, command, words::setting(command.head.text)?)),
+            // Verbs come first, as nearly every line has one.
+            Statement::Command(command) if self.eval.board.find(command.head.text).is_none() => {
+                Some((part, command, words::setting(command.head.text)?))
+            }
             _ => None,
         });
         let Some((part, command, row)) = found else { return false };
