@@ -86,7 +86,7 @@ pub(super) struct Growing {
     /// Whether it may be longer than what it should contain, and whether the disk may not have it yet.
     is_uncut: bool,
     is_unsynced: bool,
-    /// Why it takes nothing.
+    /// Why the last write failed.
     failing: Option<String>,
 }
 
@@ -114,18 +114,18 @@ impl Growing {
         self.at + self.pending() as u64
     }
 
-    /// How many bytes it has not taken yet.
+    /// How many bytes are settled but not written.
     pub(super) fn pending(&self) -> usize {
         self.pending.len()
     }
 
-    /// Forgets what it has not taken.
+    /// Drops what is not written.
     #[cfg(feature = "mcap")]
     pub(super) fn forget(&mut self) {
         self.pending = Vec::new();
     }
 
-    /// Why it takes nothing, if that is so.
+    /// Why the last write failed, if it did.
     pub(super) fn failing(&self) -> Option<&str> {
         self.failing.as_deref()
     }
@@ -191,7 +191,7 @@ impl Growing {
         self.sync()
     }
 
-    /// A robot's power may be cut at any time.
+    /// Has the disk keep it: the power of a robot may be cut at any time.
     fn sync(&mut self) -> io::Result<()> {
         if self.is_unsynced {
             self.file.sync_data()?;
@@ -200,7 +200,7 @@ impl Growing {
         Ok(())
     }
 
-    /// Writes to what only goes on; what it takes of a piece is not given to it again.
+    /// Appends to a pipe or a device. Bytes that it has taken are not written again.
     fn write_on(&mut self) -> io::Result<()> {
         while !self.pending.is_empty() {
             match self.file.write(&self.pending) {

@@ -29,10 +29,10 @@ impl Force {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Inputs(Vec<Identity>);
 
-/// What tells a file from all others: its device and its number.
+/// What identifies a file: its device and its number.
 #[cfg(unix)]
 type Identity = (u64, u64);
-/// What tells a file from all others: its path, with links followed.
+/// What identifies a file: its path, with links followed.
 #[cfg(not(unix))]
 type Identity = PathBuf;
 

@@ -29,9 +29,9 @@ const START: Duration = Duration::from_secs(5);
 const END: Duration = Duration::from_millis(250);
 /// How long a player that was killed may take to end before the robot is stopped all the same.
 const DEATH: Nanos = Nanos::from_millis(20);
-/// How long a guard then waits for that, to repeat the stop behind it.
+/// How long a guard then waits for that end, to send the stop once more after it.
 const LATE_DEATH: Nanos = Nanos::from_millis(2_000);
-/// How long after a beat the next one is sent where there is time for it behind a frame: so the guard knows the place well.
+/// How long after a beat the next one is sent, if there is time for it after a frame, so that the guard knows the place well.
 const SOON: Nanos = Nanos::from_millis(10);
 /// The longest time between two beats.
 const MAX_INTERVAL: Nanos = Nanos::from_millis(100);
