@@ -113,6 +113,11 @@ impl<'s> Walker<'s, '_> {
             return self.eval.refuse(Code::Arguments, value.span, "`use` needs the name of a file", help);
         };
         let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
+        // One system would take it, and the others would not.
+        if name.contains('\\') {
+            let help = format!("write `use \"{}\"`, on Windows too", name.replace('\\', "/"));
+            return self.eval.refuse(Code::Use, value.span, "the parts of a file name are separated by `/`", help);
+        }
         let sources = self.eval.sources;
         let resolve = |name: &str| sources.resolve(sources.file(span), name);
         let path = match resolve(name) {
