@@ -12,7 +12,7 @@ use std::process::Command;
 use std::thread;
 
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Guard, Player, Realtime, Rig, Signals, Ward, drive, guard, now};
+use motionseq::playback::{Guard, Player, Realtime, Session, Signals, Ward, guard, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::units::Nanos;
@@ -83,13 +83,13 @@ fn main() {
     });
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
     let link = Stamped { port, stamps: Vec::with_capacity(timeline.events.len()) };
-    let mut rig = Rig::new(link, Signals::catch().unwrap(), Lines::of(&sources));
-    (rig.guard, rig.realtime) = (guard, realtime);
-    let mut player = Player::new(&timeline, MAX_LATE);
-    // Not in the time to come: the driver sends the first frame at once.
+    let player = Player::new(&timeline, MAX_LATE);
+    let mut session = Session::new(player, link, Signals::catch().unwrap(), Lines::of(&sources));
+    (session.guard, session.realtime) = (guard, realtime);
+    // Not in the future: the session sends the first frame at once.
     let start = now();
-    let outcome = drive(&mut player, &mut rig, start, |_| {});
-    let Rig { link: Stamped { port, stamps }, guard, .. } = rig;
+    let outcome = session.play(start, |_| {});
+    let Session { link: Stamped { port, stamps }, guard, .. } = session;
     guard.into_iter().for_each(Guard::goodbye);
     drop(port);
     far.join().unwrap();

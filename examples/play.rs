@@ -25,7 +25,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     use std::thread;
 
     use motionseq::link::{Link as _, Serial};
-    use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Ward, drive, guard, now};
+    use motionseq::playback::{Cause, Guard, Notice, Player, Session, Signals, Ward, guard, now};
     use motionseq::program::Options;
     use motionseq::source::{Disk, Lines, Sources};
 
@@ -52,8 +52,8 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     let timeline = compiled.timeline.ok_or("the script has errors")?;
 
     let ward = Ward::of(&timeline);
-    let mut player = Player::new(&timeline, ward.max_late);
-    let mut rig = Rig::new(Serial::open(Path::new(port), timeline.baud)?, Signals::catch()?, lines);
+    let player = Player::new(&timeline, ward.max_late);
+    let mut session = Session::new(player, Serial::open(Path::new(port), timeline.baud)?, Signals::catch()?, lines);
     let timeline = &timeline;
     let outcome = thread::scope(|scope| {
         // A terminal may take nothing for a while: the motion does not wait for it.
@@ -66,13 +66,13 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
         let mut program = Command::new(std::env::current_exe()?);
         program.arg("guard");
         // The last of all: from here on the player must give signs of life.
-        rig.guard = Some(Guard::start(program, rig.link.descriptor(), &ward)?);
-        let outcome = drive(&mut player, &mut rig, now(), |notice| {
+        session.guard = Some(Guard::start(program, session.link.descriptor(), &ward)?);
+        let outcome = session.play(now(), |notice| {
             if let Notice::Sent { event, .. } = notice {
                 let _ = tell.try_send(event);
             }
         });
-        if let Some(guard) = rig.guard.take() {
+        if let Some(guard) = session.guard.take() {
             guard.goodbye();
         }
         std::io::Result::Ok(outcome)

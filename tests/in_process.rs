@@ -1,4 +1,4 @@
-//! The driver inside the test's own process. Signals and the allocator belong to the whole process, so these tests share it with
+//! A session inside the test's own process. Signals and the allocator belong to the whole process, so these tests share it with
 //! no others, and run one after another.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -11,8 +11,8 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
-use motionseq::link::{Link, Pty, Recorder, Serial};
-use motionseq::playback::{Cause, Guard, Notice, Player, Rig, Signals, Stop, Ward, drive, now};
+use motionseq::link::{Link, Pty, Serial};
+use motionseq::playback::{Cause, Guard, Notice, Player, Session, Signals, Stop, Ward, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::units::Nanos;
@@ -58,28 +58,34 @@ fn the_thread_that_sends_allocates_nothing() {
     let mut ward = Ward::of(&timeline);
     ward.max_late = Nanos::from_millis(5_000);
     let guard = Guard::start(program, port.descriptor(), &ward).unwrap();
-    let (bytes, _recorded) = rtrb::RingBuffer::new(64 * 1024);
     let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
-    let mut rig = Rig::new(Recorder::new(port, bytes), Signals::catch().unwrap(), Lines::of(&sources));
-    rig.guard = Some(guard);
-    let mut player = Player::new(&timeline, Nanos::from_millis(5_000));
+    let player = Player::new(&timeline, Nanos::from_millis(5_000));
+    let mut session = Session::new(player, port, Signals::catch().unwrap(), Lines::of(&sources));
+    session.guard = Some(guard);
     let mut outcome = None;
     let counted = allocation_counter::measure(|| {
-        outcome = Some(drive(&mut player, &mut rig, now(), |notice| {
+        outcome = Some(session.play(now(), |notice| {
             let _ = notices.push(notice);
         }));
     });
-    rig.guard.take().unwrap().goodbye();
-    drop(rig);
+    session.guard.take().unwrap().goodbye();
+    drop(session);
     let outcome = outcome.unwrap();
     assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(15), Stop::Sent));
     assert!(outcome.sent > 20 && heard.slots() > 20);
-    let judged =
-        heard.read_chunk(heard.slots()).unwrap().into_iter().filter(|notice| matches!(notice, Notice::Judged(_)));
-    assert_eq!(judged.count(), 2);
-    assert!(
-        commands(&far.join().unwrap()).iter().any(|command| support::board::OnBoard::said(command) == "servo 1 1500")
-    );
+    let mut written = Vec::new();
+    let mut judged = 0;
+    for notice in heard.read_chunk(heard.slots()).unwrap() {
+        match notice {
+            Notice::Wrote(piece) => written.extend_from_slice(piece.bytes()),
+            Notice::Judged(_) => judged += 1,
+            _ => {}
+        }
+    }
+    assert_eq!(judged, 2);
+    let received = far.join().unwrap();
+    assert_eq!(written, received);
+    assert!(commands(&received).iter().any(|command| support::board::OnBoard::said(command) == "servo 1 1500"));
     assert_eq!(counted.count_total, 0, "{counted:?}");
     // The counter counts.
     assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1)))).count_total, 1);
@@ -111,10 +117,10 @@ fn a_program_that_fails_still_stops_the_robot() {
     let sources = Sources::from(source);
     let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
     let (near, mut far) = UnixStream::pair().unwrap();
-    let mut player = Player::new(&timeline, Nanos::from_millis(1_000));
-    let mut rig = Rig::new(Fragile(near, 0), Signals::catch().unwrap(), Lines::of(&sources));
-    let outcome = drive(&mut player, &mut rig, now(), |_| {});
-    drop(rig);
+    let player = Player::new(&timeline, Nanos::from_millis(1_000));
+    let mut session = Session::new(player, Fragile(near, 0), Signals::catch().unwrap(), Lines::of(&sources));
+    let outcome = session.play(now(), |_| {});
+    drop(session);
     assert_eq!((outcome.cause, outcome.stop), (Cause::Panicked, Stop::Sent));
     let mut received = Vec::new();
     far.read_to_end(&mut received).unwrap();

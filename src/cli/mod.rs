@@ -35,21 +35,19 @@ mod latency;
 #[cfg(target_os = "linux")]
 mod log;
 #[cfg(target_os = "linux")]
-mod news;
-#[cfg(target_os = "linux")]
-mod notes;
-#[cfg(target_os = "linux")]
 mod play;
 #[cfg(target_os = "linux")]
 mod ports;
 #[cfg(target_os = "linux")]
 mod record;
 #[cfg(target_os = "linux")]
-mod recording;
+mod state_line;
 #[cfg(target_os = "linux")]
 mod tape;
 #[cfg(target_os = "linux")]
 mod watcher;
+#[cfg(target_os = "linux")]
+mod worker;
 
 use std::io;
 use std::path::PathBuf;

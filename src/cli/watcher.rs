@@ -14,9 +14,9 @@ use motionseq::units::{Micros, Nanos};
 
 use super::decode::doubt;
 use super::log::{Entry, Level, Log};
-use super::news::{active_words, drive_words};
 use super::screen::{Screen, plural};
 use super::start_thread;
+use super::state_line::{active_words, drive_words};
 use super::tape::Tape;
 
 /// How often the line about the robot is drawn.

@@ -2,7 +2,6 @@
 
 mod door;
 mod pty;
-mod recorder;
 mod serial;
 mod stalling;
 
@@ -11,7 +10,6 @@ use std::os::fd::BorrowedFd;
 
 pub use door::{Door, DoorError, PortEvent};
 pub use pty::{LineSettings, Pty};
-pub use recorder::{Recorder, Taken};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
 pub use stalling::Stalling;
 

@@ -1,11 +1,11 @@
-//! How exactly this machine keeps time: the driver's way of waiting, with nothing to send.
+//! How exactly this machine keeps time: the way a session waits, with nothing to send.
 
-use super::driver::close_in;
 use super::os;
+use super::session::close_in;
 use crate::clock;
 use crate::units::Nanos;
 
-/// Waits for deadlines `interval` apart for so long, as the driver waits for a frame, and tells how late
+/// Waits for deadlines `interval` apart for so long, as a session waits for a frame, and tells how late
 /// it was each time. What was overslept is not caught up: the next deadline lies ahead.
 ///
 /// `realtime` says that this thread has real-time priority. `goes_on` is asked at each deadline.

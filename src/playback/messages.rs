@@ -1,4 +1,4 @@
-//! What the player is told, what it orders, and what it tells others.
+//! What the player takes in, what it orders, and what it reports to others.
 
 use std::io;
 
@@ -133,6 +133,8 @@ pub enum Notice {
         /// Its index in the timeline's cues.
         cue: usize,
     },
+    /// The port took these bytes, of a frame, a stop or a pause.
+    Wrote(Piece),
     /// The board has sent a report.
     Report(Report),
     /// Somebody asks what the keys are.
@@ -159,6 +161,35 @@ pub enum Notice {
         /// The time of the script.
         at: Micros,
     },
+}
+
+/// Bytes that a port took, at most as many as a frame of any command has; more are several of these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Piece {
+    bytes: [u8; PIECE],
+    length: u8,
+}
+
+/// How many bytes are kept together.
+const PIECE: usize = 23;
+
+impl Piece {
+    /// All these bytes, in pieces.
+    pub(super) fn all(bytes: &[u8]) -> impl Iterator<Item = Self> {
+        bytes.chunks(PIECE).map(|chunk| {
+            let mut piece = Piece { bytes: [0; PIECE], length: 0 };
+            for (place, byte) in piece.bytes.iter_mut().zip(chunk) {
+                *place = *byte;
+                piece.length += 1;
+            }
+            piece
+        })
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.length)).unwrap_or_default()
+    }
 }
 
 /// Whether the robot was stopped.

@@ -1,7 +1,7 @@
 //! Plays a timeline.
 //!
 //! [`Player`] decides, and has no clock and no port: time and everything that happens are its inputs, so tests play an hour in no
-//! time, on every system. On Linux, with the feature `player`, there is more: `drive` is the loop that asks it what to do and does
+//! time, on every system. On Linux, with the feature `player`, there is more: a `Session` is the loop that asks it what to do and does
 //! it, under the real clock, and a `Guard` is a second process that stops the robot if this one cannot.
 
 mod halt;
@@ -10,13 +10,13 @@ mod messages;
 mod player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
-mod driver;
-#[cfg(all(feature = "player", target_os = "linux"))]
 mod guard;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod latency;
 #[cfg(all(feature = "player", target_os = "linux"))]
 pub(crate) mod os;
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod session;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod stop;
 #[cfg(all(feature = "player", target_os = "linux"))]
@@ -24,16 +24,16 @@ mod watch;
 
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
-pub use messages::{Cause, Input, Notice, Order, Outcome, Stop};
+pub use messages::{Cause, Input, Notice, Order, Outcome, Piece, Stop};
 pub use player::Player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod real {
-    pub use super::driver::{Rig, drive};
     pub use super::guard::{Guard, Guarded, Ward, guard};
     pub(crate) use super::halt::Outbox;
     pub use super::latency::lateness;
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
+    pub use super::session::Session;
     pub(crate) use super::stop::stop_robot;
     pub use super::watch::Fate;
     pub use crate::clock::now;

@@ -219,7 +219,7 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Ends the run at once, for a driver that cannot go on.
+    /// Ends the run at once, for a session that cannot continue.
     pub fn give_up(&self, now: Nanos) -> Outcome {
         self.outcome_at(Cause::Panicked, self.script_time(now))
     }

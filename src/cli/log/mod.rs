@@ -24,7 +24,7 @@ mod book;
 mod keeper;
 mod run;
 
-pub(super) use run::RunLog;
+pub(super) use run::TimelineLog;
 
 /// How many entries may wait to be written.
 const ROOM: usize = 16 * 1024;

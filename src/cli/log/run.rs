@@ -7,8 +7,8 @@ use motionseq::units::{Micros, Nanos};
 
 use super::{Entry, Level, Log, Spot};
 
-/// The log of a run that is played.
-pub(in super::super) struct RunLog {
+/// The log of a run, in the words of its timeline.
+pub(in super::super) struct TimelineLog {
     pub(in super::super) log: Log,
     /// When time 0 of the pass was, or would have been without the pauses, on the clock of
     /// [`now`](motionseq::playback::now).
@@ -17,9 +17,9 @@ pub(in super::super) struct RunLog {
     marked: usize,
 }
 
-impl RunLog {
+impl TimelineLog {
     pub(in super::super) fn new(log: Log) -> Self {
-        RunLog { log, begin: Nanos::ZERO, marked: 0 }
+        TimelineLog { log, begin: Nanos::ZERO, marked: 0 }
     }
 
     /// Logs what a run tells at a time. A mark is passed when something happens at its time or later: nobody knows before
@@ -36,6 +36,7 @@ impl RunLog {
                     self.line(at, Level::Info, cue.text.clone(), spot(cue.span));
                 }
             }
+            Notice::Wrote(piece) => self.log.put(at, Entry::Bytes(piece.bytes().into())),
             Notice::Report(report) => self.log.put(at, Entry::Report(report)),
             Notice::Judged(verdict) => {
                 if let Some(due) = timeline.expects.get(verdict.expect) {

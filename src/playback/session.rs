@@ -7,7 +7,7 @@ use std::os::fd::AsFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::guard::Guard;
-use super::messages::{Input, Notice, Order, Outcome, SIGTSTP};
+use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Stop};
 use super::os::{self, Keys, Ready, Signals};
 use super::player::Player;
 use crate::board::{ReportDecoder, ReportItem};
@@ -19,77 +19,89 @@ use crate::units::{Micros, Nanos};
 /// How long before a deadline the loop stops looking at the port.
 const CLOSE: Nanos = Nanos::from_millis(1);
 /// How long before a deadline the loop stops sleeping and looks at the clock instead: longer than a computer
-/// takes to wake; and longer still for a thread with real-time priority, which nobody disturbs. At 200 frames a second
+/// takes to wake; and longer still for a thread with real-time priority, which nothing disturbs. At 200 frames a second
 /// the first is one part in a hundred of a processor.
 const SPIN: Nanos = Micros(50).nanos();
 const REALTIME_SPIN: Nanos = Micros(150).nanos();
-/// How often the loop may panic before it is given up.
+/// How many panics end the run.
 const MAX_PANICS: usize = 10;
 /// How many reads of 256 bytes are made at once: more than a port holds.
 const MAX_READS: usize = 512;
 /// How often the port and the keys are looked at where frames follow each other too closely to wait for them.
 const LOOK: Nanos = Nanos::from_millis(10);
 
-/// What a run needs, all of it made before the first frame.
+/// One run of a timeline on a board: everything that it needs, made before its first frame.
 #[derive(Debug)]
 #[non_exhaustive]
-pub struct Rig<'s, L> {
+pub struct Session<'s, L> {
+    /// Decides what is sent, and when.
+    pub player: Player<'s>,
     /// The way to the board.
     pub link: L,
     /// What ends the run early.
     pub signals: Signals,
     /// What stops the robot if this process cannot.
     pub guard: Option<Guard>,
-    /// Where somebody can say that a paused run shall go on. Without them Ctrl-Z ends a run.
+    /// The terminal where a paused run can be continued. Without it Ctrl-Z ends a run.
     pub keys: Option<Keys>,
     /// Where the lines of the script are, for the guard to name them.
     pub lines: Lines<'s>,
     /// Whether this thread has real-time priority.
     pub realtime: bool,
-}
-
-impl<'s, L> Rig<'s, L> {
-    /// Without a guard, keys and real-time priority. The guard is started last: from then on the loop must run.
-    pub fn new(link: L, signals: Signals, lines: Lines<'s>) -> Self {
-        Rig { link, signals, guard: None, keys: None, lines, realtime: false }
-    }
-}
-
-/// Plays until the end, or until something ends it early. Time 0 of the script is at `start` on [`now`](super::now)'s clock,
-/// which must not lie ahead.
-///
-/// The guard, if there is one, still waits for its goodbye afterwards.
-pub fn drive<L: Link>(
-    player: &mut Player<'_>,
-    rig: &mut Rig<'_, L>,
+    reports: ReportDecoder,
+    /// Time 0 of the run, on the clock of [`now`](super::now).
     start: Nanos,
-    mut notices: impl FnMut(Notice),
-) -> Outcome {
-    os::wake_exactly();
-    rig.forget_reports();
-    let mut reports = ReportDecoder::new(player.board().codec.replies);
-    let mut input = Input::Tick;
-    // A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
-    for _ in 0..MAX_PANICS {
-        let run = AssertUnwindSafe(|| rig.run(player, start, input, &mut reports, &mut notices));
-        match catch_unwind(run) {
-            Ok(outcome) => return outcome,
-            Err(_) => input = Input::Panicked,
-        }
-    }
-    player.give_up(clock::now() - start)
 }
 
-impl<L: Link> Rig<'_, L> {
-    #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
-    fn run(
-        &mut self,
-        player: &mut Player<'_>,
-        start: Nanos,
-        mut input: Input,
-        reports: &mut ReportDecoder,
-        notices: &mut impl FnMut(Notice),
-    ) -> Outcome {
+impl<'s, L: Link> Session<'s, L> {
+    /// Without a guard, keys and real-time priority. The guard is started last: from then on the loop must run.
+    pub fn new(player: Player<'s>, link: L, signals: Signals, lines: Lines<'s>) -> Self {
+        let reports = ReportDecoder::new(player.board().codec.replies);
+        Session { player, link, signals, guard: None, keys: None, lines, realtime: false, reports, start: Nanos::ZERO }
+    }
+
+    /// Plays until the end, or until something ends the run early. Time 0 is at `start` on the clock of [`now`](super::now), which must
+    /// not be in the future. What happens is passed to `notices` at once, from the thread that sends: it must not wait.
+    ///
+    /// Afterwards the keys are an ordinary terminal again, and the guard, if there is one, still waits for its goodbye.
+    pub fn play(&mut self, start: Nanos, mut notices: impl FnMut(Notice)) -> Outcome {
+        os::wake_exactly();
+        self.start = start;
+        self.forget_reports();
+        let outcome = self.outlive_panics(&mut notices);
+        self.keys = None;
+        if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) {
+            // A player that failed before it could stop the robot leaves that to its guard, which kills it first.
+            drop(self.guard.take());
+        }
+        if let Some(guard) = &mut self.guard {
+            guard.ended(outcome.at, outcome.place.map(|span| self.lines.place(span)), outcome.stop);
+        }
+        if outcome.stop == Stop::NotSent {
+            // What the port never took must not keep it from closing.
+            let _ = self.link.discard();
+        }
+        outcome
+    }
+
+    /// A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
+    fn outlive_panics(&mut self, notices: &mut impl FnMut(Notice)) -> Outcome {
+        let mut input = Input::Tick;
+        for _ in 0..MAX_PANICS {
+            match catch_unwind(AssertUnwindSafe(|| self.run(input, notices))) {
+                Ok(outcome) => return outcome,
+                Err(_) => input = Input::Panicked,
+            }
+        }
+        self.player.give_up(self.time())
+    }
+
+    /// The time since the start.
+    fn time(&self) -> Nanos {
+        clock::now() - self.start
+    }
+
+    fn run(&mut self, mut input: Input, notices: &mut impl FnMut(Notice)) -> Outcome {
         let mut look_at = Nanos::ZERO;
         loop {
             if input == Input::Tick {
@@ -98,49 +110,51 @@ impl<L: Link> Rig<'_, L> {
             let now = clock::now();
             if input == Input::Tick && now >= look_at {
                 look_at = now.saturating_add(LOOK);
-                let mut heard = |item| {
-                    if let ReportItem::Report(report) = item {
-                        player.hear(clock::now() - start, report, notices);
-                    }
-                };
-                input = self.look(now, false, false, reports, &mut heard);
+                input = self.look(now, false, false, notices);
             }
             if input == Input::Tick && self.guard.as_mut().is_some_and(Guard::is_newly_lost) {
                 input = Input::Unguarded;
             }
-            self.beat(player, start, false);
-            // Also where deadlines follow each other too closely to look at the port in between.
-            if input == Input::Tick && player.judges_at(clock::now() - start) {
-                input = self.hear(player, start, reports, notices);
+            self.beat(false);
+            // Also where deadlines follow each other too closely to look at the port in between. No more than a port holds: a flood
+            // must not keep the loop here.
+            if input == Input::Tick && self.player.judges_at(self.time()) {
+                input = self.read(MAX_READS, notices);
             }
-            let now = clock::now() - start;
-            let order = player.poll(now, input, notices);
-            if let Some(outcome) = player.outcome() {
+            let order = self.player.poll(self.time(), input, notices);
+            if let Some(outcome) = self.player.outcome() {
                 return outcome;
             }
             input = match order {
                 // Also where one write follows another, and before the first.
                 Order::Write => match self.signals.pending() {
                     Some(signal) => self.meaning(signal),
-                    None => Input::of_write(self.link.write(player.bytes())),
+                    None => self.write(notices),
                 },
                 Order::Discard => {
-                    // Where the port is gone there is nothing to throw away, and the stop tells.
+                    // Where the port is gone there is nothing to discard, and the stop reports it.
                     let _ = self.link.discard();
                     Input::Tick
                 }
-                Order::Wait { until, writable } => {
-                    self.wait(player, start, start.saturating_add(until), writable, reports, notices)
-                }
-                Order::Pause { until } => self.pause(player, start, start.saturating_add(until)),
-                Order::Suspend => self.suspend(player, start, notices),
-                Order::Stay => self.stay(player, start, reports, notices),
+                Order::Wait { until, writable } => self.wait(self.start.saturating_add(until), writable, notices),
+                Order::Pause { until } => self.pause(self.start.saturating_add(until)),
+                Order::Suspend => self.suspend(notices),
+                Order::Stay => self.stay(notices),
                 Order::Done => Input::Tick,
             };
         }
     }
 
-    /// Throws away what the board sent before the run: no `expect` is about that.
+    /// Offers the port what the player has for it.
+    fn write(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
+        let bytes = self.player.bytes();
+        let result = self.link.write(bytes);
+        let taken = result.as_ref().ok().and_then(|count| bytes.get(..*count));
+        Piece::all(taken.unwrap_or_default()).for_each(|piece| notices(Notice::Wrote(piece)));
+        Input::of_write(result)
+    }
+
+    /// Discards what the board sent before the run: no `expect` is about that.
     fn forget_reports(&mut self) {
         for _ in 0..MAX_READS {
             if !matches!(self.link.read(&mut [0; 256]), Ok(1..)) {
@@ -149,32 +163,24 @@ impl<L: Link> Rig<'_, L> {
         }
     }
 
-    /// Reads the reports that have come, without waiting.
-    fn hear(
-        &mut self,
-        player: &mut Player<'_>,
-        start: Nanos,
-        reports: &mut ReportDecoder,
-        notices: &mut impl FnMut(Notice),
-    ) -> Input {
+    /// Reads the reports that have come, without waiting, in at most this number of reads.
+    fn read(&mut self, reads: usize, notices: &mut impl FnMut(Notice)) -> Input {
         let mut buffer = [0; 256];
-        // No more than a port holds: a flood must not keep the loop here.
-        for _ in 0..MAX_READS {
-            match self.link.read(&mut buffer) {
+        for _ in 0..reads {
+            let bytes = match self.link.read(&mut buffer) {
                 Ok(0) => return Input::HungUp,
-                Ok(count) => {
-                    let mut heard = |item| {
-                        if let ReportItem::Report(report) = item {
-                            player.hear(clock::now() - start, report, notices);
-                        }
-                    };
-                    reports.feed(buffer.get(..count).unwrap_or_default(), &mut heard);
-                }
+                Ok(count) => buffer.get(..count).unwrap_or_default(),
                 Err(error) => match Input::of_write(Err(error)) {
                     Input::Failed(error) => return Input::Failed(error),
                     _ => break,
                 },
-            }
+            };
+            let Session { player, reports, start, .. } = self;
+            reports.feed(bytes, |item| {
+                if let ReportItem::Report(report) = item {
+                    player.hear(clock::now() - *start, report, notices);
+                }
+            });
         }
         Input::Tick
     }
@@ -185,12 +191,12 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Tells the guard that the loop is alive, where that cannot wait, or where there is time for it and it cannot wait long.
-    fn beat(&mut self, player: &Player<'_>, start: Nanos, has_time: bool) {
+    fn beat(&mut self, has_time: bool) {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
-            let place = player.place().map(|span| self.lines.place(span));
+            let place = self.player.place().map(|span| self.lines.place(span));
             let keys = self.keys.as_ref().is_some_and(Keys::is_single);
-            guard.beat(now, player.run_time(now - start).micros(), place, keys);
+            guard.beat(now, self.player.run_time(now - self.start).micros(), place, keys);
         }
     }
 
@@ -200,30 +206,16 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits until `deadline` on the clock, or until something happens.
-    #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
-    fn wait(
-        &mut self,
-        player: &mut Player<'_>,
-        start: Nanos,
-        deadline: Nanos,
-        writable: bool,
-        reports: &mut ReportDecoder,
-        notices: &mut impl FnMut(Notice),
-    ) -> Input {
+    fn wait(&mut self, deadline: Nanos, writable: bool, notices: &mut impl FnMut(Notice)) -> Input {
         loop {
             let left = deadline.saturating_sub(clock::now());
             if left <= CLOSE && !writable {
                 close_in(deadline, self.realtime);
                 return Input::Tick;
             }
-            self.beat(player, start, left > CLOSE * 2);
+            self.beat(left > CLOSE * 2);
             let until = if writable { deadline } else { deadline - CLOSE };
-            let mut heard = |item| {
-                if let ReportItem::Report(report) = item {
-                    player.hear(clock::now() - start, report, notices);
-                }
-            };
-            let input = self.look(until, writable, false, reports, &mut heard);
+            let input = self.look(until, writable, false, notices);
             if input != Input::Tick || writable {
                 return input;
             }
@@ -231,15 +223,7 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits once for the port, a signal, the guard and, if asked to, the keys; until a time on the clock or the next beat.
-    #[expect(clippy::too_many_arguments, reason = "one run has all of them")]
-    fn look(
-        &mut self,
-        until: Nanos,
-        writable: bool,
-        keys: bool,
-        reports: &mut ReportDecoder,
-        heard: &mut impl FnMut(ReportItem),
-    ) -> Input {
+    fn look(&mut self, until: Nanos, writable: bool, keys: bool, notices: &mut impl FnMut(Notice)) -> Input {
         let is_paused = keys;
         let timeout = until.min(self.next_beat()).saturating_sub(clock::now());
         let keys = self.keys.as_ref().filter(|single| keys || single.is_single());
@@ -268,15 +252,9 @@ impl<L: Link> Rig<'_, L> {
             return Input::Unguarded;
         }
         if port.contains(Ready::IN) {
-            let mut buffer = [0; 256];
-            match self.link.read(&mut buffer) {
-                Ok(0) => return Input::HungUp,
-                Ok(count) => reports.feed(buffer.get(..count).unwrap_or_default(), &mut *heard),
-                Err(error) => {
-                    if let Input::Failed(error) = Input::of_write(Err(error)) {
-                        return Input::Failed(error);
-                    }
-                }
+            let input = self.read(1, notices);
+            if input != Input::Tick {
+                return input;
             }
         }
         if os::is_gone(port) {
@@ -289,23 +267,28 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits until `deadline` on the clock, whatever happens; only the guard is told that the loop is alive.
-    fn pause(&mut self, player: &Player<'_>, start: Nanos, deadline: Nanos) -> Input {
+    fn pause(&mut self, deadline: Nanos) -> Input {
         while clock::now() < deadline {
-            self.beat(player, start, false);
+            self.beat(false);
             clock::sleep_until(deadline.min(self.next_beat()));
         }
         Input::Tick
     }
 
-    /// The robot stands: sleeps until the shell continues this process.
-    fn suspend(&mut self, player: &Player<'_>, start: Nanos, notices: &mut impl FnMut(Notice)) -> Input {
-        let place = player.place().map(|span| self.lines.place(span));
-        let at = player.script_time(clock::now() - start).micros();
+    /// The time of the script, now.
+    fn script_time(&self) -> Micros {
+        self.player.script_time(self.time()).micros()
+    }
+
+    /// The robot is at rest: sleeps until the shell continues this process.
+    fn suspend(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
+        let place = self.player.place().map(|span| self.lines.place(span));
+        let (at, run_time) = (self.script_time(), self.player.run_time(self.time()).micros());
         if let Some(guard) = &mut self.guard {
-            guard.rest(player.run_time(clock::now() - start).micros(), place);
+            guard.rest(run_time, place);
         }
         notices(Notice::Sleeping { at });
-        // Whoever shows that sleeps too, a moment later.
+        // The thread that shows that stops too, a moment later.
         clock::sleep_until(clock::now().saturating_add(CLOSE * 100));
         if let Some(keys) = &mut self.keys {
             keys.end();
@@ -315,16 +298,11 @@ impl<L: Link> Rig<'_, L> {
     }
 
     /// Waits for somebody to say that the run shall go on, and says so once somebody can.
-    fn stay(
-        &mut self,
-        player: &mut Player<'_>,
-        start: Nanos,
-        reports: &mut ReportDecoder,
-        notices: &mut impl FnMut(Notice),
-    ) -> Input {
+    fn stay(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
         let mut is_told = false;
         loop {
-            self.beat(player, start, true);
+            self.beat(true);
+            let at = self.script_time();
             let keys = self.keys.as_ref().filter(|keys| keys.descriptor().is_some());
             let was_told = std::mem::replace(&mut is_told, keys.is_some());
             if let Some(keys) = self.keys.as_mut().filter(|_| is_told && !was_told) {
@@ -333,7 +311,6 @@ impl<L: Link> Rig<'_, L> {
                 if keys.told.is_none() {
                     keys.forget();
                 }
-                let at = player.script_time(clock::now() - start).micros();
                 // Somebody who asked what the keys are has not been told anything new.
                 if keys.told.replace(at) != Some(at) {
                     notices(Notice::Paused { at });
@@ -342,12 +319,7 @@ impl<L: Link> Rig<'_, L> {
             // Now and then it looks whether the terminal talks to this process again.
             let until = clock::now().saturating_add(CLOSE * 100);
             // What comes at a pause is not shown, but the newest report goes on being the newest.
-            let mut heard = |item| {
-                if let ReportItem::Report(report) = item {
-                    player.hear(clock::now() - start, report, &mut |_| {});
-                }
-            };
-            match self.look(until, false, true, reports, &mut heard) {
+            match self.look(until, false, true, &mut |_| {}) {
                 Input::Tick => {}
                 input => {
                     if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {

@@ -1,0 +1,107 @@
+//! The end of a run: what is said when nothing more is sent.
+
+use motionseq::board::Board;
+use motionseq::diagnostic::Diagnostics;
+use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
+use motionseq::serve::Served;
+use motionseq::timeline::wire::LATE;
+
+use super::super::ending::board_summary;
+use super::super::exit::Exit;
+use super::super::log::Level;
+use super::super::screen::{PATIENCE, Screen, plural};
+use super::observers::Observed;
+use super::results::Report;
+use super::run_log::{Run, RunLog};
+
+/// What is left of a run when nothing more is sent.
+pub(super) struct End<'r> {
+    pub(super) screen: Screen,
+    pub(super) run: Run<'r>,
+    /// The report, if one is asked for, and what is wrong with the script.
+    pub(super) report: Option<(Report, Diagnostics)>,
+    pub(super) board: Option<Served>,
+    /// Learns that everything was said.
+    pub(super) guard: Option<Guard>,
+}
+
+impl End<'_> {
+    /// Says how it went; gives the exit code. First what is written at once, then what the screen may wait for.
+    pub(super) fn tell(self, observed: Observed) -> Exit {
+        let End { screen, run, report, board, guard } = self;
+        let Observed { run: counted, recorded, log } = observed;
+        let report =
+            report.map(|(report, diagnostics)| (report.path.clone(), report.write(run.report(&counted, &diagnostics))));
+        let mut is_whole = recorded.is_ok();
+        if let Err(error) = recorded {
+            screen.warning(&format!("the recording is not complete: {error}; the motion was not changed by that"));
+        }
+        summary(&screen, &run, &counted);
+        board_end(&screen, &run.timeline.board, board);
+        let line = run.closing_line();
+        if let Some((mut log, timeline)) = log {
+            log.pass_marks(&timeline, run.outcome.at);
+            log.log.line(now(), if run.is_early() { Level::Error } else { Level::Info }, line.as_str());
+            is_whole &= log.log.end();
+        }
+        match (run.outcome.cause, run.outcome.stop) {
+            (Cause::Finished, _) => {}
+            (Cause::Quit, Stop::Sent) => screen.note(&line),
+            _ => screen.error(&line),
+        }
+        // A guard that gets no goodbye says it in the place of a screen that takes nothing.
+        let is_said = Screen::is_written(PATIENCE);
+        if let Some(guard) = guard.filter(|_| is_said || !run.is_early()) {
+            guard.goodbye();
+        }
+        if let Some((path, write)) = report
+            && let Err(error) = write()
+        {
+            is_whole = false;
+            screen.warning(&format!("the report {} is not complete: {error}", path.display()));
+        }
+        match run.exit() {
+            Exit::Ok if !is_whole => Exit::Usage,
+            exit => exit,
+        }
+    }
+}
+
+fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
+    let Run { timeline, outcome: Outcome { at, stop, sent, dropped, extra, worst_late, .. }, .. } = run;
+    if counted.not_noted > 0 {
+        screen.note(&format!(
+            "{} were not shown",
+            plural(usize::try_from(counted.not_noted).unwrap_or(usize::MAX), "line")
+        ));
+    }
+    if *stop == Stop::Sent {
+        for cue in &timeline.abort_cues {
+            screen.note(&format!("on abort: {}", cue.text));
+        }
+    }
+    let dropped = if *dropped == 0 { String::new() } else { format!(", {dropped} dropped") };
+    let extra = match *extra {
+        0 => String::new(),
+        count => format!(", and {} of stops, pauses and `on abort`", plural(count, "frame")),
+    };
+    let (sent, worst) = (plural(*sent, "frame"), worst_late.in_millis());
+    screen.note(&format!("sent {sent}{dropped} in {at:.3} s{extra}; the worst was {worst:.3} ms late"));
+    if let Some(report) = &counted.report {
+        screen.note(&format!("last report of the board: {}", timeline.board.report(report)));
+    }
+    let (baud, late) = (timeline.baud, run.line_late());
+    if late > LATE {
+        screen.note(&format!("a line of {baud} baud carries a frame up to {} later than that", late.short()));
+    }
+}
+
+/// What became of the virtual board.
+fn board_end(screen: &Screen, board: &Board, served: Option<Served>) {
+    match served.map(|served| served.join(PATIENCE)) {
+        None => {}
+        Some(Some(Ok(received))) => board_summary(screen, board, &received),
+        Some(Some(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
+        Some(None) => screen.error("the virtual board failed"),
+    }
+}

@@ -1,0 +1,201 @@
+//! The thread on which a run is observed: shown, recorded, logged, counted. Motion never waits for it.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver};
+use std::thread;
+use std::time::Duration;
+
+use motionseq::playback::{Notice, now};
+use motionseq::source::{Lines, Sources};
+use motionseq::timeline::Timeline;
+use motionseq::units::Nanos;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::super::log::{Log, TimelineLog};
+use super::super::start_thread;
+use super::super::worker::Worker;
+use super::display::Display;
+use super::run_log::RunLog;
+
+/// How often the ring is emptied.
+const UPDATE: Duration = Duration::from_millis(40);
+/// Room for what happens between two updates. The line carries 11,520 bytes a second.
+const ROOM: usize = 32 * 1024;
+/// How long the end waits for the thread: all that it has to do is to empty the ring.
+const PATIENCE: Duration = Duration::from_millis(1_500);
+
+/// Follows a run from its own thread.
+pub(super) trait Observer {
+    /// Something happened at a time on the clock of [`now`], in a pass that plays this timeline.
+    fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice);
+
+    /// Some time has passed.
+    fn update(&mut self, _: &Timeline) {}
+}
+
+/// What a run is written to while it is played.
+pub(super) struct Files {
+    /// The bytes that the port takes.
+    pub(super) recording: Option<Recording>,
+    /// Everything that happens, and the text that it comes from.
+    pub(super) log: Option<(Log, Sources)>,
+}
+
+/// The near end of the ring, for the thread that sends.
+pub(super) struct Observers {
+    ring: Producer<(Nanos, Notice)>,
+    observed: Receiver<Observed>,
+    /// All bytes that the port took.
+    bytes: u64,
+    /// What did not fit the ring: bytes that the port took, and anything else.
+    lost_bytes: u64,
+    lost_notices: u64,
+}
+
+/// What the observers have when nothing more is sent.
+pub(super) struct Observed {
+    pub(super) run: RunLog,
+    /// What became of the recording.
+    pub(super) recorded: io::Result<()>,
+    /// The log, which waits for the last line, and the timeline that was played last.
+    pub(super) log: Option<(TimelineLog, Arc<Timeline>)>,
+}
+
+impl Observers {
+    /// Starts the thread. A run without end plays `timelines[1]` after the first pass.
+    pub(super) fn start(timelines: [Arc<Timeline>; 2], display: Display, files: Files) -> io::Result<Self> {
+        let (ring, notices) = RingBuffer::new(ROOM);
+        let (tell, observed) = mpsc::channel();
+        start_thread("observers", move || {
+            let _ = tell.send(observe(notices, timelines, display, files));
+        })?;
+        Ok(Observers { ring, observed, bytes: 0, lost_bytes: 0, lost_notices: 0 })
+    }
+
+    /// Passes on what happened just now. Where the thread cannot follow, it misses something, and that is counted.
+    pub(super) fn tell(&mut self, notice: Notice) {
+        self.put(now(), notice);
+    }
+
+    /// Passes on what happened at a time on the clock of [`now`].
+    pub(super) fn put(&mut self, at: Nanos, notice: Notice) {
+        let bytes = match &notice {
+            Notice::Wrote(piece) => Some(piece.bytes().len() as u64),
+            _ => None,
+        };
+        self.bytes += bytes.unwrap_or(0);
+        if self.ring.push((at, notice)).is_err() {
+            match bytes {
+                Some(bytes) => self.lost_bytes += bytes,
+                None => self.lost_notices += 1,
+            }
+        }
+    }
+
+    /// Ends the thread, and gives what it has.
+    pub(super) fn end(self) -> Observed {
+        let Observers { ring, observed, bytes, lost_bytes, lost_notices } = self;
+        drop(ring);
+        let mut observed = observed.recv_timeout(PATIENCE).unwrap_or_else(|_| {
+            let failed = Err(io::Error::other("the thread that keeps it failed"));
+            Observed { run: RunLog::new(), recorded: failed, log: None }
+        });
+        (observed.run.bytes, observed.run.not_noted) = (bytes, lost_notices);
+        if lost_bytes > 0 && observed.recorded.is_ok() {
+            observed.recorded = Err(io::Error::other(format!("{lost_bytes} bytes did not fit the buffer")));
+        }
+        observed
+    }
+}
+
+/// Passes everything to every observer, until the ring has ended and is empty.
+fn observe(
+    mut notices: Consumer<(Nanos, Notice)>,
+    [first, again]: [Arc<Timeline>; 2],
+    mut display: Display,
+    files: Files,
+) -> Observed {
+    let Files { mut recording, log } = files;
+    let (mut log, sources) = log.unzip();
+    let mut log = log.take().map(TimelineLog::new);
+    let lines = sources.as_ref().map(Lines::of);
+    let (mut run, mut timeline) = (RunLog::new(), first);
+    let mut logged = log.as_mut().zip(lines.as_ref()).map(|(log, lines)| Logged(log, lines));
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut run];
+    observers.extend(logged.as_mut().map(|logged| logged as &mut dyn Observer));
+    observers.extend(recording.as_mut().map(|recording| recording as &mut dyn Observer));
+    observers.push(&mut display);
+    loop {
+        // Looked at before the ring is emptied, so that nothing is left in it at the end.
+        let is_last = notices.is_abandoned();
+        while let Ok((at, notice)) = notices.pop() {
+            for observer in &mut observers {
+                observer.observe(&timeline, at, notice);
+            }
+            if matches!(notice, Notice::Pass { pass: 2.. }) {
+                timeline = Arc::clone(&again);
+            }
+        }
+        if is_last {
+            break;
+        }
+        for observer in &mut observers {
+            observer.update(&timeline);
+        }
+        thread::park_timeout(UPDATE);
+    }
+    display.end();
+    let recorded = recording.map_or(Ok(()), Recording::end);
+    Observed { run, recorded, log: log.map(|log| (log, timeline)) }
+}
+
+/// A log, and where the lines of the script are.
+struct Logged<'l>(&'l mut TimelineLog, &'l Lines<'l>);
+
+impl Observer for Logged<'_> {
+    fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
+        self.0.tell(timeline, self.1, at, notice);
+    }
+}
+
+/// `--record`: a thread of its own writes the bytes that the port took.
+pub(super) struct Recording {
+    writer: Worker<Box<[u8]>, io::Result<()>>,
+    lost: usize,
+}
+
+impl Recording {
+    /// How many pieces may wait to be written.
+    const ROOM: usize = 64 * 1024;
+    /// How long the end waits for a file that takes nothing.
+    const PATIENCE: Duration = Duration::from_millis(750);
+
+    /// Starts one into an open file.
+    pub(super) fn start(mut file: File) -> io::Result<Self> {
+        let writer = Worker::start("recording", Self::ROOM, move |pieces: Receiver<Box<[u8]>>| {
+            pieces.iter().try_for_each(|piece| file.write_all(&piece))
+        })?;
+        Ok(Recording { writer, lost: 0 })
+    }
+
+    /// Ends it; an error where it is not complete.
+    fn end(self) -> io::Result<()> {
+        self.writer.end(Self::PATIENCE)??;
+        match self.lost {
+            0 => Ok(()),
+            lost => Err(io::Error::other(format!("{lost} bytes came faster than they could be written"))),
+        }
+    }
+}
+
+impl Observer for Recording {
+    fn observe(&mut self, _: &Arc<Timeline>, _: Nanos, notice: Notice) {
+        if let Notice::Wrote(piece) = notice
+            && self.writer.send(piece.bytes().into()).is_err()
+        {
+            self.lost += piece.bytes().len();
+        }
+    }
+}

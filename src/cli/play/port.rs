@@ -1,0 +1,91 @@
+//! The port that a run is played on: a real one, or that of the built-in virtual board.
+
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::sync::Arc;
+
+use motionseq::link::{OpenError, Pty, Serial};
+use motionseq::serve::Served;
+use motionseq::sim::{Settings, VirtualBoard};
+use motionseq::timeline::Timeline;
+
+use super::super::exit::Exit;
+use super::super::screen::Screen;
+
+/// An open port, and the virtual board at its other end if there is one.
+pub(super) struct Port {
+    pub(super) link: Serial,
+    pub(super) board: Option<Served>,
+}
+
+impl Port {
+    pub(super) fn open(
+        path: Option<&Path>,
+        timeline: &Timeline,
+        settings: Settings,
+        screen: &Screen,
+    ) -> Result<Self, Exit> {
+        let Timeline { board, baud, .. } = timeline;
+        if let Some(path) = path {
+            let link = Serial::open(path, *baud).map_err(|error| refused(screen, path, &error))?;
+            screen.note(&format!("playing on {}", path.display()));
+            return Ok(Port { link, board: None });
+        }
+        let pty = Pty::open().map_err(|error| system(screen, &error))?;
+        // By its path, so that a rehearsal takes the way of the real thing.
+        let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
+        screen.note("no --port given: playing on the built-in virtual board");
+        let board = VirtualBoard::new(Arc::clone(board), settings);
+        let board = Served::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
+        Ok(Port { link, board: Some(board) })
+    }
+}
+
+/// The system refused something that a run needs.
+pub(super) fn system(screen: &Screen, error: &io::Error) -> Exit {
+    screen.error(&format!("cannot play: {error}; nothing was sent"));
+    Exit::Port
+}
+
+/// Says why a port cannot be opened, and what to do.
+pub(in super::super) fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
+    let help = match error {
+        OpenError::Missing => {
+            "`motionseq ports` lists those that there are; on a Raspberry Pi it is usually /dev/serial0".to_owned()
+        }
+        OpenError::InUse => {
+            "close that program (a paused motionseq? see `jobs`), or wait until it has ended".to_owned()
+        }
+        OpenError::Forbidden => permission(path),
+        OpenError::NotAPort | OpenError::OwnTerminal | OpenError::Nobody => {
+            "name the device that the board hangs on, usually /dev/serial0".to_owned()
+        }
+        _ => "check the cable and the port".to_owned(),
+    };
+    screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));
+    match error {
+        OpenError::InUse => Exit::InUse,
+        _ => Exit::Port,
+    }
+}
+
+/// How a user comes by the permission to open a port: the group of its node, if that may.
+fn permission(path: &Path) -> String {
+    let Ok(meta) = path.metadata() else {
+        return "the folder that it is in may not be read".to_owned();
+    };
+    let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
+    let name = groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(meta.gid())).then(|| name.to_owned())
+    });
+    match name {
+        Some(name) if meta.mode() & 0o060 == 0o060 && meta.gid() != 0 => {
+            format!("run `sudo usermod -aG {name} $USER`, then log out and in again")
+        }
+        _ => "only its owner may open it; a udev rule with GROUP=\"dialout\", MODE=\"0660\" gives it to the users of that group"
+            .to_owned(),
+    }
+}

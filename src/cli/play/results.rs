@@ -1,0 +1,119 @@
+//! The files that a run is written to: `--record`, `--report` and `--log`.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::time::{Duration, Instant};
+
+use motionseq::board::Board;
+use motionseq::source::Sources;
+
+use super::super::exit::Exit;
+use super::super::log::Log;
+use super::super::replace::Replacement;
+use super::super::screen::{PATIENCE, Screen};
+use super::super::worker::Worker;
+use super::super::{growing, output};
+use super::Play;
+use super::observers::{Files, Recording};
+use super::port::system;
+
+/// Open files with their names. What they contain stays until [`start`](Results::start).
+pub(super) struct Results<'p> {
+    recording: Option<(&'p Path, File)>,
+    /// `None` for the file where the report replaces it when it is complete.
+    report: Option<(&'p Path, Option<Replacement>)>,
+    log: Option<(&'p Path, File)>,
+}
+
+impl<'p> Results<'p> {
+    /// Opens the files that are asked for, each of them a different one.
+    pub(super) fn open(play: &'p Play, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
+        let inputs = output::Inputs::of_sources(sources);
+        let asked = [("--record", &play.record), ("--report", &play.report), ("--log", &play.log)];
+        let mut places: Vec<(&str, PathBuf)> = Vec::new();
+        for (option, path) in asked {
+            let Some(path) = path else { continue };
+            let place = growing::place(path);
+            if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
+                return Err(refused(screen, path, &io::Error::other(format!("it is the file of {other}"))));
+            }
+            places.extend((!growing::takes_everything(path)).then_some((option, place)));
+        }
+        Ok(Results {
+            recording: open_one(play.record.as_deref(), screen, |path| growing::open(path, &inputs, play.force))?,
+            report: open_one(play.report.as_deref(), screen, |path| {
+                output::whole(path, &inputs, play.force).map(|file| file.is_in_place().then_some(file))
+            })?,
+            log: open_one(play.log.as_deref(), screen, |path| {
+                growing::create(path, &inputs).map(|created| created.file)
+            })?,
+        })
+    }
+
+    /// Discards what the files contain, and starts the threads that write them.
+    pub(super) fn start(
+        self,
+        board: &Arc<Board>,
+        sources: &Sources,
+        screen: &Screen,
+    ) -> Result<(Files, Option<Report>), Exit> {
+        let Results { recording, report, log } = self;
+        if let Some((path, file)) = &recording {
+            growing::begin(file).map_err(|error| refused(screen, path, &error))?;
+        }
+        let log = log.map(|(path, file)| {
+            let log = Log::start(file, path, Arc::clone(board), *screen);
+            log.map(|log| (log, sources.clone())).map_err(|error| refused(screen, path, &error))
+        });
+        let log = log.transpose()?;
+        let failed = |error: io::Error| system(screen, &error);
+        let recording = recording.map(|(_, file)| Recording::start(file)).transpose().map_err(failed)?;
+        let report = report.map(|(path, file)| Report::start(path, file)).transpose().map_err(failed)?;
+        Ok((Files { recording, log }, report))
+    }
+}
+
+fn refused(screen: &Screen, path: &Path, error: &io::Error) -> Exit {
+    screen.error(&format!("cannot write {}: {error}; nothing was sent", path.display()));
+    Exit::Usage
+}
+
+/// Opens a file for a result, if one is asked for, or says why it cannot.
+fn open_one<'p, T>(
+    path: Option<&'p Path>,
+    screen: &Screen,
+    open: impl FnOnce(&Path) -> io::Result<T>,
+) -> Result<Option<(&'p Path, T)>, Exit> {
+    let Some(path) = path else { return Ok(None) };
+    open(path).map(|opened| Some((path, opened))).map_err(|error| refused(screen, path, &error))
+}
+
+/// The thread that writes a report, made before the first frame: at the end the system may have none to give.
+pub(super) struct Report {
+    pub(super) path: PathBuf,
+    writer: Worker<String, io::Result<()>>,
+}
+
+impl Report {
+    fn start(path: &Path, file: Option<Replacement>) -> io::Result<Self> {
+        let place = path.to_owned();
+        let writer = Worker::start("report", 1, move |texts: Receiver<String>| {
+            let Ok(text) = texts.recv() else { return Ok(()) };
+            let mut file = file.map_or_else(|| Replacement::begin(&place), Ok)?;
+            file.write_all(text.as_bytes())?;
+            file.finish()
+        })?;
+        Ok(Report { path: path.to_owned(), writer })
+    }
+
+    /// Begins to write it; the result waits for the file, at most as long as for the screen.
+    pub(super) fn write(self, text: String) -> impl FnOnce() -> io::Result<()> {
+        let until = Instant::now() + PATIENCE;
+        // Where the thread has failed, its end says so.
+        let _ = self.writer.send(text);
+        move || self.writer.end(until.saturating_duration_since(Instant::now()).max(Duration::ZERO))?
+    }
+}

@@ -1,0 +1,262 @@
+//! What came of a run: what is counted while it is played, and the report that is made of it.
+
+use std::io;
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use hdrhistogram::Histogram;
+use motionseq::board::Report;
+use motionseq::diagnostic::Diagnostics;
+use motionseq::playback::{Cause, Notice, Outcome, Stop, Verdict};
+use motionseq::report::{self, Asked, Dropped, Expected, Frames, Lateness};
+use motionseq::source::{Lines, Sources, Span};
+use motionseq::timeline::Timeline;
+use motionseq::timeline::wire::load;
+use motionseq::units::{Micros, Nanos};
+
+use super::super::ending::{closing_line, signal_name, stop_words};
+use super::super::exit::Exit;
+use super::super::screen::plural;
+use super::observers::Observer;
+
+/// The most dropped frames that are named, and the most `expect`s.
+const NAMED: usize = 1_000;
+
+/// What is counted while a run is played. Frames and expectations are those of the timeline that was played then.
+pub(super) struct RunLog {
+    /// How late frames were, in nanoseconds; `None` only where there is no room for it.
+    lateness: Option<Histogram<u64>>,
+    dropped: Vec<(Arc<Timeline>, usize)>,
+    verdicts: Vec<(Arc<Timeline>, Verdict)>,
+    passes: u64,
+    pauses: u64,
+    is_paused: bool,
+    /// The board's last report.
+    pub(super) report: Option<Report>,
+    /// All bytes that the port took.
+    pub(super) bytes: u64,
+    /// How many notices did not fit the ring.
+    pub(super) not_noted: u64,
+}
+
+impl RunLog {
+    pub(super) fn new() -> Self {
+        // From a nanosecond to a minute, to three digits; what is later counts as a minute.
+        let lateness = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok();
+        RunLog {
+            lateness,
+            dropped: Vec::new(),
+            verdicts: Vec::new(),
+            passes: 1,
+            pauses: 0,
+            is_paused: false,
+            report: None,
+            bytes: 0,
+            not_noted: 0,
+        }
+    }
+}
+
+impl Observer for RunLog {
+    fn observe(&mut self, timeline: &Arc<Timeline>, _: Nanos, notice: Notice) {
+        match notice {
+            Notice::Report(newest) => self.report = Some(newest),
+            Notice::Sent { late, .. } => {
+                if let Some(lateness) = &mut self.lateness {
+                    lateness.saturating_record(late.0);
+                }
+            }
+            Notice::Dropped { event } if self.dropped.len() < NAMED => {
+                self.dropped.push((Arc::clone(timeline), event));
+            }
+            Notice::Judged(verdict) if self.verdicts.len() < NAMED => {
+                self.verdicts.push((Arc::clone(timeline), verdict));
+            }
+            Notice::Sleeping { .. } | Notice::Paused { .. } => {
+                self.pauses += u64::from(!self.is_paused);
+                self.is_paused = true;
+            }
+            Notice::Resumed { .. } => self.is_paused = false,
+            Notice::Pass { pass } => (self.passes, self.is_paused) = (pass, false),
+            _ => {}
+        }
+    }
+}
+
+/// A run that has ended.
+pub(super) struct Run<'r> {
+    pub(super) sources: &'r Sources,
+    pub(super) timeline: &'r Timeline,
+    pub(super) asked: Asked,
+    /// How long the first pass takes.
+    pub(super) first_pass: Micros,
+    /// The port; `None` for the virtual board.
+    pub(super) port: Option<String>,
+    pub(super) started: SystemTime,
+    pub(super) elapsed: Micros,
+    pub(super) outcome: Outcome,
+}
+
+impl Run<'_> {
+    pub(super) fn exit(&self) -> Exit {
+        match self.outcome.cause {
+            // Who asked for the end and did not get the stop must know.
+            Cause::Quit if self.outcome.stop == Stop::NotSent => Exit::Port,
+            Cause::Finished | Cause::Quit => Exit::Ok,
+            Cause::Signal(signal) => Exit::Signal(signal),
+            Cause::Lost(_) => Exit::Port,
+            Cause::Stalled => Exit::Stalled,
+            Cause::Late(_) => Exit::Late,
+            Cause::Expect(_) => Exit::Expect,
+            _ => Exit::Failed,
+        }
+    }
+
+    /// Why it ended.
+    fn cause(&self) -> String {
+        match self.outcome.cause {
+            Cause::Finished => match self.outcome.dropped {
+                0 => "everything was sent".to_owned(),
+                dropped => {
+                    format!("everything was sent but {}, which newer ones had overtaken", plural(dropped, "frame"))
+                }
+            },
+            Cause::Quit => "ended by q".into(),
+            Cause::Signal(signal) => signal_name(signal),
+            Cause::Lost(None) => "the port hung up".into(),
+            Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
+            Cause::Stalled => "the port stopped taking bytes".into(),
+            Cause::Late(late) => format!("a frame was {:.0} ms late", late.in_millis()),
+            Cause::Expect(verdict) => self.timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
+            Cause::Unguarded => "the guard of this run was lost".into(),
+            _ => "motionseq failed, which is a bug".into(),
+        }
+    }
+
+    pub(super) fn is_early(&self) -> bool {
+        self.outcome.cause != Cause::Finished
+    }
+
+    /// The one line that says what happened; of an early end also where, when, and what became of the robot.
+    pub(super) fn closing_line(&self) -> String {
+        let Outcome { at, stop, .. } = self.outcome;
+        match self.place() {
+            _ if !self.is_early() => self.cause(),
+            place => {
+                let place = place.map(|span| self.sources.place(span).to_string());
+                closing_line(&self.cause(), place, at, stop_words(stop))
+            }
+        }
+    }
+
+    /// Where in the script it ended early: at the `expect` that failed, or at the last frame.
+    fn place(&self) -> Option<Span> {
+        let failed = match self.outcome.cause {
+            Cause::Expect(verdict) => self.timeline.expects.get(verdict.expect).map(|expect| expect.span),
+            _ => None,
+        };
+        failed.or(self.outcome.place).filter(|_| self.is_early())
+    }
+
+    /// How much later than it is due a frame leaves at the worst, on a line of this speed.
+    pub(super) fn line_late(&self) -> Micros {
+        load(self.timeline).worst.map_or(Micros::ZERO, |(_, late)| late)
+    }
+
+    /// The pass in which it ended; all passes are in one timeline.
+    fn pass(&self) -> u64 {
+        let Some(count @ 2..) = self.asked.passes else { return 1 };
+        let at = self.outcome.at;
+        let each = (self.timeline.end - self.first_pass).0 / (count - 1);
+        let more = match each {
+            0 => count - 1,
+            each => (at - self.first_pass).0.div_ceil(each),
+        };
+        if at < self.first_pass { 1 } else { (1 + more).min(count) }
+    }
+
+    /// The report, as text.
+    #[expect(clippy::too_many_lines, reason = "a table of fields")]
+    pub(super) fn report(&self, log: &RunLog, diagnostics: &Diagnostics) -> String {
+        let Run { sources, outcome, .. } = self;
+        let lines = Lines::of(sources);
+        let place = self.place().map(|span| lines.place(span));
+        let at = |quantile: f64| {
+            let nanos = log.lateness.as_ref().map_or(0, |lateness| lateness.value_at_quantile(quantile));
+            // The histogram rounds up to its three digits.
+            tenths(Nanos(nanos).min(outcome.worst_late))
+        };
+        let dropped = log.dropped.iter().filter_map(|(timeline, event)| {
+            let event = timeline.events.get(*event)?;
+            let place = lines.place(event.span);
+            let (at, command) = (event.at, timeline.board.show(&event.command).to_string());
+            Some(Dropped { at, command, file: place.file.to_owned(), line: place.line })
+        });
+        let expects = log.verdicts.iter().filter_map(|(timeline, verdict)| {
+            let due = timeline.expects.get(verdict.expect)?;
+            let place = lines.place(due.span);
+            Some(Expected {
+                at: due.at,
+                expect: due.expect.to_string(),
+                why: due.expect.why.clone(),
+                found: verdict.found.to_string(),
+                passed: verdict.found.is_passed(),
+                file: place.file.to_owned(),
+                line: place.line,
+            })
+        });
+        report::json::run(&report::Run {
+            script: sources.main().name().to_owned(),
+            reason: match outcome.cause {
+                Cause::Finished => "finished",
+                Cause::Quit => "quit",
+                Cause::Signal(_) => "signal",
+                Cause::Lost(_) => "port",
+                Cause::Stalled => "stalled",
+                Cause::Late(_) => "late",
+                Cause::Expect(_) => "expect",
+                Cause::Unguarded => "guard",
+                _ => "failed",
+            },
+            cause: self.cause(),
+            exit: self.exit().code(),
+            started: humantime::format_rfc3339_seconds(self.started).to_string(),
+            port: self.port.clone(),
+            asked: self.asked.clone(),
+            end: outcome.at,
+            elapsed: self.elapsed,
+            pauses: log.pauses,
+            file: place.as_ref().map(|place| place.file.to_owned()),
+            line: place.as_ref().map(|place| place.line),
+            stop: match outcome.stop {
+                Stop::NotNeeded => "not needed",
+                Stop::Sent => "sent",
+                _ => "not sent",
+            },
+            passes: log.passes.max(self.pass()),
+            frames: Frames {
+                sent: outcome.sent,
+                dropped: outcome.dropped,
+                extra: outcome.extra,
+                not_noted: log.not_noted,
+            },
+            bytes: log.bytes,
+            lateness_us: Lateness {
+                p50: at(0.5),
+                p99: at(0.99),
+                max: tenths(outcome.worst_late),
+                line: tenths(self.line_late().nanos()),
+            },
+            dropped: dropped.collect(),
+            expects: expects.collect(),
+            warnings: report::findings(sources, diagnostics),
+        })
+    }
+}
+
+/// In microseconds, to the tenth.
+fn tenths(Nanos(nanos): Nanos) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a minute of nanoseconds fits")]
+    let tenths = (nanos.saturating_add(50) / 100) as f64;
+    tenths / 10.0
+}
