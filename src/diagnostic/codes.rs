@@ -1,15 +1,15 @@
-//! The one table of codes. A new one is one row here: its name, how bad it is, what it is, why, and an example of wrong and right.
+//! The one table of codes. A new code is one row: its name, severity, title, explanation, and a wrong and a right example.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// How bad it is.
+/// The severity of a diagnostic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Severity {
-    /// The script runs, but probably not as meant.
+    /// The script runs, but probably not as intended.
     Warning,
     /// The script does not compile; nothing is sent.
     Error,
@@ -24,7 +24,7 @@ impl fmt::Display for Severity {
 /// Variant, name, severity, title, why, wrong, right.
 macro_rules! codes {
     ($($variant:ident $name:literal $severity:ident $title:literal $why:literal $wrong:literal $right:literal)*) => {
-        /// What kind of mistake it is. The name of a code never changes its meaning.
+        /// What kind of mistake it is. The meaning of a name never changes.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[non_exhaustive]
         pub enum Code {
@@ -55,8 +55,8 @@ macro_rules! codes {
                 match self { $(Code::$variant => $why,)* }
             }
 
-            /// A script that has it, and the same script put right. In the first, `…` stands for more than fits on a page, and
-            /// `\xFC` for the byte with this number.
+            /// A script with the mistake, and the corrected script. In the first, `…` means more than fits on a page, and `\xFC`
+            /// means the byte with this number.
             pub fn example(self) -> (&'static str, &'static str) {
                 match self { $(Code::$variant => ($wrong, $right),)* }
             }
@@ -80,84 +80,81 @@ impl fmt::Display for Code {
 codes! {
     // text
     NotUtf8 "not-utf8" Error "The file is not UTF-8 text."
-        "A script is plain text in UTF-8, the encoding that editors use unless they are told otherwise. This file has a byte \
-        that no such text has: it was saved in another encoding, or is no text at all. Save it as UTF-8."
+        "A script is plain text in UTF-8, the default encoding of most editors. This file contains a byte that is not valid UTF-8: \
+        it was saved in another encoding, or it is not text. Save it as UTF-8."
         r#"say "gr\xFCezi"
 "#
         r#"say "grüezi"
 "#
 
     SourceTooLarge "source-too-large" Error "The script is larger than 64 MiB."
-        "A script, with all files that it uses, is at most 64 MiB long; nothing of a larger one is read. What repeats is \
-        shorter as a `repeat` or a `def`."
+        "A script, together with all files that it uses, may be at most 64 MiB long. Write repeated lines as a `repeat` or a `def`."
         "# …\n"
         "repeat 100 { buzzer on for 50ms }\n"
 
-    ControlCharacter "control-character" Error "A character that cannot be seen stands in the script."
-        "A character that nobody sees, such as the bell with the number 7, could make a script look other than it is, and move \
-        the cursor of a terminal. It mostly comes with text that was copied from elsewhere. Delete it."
+    ControlCharacter "control-character" Error "The script contains an invisible character."
+        "Invisible characters, such as the bell (U+0007), can make a script look different from what it does, and can move the cursor \
+        of a terminal. They usually come with text that was copied from elsewhere. Delete them."
         r"servo 1\x07 1500
 "
         "servo 1 1500\n"
 
     // syntax
     EmptyScript "empty-script" Error "The script does nothing."
-        "A script without any command, setting, `def` or `let` is most likely a file that was never saved or lost its content."
+        "A script without any command, setting, `def` or `let` is most likely a file that was not saved or has lost its content."
         "# to be done\n"
         "servo 1 1500\n"
 
     Unclosed "unclosed" Error "A bracket or a quotation mark is opened and never closed."
-        r#"Each `(`, `{` and `"` needs its partner. The place shown is where it opens; where it should close only the author knows."#
+        r#"Each `(`, `{` and `"` needs a closing partner. The error points at the opening one."#
         r#"say "hello
 "#
         r#"say "hello"
 "#
 
     Unopened "unopened" Error "A bracket is closed that was never opened."
-        "A `)` or `}` stands where no bracket of its kind is open. One too many, or the opening one was deleted."
+        "A `)` or `}` closes a bracket that is not open. Remove it, or add the opening bracket."
         "servo 1 1500\n}\n"
         "servo 1 1500\n"
 
     LineTooLong "line-too-long" Error "A line is longer than 64 KiB."
-        "A line of a script is at most 64 KiB long. Such a line was most likely written by a program that forgot the line ends."
+        "A line of a script may be at most 64 KiB long. A longer line was most likely written by a program that leaves out line breaks."
         r#"say "…"
 "#
         r#"say "short"
 "#
 
     Nesting "nesting" Error "Brackets are nested too deep."
-        "Brackets are nested at most 64 deep, and calls and blocks run at most 200 deep inside each other. Give a part a name \
-        with `def` or `let`."
+        "Brackets may be nested 64 deep, and calls and blocks may run 200 deep inside each other. Give a part a name with `def` or \
+        `let`."
         "let a = (((((((((((((((((((((((((((((((((((((((((((((((((((((((((((((((((1)))))))))))))))))))))))))))))))))))))))))))))))))))))))))))))))))\nservo 1 (1500 + a)\n"
         "let a = 1\nservo 1 (1500 + a)\n"
 
     Syntax "syntax" Error "This cannot be read."
-        "The words, numbers and signs of this line do not make a statement. The help says what was expected at this place. \
-        Often a sum lacks its parentheses, or a blank stands in the wrong place."
+        "The words, numbers and operators of this line do not form a statement. The help shows what is expected."
         "let a 5\nservo 1 (1500 + a)\n"
         "let a = 5\nservo 1 (1500 + a)\n"
 
-    EmptyPlace "empty-place" Error "Nothing stands before or behind a `;`."
-        "`;` joins commands that start together, so one stands on each side of it. At the end of a line it is not needed: a \
-        line ends by itself."
+    EmptyPlace "empty-place" Error "A command is missing before or after a `;`."
+        "`;` joins commands that start together, so it needs a command on each side. A line does not need a `;` at its end."
         "servo 1 1500;\n"
         "servo 1 1500\n"
 
     Number "number" Error "A number or its unit cannot be read."
-        "A number has digits on both sides of its point, no exponent, at most 15 digits on each side, and its unit follows \
-        without a blank: `0.5s`, `250ms`, `90deg`, `1m30s`."
+        "A number has digits on both sides of its decimal point, at most 15 on each, and no exponent. Its unit follows without a space: \
+        `0.5s`, `250ms`, `90deg`, `1m30s`."
         "wait 1e3s\n"
         "wait 1000s\n"
 
     // program
-    UnknownWord "unknown-word" Error "No command or setting has this name."
-        "A line begins with a command, a setting, or a word of the language such as `repeat`; `motionseq` knows no other. A \
-        phrase of your own is called with parentheses: `nod()`."
+    UnknownWord "unknown-word" Error "There is no command or setting with this name."
+        "A line begins with a command, a setting, or a word of the language such as `repeat`. A phrase of your own is called with \
+        parentheses: `nod()`."
         "sevro 1 1500\n"
         "servo 1 1500\n"
 
-    NotYet "not-yet" Error "The language has this, but this version of motionseq does not."
-        "The word is part of the language, and a later version of motionseq will know it."
+    NotYet "not-yet" Error "This version of motionseq does not support this word yet."
+        "The word is reserved for a later version of motionseq."
         "robots left, right\nservo 1 1500\n"
         "servo 1 1500\n"
 
@@ -167,87 +164,84 @@ codes! {
         "servo 1\n"
         "servo 1 1500\n"
 
-    Unit "unit" Error "A value has the wrong unit, or none."
-        "A time needs its unit, because 5 could be seconds or milliseconds. Values of different kinds, such as a time and an \
-        angle, cannot be added or compared."
+    Unit "unit" Error "A unit is missing or wrong."
+        "A time needs a unit, because 5 could be seconds or milliseconds. Values of different kinds, such as a time and an angle, \
+        cannot be added or compared."
         "wait 5\n"
         "wait 5s\n"
 
-    OutOfRange "out-of-range" Error "A value is outside the range that the robot takes."
-        "The board gets only values that it takes; nothing is cut off to fit, because a robot that does something else than its \
-        script is worse than one that stands. Angles need their unit: `90deg` is a pulse width of 1500."
+    OutOfRange "out-of-range" Error "A value is out of range."
+        "Values outside of the range of the board are errors. They are never clamped, because the robot would then do something other \
+        than its script says. Angles need a unit: `90deg` is a pulse width of 1500 µs."
         "servo 1 90\n"
         "servo 1 90deg\n"
 
     NotWhole "not-whole" Error "A value must be a whole number."
-        "Numbers of servos, counts, bytes and indices are whole. Round it, if a calculation gives something else: `round`, \
-        `floor` or `ceil`."
+        "Servo numbers, counts, bytes and indices are whole numbers. Use `round`, `floor` or `ceil` on the result of a calculation."
         "repeat 2.5 { buzzer on for 50ms }\n"
         "repeat 2 { buzzer on for 50ms }\n"
 
     LanguageVersion "language-version" Error "The script is written for another version of the language."
-        "`language 1` says which version of the language a script is written for. This motionseq knows only version 1; for \
-        another one, update motionseq."
+        "`language 1` names the version of the language that a script is written for. This motionseq supports version 1 only. Update \
+        motionseq to use a later one."
         "language 2\nservo 1 1500\n"
         "language 1\nservo 1 1500\n"
 
-    SettingPlace "setting-place" Error "A setting stands behind a command, or twice."
-        "A setting holds for the whole script, so it stands before everything else, once. `tempo` and `meter` may also stand \
-        first in a block."
+    SettingPlace "setting-place" Error "A setting comes after a command, or is repeated."
+        "A setting applies to the whole script, so it comes first, and only once. `tempo` and `meter` may also come first in a block."
         "servo 1 1500\nrefresh 20ms\n"
         "refresh 20ms\nservo 1 1500\n"
 
     Joined "joined" Error "This cannot be joined to other commands with `;`."
-        "`;` joins what starts together. `wait`, `let`, `mark`, `at` and `+` are about what comes next, so each has a line of \
-        its own."
+        "`;` joins commands that start together. `wait`, `let`, `mark`, `at` and `+` affect what follows, so each needs a line of its own."
         "servo 1 1500; wait 1s\n"
         "servo 1 1500\nwait 1s\n"
 
-    StartTime "start-time" Error "A start time is missing, doubled or out of place."
-        "`at T` or `+D` stands first in a line, once, and covers the whole line. Nothing starts before its own block does."
+    StartTime "start-time" Error "A start time is missing, repeated or misplaced."
+        "`at T` or `+D` comes first in a line, once, and applies to the whole line. Nothing can start before its block starts."
         "at 1s at 2s servo 1 1500\n"
         "at 2s servo 1 1500\n"
 
     TooLong "too-long" Error "The script is longer than 24 hours."
-        "A script is at most 24 hours long. A longer time is most likely a slip in a unit."
+        "A script may last at most 24 hours. A longer time is most likely a mistake in a unit."
         "wait 25h\n"
         "wait 25min\n"
 
-    TooManySteps "too-many-steps" Error "The script takes too many steps to unroll."
-        "Every line and every pass of a `repeat` is a step, and a script takes at most 100,000,000 of them."
+    TooManySteps "too-many-steps" Error "The script unrolls to too many steps."
+        "Every line and every pass of a `repeat` is a step. A script may take at most 100,000,000 steps."
         "repeat 1000000 { repeat 1000 { buzzer off } }\n"
         "repeat 1000 { buzzer on for 50ms }\n"
 
-    UnknownName "unknown-name" Error "Nothing has this name here."
-        "A name is known below its `let`, `def` or `mark`, inside the block where it stands. A phrase sees its parameters and \
-        the names above it, and not those of the line that calls it."
+    UnknownName "unknown-name" Error "This name is unknown here."
+        "A name can be used below its `let`, `def` or `mark`, in the same block. A phrase can use its parameters and the names above its \
+        `def`, but not the names of the code that calls it."
         "servo 1 centre\nlet centre = 1500us\n"
         "let centre = 1500us\nservo 1 centre\n"
 
-    Name "name" Error "A name is given twice, or cannot be a name."
-        "Names of values, phrases and marks share one space, and each is given once in its block. They are made of small \
-        letters, digits and `_`, begin with no digit, and are no word of the language."
+    Name "name" Error "A name is taken, or is not a valid name."
+        "Values, phrases and marks share one namespace, and each name is given once in a block. A name consists of lower-case letters, \
+        digits and `_`, does not begin with a digit, and is not a word of the language."
         "let wait = 5s\n"
         "let pause = 5s\nwait pause\n"
 
     Arithmetic "arithmetic" Error "A calculation has no result."
-        "A division by zero, the root of a negative number, or a result that no number can hold."
+        "The calculation divides by zero, takes the root of a negative number, or its result is too large."
         "servo 1 (1500 / 0)\n"
         "servo 1 (1500 / 1)\n"
 
-    TopLevel "top-level" Error "A statement stands inside a block and may not."
-        "`def`, `use` and `on abort` are about the whole script, so they stand outside of all blocks."
+    TopLevel "top-level" Error "A statement is not allowed inside a block."
+        "`def`, `use` and `on abort` apply to the whole script, so they must be outside of all blocks."
         "repeat 2 {\n  def beep() { buzzer on for 50ms }\n}\n"
         "def beep() { buzzer on for 50ms }\nrepeat 2 { beep() }\n"
 
     Recursion "recursion" Error "A phrase ends up calling itself."
-        "A script always ends, so no phrase may call itself, nor by way of others. Use `repeat`."
+        "A script always ends, so a phrase must not call itself, directly or through other phrases. Use `repeat`."
         "def again() {\n  buzzer on for 50ms\n  again()\n}\nagain()\n"
         "repeat 3 { buzzer on for 50ms }\n"
 
     Use "use" Error "A file cannot be used."
-        "`use` takes a file in the folder of the main script or below it, relative to the file that says it. It holds only \
-        `use`, `let` and `def`, and files do not use each other in a circle."
+        "`use` takes a file in the folder of the main script or in a folder inside it, relative to the file that contains the `use`. The file \
+        may contain only `use`, `let` and `def`, and must not use itself, directly or through other files."
         r#"use "no-such-file.motion"
 servo 1 1500
 "#
@@ -255,59 +249,59 @@ servo 1 1500
 nod()
 "#
 
-    Abort "abort" Error "`on abort` holds what it cannot."
-        "`on abort` is sent after the stop, when something ends a run early. It may not drive, lasts at most 2 s, and stands \
-        once in the main script."
+    Abort "abort" Error "`on abort` contains something that it must not."
+        "`on abort` is sent after the stop, when a run ends early. It must not drive, may last at most 2 s, and is allowed once, in the \
+        main script."
         "on abort { rocker x=5 }\nservo 1 1500\n"
         "on abort { servo 1 1500 }\nservo 1 1500\n"
 
-    Limit "limit" Error "A command breaks a limit."
-        "`limit` sets the range of a servo, an axis or the wheels, for example because the camera hits its frame. No command \
-        may leave it, nor a move on its way. Servo 2 is limited to 500..1950 where a script says nothing else, because a higher \
-        value damages a tilt servo; `limit servo 2 500..2500` widens that."
+    Limit "limit" Error "A value is outside of a limit."
+        "`limit` restricts the range of a servo, an axis or the wheels, for example because the camera would hit its frame. Neither a \
+        command nor a move may leave that range. Servo 2 is limited to 500..1950 by default, because higher values damage a tilt \
+        servo; `limit servo 2 500..2500` widens the limit."
         "limit servo 1 900..1700\nservo 1 1800\nservo 2 2000\n"
         "limit servo 1 900..1800\nlimit servo 2 500..2500\nservo 1 1800\nservo 2 2000\n"
 
-    Unused "unused" Warning "Nothing uses a name."
-        "A `let` or a `def` of the main script that nothing uses is most likely a slip: another name was meant, or a call was \
-        forgotten. A file that holds only phrases, for others to use, is not warned of."
+    Unused "unused" Warning "A name is never used."
+        "A `let` or `def` of the main script that is never used is most likely a mistake: another name was meant, or a call is missing. \
+        There is no warning for a file that contains only phrases for other scripts."
         "let centre = 1500us\nservo 1 1500\n"
         "let centre = 1500us\nservo 1 centre\n"
 
-    WaitInTogether "wait-in-together" Warning "A `wait` delays nothing inside `together`."
-        "In `together` all statements start at once, so a bare `wait` delays none of them; it only makes the whole last as \
-        long. `+D` before a statement delays it."
+    WaitInTogether "wait-in-together" Warning "A `wait` inside `together` delays nothing."
+        "In `together`, all statements start at once, so a `wait` delays none of them; it only sets how long the block lasts at least. \
+        Write `+D` before a statement to delay it."
         "together {\n  servo 1 1500\n  wait 1s\n  servo 2 1500\n}\n"
         "together {\n  servo 1 1500\n  +1s servo 2 1500\n}\n"
 
-    Allow "allow" Warning "A comment allows what is no warning."
-        "`# allow: CODE` at the end of a line keeps the warnings of that code on this line back; several codes stand with \
-        commas between them. Errors cannot be allowed."
+    Allow "allow" Warning "An `# allow:` comment names an unknown warning."
+        "`# allow: CODE` at the end of a line suppresses the warnings with that code on this line. Separate several codes with commas. \
+        Errors cannot be allowed."
         "servo 1 1500  # allow: raw-fram\n"
         "raw 0x04 0  # allow: raw-frame\n"
 
-    SlowRefresh "slow-refresh" Warning "The drive is refreshed so seldom that the robot may stop."
-        "What the board does when frames stop is unknown; docs/safety.md has a test for it. A drive command that holds is \
-        therefore sent again every 50 ms; above 500 ms a robot may stop in between."
+    SlowRefresh "slow-refresh" Warning "The drive is refreshed too rarely."
+        "What the board does when frames stop is unknown; docs/safety.md describes a test. A drive command that lasts is therefore sent \
+        again every 50 ms. If it is sent less often than every 500 ms, the robot may stop in between."
         "refresh 800ms\nrocker x=5 for 2s\n"
         "refresh 100ms\nrocker x=5 for 2s\n"
 
     // timeline
-    UnknownStart "unknown-start" Error "A move starts from a value that nobody knows."
-        "A move with `over` starts from the last value that was sent. Before the first one, after another kind of drive \
-        command, and after `raw 3`, nobody knows where it starts. Write it: `1000 -> 1500`."
+    UnknownStart "unknown-start" Error "The start of a move is unknown."
+        "A move with `over` starts at the last value that was sent. That value is unknown before the first command, after a drive \
+        command of another kind, and after `raw 3`. Write the start: `1000 -> 1500`."
         "servo 1 1500 over 1s\n"
         "servo 1 1000 -> 1500 over 1s\n"
 
-    Clash "clash" Error "Two commands want the same thing at the same time."
-        "The drive, the buzzer and each servo do one thing at a time. `for` and `over` keep their thing busy as long as they \
-        last; a plain command only for its moment. Lines run one after the other, so two commands mostly meet where `at`, \
-        `together` or `;` put them."
+    Clash "clash" Error "Two commands overlap."
+        "The drive, the buzzer and each servo do one thing at a time. A command with `for` or `over` occupies its device until it ends; \
+        any other command occupies it for an instant. Lines run one after the other, so commands overlap mostly where `at`, \
+        `together` or `;` is used."
         "together {\n  servo 1 1000 -> 1500 over 1s\n  +500ms servo 1 1200\n}\n"
         "servo 1 1000 -> 1500 over 1s\nservo 1 1200\n"
 
-    MoveMode "move-mode" Error "`move` needs the board in position mode."
-        "`move` is a displacement, which the board takes only in position mode. The last `pid` before it must be `pid \
+    MoveMode "move-mode" Error "`move` needs position mode."
+        "`move` is a displacement, which the board accepts only in position mode. The last `pid` command before it must be `pid \
         position`."
         "move x=100\n"
         "pid position speed=200,150 position=20,0,20 yaw=12,2,5\nmove x=100\n"
@@ -318,43 +312,43 @@ nod()
         "repeat 11000000 {\n  buzzer off\n  wait 5ms\n}\n"
         "repeat 1100 {\n  buzzer off\n  wait 5ms\n}\n"
 
-    WireFull "wire-full" Error "The line carries less than the script sends: a frame begins to leave more than 50 ms late."
-        "At 115200 baud the line carries 11,520 bytes a second, a frame of 13 bytes takes 1.128 ms, and frames that are due \
-        together leave one after another. What comes faster piles up. Let time pass between commands, lower `rate`, or make \
+    WireFull "wire-full" Error "The script sends more than the serial line can carry: a frame leaves more than 50 ms late."
+        "At 115200 baud the line carries 11,520 bytes per second. A frame of 13 bytes takes 1.128 ms, and frames that are due at the same \
+        time are sent one after another, so each one waits for those before it. Add time between commands, lower `rate`, or make \
         `refresh` longer."
         "repeat 100 {\n  pid speed speed=200,150 position=20,0,20 yaw=12,2,5\n}\n"
         "repeat 100 {\n  pid speed speed=200,150 position=20,0,20 yaw=12,2,5\n  wait 5ms\n}\n"
 
-    WireLate "wire-late" Warning "A frame begins to leave more than 5 ms late, because the line is busy."
-        "Frames that are due together leave one after another; at 115200 baud one of 13 bytes takes 1.128 ms. A few \
-        milliseconds are seldom seen, but the script says something else than what happens. Let time pass between commands, \
-        lower `rate`, or make `refresh` longer."
+    WireLate "wire-late" Warning "A frame leaves more than 5 ms late, because the serial line is busy."
+        "Frames that are due at the same time are sent one after another; at 115200 baud a frame of 13 bytes takes 1.128 ms. A delay of a few \
+        milliseconds is rarely visible, but the robot is not where the script says. Add time between commands, lower `rate`, or make \
+        `refresh` longer."
         "repeat 6 {\n  pid speed speed=200,150 position=20,0,20 yaw=12,2,5\n}\n"
         "repeat 6 {\n  pid speed speed=200,150 position=20,0,20 yaw=12,2,5\n  wait 5ms\n}\n"
 
-    ServoSpeed "servo-speed" Warning "A servo is sent on before it can have arrived."
-        "A servo takes time to turn: a usual one 0.12 s for 60°, which is 5500 µs of pulse width a second. It is told to go \
-        somewhere, and somewhere else before it can be there, so it never gets there. Until it catches up, this is one warning, \
-        at the command where it falls behind. Give it time, or, if it is faster or slower than that, say so with `limit servo N \
-        speed …`; the help names a speed that is enough for the whole script."
+    ServoSpeed "servo-speed" Warning "A servo gets its next command before it can arrive."
+        "A servo takes time to turn: a typical one takes 0.12 s for 60°, which is 5500 µs of pulse width per second. This servo gets its \
+        next command before it can reach the position of this one. There is one warning per delay, at the command where it begins. \
+        Allow more time, or set the real speed of the servo with `limit servo N speed …`; the help shows a speed that is \
+        sufficient for the whole script."
         "servo 1 600\nwait 1s\nservo 1 2400\nwait 100ms\nservo 1 600\n"
         "servo 1 600\nwait 1s\nservo 1 2400\nwait 400ms\nservo 1 600\n"
 
-    LongHold "long-hold" Warning "The drive holds for more than ten seconds without a `for`."
-        "A drive command without `for` drives on until another one comes. Where that takes more than ten seconds, a `stop` was \
-        most likely forgotten. If it is meant, `for` says so at the line that starts it."
+    LongHold "long-hold" Warning "The drive runs for more than ten seconds without a `for`."
+        "A drive command without `for` lasts until the next drive command. If that takes more than ten seconds, a `stop` was most likely \
+        forgotten. If it is intended, write `for` in the line that starts it."
         "rocker x=5\nwait 30s\nstop\n"
         "rocker x=5 for 30s\n"
 
     LeftRunning "left-running" Warning "The script ends with the drive running or the buzzer on."
-        "When a script ends, what still holds ends with it: motionseq sends the `stop` or the `buzzer off` that is missing. Say \
-        it, or how long it lasts, so that the script says what happens."
+        "At the end of a script, motionseq sends the `stop` or `buzzer off` that is missing. Write it, or write how long the command \
+        lasts, so that the script shows what happens."
         "rocker x=5\nwait 2s\n"
         "rocker x=5 for 2s\n"
 
-    RawFrame "raw-frame" Warning "Nothing checks what a raw frame does."
-        "`raw` sends any function and any bytes. Neither ranges nor clashes are checked, and nobody knows what the robot does \
-        behind it, so the script ends with a stop. Use the command that sends it, or allow it: `# allow: raw-frame`."
+    RawFrame "raw-frame" Warning "A raw frame is not checked."
+        "`raw` sends any function with any bytes. Ranges and overlaps are not checked, and the state of the robot is unknown afterwards, \
+        so the script ends with a stop. Use the command for this frame, or allow it: `# allow: raw-frame`."
         "raw 0x04 1\n"
         "buzzer on for 100ms\n"
 }
