@@ -2,6 +2,7 @@
 
 mod display;
 mod end;
+mod observer;
 mod observers;
 mod port;
 mod results;
@@ -24,14 +25,13 @@ use motionseq::units::{Micros, Nanos, NotATime};
 
 use super::Script;
 use super::exit::Exit;
-use super::output::Force;
 use super::screen::{Screen, Warnings};
 use super::show::{Show, Staged};
 use display::{Display, Progress};
 use end::End;
 use observers::Observers;
 use port::{Port, system};
-use results::Results;
+use results::{Paths, Results};
 use run_log::Run;
 
 pub(super) use port::refused;
@@ -70,17 +70,8 @@ pub(super) struct Play {
     /// Begin paused, and play one step for each Enter; the drive stands
     #[arg(long)]
     step: bool,
-    /// Write the exact bytes that the port was given to this file
-    #[arg(long, value_name = "FILE")]
-    record: Option<PathBuf>,
-    /// Write how the run went to this file, as JSON
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    /// Write all that happens to this MCAP file: frames, state, lateness, telemetry, marks and `say`; Foxglove shows it
-    #[arg(long, value_name = "FILE")]
-    log: Option<PathBuf>,
     #[command(flatten)]
-    force: Force,
+    results: Paths,
 }
 
 fn max_late(text: &str) -> Result<Nanos, String> {
@@ -105,7 +96,7 @@ impl Play {
         let (sources, staged) =
             self.show.compile(&self.script.file, &self.script.options, Warnings::Counted, screen)?;
         let Staged { timeline, again, first_pass, script, diagnostics } = staged;
-        let results = Results::open(self, &sources, screen)?;
+        let results = Results::open(&self.results, &sources, screen)?;
         self.check_terminal(screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
@@ -163,7 +154,7 @@ impl Play {
     /// Whether there is a terminal where it is asked for.
     fn check_terminal(&self, screen: &Screen) -> Result<(), Exit> {
         if (self.paused || self.step) && !(screen.is_live() && Keys::open(false).is_some()) {
-            screen.error("--paused and --step need a terminal where keys are seen and pressed: in the foreground, standard error not redirected, no -q, no TERM=dumb");
+            screen.error("--paused and --step need a terminal in the foreground: no redirected standard error, no -q, no TERM=dumb");
             return Err(Exit::Usage);
         }
         Ok(())

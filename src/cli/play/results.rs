@@ -7,18 +7,35 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
+use clap::Args;
 use motionseq::board::Board;
 use motionseq::source::Sources;
 
 use super::super::exit::Exit;
 use super::super::log::Log;
+use super::super::output::Force;
 use super::super::replace::Replacement;
 use super::super::screen::{PATIENCE, Screen};
 use super::super::worker::Worker;
 use super::super::{growing, output};
-use super::Play;
 use super::observers::{Files, Recording};
 use super::port::system;
+
+/// The files that are asked for.
+#[derive(Debug, Args)]
+pub(super) struct Paths {
+    /// Write the exact bytes that the port took to this file
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// Write how the run went to this file, as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Write everything that happens to this MCAP file: frames, state, lateness, telemetry, marks and `say`; Foxglove shows it
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
+}
 
 /// Open files with their names. What they contain stays until [`start`](Results::start).
 pub(super) struct Results<'p> {
@@ -30,9 +47,10 @@ pub(super) struct Results<'p> {
 
 impl<'p> Results<'p> {
     /// Opens the files that are asked for, each of them a different one.
-    pub(super) fn open(play: &'p Play, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
+    pub(super) fn open(paths: &'p Paths, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
         let inputs = output::Inputs::of_sources(sources);
-        let asked = [("--record", &play.record), ("--report", &play.report), ("--log", &play.log)];
+        let Paths { record, report, log, force } = paths;
+        let asked = [("--record", record), ("--report", report), ("--log", log)];
         let mut places: Vec<(&str, PathBuf)> = Vec::new();
         for (option, path) in asked {
             let Some(path) = path else { continue };
@@ -43,13 +61,11 @@ impl<'p> Results<'p> {
             places.extend((!growing::takes_everything(path)).then_some((option, place)));
         }
         Ok(Results {
-            recording: open_one(play.record.as_deref(), screen, |path| growing::open(path, &inputs, play.force))?,
-            report: open_one(play.report.as_deref(), screen, |path| {
-                output::whole(path, &inputs, play.force).map(|file| file.is_in_place().then_some(file))
+            recording: open_one(record.as_deref(), screen, |path| growing::open(path, &inputs, *force))?,
+            report: open_one(report.as_deref(), screen, |path| {
+                output::whole(path, &inputs, *force).map(|file| file.is_in_place().then_some(file))
             })?,
-            log: open_one(play.log.as_deref(), screen, |path| {
-                growing::create(path, &inputs).map(|created| created.file)
-            })?,
+            log: open_one(log.as_deref(), screen, |path| growing::create(path, &inputs).map(|created| created.file))?,
         })
     }
 
