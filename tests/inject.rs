@@ -163,10 +163,10 @@ fn code(output: &Output) -> i32 {
     output.status.code().unwrap_or_else(|| 128 + output.status.signal().unwrap())
 }
 
-/// Whether the README says what this exit code means; 137 is that of a player that its guard has killed.
+/// Whether docs/cli.md says what this exit code means; 137 is that of a player that its guard has killed.
 fn is_documented(code: i32) -> bool {
-    let readme = fs::read_to_string("README.md").unwrap();
-    code == 137 || readme.lines().any(|row| row.starts_with(&format!("| {code} |")))
+    let page = fs::read_to_string("docs/cli.md").unwrap();
+    code == 137 || page.lines().any(|row| row.starts_with(&format!("| {code} |")))
 }
 
 /// The words behind `… s into the run; stop: `, for each line of this kind.
