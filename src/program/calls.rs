@@ -5,25 +5,16 @@ use std::sync::Arc;
 
 use crate::syntax::{Block, Def, Name, Statement};
 
-/// Every phrase that a block calls, however deep inside. The recursion is bounded by the depth of brackets.
-pub(super) fn calls_of<'s>(block: &Block<'s>, found: &mut Vec<Name<'s>>) {
-    for line in block.lines() {
-        for part in &line.parts {
-            match &part.statement {
-                Statement::Call(call) => found.push(call.name),
-                Statement::Block(inner) => calls_of(inner, found),
-                Statement::Command(command) => command.block.iter().for_each(|inner| calls_of(inner, found)),
-                Statement::If(each) => {
-                    each.arms
-                        .iter()
-                        .map(|(_, block)| block)
-                        .chain(&each.otherwise)
-                        .for_each(|inner| calls_of(inner, found));
-                }
-                Statement::Let(_) | Statement::Def(_) => {}
-            }
-        }
-    }
+/// Every phrase that a block calls, at any depth.
+pub(super) fn calls_of<'s>(block: &Block<'s>) -> Vec<Name<'s>> {
+    let mut found = Vec::new();
+    block.visit(&mut |line| {
+        found.extend(line.statements().filter_map(|statement| match statement {
+            Statement::Call(call) => Some(call.name),
+            _ => None,
+        }));
+    });
+    found
 }
 
 /// Numbers the circles of calls (Kosaraju's algorithm): along the calls, each `def` is listed behind all that it reaches; against
@@ -33,9 +24,7 @@ pub(super) fn circles<'s>(defs: &[Arc<Def<'s>>]) -> HashMap<&'s str, usize> {
     let mut calls = vec![Vec::new(); defs.len()];
     let mut callers = vec![Vec::new(); defs.len()];
     for (at, def) in defs.iter().enumerate() {
-        let mut found = Vec::new();
-        calls_of(&def.body, &mut found);
-        for to in found.iter().filter_map(|call| places.get(call.text).copied()) {
+        for to in calls_of(&def.body).iter().filter_map(|call| places.get(call.text).copied()) {
             if let (Some(calls), Some(callers)) = (calls.get_mut(at), callers.get_mut(to)) {
                 calls.push(to);
                 callers.push(at);

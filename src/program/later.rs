@@ -55,7 +55,7 @@ impl<'s> Whole<'s> {
         let Some(tree) = syntax::parse(source, &mut Diagnostics::default()) else { return Whole::default() };
         let mut defs: Vec<Arc<Def<'s>>> = Vec::new();
         for line in tree.body.lines() {
-            defs.extend(line.parts.iter().filter_map(|part| match &part.statement {
+            defs.extend(line.statements().filter_map(|statement| match statement {
                 Statement::Def(def) => Some(Arc::clone(def)),
                 _ => None,
             }));

@@ -14,33 +14,21 @@ impl<'s> Evaluator<'s, '_> {
         self.refuse(Code::TopLevel, span, message, "move it out of the block")
     }
 
-    /// Looks at the words of a block that may never run: what nothing is called is a mistake there too. The recursion is
-    /// bounded by the depth of brackets. Calls in a phrase are looked at where it is defined.
+    /// Reports unknown words in a block that may never run. Calls in a phrase are checked where it is defined.
     pub(super) fn check_words(&mut self, block: &Block<'s>, in_phrase: bool) {
-        for line in block.lines() {
-            for part in &line.parts {
-                match &part.statement {
-                    Statement::Command(command) => {
-                        if words::find(self.board, command.head.text).is_none() {
-                            self.unknown_word(command);
-                        }
-                        if let Some(inner) = &command.block {
-                            self.check_words(inner, in_phrase);
-                        }
-                    }
-                    Statement::Block(inner) => self.check_words(inner, in_phrase),
-                    Statement::If(each) => {
-                        for inner in each.arms.iter().map(|(_, inner)| inner).chain(&each.otherwise) {
-                            self.check_words(inner, in_phrase);
-                        }
+        block.visit(&mut |line| {
+            for statement in line.statements() {
+                match statement {
+                    Statement::Command(command) if words::find(self.board, command.head.text).is_none() => {
+                        self.unknown_word(command);
                     }
                     Statement::Call(call) if !in_phrase && self.scope.phrase(call.name.text).is_none() => {
                         self.unknown_call(Name { span: call.span, ..call.name });
                     }
-                    Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
+                    _ => {}
                 }
             }
-        }
+        });
     }
 
     pub(super) fn unknown_word(&mut self, command: &Command<'s>) {

@@ -121,6 +121,13 @@ pub struct Line<'s> {
     pub span: Span,
 }
 
+impl<'s> Line<'s> {
+    /// What its parts do.
+    pub fn statements(&self) -> impl Iterator<Item = &Statement<'s>> {
+        self.parts.iter().map(|part| &part.statement)
+    }
+}
+
 /// When a line starts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -265,6 +272,13 @@ pub struct If<'s> {
     pub otherwise: Option<Block<'s>>,
     /// The word `if`.
     pub span: Span,
+}
+
+impl<'s> If<'s> {
+    /// Its blocks, one of which runs, or none.
+    pub fn blocks(&self) -> impl Iterator<Item = &Block<'s>> {
+        self.arms.iter().map(|(_, block)| block).chain(&self.otherwise)
+    }
 }
 
 /// A word, its arguments, perhaps a block.

@@ -13,6 +13,7 @@ mod print;
 mod reading;
 mod scan;
 mod trouble;
+mod visit;
 
 pub(crate) use ahead::{Lines, read_ahead};
 pub use ast::{

@@ -239,7 +239,7 @@ impl<'s> Walker<'s, '_> {
             for (condition, _) in &each.arms {
                 scope::names_in(condition, &mut |name| self.eval.scope.touch(name));
             }
-            for block in each.arms.iter().map(|(_, block)| block).chain(&each.otherwise) {
+            for block in each.blocks() {
                 self.look_through(block);
             }
         }

@@ -64,10 +64,8 @@ impl<'s> Walker<'s, '_> {
 
     /// A body may call only what stands above its `def`. What it calls in vain is reported here, called or not.
     pub(super) fn check_calls(&mut self, def: &Def<'s>) -> Option<()> {
-        let mut found = Vec::new();
-        calls_of(&def.body, &mut found);
         let mut fine = Some(());
-        for call in found {
+        for call in calls_of(&def.body) {
             let visible = call.text != def.name.text && self.eval.scope.phrase(call.text).is_some();
             if visible {
                 continue;
@@ -123,9 +121,7 @@ impl<'s> Walker<'s, '_> {
                 }
                 return Some(path.join(" → "));
             }
-            let mut found = Vec::new();
-            calls_of(&current.body, &mut found);
-            for call in found {
+            for call in calls_of(&current.body) {
                 if let Some(callee) = self.eval.later.get(call.text)
                     && seen.insert(callee.name.text)
                 {
