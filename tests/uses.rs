@@ -232,6 +232,21 @@ fn files_use_each_other_at_most_16_deep() {
 }
 
 #[test]
+fn each_file_knows_its_own_defs_below() {
+    let folder = Folder::new(
+        "below",
+        &[
+            ("main.motion", "use \"lib.motion\"\nlast()\ndef last() { stop }\n"),
+            ("lib.motion", "def first() { second() }\ndef second() { last() }\n"),
+        ],
+    );
+    let said = folder.render("main.motion");
+    for words in ["`second` stands below this `def`", "nothing is called `last`", "`last` is defined further down"] {
+        assert_eq!(said.matches(words).count(), 1, "{words}: {said}");
+    }
+}
+
+#[test]
 fn set_replaces_a_top_level_let_from_outside() {
     let folder = Folder::new(
         "set",

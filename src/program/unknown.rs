@@ -1,6 +1,7 @@
 //! Words that are not where they belong, or that nothing is called.
 
 use super::evaluator::Evaluator;
+use super::pending::{Unknown, Used};
 use super::suggest::{list, suggest};
 use super::words::{self, COMMANDS, SETTINGS, Word};
 use crate::board::Board;
@@ -23,7 +24,7 @@ impl<'s> Evaluator<'s, '_> {
                         self.unknown_word(command);
                     }
                     Statement::Call(call) if !in_phrase && self.scope.phrase(call.name.text).is_none() => {
-                        self.unknown_call(Name { span: call.span, ..call.name });
+                        self.unknown_call(Name { span: call.span, ..call.name }, Used::Call);
                     }
                     _ => {}
                 }
@@ -53,32 +54,21 @@ impl<'s> Evaluator<'s, '_> {
         self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
     }
 
-    /// `servo(1, 1500)` is how other languages write it.
-    pub(super) fn unknown_call(&mut self, call: Name<'s>) {
+    /// Reports a call of an unknown phrase. `servo(1, 1500)` is how other languages write a command.
+    pub(super) fn unknown_call(&mut self, call: Name<'s>, used: Used<'s>) {
         let name = call.text;
-        if self.may_exist(name) || !self.unknown.insert(call.span) {
+        let may_exist = self.may_exist(name);
+        if (may_exist && used == Used::Call) || !self.unknown.insert(call.span) {
             return;
         }
-        if let Some(below) = self.later.get(name) {
-            let message = format!("`{name}` is defined further down");
-            // One that stands above was not taken, and that was said.
-            if below.span.start < call.span.start {
-                return;
-            }
-            let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
-            self.report(Code::UnknownName, call.span, message, help);
-            return;
-        }
-        match words::find(self.board, name).map(Word::signature) {
+        let (code, message, help) = match words::find(self.board, name).map(Word::signature) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
-                self.report(Code::Syntax, call.span, message, row.how());
+                (Code::Syntax, message, row.how())
             }
-            _ => {
-                let help = self.suggestion(name);
-                self.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
-            }
-        }
+            _ => (Code::UnknownWord, format!("nothing is called `{name}`"), self.suggestion(name)),
+        };
+        self.report_unknown(code, Unknown { name: call, used, may_exist }, message, help);
     }
 
     /// `let` with anything behind it that is not a name, `=` and a value.

@@ -16,7 +16,7 @@ pub struct Ast<'s> {
 }
 
 /// Names that are meant to exist, but were lost with what could not be read: whatever uses them is not told that they are missing.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lost<'s> {
     /// Names whose `let` or `def` could not be read.
     pub names: BTreeSet<&'s str>,

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use super::super::later::Later;
 use super::super::time::Time;
 use super::super::words;
 use super::commands::At;
@@ -84,13 +83,16 @@ impl<'s> Walker<'s, '_> {
         self.eval.lost.add(std::mem::take(&mut tree.lost));
         self.files.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.eval.scope.main, false);
-        let later = std::mem::replace(&mut self.eval.later, Later::new(source));
+        let outer = std::mem::take(&mut self.eval.pending);
+        self.eval.lost.add(outer.lost.clone());
+        tree.body.lines().for_each(|line| self.eval.pending.read(&line));
         self.check_used(&tree.body);
         let is_fine = self.eval.diagnostics.errors() == errors;
         if is_fine {
             self.lines(tree.body.places(), &mut Frame { top: true, ..Frame::default() });
         }
-        self.eval.later = later;
+        let pending = std::mem::replace(&mut self.eval.pending, outer);
+        pending.complete(self.eval.sources, self.eval.diagnostics);
         self.eval.scope.main = main;
         self.files.loading.pop();
         self.files.loaded.push(path);
