@@ -232,6 +232,21 @@ fn files_use_each_other_at_most_16_deep() {
 }
 
 #[test]
+fn each_file_knows_its_own_defs_below() {
+    let folder = Folder::new(
+        "below",
+        &[
+            ("main.motion", "use \"lib.motion\"\nlast()\ndef last() { stop }\n"),
+            ("lib.motion", "def first() { second() }\ndef second() { last() }\n"),
+        ],
+    );
+    let said = folder.render("main.motion");
+    for words in ["`second` stands below this `def`", "nothing is called `last`", "`last` is defined further down"] {
+        assert_eq!(said.matches(words).count(), 1, "{words}: {said}");
+    }
+}
+
+#[test]
 fn set_replaces_a_top_level_let_from_outside() {
     let folder = Folder::new(
         "set",
@@ -257,6 +272,20 @@ fn set_replaces_a_top_level_let_from_outside() {
         ("to=1 # one", "this cannot be read as a value"),
         ("to=1 2", "cannot be read"),
         ("to=", "cannot be read as a value"),
+        ("to=1 let y = 2", "`let` cannot be read here"),
+        ("to=[1, 2]", "there are no lists"),
+        ("to=(1", "this `(` is never closed"),
+        ("to=1, 2", "`,` cannot be read here"),
+        ("to={ stop }", "this cannot be read as a value"),
+        ("to=servo 1 1500", "cannot be read"),
+        ("2x=5", "this is not the name of a value"),
+        ("let to=5", "this is not the name of a value"),
+        ("to # old=5", "this is not the name of a value"),
+        ("to(=5", "this `(` is never closed"),
+        ("=5", "this is not the name of a value"),
+        ("tö=5", "this is not the name of a value"),
+        ("wait=5s", "the script has no `let wait`"),
+        ("To=5", "did you mean `to`?"),
     ] {
         let output = with(set);
         assert_eq!(output.status.code(), Some(1), "{set}");

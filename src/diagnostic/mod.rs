@@ -139,6 +139,20 @@ impl Diagnostics {
         }
     }
 
+    /// Replaces an error that was added and kept, at its place in the list and with the calls that led to it; `None` removes it.
+    pub(crate) fn replace(&mut self, error: (Code, Span), by: Option<Diagnostic>) {
+        let place = self.kept.iter().position(|kept| (kept.code, kept.span) == error);
+        let Some(place) = place.filter(|_| self.seen.remove(&error)) else { return };
+        let related = self.kept.remove(place).related;
+        self.errors -= 1;
+        if let Some(by) = by
+            && self.seen.insert((by.code, by.span))
+        {
+            self.errors += 1;
+            self.kept.insert(place, Diagnostic { related, ..by });
+        }
+    }
+
     /// Adds the errors and warnings of another, as if each had been added here.
     pub(crate) fn append(&mut self, other: Diagnostics) {
         let left_out = other.left_out();

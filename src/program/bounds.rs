@@ -20,9 +20,6 @@ const ENOUGH: u64 = 300_000;
 /// How deep blocks and calls may run inside each other.
 const MAX_DEPTH: usize = 200;
 
-/// How many `def`s are looked at for circles of calls.
-const MAX_SEARCHED: usize = 100_000;
-
 /// What was run so far, and what else may be run.
 #[derive(Debug, Default)]
 pub(super) struct Bounds {
@@ -36,8 +33,6 @@ pub(super) struct Bounds {
     blocks: HashMap<Span, Weight>,
     /// The weight of each `def`, by its number in the scope.
     phrases: Vec<Weight>,
-    /// How many `def`s were looked at for circles of calls.
-    searched: usize,
 }
 
 impl Bounds {
@@ -103,12 +98,6 @@ impl Bounds {
             let help = "make it shorter; a script is at most 24 hours long";
             eval.report(Code::TooLong, span, "the script reaches beyond 24 hours here", help);
         }
-    }
-
-    /// Whether another `def` may be looked at for circles of calls.
-    pub(super) fn may_search(&mut self) -> bool {
-        self.searched += 1;
-        self.searched <= MAX_SEARCHED
     }
 
     /// Counts what a step does.

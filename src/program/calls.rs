@@ -5,76 +5,78 @@ use std::sync::Arc;
 
 use crate::syntax::{Block, Def, Name, Statement};
 
-/// Every phrase that a block calls, however deep inside. The recursion is bounded by the depth of brackets.
-pub(super) fn calls_of<'s>(block: &Block<'s>, found: &mut Vec<Name<'s>>) {
-    for line in block.lines() {
-        for part in &line.parts {
-            match &part.statement {
-                Statement::Call(call) => found.push(call.name),
-                Statement::Block(inner) => calls_of(inner, found),
-                Statement::Command(command) => command.block.iter().for_each(|inner| calls_of(inner, found)),
-                Statement::If(each) => {
-                    each.arms
-                        .iter()
-                        .map(|(_, block)| block)
-                        .chain(&each.otherwise)
-                        .for_each(|inner| calls_of(inner, found));
+/// How many names a message shows of a circle of calls.
+const SHOWN: usize = 8;
+/// How many calls are followed in search of circles. Only a file of tens of thousands of mistaken `def`s has more.
+const MAX_FOLLOWED: usize = 20_000_000;
+
+/// Every phrase that a block calls, at any depth.
+pub(super) fn calls_of<'s>(block: &Block<'s>) -> Vec<Name<'s>> {
+    let mut found = Vec::new();
+    block.visit(&mut |line| {
+        found.extend(line.statements().filter_map(|statement| match statement {
+            Statement::Call(call) => Some(call.name),
+            _ => None,
+        }));
+    });
+    found
+}
+
+/// The `def`s of a file, and the calls between them.
+pub(super) struct Calls<'f, 's> {
+    defs: &'f [Arc<Def<'s>>],
+    /// The place of each name among the `def`s.
+    places: HashMap<&'s str, usize>,
+    /// The `def`s that each one calls.
+    calls: Vec<Vec<usize>>,
+    /// The last search that reached each `def`, and the `def` that it came from.
+    reached: Vec<(usize, usize)>,
+    searches: usize,
+    followed: usize,
+}
+
+impl<'f, 's> Calls<'f, 's> {
+    pub(super) fn of(defs: &'f [Arc<Def<'s>>]) -> Self {
+        let places: HashMap<_, _> = defs.iter().enumerate().map(|(at, def)| (def.name.text, at)).collect();
+        let to = |call: &Name<'s>| places.get(call.text).copied();
+        let calls = defs.iter().map(|def| calls_of(&def.body).iter().filter_map(to).collect()).collect();
+        Calls { defs, places, calls, reached: vec![(0, 0); defs.len()], searches: 0, followed: 0 }
+    }
+
+    /// The `def` with this name.
+    pub(super) fn def(&self, name: &str) -> Option<&'f Def<'s>> {
+        self.places.get(name).and_then(|at| self.defs.get(*at)).map(|def| &**def)
+    }
+
+    /// The shortest circle of calls from `def` over `next` back to `def`, in words.
+    pub(super) fn circle(&mut self, def: &str, next: &str) -> Option<String> {
+        let (end, first) = (*self.places.get(def)?, *self.places.get(next)?);
+        self.searches += 1;
+        *self.reached.get_mut(first)? = (self.searches, end);
+        let mut queue = vec![first];
+        let mut done = 0;
+        while let Some(at) = queue.get(done).copied().filter(|at| *at != end) {
+            done += 1;
+            for &to in self.calls.get(at)? {
+                self.followed += 1;
+                let reached = self.reached.get_mut(to).filter(|_| self.followed <= MAX_FOLLOWED)?;
+                if reached.0 != self.searches {
+                    *reached = (self.searches, at);
+                    queue.push(to);
                 }
-                Statement::Let(_) | Statement::Def(_) => {}
             }
         }
-    }
-}
-
-/// Numbers the circles of calls (Kosaraju's algorithm): along the calls, each `def` is listed behind all that it reaches; against
-/// them, from the last one listed on, it reaches exactly those of its circle.
-pub(super) fn circles<'s>(defs: &[Arc<Def<'s>>]) -> HashMap<&'s str, usize> {
-    let places: HashMap<&str, usize> = defs.iter().enumerate().map(|(at, def)| (def.name.text, at)).collect();
-    let mut calls = vec![Vec::new(); defs.len()];
-    let mut callers = vec![Vec::new(); defs.len()];
-    for (at, def) in defs.iter().enumerate() {
-        let mut found = Vec::new();
-        calls_of(&def.body, &mut found);
-        for to in found.iter().filter_map(|call| places.get(call.text).copied()) {
-            if let (Some(calls), Some(callers)) = (calls.get_mut(at), callers.get_mut(to)) {
-                calls.push(to);
-                callers.push(at);
-            }
+        queue.get(done)?;
+        let mut path = vec![def];
+        let mut at = end;
+        while path.len() == 1 || at != end {
+            at = self.reached.get(at)?.1;
+            path.push(self.defs.get(at)?.name.text);
         }
-    }
-    let mut seen = vec![false; defs.len()];
-    let mut listed = Vec::new();
-    for at in 0..defs.len() {
-        reach(at, &calls, &mut seen, &mut listed);
-    }
-    let mut seen = vec![false; defs.len()];
-    let mut circles = HashMap::new();
-    for (number, at) in listed.into_iter().rev().enumerate() {
-        let mut circle = Vec::new();
-        reach(at, &callers, &mut seen, &mut circle);
-        circles.extend(circle.into_iter().filter_map(|at| Some((defs.get(at)?.name.text, number))));
-    }
-    circles
-}
-
-/// Lists what can be reached from a place and was not seen before, each behind all that it reaches.
-fn reach(from: usize, ways: &[Vec<usize>], seen: &mut [bool], listed: &mut Vec<usize>) {
-    // What is on the way, with how many of its ways were gone.
-    let mut path = Vec::new();
-    let mut next = Some(from);
-    loop {
-        if let Some(at) = next.take()
-            && let Some(seen @ false) = seen.get_mut(at)
-        {
-            *seen = true;
-            path.push((at, 0));
+        path.reverse();
+        if path.len() > SHOWN {
+            path.splice(SHOWN / 2..path.len() - SHOWN / 2, ["…"]);
         }
-        let Some((at, gone)) = path.last_mut() else { return };
-        next = ways.get(*at).and_then(|ways| ways.get(*gone)).copied();
-        *gone += 1;
-        if next.is_none() {
-            listed.push(*at);
-            path.pop();
-        }
+        Some(path.join(" → "))
     }
 }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
-use super::later::Later;
+use super::pending::{Pending, Unknown, Used};
 use super::scope::Scope;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
@@ -13,7 +13,7 @@ use super::trace::Traces;
 use super::value::{self, Quantity};
 use super::words::{is_name, is_reserved};
 use crate::board::Board;
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics, MAX_ERRORS};
 use crate::random::SplitMix;
 use crate::source::{Sources, Span};
 use crate::syntax::{Binary, Expression, Lost, Name, Node, NodeKind, NumberShape, Value, ValueKind};
@@ -33,8 +33,8 @@ pub(super) struct Evaluator<'s, 'd> {
     pub(super) traces: Traces,
     /// Names that are meant to exist, although nobody could read them.
     pub(super) lost: Lost<'s>,
-    /// What stands further down in the file that is run.
-    pub(super) later: Later<'s>,
+    /// What is completed at the end of the file that is run.
+    pub(super) pending: Pending<'s>,
     /// Everything that was read, for messages.
     pub(super) sources: &'s Sources,
     /// Unknown words that were reported.
@@ -52,7 +52,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             varies: false,
             traces: Traces::default(),
             lost: Lost::default(),
-            later: Later::new(sources.main()),
+            pending: Pending::default(),
             sources,
             unknown: HashSet::new(),
         }
@@ -67,6 +67,15 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     /// Reports what is wrong at a place, and what to write instead.
     pub(super) fn report(&mut self, code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) {
         self.push(Diagnostic::new(code, span, message, help));
+    }
+
+    /// Reports an unknown name. Errors beyond those that are kept are only counted.
+    pub(super) fn report_unknown(&mut self, code: Code, unknown: Unknown<'s>, message: String, help: String) {
+        let errors = self.diagnostics.errors();
+        self.report(code, unknown.name.span, message, help);
+        if errors < MAX_ERRORS.min(self.diagnostics.errors()) {
+            self.pending.add(code, unknown);
+        }
     }
 
     /// Reports what is wrong, for what has no result because of it.
@@ -158,11 +167,11 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     /// Whether a name may have been lost with something that could not be read.
-    pub(super) fn may_exist(&mut self, name: &str) -> bool {
-        self.lost.may_hold(name) || self.later.may_have_lost(name)
+    pub(super) fn may_exist(&self, name: &str) -> bool {
+        self.lost.may_hold(name) || self.pending.lost.may_hold(name)
     }
 
-    fn name(&mut self, name: &str, span: Span) -> Option<Quantity> {
+    fn name(&mut self, name: &'s str, span: Span) -> Option<Quantity> {
         match name {
             "true" => return Some(Quantity::Truth(true)),
             "false" => return Some(Quantity::Truth(false)),
@@ -180,7 +189,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     /// The value of a name before a command: a mark, or a time.
-    pub(super) fn moment_name(&mut self, name: &str, span: Span) -> Option<Quantity> {
+    pub(super) fn moment_name(&mut self, name: &'s str, span: Span) -> Option<Quantity> {
         if let Some(value) = self.scope.value(name) {
             return Some(value);
         }
@@ -194,13 +203,17 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                     "name the moment on a line above, `mark {name}`, or write a time: `at 1s …`; a mark in a `repeat` or `def` is known only there"
                 ),
             };
-            let message = format!("there is no mark `{name}` here");
-            self.report(Code::UnknownName, span, message, help);
+            self.unknown_value(name, span, format!("there is no mark `{name}` here"), help);
         }
         None
     }
 
-    fn unknown_name(&mut self, name: &str, span: Span) {
+    fn unknown_value(&mut self, text: &'s str, span: Span, message: String, help: String) {
+        let unknown = Unknown { name: Name { text, span }, used: Used::Value, may_exist: false };
+        self.report_unknown(Code::UnknownName, unknown, message, help);
+    }
+
+    fn unknown_name(&mut self, name: &'s str, span: Span) {
         let help = match self.scope.near(name, false) {
             Some(near) => format!("did you mean `{near}`?"),
             None if name.contains('-') => format!("for a difference write `({})`", name.replace('-', " - ")),
@@ -226,7 +239,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 ),
             },
         };
-        self.report(Code::UnknownName, span, format!("nothing is called `{name}` here"), help);
+        self.unknown_value(name, span, format!("nothing is called `{name}` here"), help);
     }
 
     pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {

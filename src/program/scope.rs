@@ -9,7 +9,7 @@ use super::suggest::suggest;
 use super::template;
 use super::value::Quantity;
 use crate::source::Span;
-use crate::syntax::{Block, Def, Expression, Name, NodeKind, Value, ValueKind};
+use crate::syntax::{Block, Def, Expression, Item, Name, NodeKind, Origin, Start, Statement, Value, ValueKind};
 
 /// A name and its value.
 #[derive(Clone, Copy, Debug)]
@@ -307,10 +307,9 @@ impl<'s> Scope<'s> {
     }
 }
 
-/// Every name that a block uses, whether it is run or not. The recursion is bounded by the depth of brackets.
+/// Every name that a block uses, whether it is run or not.
 pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
-    use crate::syntax::{Item, Origin, Start, Statement};
-    for line in block.lines() {
+    block.visit(&mut |line| {
         match &line.start {
             Some(Start::After(value)) => names_of(value, found),
             Some(Start::At(moment)) => {
@@ -325,22 +324,16 @@ pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
             }
             None => {}
         }
-        for part in &line.parts {
-            match &part.statement {
-                Statement::Block(inner) => names(inner, found),
+        for statement in line.statements() {
+            match statement {
+                Statement::Block(_) => {}
                 Statement::Let(each) => names_in(&each.value, found),
                 Statement::Def(def) => names_of_def(def, found),
                 Statement::Call(call) => {
                     found(call.name.text);
                     call.arguments.iter().for_each(|given| names_in(&given.value, found));
                 }
-                Statement::If(each) => {
-                    for (condition, inner) in &each.arms {
-                        names_in(condition, found);
-                        names(inner, found);
-                    }
-                    each.otherwise.iter().for_each(|inner| names(inner, found));
-                }
+                Statement::If(each) => each.arms.iter().for_each(|(condition, _)| names_in(condition, found)),
                 Statement::Command(command) => {
                     for argument in &command.arguments {
                         match &argument.item {
@@ -353,11 +346,10 @@ pub(super) fn names<'s>(block: &Block<'s>, found: &mut dyn FnMut(&'s str)) {
                             Item::Comparison(_) => {}
                         }
                     }
-                    command.block.iter().for_each(|inner| names(inner, found));
                 }
             }
         }
-    }
+    });
 }
 
 /// Every name that a `def` uses, in its body and as a default.

@@ -1,6 +1,7 @@
 //! Words that are not where they belong, or that nothing is called.
 
 use super::evaluator::Evaluator;
+use super::pending::{Unknown, Used};
 use super::suggest::{list, suggest};
 use super::words::{self, COMMANDS, SETTINGS, Word};
 use crate::board::Board;
@@ -14,33 +15,21 @@ impl<'s> Evaluator<'s, '_> {
         self.refuse(Code::TopLevel, span, message, "move it out of the block")
     }
 
-    /// Looks at the words of a block that may never run: what nothing is called is a mistake there too. The recursion is
-    /// bounded by the depth of brackets. Calls in a phrase are looked at where it is defined.
+    /// Reports unknown words in a block that may never run. Calls in a phrase are checked where it is defined.
     pub(super) fn check_words(&mut self, block: &Block<'s>, in_phrase: bool) {
-        for line in block.lines() {
-            for part in &line.parts {
-                match &part.statement {
-                    Statement::Command(command) => {
-                        if words::find(self.board, command.head.text).is_none() {
-                            self.unknown_word(command);
-                        }
-                        if let Some(inner) = &command.block {
-                            self.check_words(inner, in_phrase);
-                        }
-                    }
-                    Statement::Block(inner) => self.check_words(inner, in_phrase),
-                    Statement::If(each) => {
-                        for inner in each.arms.iter().map(|(_, inner)| inner).chain(&each.otherwise) {
-                            self.check_words(inner, in_phrase);
-                        }
+        block.visit(&mut |line| {
+            for statement in line.statements() {
+                match statement {
+                    Statement::Command(command) if words::find(self.board, command.head.text).is_none() => {
+                        self.unknown_word(command);
                     }
                     Statement::Call(call) if !in_phrase && self.scope.phrase(call.name.text).is_none() => {
-                        self.unknown_call(Name { span: call.span, ..call.name });
+                        self.unknown_call(Name { span: call.span, ..call.name }, Used::Call);
                     }
-                    Statement::Call(_) | Statement::Let(_) | Statement::Def(_) => {}
+                    _ => {}
                 }
             }
-        }
+        });
     }
 
     pub(super) fn unknown_word(&mut self, command: &Command<'s>) {
@@ -65,32 +54,21 @@ impl<'s> Evaluator<'s, '_> {
         self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
     }
 
-    /// `servo(1, 1500)` is how other languages write it.
-    pub(super) fn unknown_call(&mut self, call: Name<'s>) {
+    /// Reports a call of an unknown phrase. `servo(1, 1500)` is how other languages write a command.
+    pub(super) fn unknown_call(&mut self, call: Name<'s>, used: Used<'s>) {
         let name = call.text;
-        if self.may_exist(name) || !self.unknown.insert(call.span) {
+        let may_exist = self.may_exist(name);
+        if (may_exist && used == Used::Call) || !self.unknown.insert(call.span) {
             return;
         }
-        if let Some(below) = self.later.get(name) {
-            let message = format!("`{name}` is defined further down");
-            // One that stands above was not taken, and that was said.
-            if below.span.start < call.span.start {
-                return;
-            }
-            let help = format!("move its `def` above this line; it stands at {}", self.sources.place(below.span));
-            self.report(Code::UnknownName, call.span, message, help);
-            return;
-        }
-        match words::find(self.board, name).map(Word::signature) {
+        let (code, message, help) = match words::find(self.board, name).map(Word::signature) {
             Some(row) if !row.usage.is_empty() => {
                 let message = format!("`{name}` is a command, and is written without parentheses and commas");
-                self.report(Code::Syntax, call.span, message, row.how());
+                (Code::Syntax, message, row.how())
             }
-            _ => {
-                let help = self.suggestion(name);
-                self.report(Code::UnknownWord, call.span, format!("nothing is called `{name}`"), help);
-            }
-        }
+            _ => (Code::UnknownWord, format!("nothing is called `{name}`"), self.suggestion(name)),
+        };
+        self.report_unknown(code, Unknown { name: call, used, may_exist }, message, help);
     }
 
     /// `let` with anything behind it that is not a name, `=` and a value.

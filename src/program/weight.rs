@@ -48,7 +48,7 @@ impl Weight {
 pub(super) fn of_block(board: &Board, block: &Block<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
     let mut weight = Weight { steps: block.count() as u64, ..Weight::default() };
     for line in block.lines() {
-        let weights = line.parts.iter().map(|part| of_statement(board, &part.statement, phrase));
+        let weights = line.statements().map(|statement| of_statement(board, statement, phrase));
         weight = weights.fold(weight, Weight::plus);
     }
     weight
@@ -59,8 +59,7 @@ fn of_statement(board: &Board, statement: &Statement<'_>, phrase: &dyn Fn(&str) 
         Statement::Block(block) => of_block(board, block, phrase),
         Statement::Call(call) => phrase(call.name.text),
         Statement::If(each) => {
-            let blocks = each.arms.iter().map(|(_, block)| block).chain(&each.otherwise);
-            let lightest = blocks.map(|block| of_block(board, block, phrase)).reduce(Weight::lighter);
+            let lightest = each.blocks().map(|block| of_block(board, block, phrase)).reduce(Weight::lighter);
             lightest.filter(|_| each.otherwise.is_some()).unwrap_or_default()
         }
         Statement::Command(command) => of_command(board, command, phrase),

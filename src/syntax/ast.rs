@@ -16,7 +16,7 @@ pub struct Ast<'s> {
 }
 
 /// Names that are meant to exist, but were lost with what could not be read: whatever uses them is not told that they are missing.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lost<'s> {
     /// Names whose `let` or `def` could not be read.
     pub names: BTreeSet<&'s str>,
@@ -119,6 +119,13 @@ pub struct Line<'s> {
     pub parts: Vec<Part<'s>>,
     /// From the first to the last part.
     pub span: Span,
+}
+
+impl<'s> Line<'s> {
+    /// What its parts do.
+    pub fn statements(&self) -> impl Iterator<Item = &Statement<'s>> {
+        self.parts.iter().map(|part| &part.statement)
+    }
 }
 
 /// When a line starts.
@@ -265,6 +272,13 @@ pub struct If<'s> {
     pub otherwise: Option<Block<'s>>,
     /// The word `if`.
     pub span: Span,
+}
+
+impl<'s> If<'s> {
+    /// Its blocks, one of which runs, or none.
+    pub fn blocks(&self) -> impl Iterator<Item = &Block<'s>> {
+        self.arms.iter().map(|(_, block)| block).chain(&self.otherwise)
+    }
 }
 
 /// A word, its arguments, perhaps a block.

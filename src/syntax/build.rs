@@ -207,25 +207,30 @@ impl<'s, 'd> Builder<'s, 'd> {
             Rule::block => Some(Statement::Block(self.block(pair))),
             Rule::command => self.command(pair),
             Rule::stray => self.stray(pair),
-            Rule::let_ => self.let_(pair),
+            Rule::let_ => self.let_(pair).map(Statement::Let),
             Rule::def => self.def(pair),
             _ => self.if_(pair),
         }
     }
 
-    fn let_(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
+    /// A `let`, or the `NAME=VALUE` of an option.
+    pub(super) fn let_(&mut self, pair: Pair<'_, Rule>) -> Option<Let<'s>> {
         let from = self.span(&pair);
-        let mut parts = pair.into_inner().skip(1);
+        let mut parts = pair.into_inner().filter(|part| part.as_rule() != Rule::kw_let);
         let name = self.name(&parts.next()?);
         self.lost.push(name.text);
-        let value = self.expression(parts.next()?)?;
-        if let Some(junk) = parts.next() {
-            self.junk(&junk);
-            return None;
+        let mut value = None;
+        for part in parts {
+            if part.as_rule() == Rule::junk {
+                self.junk(&part);
+                return None;
+            }
+            value = Some(self.expression(part)?);
         }
+        let value = value?;
         self.lost.pop();
         let span = Span { end: value.span.end, ..from };
-        Some(Statement::Let(Let { name, value, span }))
+        Some(Let { name, value, span })
     }
 
     fn def(&mut self, pair: Pair<'_, Rule>) -> Option<Statement<'s>> {
@@ -486,18 +491,6 @@ impl<'s, 'd> Builder<'s, 'd> {
             return Some(Value { negative: sign.is_some(), kind, span });
         }
         None
-    }
-
-    pub(super) fn number(&mut self, pair: Pair<'_, Rule>) -> Option<(NumberShape, &'s str)> {
-        let inner = pair.into_inner().next()?;
-        let text = self.source.slice(self.span(&inner));
-        let shape = match inner.as_rule() {
-            Rule::hex => NumberShape::Hex,
-            Rule::duration => NumberShape::Duration,
-            Rule::plain => NumberShape::Plain,
-            _ => NumberShape::Odd,
-        };
-        Some((shape, text))
     }
 
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {

@@ -119,6 +119,18 @@ impl<'s> Builder<'s, '_> {
         Some(())
     }
 
+    pub(super) fn number(&mut self, pair: Pair<'_, Rule>) -> Option<(NumberShape, &'s str)> {
+        let inner = pair.into_inner().next()?;
+        let text = self.source.slice(self.span(&inner));
+        let shape = match inner.as_rule() {
+            Rule::hex => NumberShape::Hex,
+            Rule::duration => NumberShape::Duration,
+            Rule::plain => NumberShape::Plain,
+            _ => NumberShape::Odd,
+        };
+        Some((shape, text))
+    }
+
     fn parentheses(&mut self, pair: Pair<'_, Rule>, nodes: &mut Vec<Node<'s>>) -> Option<()> {
         let span = self.span(&pair);
         let mut done = false;

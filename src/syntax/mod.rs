@@ -13,6 +13,7 @@ mod print;
 mod reading;
 mod scan;
 mod trouble;
+mod visit;
 
 pub(crate) use ahead::{Lines, read_ahead};
 pub use ast::{
@@ -20,7 +21,7 @@ pub use ast::{
     Name, Node, NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 pub use print::format;
-pub use reading::Reading;
+pub use reading::{Reading, parse_set};
 
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};

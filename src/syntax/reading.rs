@@ -2,13 +2,14 @@
 
 use pest::Parser as _;
 
-use super::ast::{Kept, Line, Lost};
+use super::ast::{Kept, Let, Line, Lost};
 use super::build::Builder;
 use super::flat::{self, NotFlat};
 use super::grammar::{Grammar, Rule};
-use super::scan::{Inside, Scanned};
+use super::scan::{Inside, Scanned, scan};
+use super::trouble;
 use crate::diagnostic::Diagnostics;
-use crate::source::Source;
+use crate::source::{Source, Span};
 
 /// A script that is being read.
 pub struct Reading<'s> {
@@ -64,6 +65,27 @@ impl<'s> Reading<'s> {
     pub(super) fn next_kept(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Kept<'s>> {
         Some(self.level.next(&self.scanned, diagnostics, lost)?.kept(self.scanned.source))
     }
+}
+
+/// Reads the `NAME=VALUE` of an option, with nothing after the value, not even a comment. `None` where that is not possible,
+/// which is reported.
+pub fn parse_set<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Let<'s>> {
+    let errors = diagnostics.errors();
+    let scanned = scan(source, diagnostics)?;
+    let outline = scanned.outline(scanned.whole().range);
+    let (base, text) = (source.base() as usize, source.text().trim_end());
+    let equals = base + text.find('=').unwrap_or(text.len());
+    let Ok(mut pairs) = Grammar::parse(Rule::set, &outline.text) else {
+        diagnostics.push(trouble::no_name(Span::new(base, equals)));
+        return None;
+    };
+    let set = Builder::new(&scanned, &outline, diagnostics).let_(pairs.next()?);
+    let is_fine = diagnostics.errors() == errors;
+    let set = set.filter(|set| is_fine && set.span.range().end == base + text.len());
+    if set.is_none() && is_fine {
+        diagnostics.push(trouble::no_value(Span::new(equals + 1, base + text.len())));
+    }
+    set
 }
 
 impl<'s> Builder<'s, '_> {

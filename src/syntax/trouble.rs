@@ -318,3 +318,23 @@ pub(super) fn file_without_marks(name: &str, span: Span) -> Diagnostic {
         format!("write `use \"{name}\"`"),
     )
 }
+
+/// `--set 2x=5`.
+pub(super) fn no_name(span: Span) -> Diagnostic {
+    Diagnostic::new(
+        Code::Name,
+        span,
+        "this is not the name of a value",
+        "write `--set NAME=VALUE` with the name of a `let`, such as `--set depth=300us`",
+    )
+}
+
+/// `--set x=`, or `--set x=1;`.
+pub(super) fn no_value(span: Span) -> Diagnostic {
+    Diagnostic::new(
+        Code::Syntax,
+        span,
+        "this cannot be read as a value",
+        "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`",
+    )
+}

@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use super::super::later::Later;
 use super::super::time::Time;
 use super::super::words;
 use super::commands::At;
 use super::{Frame, Set, Walker};
 use crate::diagnostic::{Code, Diagnostic};
 use crate::source::{Source, Sources, Span};
-use crate::syntax::{self, Block, Statement, Value, ValueKind};
+use crate::syntax::{self, Block, Let, Statement, Value, ValueKind};
 
 /// How deep files may use each other.
 const MAX_DEPTH: usize = 16;
@@ -28,28 +27,24 @@ impl Files {
 }
 
 impl<'s> Walker<'s, '_> {
-    /// Reads each `--set NAME=VALUE` as a `let` of its own.
+    /// Binds the value of each `--set NAME=VALUE` to its name. The last one of a name wins.
     pub(super) fn read_sets(&mut self, sets: &[(String, String)]) {
         for (name, value) in sets {
-            let source = Source::new(format!("--set {name}"), format!("let {name} = {value}"));
-            let Some(source) = self.eval.sources.add(source) else { continue };
-            let Some(tree) = syntax::parse(source, self.eval.diagnostics) else { continue };
-            let span = tree.body.span;
-            let end = span.range().start + source.text().trim_end().len();
-            let part = tree.body.lines().next().and_then(|line| line.into_owned().parts.into_iter().next());
-            match part.map(|part| part.statement) {
-                // Nothing stands behind the value, not even a comment.
-                Some(Statement::Let(each)) if each.span.range().end == end => {
-                    // The last one of a name wins.
-                    self.sets.retain(|set| set.name != each.name.text);
-                    self.sets.push(Set { name: each.name.text, value: each.value, span: each.span, used: false });
-                }
-                _ => {
-                    let help = "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`";
-                    self.eval.report(Code::Syntax, span, "this cannot be read as a value", help);
-                }
+            let source = Source::new(format!("--set {name}"), format!("{name}={value}"));
+            let Some(source) = self.add(source, Span::default()) else { continue };
+            if let Some(Let { name, value, span }) = syntax::parse_set(source, self.eval.diagnostics) {
+                self.sets.retain(|set| set.name != name.text);
+                self.sets.push(Set { name: name.text, value, span, used: false });
             }
         }
+    }
+
+    /// Adds a file to those that were read; `None` where it is too much, which is reported at `span`.
+    fn add(&mut self, source: Source, span: Span) -> Option<&'s Source> {
+        self.eval.sources.add(source).or_else(|| {
+            let message = "all files together are larger than 64 MiB";
+            self.eval.refuse(Code::SourceTooLarge, span, message, "use fewer or shorter files")
+        })
     }
 
     /// Takes over the names of another file.
@@ -83,22 +78,21 @@ impl<'s> Walker<'s, '_> {
                 return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
             }
         };
-        let Some(source) = self.eval.sources.add(source) else {
-            let help = "use fewer or shorter files";
-            let message = "all files together are larger than 64 MiB";
-            return self.eval.refuse(Code::SourceTooLarge, value.span, message, help);
-        };
+        let source = self.add(source, value.span)?;
         let mut tree = syntax::parse(source, self.eval.diagnostics)?;
         self.eval.lost.add(std::mem::take(&mut tree.lost));
         self.files.loading.push((path.clone(), value.span));
         let main = std::mem::replace(&mut self.eval.scope.main, false);
-        let later = std::mem::replace(&mut self.eval.later, Later::new(source));
+        let outer = std::mem::take(&mut self.eval.pending);
+        self.eval.lost.add(outer.lost.clone());
+        tree.body.lines().for_each(|line| self.eval.pending.read(&line));
         self.check_used(&tree.body);
         let is_fine = self.eval.diagnostics.errors() == errors;
         if is_fine {
             self.lines(tree.body.places(), &mut Frame { top: true, ..Frame::default() });
         }
-        self.eval.later = later;
+        let pending = std::mem::replace(&mut self.eval.pending, outer);
+        pending.complete(self.eval.sources, self.eval.diagnostics);
         self.eval.scope.main = main;
         self.files.loading.pop();
         self.files.loaded.push(path);

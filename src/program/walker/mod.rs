@@ -59,10 +59,11 @@ pub(super) fn walk<'s>(
     let mut frame = Frame { top: true, ..Frame::default() };
     loop {
         let errors = walker.eval.diagnostics.errors();
-        let line = script.next(walker.eval.diagnostics, &mut walker.eval.lost);
+        let line = script.next(walker.eval.diagnostics, &mut walker.eval.pending.lost);
         // What could not be read may have moved anything.
         walker.program.times_known &= walker.eval.diagnostics.errors() == errors;
         let Some(line) = line else { break };
+        walker.eval.pending.read(line);
         walker.lines(std::iter::once(LineRef::Tree(line)), &mut frame);
     }
     walker.finish(&frame)
@@ -125,6 +126,7 @@ struct Walker<'s, 'd> {
 
 impl<'s> Walker<'s, '_> {
     fn finish(mut self, frame: &Frame) -> Program {
+        std::mem::take(&mut self.eval.pending).complete(self.eval.sources, self.eval.diagnostics);
         for set in self.sets.iter().filter(|set| !set.used) {
             let name = set.name;
             let help = match suggest(name, self.eval.scope.names()) {
@@ -239,7 +241,7 @@ impl<'s> Walker<'s, '_> {
             for (condition, _) in &each.arms {
                 scope::names_in(condition, &mut |name| self.eval.scope.touch(name));
             }
-            for block in each.arms.iter().map(|(_, block)| block).chain(&each.otherwise) {
+            for block in each.blocks() {
                 self.look_through(block);
             }
         }

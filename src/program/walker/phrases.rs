@@ -1,9 +1,10 @@
 //! Names and phrases: `let`, `def` and calls.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::super::calls::calls_of;
+use super::super::pending::Used;
 use super::super::scope;
 use super::super::time::Time;
 use super::super::value::Quantity;
@@ -62,86 +63,23 @@ impl<'s> Walker<'s, '_> {
         self.check_calls(def)
     }
 
-    /// A body may call only what stands above its `def`. What it calls in vain is reported here, called or not.
-    pub(super) fn check_calls(&mut self, def: &Def<'s>) -> Option<()> {
-        let mut found = Vec::new();
-        calls_of(&def.body, &mut found);
+    /// A body may call only what stands above its `def`. Other calls are reported here, called or not.
+    fn check_calls(&mut self, def: &Def<'s>) -> Option<()> {
         let mut fine = Some(());
-        for call in found {
-            let visible = call.text != def.name.text && self.eval.scope.phrase(call.text).is_some();
-            if visible {
-                continue;
-            }
-            fine = None;
-            let below = self.eval.later.get(call.text);
-            match below {
-                Some(below) => match self.cycle(def, &below) {
-                    Some(cycle) => {
-                        let message = format!("`{}` ends up calling itself: {cycle}", def.name.text);
-                        self.eval.report(Code::Recursion, call.span, message, "use `repeat`; a script always ends");
-                    }
-                    None => {
-                        let message = format!("`{}` stands below this `def`", call.text);
-                        let help = "move it above: a body sees only what stands above its `def`";
-                        self.eval.report(Code::UnknownName, call.span, message, help);
-                    }
-                },
-                None => self.eval.unknown_call(call),
+        for call in calls_of(&def.body) {
+            if call.text == def.name.text || self.eval.scope.phrase(call.text).is_none() {
+                fine = None;
+                self.eval.unknown_call(call, Used::CallIn(def.name.text));
             }
         }
         fine
-    }
-
-    /// How calls lead from `def` over `next` back to `def`, if they do.
-    pub(super) fn cycle(&mut self, def: &Def<'s>, next: &Arc<Def<'s>>) -> Option<String> {
-        const SHOWN: usize = 8;
-        if !self.eval.later.call_each_other(def.name.text, next.name.text) {
-            return None;
-        }
-        // Paths are kept as the place each name was reached from, so that long chains stay cheap.
-        let mut reached: Vec<(Arc<Def<'s>>, Option<usize>)> = vec![(Arc::clone(next), None)];
-        let mut seen: HashSet<&str> = HashSet::from([next.name.text]);
-        let mut at = 0;
-        while let Some((current, _)) = reached.get(at) {
-            // The first circles are shown whole; of very many long ones only where they begin.
-            if !self.bounds.may_search() {
-                return Some(format!("{} → {} → …", def.name.text, next.name.text));
-            }
-            let current = Arc::clone(current);
-            if current.name.text == def.name.text {
-                let mut path = vec![def.name.text];
-                let mut back = reached.get(at)?.1;
-                while let Some(index) = back {
-                    let (on_the_way, before) = reached.get(index)?;
-                    path.push(on_the_way.name.text);
-                    back = *before;
-                }
-                path.push(def.name.text);
-                path.reverse();
-                if path.len() > SHOWN {
-                    path.splice(SHOWN / 2..path.len() - SHOWN / 2, ["…"]);
-                }
-                return Some(path.join(" → "));
-            }
-            let mut found = Vec::new();
-            calls_of(&current.body, &mut found);
-            for call in found {
-                if let Some(callee) = self.eval.later.get(call.text)
-                    && seen.insert(callee.name.text)
-                {
-                    reached.push((callee, Some(at)));
-                }
-            }
-            at += 1;
-        }
-        None
     }
 
     pub(super) fn call(&mut self, call: &Call<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let Some(phrase) = self.eval.scope.phrase(call.name.text) else {
             // Inside a phrase it was reported where the phrase is defined.
             if !self.eval.scope.in_phrase() {
-                self.eval.unknown_call(Name { span: call.span, ..call.name });
+                self.eval.unknown_call(Name { span: call.span, ..call.name }, Used::Call);
             }
             return None;
         };
