@@ -9,10 +9,11 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use clap::Args;
-use motionseq::link::{Link, OpenError, Pty, Recorder, Serial, Stalling};
+use motionseq::faults::{Faults, Faulty, Stalling};
+use motionseq::link::{Link, OpenError, Pty, Recorder, Serial};
 use motionseq::playback::{Cause, Guard, Keys, Notice, Player, Realtime, Rig, Signals, Stop, Ward, drive, now};
 use motionseq::serve::Served;
-use motionseq::sim::{Faults, Settings, VirtualBoard};
+use motionseq::sim::{Device, Settings};
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos, NotATime};
@@ -143,9 +144,8 @@ impl Play {
             screen.error("faults happen on the virtual board only: leave `--fault` or the port away");
             return Err(Exit::Usage);
         }
-        let settings = Settings::with_faults(faults);
         let name = port.as_ref().map(|port| port.display().to_string());
-        let port = Port::open(port.as_deref(), &timeline, settings, screen)?;
+        let port = Port::open(port.as_deref(), &timeline, faults, screen)?;
         if let Some((path, file)) = &recording {
             growing::begin(file).map_err(|error| refused(path, &error))?;
         }
@@ -302,7 +302,7 @@ struct Port {
 }
 
 impl Port {
-    fn open(path: Option<&Path>, timeline: &Timeline, settings: Settings, screen: &Screen) -> Result<Self, Exit> {
+    fn open(path: Option<&Path>, timeline: &Timeline, faults: Faults, screen: &Screen) -> Result<Self, Exit> {
         let Timeline { board, baud, .. } = timeline;
         if let Some(path) = path {
             let link = Serial::open(path, *baud).map_err(|error| refused(screen, path, &error))?;
@@ -313,7 +313,7 @@ impl Port {
         // By its path, so that a rehearsal takes the way of the real thing.
         let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port given: playing on the built-in virtual board");
-        let board = VirtualBoard::new(Arc::clone(board), settings);
+        let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
         let board = Served::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }

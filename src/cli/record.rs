@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use clap::Args;
 use motionseq::board::{Board as Family, Hundredths, raspblock};
+use motionseq::faults::Faults;
 use motionseq::link::{Door, Link as _, Serial};
 use motionseq::playback::{Guard, Signals, Stop, Ward};
 use motionseq::serve::{End, Passed, ServeError, Server};
-use motionseq::sim::{Faults, Settings, VirtualBoard};
 use motionseq::units::{Micros, Nanos};
 
 use super::Reading;
@@ -109,10 +109,8 @@ impl Record {
         };
         let (exit, tape) = match port {
             None => {
-                let faults = self.fault.clone().unwrap_or_default();
-                let mut settings = Settings::with_faults(faults);
-                (settings.battery, settings.report_every) = (self.battery, self.report_every);
-                let board = VirtualBoard::new(self.reading.board(), settings);
+                let board =
+                    board::board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
                 begun("a virtual board");
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)
             }

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use motionseq::board::{Board, Item, ON_SILENCE, Report, ReportDecoder, ReportItem, Skip, State};
 use motionseq::capture::{Listing, TimedDecoder};
 use motionseq::link::{LineSettings, PortEvent};
-use motionseq::sim::{Pose, VirtualBoard};
+use motionseq::sim::{Device, Pose};
 use motionseq::units::{Micros, Nanos};
 
 use super::decode::doubt;
@@ -201,12 +201,7 @@ impl Watcher {
     }
 
     /// Takes in what happened at a time, at a virtual board or a real one. Fails where nobody can be shown anything any more.
-    pub(super) fn watch(
-        &mut self,
-        now: Micros,
-        happened: PortEvent<'_>,
-        board: Option<&VirtualBoard>,
-    ) -> io::Result<()> {
+    pub(super) fn watch(&mut self, now: Micros, happened: PortEvent<'_>, board: Option<&Device>) -> io::Result<()> {
         if let Some(tape) = &mut self.tape {
             tape.take(now, happened);
         }
@@ -242,7 +237,7 @@ impl Watcher {
         }
     }
 
-    fn passed(&mut self, now: Micros, board: Option<&VirtualBoard>) -> io::Result<()> {
+    fn passed(&mut self, now: Micros, board: Option<&Device>) -> io::Result<()> {
         let is_due = now - self.told >= UPDATE;
         if !is_due && !self.is_fresh {
             return Ok(());

@@ -4,7 +4,6 @@ mod door;
 mod pty;
 mod recorder;
 mod serial;
-mod stalling;
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -13,7 +12,6 @@ pub use door::{Door, DoorError, PortEvent};
 pub use pty::{LineSettings, Pty};
 pub use recorder::{Recorder, Taken};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
-pub use stalling::Stalling;
 
 /// A port that never blocks.
 pub trait Link {
