@@ -274,6 +274,14 @@ fn the_binary_uses_the_library_as_anybody_would() {
 }
 
 #[test]
+fn the_binary_decodes_a_stream_of_frames_once() {
+    let decodes = |path: &PathBuf| ["TimedDecoder::", " Decoder::"].iter().any(|word| code(path).contains(word));
+    let found: Vec<PathBuf> = files(Path::new("src/cli")).into_iter().filter(decodes).collect();
+    // What a program sends is decoded in the watcher; what `play` has sent, in its log.
+    assert_eq!(found, ["src/cli/log/book.rs", "src/cli/watcher.rs"].map(PathBuf::from));
+}
+
+#[test]
 fn the_language_half_needs_little() {
     let output = std::process::Command::new(env!("CARGO"))
         .args([

@@ -14,12 +14,13 @@ use motionseq::sim::{Device, Settings};
 use motionseq::units::{Micros, NotATime};
 
 use super::Reading;
+use super::display::Format;
 use super::ending::board_summary;
 use super::exit::Exit;
 use super::log::Log;
 use super::screen::Screen;
 use super::tape::Tape;
-use super::watcher::{Format, Watcher};
+use super::watcher::Watcher;
 
 /// Be a virtual board that any program opens as its serial port
 #[derive(Debug, Args)]
@@ -79,7 +80,7 @@ impl Board {
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
         let board = board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
-        let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
+        let watcher = watcher.map_err(|error| failed(screen, &error))?.keeping(None, log);
         Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)
     }
 }

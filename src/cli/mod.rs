@@ -22,6 +22,8 @@ mod test;
 // What plays, and offers ports.
 #[cfg(target_os = "linux")]
 mod board;
+#[cfg(target_os = "linux")]
+mod display;
 #[cfg(not(target_os = "linux"))]
 mod elsewhere;
 #[cfg(target_os = "linux")]
@@ -38,6 +40,8 @@ mod log;
 mod news;
 #[cfg(target_os = "linux")]
 mod notes;
+#[cfg(target_os = "linux")]
+mod observer;
 #[cfg(target_os = "linux")]
 mod play;
 #[cfg(target_os = "linux")]

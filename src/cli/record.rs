@@ -15,6 +15,7 @@ use motionseq::units::{Micros, Nanos};
 
 use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
+use super::display::Format;
 use super::exit::Exit;
 use super::growing;
 use super::guard;
@@ -23,7 +24,7 @@ use super::output::{self, Inputs};
 use super::play;
 use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
-use super::watcher::{Format, Watcher};
+use super::watcher::Watcher;
 
 /// Write what another program sends to its board down as a script
 #[derive(Debug, Args)]
@@ -103,7 +104,7 @@ impl Record {
         let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
         let watcher =
             Watcher::start(*screen, self.format, self.baud, self.reading.board(), port.is_some()).map_err(failed)?;
-        let watcher = watcher.with_tape(tape).with_log(log);
+        let watcher = watcher.keeping(Some(tape), log);
         let begun = |what: &str| {
             screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
         };
