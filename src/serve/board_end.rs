@@ -13,7 +13,7 @@ pub(super) struct BoardEnd {
     pub(super) board: Faulty,
     byte_time: Nanos,
     /// Until when the line carries what was taken, on the clock.
-    busy_until: Nanos,
+    pub(super) busy_until: Nanos,
     /// Whether bytes have waited for the line, and whether that was told to be too many.
     has_waited: bool,
     is_behind: bool,
@@ -31,10 +31,6 @@ impl BoardEnd {
             is_behind: false,
             is_hurried: false,
         }
-    }
-
-    pub(super) fn busy_until(&self) -> Nanos {
-        self.busy_until
     }
 
     /// Takes what comes from now on without waiting for the line.

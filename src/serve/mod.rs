@@ -221,10 +221,7 @@ impl<'d> Server<'d> {
             return Ok(false);
         }
         let [program, _, far, guard] = os::wait(watched, Some(until.saturating_sub(now)))?;
-        if !guard.is_empty() {
-            self.far.lose_guard();
-        }
-        self.far.ready(far).map_err(ServeError::Lost)?;
+        self.far.ready(far, guard).map_err(ServeError::Lost)?;
         Ok(!program.is_empty())
     }
 
@@ -344,7 +341,7 @@ impl Far {
     /// From when on it takes more, on the clock; `None` where that depends on others.
     fn takes_at(&self) -> Option<Nanos> {
         match self {
-            Far::Board(end) => Some(end.busy_until()),
+            Far::Board(end) => Some(end.busy_until),
             Far::Port(end) => end.takes().then_some(Nanos::ZERO),
         }
     }
@@ -381,13 +378,6 @@ impl Far {
         }
     }
 
-    fn ready(&mut self, ready: Ready) -> io::Result<()> {
-        match self {
-            Far::Board(_) => Ok(()),
-            Far::Port(end) => end.ready(ready),
-        }
-    }
-
     fn guard(&self) -> Option<&Guard> {
         match self {
             Far::Board(_) => None,
@@ -395,10 +385,13 @@ impl Far {
         }
     }
 
-    fn lose_guard(&mut self) {
-        if let Far::Port(end) = self {
+    /// Does what its port and its guard are ready for.
+    fn ready(&mut self, port: Ready, guard: Ready) -> io::Result<()> {
+        let Far::Port(end) = self else { return Ok(()) };
+        if !guard.is_empty() {
             end.lose_guard();
         }
+        end.ready(port)
     }
 }
 

@@ -34,13 +34,14 @@ pub struct Device {
 
 impl Device {
     /// A board of a family that is switched on at time 0.
-    pub fn new(of: Arc<Board>, settings: Settings) -> Self {
+    pub fn new(of: Arc<Board>, mut settings: Settings) -> Self {
+        settings.report_every = settings.report_every.max(Micros(1));
         Device {
             board: of,
             received: Received::default(),
             reports: Vec::new(),
             body: Body::new(settings.geometry),
-            settings: Settings { report_every: settings.report_every.max(Micros(1)), ..settings },
+            settings,
             now: Micros::ZERO,
             fed: Micros::ZERO,
             next_report: None,
