@@ -41,7 +41,8 @@
 //! | [`capture`] | the bytes of another program as a listing, or as a script |
 //! | [`verify`] | scripts compared with their snapshots, and rehearsed |
 //! | [`report`] | results as JSON, `JUnit`, TAP, SARIF and annotations of `GitHub` |
-//! | [`sim`] | a virtual board that knows no clock |
+//! | [`sim`] | a virtual board, as a device that knows no clock and no line |
+//! | [`faults`] | the same on a line, with what goes wrong there on purpose |
 //! | [`playback`] | the player, which knows no clock and no port; on Linux also the loop that drives it, and the guard that stops a robot whose player was killed |
 //! | `link`, `serve` | on Linux: serial ports and pseudo-terminals; a board, virtual or real, that other programs open |
 //!
@@ -66,6 +67,7 @@ pub mod capture;
 mod clock;
 pub mod diagnostic;
 pub mod diff;
+pub mod faults;
 #[cfg(all(feature = "player", target_os = "linux"))]
 pub mod link;
 pub mod playback;

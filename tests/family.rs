@@ -10,10 +10,11 @@ use motionseq::board::{
 use motionseq::capture::{Reading, Scribe, TimedDecoder, decode};
 use motionseq::diagnostic::Code;
 use motionseq::diff::diff;
+use motionseq::faults::{Faults, Faulty};
 use motionseq::playback::{Cause, Input, Order, Player, Stop};
 use motionseq::plot::{Shows, plot};
 use motionseq::program::Options;
-use motionseq::sim::{Settings, VirtualBoard};
+use motionseq::sim::{Device, Settings};
 use motionseq::source::{Source, Sources};
 use motionseq::timeline::{Kind, Part, Snapshot, Timeline, part, read_snapshot, write_listing, write_snapshot};
 use motionseq::units::{Micros, Nanos};
@@ -269,7 +270,7 @@ fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would
 #[test]
 fn it_is_played_and_simulated_and_stopped() {
     let timeline = compiled(SHOW);
-    let rehearsal = rehearse(&timeline, Settings::default());
+    let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
     assert!(rehearsal.is_complete(&timeline) && rehearsal.is_at_rest(&timeline), "{rehearsal:?}");
     let told = rehearsal.received.state.told(0).unwrap();
     assert_eq!(timeline.board.show(told).to_string(), "lamp 1 205");
@@ -295,7 +296,7 @@ fn it_is_played_and_simulated_and_stopped() {
     assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(2), Stop::Sent));
     assert_eq!(sent, ["<L 1 200><L 2 100>", "<L 2 200>", "<F 0>"]);
     // A board takes what it is sent however it is cut, and passes over the rest.
-    let mut board = VirtualBoard::new(lamps(), Settings::default());
+    let mut board = Faulty::new(Device::new(lamps(), Settings::default()), Faults::default());
     for byte in b"x<L 3 7><Z><F 1" {
         board.receive(Micros::ZERO, &[*byte]);
     }

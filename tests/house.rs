@@ -18,14 +18,27 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("diff", &["units", "program", "board", "timeline"]),
     ("link", &["units", "clock"]),
     ("playback", &["units", "source", "timeline", "link", "board", "clock"]),
-    ("sim", &["units", "board", "random"]),
-    ("serve", &["units", "board", "clock", "link", "playback", "sim"]),
+    ("sim", &["units", "board"]),
+    ("faults", &["units", "board", "random", "link", "sim"]),
+    ("serve", &["units", "board", "clock", "link", "playback", "sim", "faults"]),
     ("capture", &["units", "board", "program", "timeline"]),
     ("plot", &["units", "source", "diagnostic", "program", "timeline", "board", "sim"]),
     // `compile` stands in the library's root.
     (
         "verify",
-        &["units", "source", "diagnostic", "program", "timeline", "diff", "board", "playback", "sim", "compile"],
+        &[
+            "units",
+            "source",
+            "diagnostic",
+            "program",
+            "timeline",
+            "diff",
+            "board",
+            "playback",
+            "sim",
+            "faults",
+            "compile",
+        ],
     ),
     ("report", &["units", "source", "diagnostic", "verify"]),
 ];
@@ -258,6 +271,14 @@ fn the_binary_uses_the_library_as_anybody_would() {
         let imports = imports(&code(&path));
         assert!(imports.is_empty(), "{} reaches into the crate: {imports:?}", path.display());
     }
+}
+
+#[test]
+fn the_binary_decodes_a_stream_of_frames_once() {
+    let decodes = |path: &PathBuf| ["TimedDecoder::", " Decoder::"].iter().any(|word| code(path).contains(word));
+    let found: Vec<PathBuf> = files(Path::new("src/cli")).into_iter().filter(decodes).collect();
+    // What a program sends is decoded in the watcher; what `play` has sent, in its log.
+    assert_eq!(found, ["src/cli/log/book.rs", "src/cli/watcher.rs"].map(PathBuf::from));
 }
 
 #[test]

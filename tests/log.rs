@@ -189,6 +189,51 @@ fn a_board_and_a_recording_log_what_comes() {
     }
 }
 
+/// What was found, and when: in the log, in what is printed, and in the script, from the first frame on.
+#[test]
+fn the_log_the_listing_and_the_script_have_the_same_frames_at_the_same_times() {
+    let (log, script) = (file("same.mcap"), file("same.motion"));
+    let more = ["--exact", "--format", "jsonl", "--log", log.to_str().unwrap(), "-o", script.to_str().unwrap()];
+    let host = Host::start_at("record", link("log-same"), &more);
+    let mut port = host.open();
+    // Five frames in a row, with noise between them, and one that is cut.
+    let frames = [rocker(20), vec![7, 7], rocker(21), vec![0xFF, 0xFE, 4, 1, 1, 9], rocker(22), rocker(23), stop()];
+    port.write_all(&[&frames.concat()[..], &[0xFF, 0xFE, 3]].concat()).unwrap();
+    drop(port);
+    let (printed, _) = host.end();
+    let (messages, text) = (messages(&log), fs::read_to_string(&script).unwrap());
+    fs::remove_file(log).unwrap();
+    fs::remove_file(script).unwrap();
+
+    let logged: Vec<(u64, String)> = of(&messages, "/frames")
+        .iter()
+        .map(|frame| (frame["t_us"].as_u64().unwrap(), frame["hex"].as_str().unwrap().replace(' ', "")))
+        .collect();
+    let objects = printed.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let printed: Vec<(u64, String)> = objects
+        .map(|object| {
+            let hex = object["frame"].as_str().or(object["skipped"].as_str()).unwrap();
+            (object["t_us"].as_u64().unwrap(), hex.to_owned())
+        })
+        .collect();
+    // The log and the script have what the end has cut, too; there it is not printed.
+    let (cut, whole) = logged.split_last().unwrap();
+    assert_eq!((whole, cut.1.as_str()), (&printed[..], "FFFE03"));
+    assert_eq!(printed.len(), 7, "{printed:?}");
+    assert!(text.contains("skipped 3, FF FE 03: the stream ends inside a frame"), "{text}");
+    let moved: Vec<u64> = printed.iter().filter(|(_, hex)| hex.starts_with("FFFE0308")).map(|(at, _)| *at).collect();
+    let lines: Vec<f64> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("at ")?.split_once("s "))
+        .filter(|(_, what)| what.starts_with("rocker") || *what == "stop")
+        .map(|(at, _)| at.parse().unwrap())
+        .collect();
+    let times: Vec<f64> = moved.iter().map(|at| (at - moved[0]) as f64 / 1e6).collect();
+    assert_eq!(lines, times, "{text}");
+    // A frame of 13 bytes after another, as the line carries them: 1,128.5 us.
+    assert!((1_128..=1_129).contains(&(moved[3] - moved[2])), "{moved:?}");
+}
+
 #[test]
 fn a_log_can_be_read_when_its_program_was_killed() {
     let log = file("killed.mcap");

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use crate::support::board::OnBoard;
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
 use crate::support::{motionseq, rendered, run, script, stderr};
+use motionseq::faults::Faults;
 use motionseq::link::{Pty, Serial};
 use motionseq::playback::Cause;
 use motionseq::program::Options;
@@ -373,7 +374,7 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     assert_eq!(output.status.code(), Some(7), "{}", crate::support::stderr(&output));
     let said = crate::support::stderr(&output);
     let timeline = motionseq::compile(&Source::new("x", text).into(), &Options::default()).timeline.unwrap();
-    let rehearsal = rehearse(&timeline, Settings::default());
+    let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
     assert!(matches!(rehearsal.outcome.cause, Cause::Expect(_)));
     assert_eq!(rehearsal.verdicts.len(), 3);
     for verdict in &rehearsal.verdicts {

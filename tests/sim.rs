@@ -2,9 +2,10 @@
 
 use crate::support::board::{OnBoard, board};
 use motionseq::board::{Command, Hundredths, Report, ReportDecoder, ReportItem};
+use motionseq::faults::{Faults, Faulty};
 use motionseq::playback::{Cause, Found, Input, Notice, Order, Player, Verdict};
 use motionseq::program::Options;
-use motionseq::sim::{Faults, Pose, Settings, VirtualBoard};
+use motionseq::sim::{Device, Pose, Settings};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
@@ -18,7 +19,7 @@ fn timeline(text: &str) -> Timeline {
 
 /// Where the robot is when a script has been played.
 fn pose(text: &str) -> Pose {
-    rehearse(&timeline(text), Settings::default()).received.pose
+    rehearse(&timeline(text), Settings::default(), Faults::default()).received.pose
 }
 
 fn is_near(pose: Pose, x: f64, y: f64, yaw: f64) {
@@ -72,16 +73,17 @@ fn a_board_that_hears_nothing_stops_by_itself() {
     is_near(pose(silent), 0.0, 5.0, 0.0);
     let mut settings = Settings::default();
     settings.silence = None;
-    is_near(rehearse(&timeline(silent), settings).received.pose, 0.0, 30.0, 0.0);
+    is_near(rehearse(&timeline(silent), settings, Faults::default()).received.pose, 0.0, 30.0, 0.0);
     let mut settings = Settings::default();
     settings.silence = Some(Micros(40_000));
     // Shorter than the refresh interval of 50 ms: four fifths of the way.
-    is_near(rehearse(&timeline("rocker y=10 for 1s"), settings).received.pose, 0.0, 8.0, 0.0);
+    is_near(rehearse(&timeline("rocker y=10 for 1s"), settings, Faults::default()).received.pose, 0.0, 8.0, 0.0);
 }
 
-/// The reports of a board that is sent these commands at these times, until a time.
-fn reports(settings: Settings, commands: &[(u64, &str)], until: u64) -> Vec<(u64, Report)> {
-    let mut board = VirtualBoard::new(std::sync::Arc::clone(crate::support::board::board()), settings);
+/// The reports of a board with faults that is sent these commands at these times, until a time.
+fn reports(faults: &Faults, commands: &[(u64, &str)], until: u64) -> Vec<(u64, Report)> {
+    let device = Device::new(std::sync::Arc::clone(crate::support::board::board()), Settings::default());
+    let mut board = Faulty::new(device, faults.clone());
     let mut decoder = ReportDecoder::new(crate::support::board::board().codec.replies);
     let mut found = Vec::new();
     let mut commands = commands.iter().peekable();
@@ -91,8 +93,7 @@ fn reports(settings: Settings, commands: &[(u64, &str)], until: u64) -> Vec<(u64
             board.receive(Micros(now), &command.to_frame());
         }
         board.poll(Micros(now));
-        let replies: Vec<u8> = board.replies().collect();
-        decoder.feed(&replies, |item| {
+        decoder.feed(&board.replies(), |item| {
             if let ReportItem::Report(report) = item {
                 found.push((now, report));
             }
@@ -104,10 +105,10 @@ fn reports(settings: Settings, commands: &[(u64, &str)], until: u64) -> Vec<(u64
 #[test]
 fn it_reports_ten_times_a_second_between_start_and_stop_and_once_when_asked() {
     let found =
-        reports(Settings::default(), &[(50_000, "request report-start"), (560_000, "request report-stop")], 1_000_000);
+        reports(&Faults::default(), &[(50_000, "request report-start"), (560_000, "request report-stop")], 1_000_000);
     let times: Vec<u64> = found.iter().map(|(at, _)| *at).collect();
     assert_eq!(times, [150_000, 250_000, 350_000, 450_000, 550_000]);
-    assert_eq!(reports(Settings::default(), &[(20_000, "request voltage")], 500_000).len(), 1);
+    assert_eq!(reports(&Faults::default(), &[(20_000, "request voltage")], 500_000).len(), 1);
     // The yaw is wrapped, the battery sags while it drives and is there again behind it.
     let drive = [
         (0, "request report-start"),
@@ -116,7 +117,7 @@ fn it_reports_ten_times_a_second_between_start_and_stop_and_once_when_asked() {
         (800_000, "rocker z=200"),
         (1_000_000, "stop"),
     ];
-    let found = reports(Settings::default(), &drive, 2_000_000);
+    let found = reports(&Faults::default(), &drive, 2_000_000);
     let newest = found.last().unwrap().1;
     assert_eq!(newest.value(3), Hundredths(-16_000));
     let driving = found.iter().find(|(at, _)| *at == 500_000).unwrap().1;
@@ -143,22 +144,21 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
         assert!(text.parse::<Faults>().is_err(), "{text}");
     }
     let faults: Faults = "drop=20%, garble=10%, seed=3".parse().unwrap();
-    let settings = || Settings::with_faults(faults.clone());
     // Asked for more than once: the request may be lost, too.
     let start: Vec<_> = (0..10).map(|at| (at * 10_000, "request report-start")).collect();
-    let (once, twice) = (reports(settings(), &start, 20_000_000), reports(settings(), &start, 20_000_000));
+    let (once, twice) = (reports(&faults, &start, 20_000_000), reports(&faults, &start, 20_000_000));
     assert_eq!(once, twice);
     // Of 200 reports a fifth is dropped, and a tenth of the rest garbled; some of those are still reports.
     assert!((110..190).contains(&once.len()), "{}", once.len());
-    let silent = Settings::with_faults("silent".parse().unwrap());
-    assert_eq!(reports(silent, &start, 2_000_000), []);
-    let battery = Settings::with_faults("battery=6.5V@1s".parse().unwrap());
-    let found = reports(battery, &start, 2_000_000);
+    let silent = "silent".parse().unwrap();
+    assert_eq!(reports(&silent, &start, 2_000_000), []);
+    let battery = "battery=6.5V@1s".parse().unwrap();
+    let found = reports(&battery, &start, 2_000_000);
     assert!(found.len() > 15);
     assert!(found.iter().all(|(at, report)| (report.value(0) == Hundredths(650)) == (*at >= 1_000_000)));
     // Frames are lost on the way to the board, too.
-    let lossy = Settings::with_faults("drop=50%".parse().unwrap());
-    let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), lossy);
+    let lossy = "drop=50%".parse().unwrap();
+    let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), Settings::default(), lossy);
     let Rehearsal { received, given, .. } = rehearsal;
     assert_eq!(given, 101);
     assert!((30..70).contains(&received.lost) && received.frames + received.lost == 101, "{received:?}");
@@ -252,7 +252,7 @@ fn every_script_of_the_tests_is_played_as_it_is_rendered() {
         let Some(timeline) = compiled.timeline.filter(|timeline| is_script && timeline.expects.is_empty()) else {
             continue;
         };
-        let rehearsal = rehearse(&timeline, Settings::default());
+        let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
         assert!(rehearsal.is_complete(&timeline), "{}: {:?}", entry.display(), rehearsal.outcome);
         assert_eq!(rehearsal.outcome.dropped, 0, "{}", entry.display());
         count += 1;
@@ -275,8 +275,7 @@ fn every_rehearsal_comes_to_an_end() {
         "stall@1s,unplug@1010ms",
         "unplug@1h",
     ] {
-        let settings = Settings::with_faults(faults.parse().unwrap());
-        let rehearsal = rehearse(&timeline, settings);
+        let rehearsal = rehearse(&timeline, Settings::default(), faults.parse().unwrap());
         let ends_early = rehearsal.outcome.cause != Cause::Finished;
         assert_eq!(ends_early, !rehearsal.aborted.is_empty(), "{faults}: {:?}", rehearsal.outcome);
         if ends_early {

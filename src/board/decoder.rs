@@ -54,6 +54,33 @@ pub enum Item<'a> {
     },
 }
 
+/// An item with bytes of its own, for other threads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnedItem {
+    bytes: Box<[u8]>,
+    /// Where it was in the stream, and why it was skipped; `None` for a frame.
+    skipped: Option<(u64, Skip)>,
+}
+
+impl From<Item<'_>> for OwnedItem {
+    fn from(item: Item<'_>) -> Self {
+        match item {
+            Item::Frame(Frame(bytes)) => OwnedItem { bytes: bytes.into(), skipped: None },
+            Item::Skipped { at, bytes, why } => OwnedItem { bytes: bytes.into(), skipped: Some((at, why)) },
+        }
+    }
+}
+
+impl OwnedItem {
+    /// What the decoder found.
+    pub fn item(&self) -> Item<'_> {
+        match self.skipped {
+            None => Item::Frame(Frame(&self.bytes)),
+            Some((at, why)) => Item::Skipped { at, bytes: &self.bytes, why },
+        }
+    }
+}
+
 /// Finds frames in a stream, however it is cut into reads.
 ///
 /// After noise, a cut frame or a bad checksum it goes on with the very next byte, so a whole frame behind the damage is

@@ -19,7 +19,7 @@ mod state;
 mod table;
 
 pub use command::{Command, MAX_MOVING, Values, VerbId};
-pub use decoder::{Decoder, Frame, Item};
+pub use decoder::{Decoder, Frame, Item, OwnedItem};
 pub use frame::{FrameError, Front, Hex, Skip};
 pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
 pub use rules::Said;

@@ -5,20 +5,22 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::{Hundredths, raspblock};
+use motionseq::board::{Board as Family, Hundredths, raspblock};
+use motionseq::faults::{Faults, Faulty, volts};
 use motionseq::link::{Door, DoorError};
 use motionseq::playback::Signals;
 use motionseq::serve::{End, ServeError, Server};
-use motionseq::sim::{Faults, Settings, VirtualBoard, volts};
+use motionseq::sim::{Device, Settings};
 use motionseq::units::{Micros, NotATime};
 
 use super::Reading;
+use super::display::Format;
 use super::ending::board_summary;
 use super::exit::Exit;
 use super::log::Log;
 use super::screen::Screen;
 use super::tape::Tape;
-use super::watcher::{Format, Watcher};
+use super::watcher::Watcher;
 
 /// Be a virtual board that any program opens as its serial port
 #[derive(Debug, Args)]
@@ -76,14 +78,18 @@ impl Board {
         let log = Log::open(self.log.as_deref(), None, self.reading.board(), screen)?;
         let signals = begin(screen)?;
         screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
-        let faults = self.fault.clone().unwrap_or_default();
-        let mut settings = Settings::with_faults(faults);
-        (settings.battery, settings.report_every) = (self.battery, self.report_every);
-        let board = VirtualBoard::new(self.reading.board(), settings);
+        let board = board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
-        let watcher = watcher.map_err(|error| failed(screen, &error))?.with_log(log);
+        let watcher = watcher.map_err(|error| failed(screen, &error))?.keeping(None, log);
         Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)
     }
+}
+
+/// A virtual board that is switched on now.
+pub(super) fn board_with(of: Arc<Family>, battery: Hundredths, report_every: Micros, faults: Option<Faults>) -> Faulty {
+    let mut settings = Settings::default();
+    (settings.battery, settings.report_every) = (battery, report_every);
+    Faulty::new(Device::new(of, settings), faults.unwrap_or_default())
 }
 
 /// Catches signals, and lets nothing wait for the screen: from here on a signal ends it, whatever happens.
@@ -101,13 +107,13 @@ pub(super) fn failed(screen: &Screen, error: &io::Error) -> Exit {
 #[expect(clippy::too_many_arguments, reason = "a server and what watches it")]
 pub(super) fn serve_board(
     door: &mut Door,
-    board: VirtualBoard,
+    board: Faulty,
     baud: u32,
     signals: &Signals,
     mut watcher: Watcher,
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
-    let family = Arc::clone(board.family());
+    let family = Arc::clone(board.device().family());
     let mut server = Server::of_board(door, board, baud, Some(signals));
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     let received = server.received();

@@ -22,6 +22,8 @@ mod test;
 // What plays, and offers ports.
 #[cfg(target_os = "linux")]
 mod board;
+#[cfg(target_os = "linux")]
+mod display;
 #[cfg(not(target_os = "linux"))]
 mod elsewhere;
 #[cfg(target_os = "linux")]
@@ -34,6 +36,8 @@ mod guard;
 mod latency;
 #[cfg(target_os = "linux")]
 mod log;
+#[cfg(target_os = "linux")]
+mod observer;
 #[cfg(target_os = "linux")]
 mod play;
 #[cfg(target_os = "linux")]

@@ -7,14 +7,15 @@ use std::sync::Arc;
 
 use clap::Args;
 use motionseq::board::{Board as Family, Hundredths, raspblock};
+use motionseq::faults::Faults;
 use motionseq::link::{Door, Link as _, Serial};
 use motionseq::playback::{Guard, Signals, Stop, Ward};
 use motionseq::serve::{End, Passed, ServeError, Server};
-use motionseq::sim::{Faults, Settings, VirtualBoard};
 use motionseq::units::{Micros, Nanos};
 
 use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
+use super::display::Format;
 use super::exit::Exit;
 use super::growing;
 use super::guard;
@@ -23,7 +24,7 @@ use super::output::{self, Inputs};
 use super::play;
 use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
-use super::watcher::{Format, Watcher};
+use super::watcher::Watcher;
 
 /// Write what another program sends to its board down as a script
 #[derive(Debug, Args)]
@@ -103,16 +104,14 @@ impl Record {
         let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
         let watcher =
             Watcher::start(*screen, self.format, self.baud, self.reading.board(), port.is_some()).map_err(failed)?;
-        let watcher = watcher.with_tape(tape).with_log(log);
+        let watcher = watcher.keeping(Some(tape), log);
         let begun = |what: &str| {
             screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
         };
         let (exit, tape) = match port {
             None => {
-                let faults = self.fault.clone().unwrap_or_default();
-                let mut settings = Settings::with_faults(faults);
-                (settings.battery, settings.report_every) = (self.battery, self.report_every);
-                let board = VirtualBoard::new(self.reading.board(), settings);
+                let board =
+                    board::board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
                 begun("a virtual board");
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)
             }

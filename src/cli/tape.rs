@@ -3,18 +3,18 @@
 use std::fs::File;
 use std::io;
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use motionseq::board::Board;
-use motionseq::capture::{Scribe, TimedDecoder};
-use motionseq::link::PortEvent;
+use motionseq::capture::Scribe;
 use motionseq::source::MAX_SOURCE;
-use motionseq::units::{Micros, Nanos};
+use motionseq::units::Micros;
 
 use super::growing::Growing;
+use super::observer::Event;
 use super::screen::Screen;
-use super::start_thread;
+use super::worker::Worker;
 
 /// What may wait to be written down, in pieces.
 const ROOM: usize = 64 * 1024;
@@ -22,23 +22,9 @@ const ROOM: usize = 64 * 1024;
 const UPDATE: Duration = Duration::from_millis(300);
 /// How long the end waits for a file that takes nothing.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// How often the time is told where nothing else happens.
-const TELL: Micros = Micros::from_millis(100);
 
 /// A recording under way.
-pub(super) struct Tape {
-    pieces: SyncSender<(Micros, Piece)>,
-    kept: Receiver<Kept>,
-    told: Micros,
-    lost: u64,
-}
-
-/// What is written down.
-enum Piece {
-    Came(Nanos, Box<[u8]>),
-    Note(&'static str),
-    Nothing,
-}
+pub(super) struct Tape(Worker<(Micros, Event), Kept>);
 
 /// What became of a recording.
 pub(super) struct Kept {
@@ -58,8 +44,6 @@ impl Tape {
         board: &Arc<Board>,
         screen: Screen,
     ) -> io::Result<Self> {
-        let (pieces, to_write) = mpsc::sync_channel(ROOM);
-        let (keep, kept) = mpsc::channel();
         let file = match file {
             Some(file) => file,
             None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
@@ -70,46 +54,21 @@ impl Tape {
             // What is written to a pipe cannot be amended.
             scribe.widen();
         }
-        let writer = Writer {
-            scribe,
-            decoder: TimedDecoder::new(board, baud),
-            out,
-            lines: 0,
-            screen,
-            now: Micros::ZERO,
-            begin: None,
-            failed: None,
-        };
-        start_thread("tape", move || {
-            let _ = keep.send(writer.run(&to_write));
-        })?;
-        Ok(Tape { pieces, kept, told: Micros::ZERO, lost: 0 })
+        let writer = Writer { scribe, out, lines: 0, screen, now: Micros::ZERO, begin: None, failed: None };
+        Worker::start("tape", ROOM, |events| writer.run(events)).map(Tape)
     }
 
-    /// Takes in what happened at a time.
-    pub(super) fn take(&mut self, now: Micros, happened: PortEvent<'_>) {
-        let piece = match happened {
-            PortEvent::Came(at, bytes) => Piece::Came(at, bytes.into()),
-            PortEvent::Opened => Piece::Note("a program has opened the port"),
-            PortEvent::Closed => Piece::Note("the program has closed the port"),
-            PortEvent::Passed if now >= self.told + TELL => Piece::Nothing,
-            _ => return,
-        };
-        self.told = now;
-        self.lost += u64::from(self.pieces.try_send((now, piece)).is_err());
+    /// Takes in what happened at a time, where it belongs into a script, and the time.
+    pub(super) fn take(&mut self, now: Micros, event: &Event) {
+        if matches!(event, Event::Came(_) | Event::Opened | Event::Closed | Event::Passed(_)) {
+            self.0.send((now, event.clone()));
+        }
     }
 
     /// Ends it, and says what became of it.
     pub(super) fn end(self) -> Kept {
-        let Tape { pieces, kept, lost, .. } = self;
-        drop(pieces);
-        let mut kept = kept.recv_timeout(PATIENCE).unwrap_or_else(|why| {
-            let why = match why {
-                RecvTimeoutError::Timeout => "the file takes no more bytes",
-                RecvTimeoutError::Disconnected => "the thread that writes it failed",
-            };
-            Kept { frames: 0, lines: 0, failed: Some(why.to_owned()) }
-        });
+        let (ended, lost) = self.0.end(PATIENCE, "the file");
+        let mut kept = ended.unwrap_or_else(|why| Kept { frames: 0, lines: 0, failed: Some(why) });
         if lost > 0 {
             kept.failed.get_or_insert(format!("{lost} pieces came faster than they could be written"));
         }
@@ -119,7 +78,6 @@ impl Tape {
 
 struct Writer {
     scribe: Scribe,
-    decoder: TimedDecoder,
     out: Growing,
     lines: u64,
     screen: Screen,
@@ -130,19 +88,13 @@ struct Writer {
 }
 
 impl Writer {
-    fn run(mut self, pieces: &Receiver<(Micros, Piece)>) -> Kept {
+    fn run(mut self, events: &Receiver<(Micros, Event)>) -> Kept {
         let mut written = Instant::now();
         loop {
-            let ended = match pieces.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
-                Ok((now, piece)) => {
-                    self.take(now, piece);
-                    false
-                }
-                Err(RecvTimeoutError::Timeout) => false,
-                Err(RecvTimeoutError::Disconnected) => true,
-            };
-            if ended {
-                break;
+            match events.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
+                Ok((now, event)) => self.take(now, &event),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
             }
             if written.elapsed() >= UPDATE {
                 self.scribe.settle(self.now);
@@ -151,16 +103,12 @@ impl Writer {
                 written = Instant::now();
             }
         }
-        if self.failed.is_none() {
-            let scribe = &mut self.scribe;
-            self.decoder.finish(|at, item| scribe.take(at, item));
-        }
         self.scribe.finish(self.now);
         let failed = self.write("");
         Kept { frames: self.scribe.frames(), lines: self.lines, failed: self.failed.or(failed) }
     }
 
-    fn take(&mut self, now: Micros, piece: Piece) {
+    fn take(&mut self, now: Micros, event: &Event) {
         self.now = self.now.max(now);
         if self.failed.is_some() {
             return;
@@ -174,10 +122,11 @@ impl Writer {
             return;
         }
         let scribe = &mut self.scribe;
-        match piece {
-            Piece::Came(at, bytes) => self.decoder.feed(at, &bytes, |at, item| scribe.take(at, item)),
-            Piece::Note(words) => scribe.note(now, words),
-            Piece::Nothing => {}
+        match event {
+            Event::Came(items) => items.iter().for_each(|(at, item)| scribe.take(*at, item.item())),
+            Event::Opened => scribe.note(now, "a program has opened the port"),
+            Event::Closed => scribe.note(now, "the program has closed the port"),
+            _ => {}
         }
     }
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
+use motionseq::faults::Faults;
 use motionseq::report;
-use motionseq::sim::Faults;
 use motionseq::verify::{Case, Job, Replace, Verdict};
 use rayon::prelude::*;
 

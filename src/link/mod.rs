@@ -3,7 +3,6 @@
 mod door;
 mod pty;
 mod serial;
-mod stalling;
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -11,7 +10,6 @@ use std::os::fd::BorrowedFd;
 pub use door::{Door, DoorError, PortEvent};
 pub use pty::{LineSettings, Pty};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
-pub use stalling::Stalling;
 
 /// A port that never blocks.
 pub trait Link {

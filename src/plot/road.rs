@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Place;
 use crate::board::{Command, Simulation};
-use crate::sim::{Pose, Settings, VirtualBoard};
+use crate::sim::{Device, Pose, Settings};
 use crate::timeline::Timeline;
 use crate::units::Micros;
 
@@ -22,7 +22,7 @@ pub(super) fn road(timeline: &Timeline) -> Vec<Place> {
         return Vec::new();
     }
     let mut road = Road {
-        board: VirtualBoard::new(Arc::clone(board), Settings::default()),
+        board: Device::new(Arc::clone(board), Settings::default()),
         look: Micros(end.0 / PLACES).max(LOOK),
         now: Micros::ZERO,
         places: vec![Place::new(Micros::ZERO, Pose::default())],
@@ -32,7 +32,8 @@ pub(super) fn road(timeline: &Timeline) -> Vec<Place> {
     for event in events.iter().filter(|event| drives(&event.command)) {
         road.pass(event.at);
         road.turns(&event.command);
-        road.board.receive(event.at, &board.to_frame(&event.command));
+        road.board.poll(event.at);
+        road.board.obey(&event.command);
     }
     road.pass(*end);
     let Road { board, mut places, .. } = road;
@@ -45,7 +46,7 @@ pub(super) fn road(timeline: &Timeline) -> Vec<Place> {
 }
 
 struct Road {
-    board: VirtualBoard,
+    board: Device,
     look: Micros,
     now: Micros,
     places: Vec<Place>,

@@ -28,7 +28,7 @@ pub(super) struct Calls<'f, 's> {
     /// The place of each name among the `def`s.
     places: HashMap<&'s str, usize>,
     /// The `def`s that each one calls.
-    calls: Vec<Vec<usize>>,
+    callees: Vec<Vec<usize>>,
     /// The last search that reached each `def`, and the `def` that it came from.
     reached: Vec<(usize, usize)>,
     searches: usize,
@@ -40,7 +40,7 @@ impl<'f, 's> Calls<'f, 's> {
         let places: HashMap<_, _> = defs.iter().enumerate().map(|(at, def)| (def.name.text, at)).collect();
         let to = |call: &Name<'s>| places.get(call.text).copied();
         let calls = defs.iter().map(|def| calls_of(&def.body).iter().filter_map(to).collect()).collect();
-        Calls { defs, places, calls, reached: vec![(0, 0); defs.len()], searches: 0, followed: 0 }
+        Calls { defs, places, callees: calls, reached: vec![(0, 0); defs.len()], searches: 0, followed: 0 }
     }
 
     /// The `def` with this name.
@@ -57,7 +57,7 @@ impl<'f, 's> Calls<'f, 's> {
         let mut done = 0;
         while let Some(at) = queue.get(done).copied().filter(|at| *at != end) {
             done += 1;
-            for &to in self.calls.get(at)? {
+            for &to in self.callees.get(at)? {
                 self.followed += 1;
                 let reached = self.reached.get_mut(to).filter(|_| self.followed <= MAX_FOLLOWED)?;
                 if reached.0 != self.searches {

@@ -1,7 +1,7 @@
 //! A virtual board at the far end, behind a line that takes its time.
 
 use crate::clock;
-use crate::sim::{Received, VirtualBoard};
+use crate::faults::Faulty;
 use crate::units::{Micros, Nanos, byte_time};
 
 /// The most bytes taken at once; the line is then busy for as long as they need.
@@ -10,21 +10,19 @@ pub(super) const CHUNK: usize = 16;
 const BEHIND: Micros = Micros::from_millis(50);
 
 pub(super) struct BoardEnd {
-    board: VirtualBoard,
+    pub(super) board: Faulty,
     byte_time: Nanos,
     /// Until when the line carries what was taken, on the clock.
-    busy_until: Nanos,
+    pub(super) busy_until: Nanos,
     /// Whether bytes have waited for the line, and whether that was told to be too many.
     has_waited: bool,
     is_behind: bool,
     /// Whether the line takes no time any more: at the end, what was written counts as sent.
     is_hurried: bool,
-    /// The newest time that the board knows.
-    time: Micros,
 }
 
 impl BoardEnd {
-    pub(super) fn new(board: VirtualBoard, baud: u32) -> Self {
+    pub(super) fn new(board: Faulty, baud: u32) -> Self {
         BoardEnd {
             board,
             byte_time: byte_time(baud),
@@ -32,38 +30,7 @@ impl BoardEnd {
             has_waited: false,
             is_behind: false,
             is_hurried: false,
-            time: Micros::ZERO,
         }
-    }
-
-    pub(super) fn board(&self) -> &VirtualBoard {
-        &self.board
-    }
-
-    pub(super) fn finish(self) -> Received {
-        self.board.finish()
-    }
-
-    pub(super) fn poll(&mut self, time: Micros) {
-        self.time = self.time.max(time);
-        self.board.poll(self.time);
-    }
-
-    pub(super) fn is_unplugged(&self, time: Micros) -> bool {
-        self.board.unplugged().is_some_and(|at| at <= time)
-    }
-
-    pub(super) fn is_stalled(&self, time: Micros) -> bool {
-        self.board.stalled().is_some_and(|at| at <= time)
-    }
-
-    pub(super) fn next_due(&self) -> Option<Micros> {
-        let faults = [self.board.unplugged(), self.board.stalled()].into_iter().flatten();
-        faults.filter(|at| *at > self.time).chain(self.board.next_due()).min()
-    }
-
-    pub(super) fn busy_until(&self) -> Nanos {
-        self.busy_until
     }
 
     /// Takes what comes from now on without waiting for the line.
@@ -71,13 +38,8 @@ impl BoardEnd {
         self.is_hurried = true;
     }
 
-    pub(super) fn said(&mut self) -> Vec<u8> {
-        self.board.replies().collect()
-    }
-
     pub(super) fn give(&mut self, now: Nanos, time: Micros, bytes: &[u8], waiting: u64) -> (Nanos, Option<Micros>) {
-        self.time = self.time.max(time);
-        self.board.receive(self.time, bytes);
+        self.board.receive(time, bytes);
         // What has waited for the line is right behind what came before it, however late this thread woke up.
         let begin = if self.has_waited { self.busy_until } else { now.max(self.busy_until) };
         self.busy_until = begin + self.byte_time * bytes.len() as u64;

@@ -8,17 +8,18 @@ mod port_end;
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
 use crate::board::Board;
 use crate::clock;
+use crate::faults::{Faulty, Stall};
 use crate::link::{Door, LineSettings, PortEvent, Pty, Serial};
 use crate::playback::os::{self, Ready};
 use crate::playback::{Guard, Signals, Stop};
-use crate::sim::{Received, VirtualBoard};
+use crate::sim::{Device, Received};
 use crate::units::{Micros, Nanos};
 use board_end::BoardEnd;
 use port_end::PortEnd;
@@ -79,8 +80,6 @@ pub struct Server<'d> {
     signals: Option<&'d Signals>,
     /// When time 0 is, on the clock, in nanoseconds; as long as it is 0, it is time 0.
     begin: Arc<AtomicU64>,
-    /// Set as soon as the far end takes no bytes any more.
-    stalls: Arc<AtomicBool>,
     /// Whether it ends with the first program.
     once: bool,
     /// Whether a program has the port open, and whether its end was seen once.
@@ -91,11 +90,11 @@ pub struct Server<'d> {
 }
 
 /// What watches a server: it gets the time, what happens, and the virtual board, if there is one.
-pub type Watch<'w> = dyn FnMut(Micros, PortEvent<'_>, Option<&VirtualBoard>) -> io::Result<()> + 'w;
+pub type Watch<'w> = dyn FnMut(Micros, PortEvent<'_>, Option<&Device>) -> io::Result<()> + 'w;
 
 impl<'d> Server<'d> {
     /// A virtual board behind a door. A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
-    pub fn of_board(door: &'d mut Door, board: VirtualBoard, baud: u32, signals: Option<&'d Signals>) -> Self {
+    pub fn of_board(door: &'d mut Door, board: Faulty, baud: u32, signals: Option<&'d Signals>) -> Self {
         Server::new(door, Far::Board(Box::new(BoardEnd::new(board, baud))), signals)
     }
 
@@ -117,7 +116,6 @@ impl<'d> Server<'d> {
             far,
             signals,
             begin: Arc::new(AtomicU64::new(clock::now().0)),
-            stalls: Arc::default(),
             once: false,
             is_open: false,
             is_ending: false,
@@ -138,7 +136,7 @@ impl<'d> Server<'d> {
     /// What the virtual board has received; `None` where there is none.
     pub fn received(self) -> Option<Received> {
         match self.far {
-            Far::Board(end) => Some(end.finish()),
+            Far::Board(end) => Some(end.board.finish()),
             Far::Port(_) => None,
         }
     }
@@ -170,13 +168,12 @@ impl<'d> Server<'d> {
             if let Some(signal) = self.signals.and_then(Signals::pending) {
                 return Ok(End::Signal(signal));
             }
-            if let Some(end) = self.far.end(time) {
+            if let Some(end) = self.far.end() {
                 return Ok(end);
             }
             self.look_for_program(time, watch)?;
             self.answer(time, watch)?;
-            let is_stalled = self.far.is_stalled(time);
-            self.stalls.store(is_stalled, Ordering::Relaxed);
+            let is_stalled = !self.far.carries();
             if self.wait(time, is_stalled)? && self.take(is_stalled, watch)? {
                 return Ok(End::Closed);
             }
@@ -224,10 +221,7 @@ impl<'d> Server<'d> {
             return Ok(false);
         }
         let [program, _, far, guard] = os::wait(watched, Some(until.saturating_sub(now)))?;
-        if !guard.is_empty() {
-            self.far.lose_guard();
-        }
-        self.far.ready(far).map_err(ServeError::Lost)?;
+        self.far.ready(far, guard).map_err(ServeError::Lost)?;
         Ok(!program.is_empty())
     }
 
@@ -284,7 +278,7 @@ impl<'d> Server<'d> {
         let until = clock::now().saturating_add(DRAIN);
         let mut left = MOST_LEFT;
         let mut buffer = [0; 256];
-        while left > 0 && clock::now() < until && !self.far.is_stalled(self.time(clock::now())) {
+        while left > 0 && clock::now() < until && self.far.carries() {
             match self.door.pty().read(&mut buffer) {
                 Ok(0) => break,
                 Ok(count) => {
@@ -306,39 +300,40 @@ impl<'d> Server<'d> {
 }
 
 impl Far {
-    fn board(&self) -> Option<&VirtualBoard> {
+    fn board(&self) -> Option<&Device> {
         match self {
-            Far::Board(end) => Some(end.board()),
+            Far::Board(end) => Some(end.board.device()),
             Far::Port(_) => None,
         }
     }
 
     fn poll(&mut self, time: Micros) {
         match self {
-            Far::Board(end) => end.poll(time),
+            Far::Board(end) => end.board.poll(time),
             Far::Port(end) => end.beat(time),
         }
     }
 
     /// Whether it is over with it.
-    fn end(&mut self, time: Micros) -> Option<End> {
+    fn end(&mut self) -> Option<End> {
         match self {
-            Far::Board(end) => end.is_unplugged(time).then_some(End::Unplugged),
+            Far::Board(end) => end.board.hangs_up().then_some(End::Unplugged),
             Far::Port(end) => end.is_unguarded().then_some(End::Unguarded),
         }
     }
 
-    fn is_stalled(&self, time: Micros) -> bool {
+    /// Whether bytes that the program writes get to it.
+    fn carries(&self) -> bool {
         match self {
-            Far::Board(end) => end.is_stalled(time),
-            Far::Port(_) => false,
+            Far::Board(end) => end.board.carries(),
+            Far::Port(_) => true,
         }
     }
 
     /// When it has something to do next.
     fn next_due(&self) -> Option<Micros> {
         match self {
-            Far::Board(end) => end.next_due(),
+            Far::Board(end) => end.board.next_due(),
             Far::Port(_) => None,
         }
     }
@@ -346,7 +341,7 @@ impl Far {
     /// From when on it takes more, on the clock; `None` where that depends on others.
     fn takes_at(&self) -> Option<Nanos> {
         match self {
-            Far::Board(end) => Some(end.busy_until()),
+            Far::Board(end) => Some(end.busy_until),
             Far::Port(end) => end.takes().then_some(Nanos::ZERO),
         }
     }
@@ -371,7 +366,7 @@ impl Far {
     /// What it has sent.
     fn said(&mut self) -> Vec<u8> {
         match self {
-            Far::Board(end) => end.said(),
+            Far::Board(end) => end.board.replies(),
             Far::Port(end) => end.said(),
         }
     }
@@ -383,13 +378,6 @@ impl Far {
         }
     }
 
-    fn ready(&mut self, ready: Ready) -> io::Result<()> {
-        match self {
-            Far::Board(_) => Ok(()),
-            Far::Port(end) => end.ready(ready),
-        }
-    }
-
     fn guard(&self) -> Option<&Guard> {
         match self {
             Far::Board(_) => None,
@@ -397,10 +385,13 @@ impl Far {
         }
     }
 
-    fn lose_guard(&mut self) {
-        if let Far::Port(end) = self {
+    /// Does what its port and its guard are ready for.
+    fn ready(&mut self, port: Ready, guard: Ready) -> io::Result<()> {
+        let Far::Port(end) = self else { return Ok(()) };
+        if !guard.is_empty() {
             end.lose_guard();
         }
+        end.ready(port)
     }
 }
 
@@ -413,27 +404,27 @@ fn is_nothing(error: &io::Error) -> bool {
 pub struct Served {
     end: Receiver<Result<Received, ServeError>>,
     begin: Arc<AtomicU64>,
-    stalls: Arc<AtomicBool>,
+    stall: Stall,
 }
 
 impl Served {
     /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault of
     /// the board pulls the cable. The port must have been opened before.
-    pub fn start(board: VirtualBoard, port: Pty, baud: u32) -> io::Result<Self> {
+    pub fn start(board: Faulty, port: Pty, baud: u32) -> io::Result<Self> {
         let mut door = Door::unnamed(port)?;
-        let (begin, stalls) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
-        let (its_begin, its_stalls) = (Arc::clone(&begin), Arc::clone(&stalls));
+        let (begin, stall) = (Arc::new(AtomicU64::new(0)), board.stall());
+        let its_begin = Arc::clone(&begin);
         let (tell, end) = mpsc::channel();
         thread::Builder::new().name("virtual board".into()).spawn(move || {
             let mut server = Server::of_board(&mut door, board, baud, None);
-            (server.begin, server.stalls, server.once, server.is_open) = (its_begin, its_stalls, true, true);
+            (server.begin, server.once, server.is_open) = (its_begin, true, true);
             let end = server.run(&mut |_, _, _| Ok(()));
             let received = server.received().ok_or_else(|| ServeError::Failed(io::ErrorKind::NotFound.into()));
             // Closes the port before anybody is told.
             drop(door);
             let _ = tell.send(end.and(received));
         })?;
-        Ok(Served { end, begin, stalls })
+        Ok(Served { end, begin, stall })
     }
 
     /// Says when the script begins: the board's time 0, from which its faults count.
@@ -441,9 +432,9 @@ impl Served {
         self.begin.store(now.max(Nanos(1)).0, Ordering::Relaxed);
     }
 
-    /// Set as soon as the port shall take no bytes any more.
-    pub fn stalls(&self) -> Arc<AtomicBool> {
-        Arc::clone(&self.stalls)
+    /// Tells the port of whoever plays on the board when it stalls.
+    pub fn stalls(&self) -> Stall {
+        self.stall.clone()
     }
 
     /// Waits for its end, at most so long; `None` where it does not come, or the thread failed.

@@ -1,11 +1,11 @@
-//! The virtual board as a pure device: frames in, reports out, time as an input.
+//! What a virtual board was told, where it is, and what it reports.
 
 use std::sync::Arc;
 
 use super::motion::Body;
-use super::{Fault, Received};
-use crate::board::raspblock::{self, Asked, Geometry};
-use crate::board::{Board, Command, Hundredths, Item, Report, Simulation};
+use super::{Fault, Received, Settings};
+use crate::board::raspblock::{self, Asked};
+use crate::board::{Board, Command, Frame, Hundredths, Item, Report, Simulation};
 use crate::units::Micros;
 
 /// By how many volts the battery sags at full speed, and how many it loses then in a second.
@@ -14,19 +14,14 @@ const DRAIN: f64 = 0.000_5;
 
 /// A board of which nothing is broken.
 #[derive(Debug)]
-pub(super) struct Device {
-    pub(super) board: Arc<Board>,
-    /// The battery's voltage at rest, in hundredths of a volt.
-    pub(super) battery: Hundredths,
+pub struct Device {
+    board: Arc<Board>,
+    settings: Settings,
     /// What it has received, and what became of it.
-    pub(super) received: Received,
+    received: Received,
     /// Reports that it has to send.
-    pub(super) reports: Vec<Report>,
+    reports: Vec<Report>,
     body: Body,
-    /// After how long without a drive frame the robot stops; `None` for never.
-    pub(super) silence: Option<Micros>,
-    /// The time between two reports.
-    pub(super) report_every: Micros,
     /// The time since it was switched on.
     now: Micros,
     /// When the last drive frame came.
@@ -38,16 +33,15 @@ pub(super) struct Device {
 }
 
 impl Device {
-    /// A board that is switched on at time 0.
-    pub(super) fn new(board: Arc<Board>, geometry: Geometry) -> Self {
+    /// A board of a family that is switched on at time 0.
+    pub fn new(of: Arc<Board>, mut settings: Settings) -> Self {
+        settings.report_every = settings.report_every.max(Micros(1));
         Device {
-            board,
-            battery: Hundredths(0),
+            board: of,
             received: Received::default(),
             reports: Vec::new(),
-            body: Body::new(geometry),
-            silence: None,
-            report_every: Micros(1),
+            body: Body::new(settings.geometry),
+            settings,
             now: Micros::ZERO,
             fed: Micros::ZERO,
             next_report: None,
@@ -55,17 +49,27 @@ impl Device {
         }
     }
 
+    /// The family that it is of.
+    pub fn family(&self) -> &Arc<Board> {
+        &self.board
+    }
+
+    /// Gives it another battery, with this voltage at rest.
+    pub fn set_battery(&mut self, at_rest: Hundredths) {
+        self.settings.battery = at_rest;
+    }
+
     /// Lets time pass. It never goes back.
-    pub(super) fn poll(&mut self, now: Micros) {
+    pub fn poll(&mut self, now: Micros) {
         while self.now < now {
-            let stops = self.silence.filter(|_| self.body.holds()).map(|silence| self.fed + silence);
+            let stops = self.settings.silence.filter(|_| self.body.holds()).map(|silence| self.fed + silence);
             let next = [stops, self.next_report].into_iter().flatten().min().unwrap_or(now).clamp(self.now, now);
             self.pass(next);
             if stops.is_some_and(|stops| stops <= next) {
                 self.body.stop();
             }
             if let Some(due) = self.next_report.filter(|due| *due <= next) {
-                self.next_report = Some(due + self.report_every);
+                self.next_report = Some(due + self.settings.report_every);
                 self.reports.push(self.report());
             } else if next == now {
                 break;
@@ -83,30 +87,40 @@ impl Device {
     }
 
     /// When it has something to do next, since it was switched on.
-    pub(super) fn next_due(&self) -> Option<Micros> {
+    pub fn next_due(&self) -> Option<Micros> {
         self.next_report
     }
 
     /// What it would report now.
-    pub(super) fn report(&self) -> Report {
+    pub fn report(&self) -> Report {
         let hundredths = |value: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "held in range")]
             Hundredths(libm::round(value * 100.0).clamp(-1e9, 1e9) as i32)
         };
-        let voltage = f64::from(self.battery.0) / 100.0 - self.drained - SAG * self.body.load();
+        let voltage = f64::from(self.settings.battery.0) / 100.0 - self.drained - SAG * self.body.load();
         let yaw = self.body.pose().yaw_deg;
         // Wrapped to half a turn on either side; the floor is flat.
         let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
         raspblock::report(hundredths(voltage.max(0.0)), hundredths(yaw))
     }
 
-    /// Whether it moves: a speed holds, or a displacement is under way.
-    pub(super) fn moves(&self) -> bool {
-        self.body.moves()
+    /// What it has to report, which is taken from it.
+    pub fn reports(&mut self) -> Vec<Report> {
+        std::mem::take(&mut self.reports)
+    }
+
+    /// What it has received so far, and what became of it.
+    pub fn received(&self) -> &Received {
+        &self.received
+    }
+
+    /// Nothing comes any more.
+    pub fn finish(self) -> Received {
+        Received { moves: self.body.moves(), ..self.received }
     }
 
     /// Takes what came off the line.
-    pub(super) fn take(&mut self, item: Item<'_>) {
+    pub fn take(&mut self, item: Item<'_>) {
         match item {
             Item::Frame(frame) => {
                 let at = self.received.bytes;
@@ -129,7 +143,14 @@ impl Device {
         }
     }
 
-    fn obey(&mut self, command: &Command) {
+    /// A frame passes on the line, and it does not get it.
+    pub fn miss(&mut self, frame: Frame<'_>) {
+        self.received.bytes += frame.bytes().len() as u64;
+        self.received.lost += 1;
+    }
+
+    /// Does what a command says.
+    pub fn obey(&mut self, command: &Command) {
         self.received.frames += 1;
         self.received.state.apply(&self.board, command);
         if self.board.is_drive(command) {
@@ -138,7 +159,7 @@ impl Device {
         if self.board.simulation == Simulation::Mecanum {
             self.body.take(command, raspblock::is_in_position_mode(&self.received.state));
             match raspblock::asked(command) {
-                Some(Asked::Start) => self.next_report = Some(self.now + self.report_every),
+                Some(Asked::Start) => self.next_report = Some(self.now + self.settings.report_every),
                 Some(Asked::Stop) => self.next_report = None,
                 Some(Asked::Once) => self.reports.push(self.report()),
                 None => {}

@@ -8,8 +8,9 @@ use std::sync::Arc;
 use super::rehearse::{Rehearsal, rehearse};
 use super::{DIFFERENCE, Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::diff::diff;
+use crate::faults::Faults;
 use crate::playback::Cause;
-use crate::sim::{Faults, Settings};
+use crate::sim::Settings;
 use crate::source::{Lines, Sources};
 use crate::timeline::{Moment, Snapshot, Timeline, write_aborted};
 
@@ -30,7 +31,7 @@ impl Job {
         lines: &Lines<'_>,
     ) -> Vec<Problem> {
         let name = sources.main().name();
-        let rehearsal = rehearse(timeline, Settings { faults: self.faults.clone(), ..Settings::default() });
+        let rehearsal = rehearse(timeline, Settings::default(), self.faults.clone());
         let mut problems = failed(&rehearsal, timeline, lines);
         problems.extend(self.went_wrong(&rehearsal, timeline, name, lines));
         let mut named = Vec::new();
@@ -38,7 +39,7 @@ impl Job {
             match words.and_then(|words| words.parse::<Faults>().map_err(|error| error.to_string())) {
                 Err(why) => problems.push(problem(name, line, PLAY, why)),
                 Ok(faults) => {
-                    let rehearsal = rehearse(timeline, Settings { faults: faults.clone(), ..Settings::default() });
+                    let rehearsal = rehearse(timeline, Settings::default(), faults.clone());
                     problems.extend(self.aborts(script, &faults, &rehearsal, timeline, line));
                     named.push(aborted_of(script, &faults));
                 }

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use crate::board::{Decoder, Item, ReportDecoder, ReportItem};
+use crate::faults::{Faults, Faulty};
 use crate::playback::{Cause, Input, Notice, Order, Outcome, Player, Verdict};
-use crate::sim::{Received, Settings, VirtualBoard};
+use crate::sim::{Device, Received, Settings};
 use crate::timeline::{Kind, Moment, Timeline};
 use crate::units::{Micros, Nanos, byte_time};
 
@@ -28,7 +29,7 @@ pub struct Rehearsal {
 
 /// The port, the line behind it, and the board.
 struct Line<'t> {
-    board: VirtualBoard,
+    board: Faulty,
     /// What is on its way: when it has arrived, and the bytes.
     coming: std::collections::VecDeque<(Nanos, Vec<u8>)>,
     busy_until: Nanos,
@@ -39,17 +40,14 @@ struct Line<'t> {
     aborted: Vec<Moment>,
     /// Whether the motion has ended, and the stop goes out.
     ending: bool,
-    /// Whether the player was told that the cable is gone.
-    is_told: bool,
 }
 
-/// Plays a timeline on a board.
-#[expect(clippy::too_many_lines, reason = "one loop")]
-pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
-    let unplug = settings.faults.unplug.map(Micros::nanos);
-    let stall = settings.faults.stall.map(Micros::nanos);
+/// Plays a timeline on a board with these settings and faults.
+pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults) -> Rehearsal {
+    let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
+    let mut stall = board.stall();
     let mut line = Line {
-        board: VirtualBoard::new(Arc::clone(&timeline.board), settings),
+        board,
         coming: std::collections::VecDeque::new(),
         busy_until: Nanos::ZERO,
         byte_time: byte_time(timeline.baud),
@@ -58,7 +56,6 @@ pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
         decoder: Decoder::new(&timeline.board),
         aborted: Vec::new(),
         ending: false,
-        is_told: false,
     };
     let mut player = Player::new(timeline, MAX_LATE);
     let mut reports = ReportDecoder::new(timeline.board.codec.replies);
@@ -75,30 +72,24 @@ pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
         if let Some(outcome) = player.outcome() {
             break outcome;
         }
-        let unplugged = unplug.is_some_and(|at| at <= now);
         input = match order {
-            Order::Write if !line.ending && stall.is_some_and(|at| at <= now) => Input::Blocked,
-            Order::Write => line.take(now, player.bytes(), unplugged || stall.is_some_and(|at| at <= now)),
+            Order::Write if stall.blocks() => Input::Blocked,
+            Order::Write => line.take(now, player.bytes()),
             Order::Discard => {
                 line.ending = true;
+                stall.discard();
                 line.coming.retain(|(arrives, _)| *arrives <= now);
                 line.busy_until = now;
                 Input::Tick
             }
             Order::Wait { until, .. } => {
-                let next = [line.next(), unplug.filter(|_| !line.is_told)].into_iter().flatten();
-                now = next.chain([until]).min().unwrap_or(until).max(now);
-                let replies = line.pass(now);
-                if unplug.is_some_and(|at| at <= now) {
-                    if std::mem::replace(&mut line.is_told, true) { Input::Tick } else { Input::HungUp }
-                } else {
-                    reports.feed(&replies, |item| {
-                        if let ReportItem::Report(report) = item {
-                            player.hear(now, report, &mut notice);
-                        }
-                    });
-                    Input::Tick
-                }
+                now = line.next().map_or(until, |next| next.min(until)).max(now);
+                reports.feed(&line.pass(now), |item| {
+                    if let ReportItem::Report(report) = item {
+                        player.hear(now, report, &mut notice);
+                    }
+                });
+                if line.board.hangs_up() { Input::HungUp } else { Input::Tick }
             }
             Order::Pause { until } => {
                 now = until.max(now);
@@ -115,8 +106,8 @@ pub fn rehearse(timeline: &Timeline, settings: Settings) -> Rehearsal {
 }
 
 impl Line<'_> {
-    /// Takes bytes from the player, all of them; they get lost where the line leads nowhere.
-    fn take(&mut self, now: Nanos, bytes: &[u8], leads_nowhere: bool) -> Input {
+    /// Takes bytes from the player, all of them; some get lost on the line.
+    fn take(&mut self, now: Nanos, bytes: &[u8]) -> Input {
         let count = bytes.len();
         let mut rest = bytes;
         let mut expected = Vec::new();
@@ -133,7 +124,7 @@ impl Line<'_> {
                 aborted.extend(command.map(|command| Moment { at: now.micros(), command, kind: Kind::Abort }));
             }
         });
-        if !leads_nowhere {
+        if self.board.carries() {
             self.busy_until = self.busy_until.max(now) + self.byte_time * count as u64;
             self.coming.push_back((self.busy_until, bytes.to_vec()));
         }
@@ -153,7 +144,7 @@ impl Line<'_> {
             self.board.receive(arrives.micros_up(), &bytes);
         }
         self.board.poll(now.micros());
-        self.board.replies().collect()
+        self.board.replies()
     }
 }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
-use motionseq::board::{Board, Command, Hex, Item, Report, Sets, State, Takes, Text};
+use motionseq::board::{Board, Hex, Item, OwnedItem, Report, Sets, State, Takes, Text};
 use motionseq::capture::TimedDecoder;
 use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
@@ -27,6 +27,7 @@ pub(super) struct Book {
     channels: BTreeMap<&'static str, (u16, u32)>,
     /// When time 0 was, since 1970.
     begin: Nanos,
+    /// For bytes that come with the time at which a port took them.
     decoder: TimedDecoder,
     state: State,
     shown: Option<Told>,
@@ -179,7 +180,6 @@ impl Book {
             pieces,
             channels: BTreeMap::new(),
             begin: Nanos::ZERO,
-            // The times at which the bytes came are told; a line's are not added.
             decoder: TimedDecoder::of_times(&board),
             board,
             state: State::default(),
@@ -195,7 +195,12 @@ impl Book {
                 self.begin = since_1970;
                 Ok(())
             }
-            Entry::Bytes(bytes) => self.bytes(time, &bytes),
+            Entry::Bytes(bytes) => {
+                let mut items = Vec::new();
+                self.decoder.feed(time, &bytes, |at, item| items.push((at, OwnedItem::from(item))));
+                self.items(&items)
+            }
+            Entry::Items(items) => self.items(&items),
             Entry::Late { script, late, command, place } => {
                 let (file, line) = place.map_or((None, None), |(file, line)| (Some(file), Some(line)));
                 let (late_us, file, command) = (micros(late), file.as_deref(), self.board.show(&command).to_string());
@@ -224,17 +229,21 @@ impl Book {
         }
     }
 
-    /// Frames of the line to the board, and what the board then is.
-    fn bytes(&mut self, time: Nanos, bytes: &[u8]) -> io::Result<()> {
-        let (board, mut found) = (Arc::clone(&self.board), Vec::new());
-        self.decoder.feed(time, bytes, |at, item| found.push(read(at, item, &board)));
-        found.into_iter().try_for_each(|found| self.found(found))
+    fn items(&mut self, items: &[(Micros, OwnedItem)]) -> io::Result<()> {
+        items.iter().try_for_each(|(at, item)| self.item(*at, item.item()))
     }
 
-    fn found(&mut self, found: Found) -> io::Result<()> {
-        let Found { at, hex, command, wrong } = found;
-        let time = at.nanos();
-        let board = Arc::clone(&self.board);
+    /// A frame on the line to the board, or bytes that are not a frame, and what the board then is.
+    fn item(&mut self, at: Micros, item: Item<'_>) -> io::Result<()> {
+        let (time, board) = (at.nanos(), Arc::clone(&self.board));
+        let (hex, command, wrong) = match item {
+            Item::Frame(frame) => {
+                let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
+                (frame.to_string(), board.decode_or_raw(frame.bytes()), wrong)
+            }
+            Item::Skipped { bytes, why, .. } => (Hex(bytes).to_string(), None, why.is_wrong().then(|| why.to_string())),
+            _ => return Ok(()),
+        };
         let says = command.as_ref().map(|command| board.show(command).to_string());
         let text = wrong.as_ref().map(|why| format!("{hex}: {why}"));
         self.write(&FRAMES, time, &FrameMessage { at, hex, command: says, wrong: wrong.as_deref() })?;
@@ -280,32 +289,11 @@ impl Book {
 
     /// The last piece, with which the log is whole.
     pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
-        let (board, mut found) = (Arc::clone(&self.board), Vec::new());
-        self.decoder.finish(|at, item| found.push(read(at, item, &board)));
-        found.into_iter().try_for_each(|found| self.found(found))?;
+        let mut items = Vec::new();
+        self.decoder.finish(|at, item| items.push((at, OwnedItem::from(item))));
+        self.items(&items)?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
-    }
-}
-
-/// A frame, or bytes that are none.
-struct Found {
-    at: Micros,
-    hex: String,
-    command: Option<Command>,
-    wrong: Option<String>,
-}
-
-fn read(at: Micros, item: Item<'_>, board: &Board) -> Found {
-    match item {
-        Item::Frame(frame) => {
-            let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
-            Found { at, hex: frame.to_string(), command: board.decode_or_raw(frame.bytes()), wrong }
-        }
-        Item::Skipped { bytes, why, .. } => {
-            Found { at, hex: Hex(bytes).to_string(), command: None, wrong: why.is_wrong().then(|| why.to_string()) }
-        }
-        _ => Found { at, hex: String::new(), command: None, wrong: None },
     }
 }
 

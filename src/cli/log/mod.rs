@@ -4,19 +4,19 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, SystemTime};
 
-use motionseq::board::{Board, Command, Report};
+use motionseq::board::{Board, Command, OwnedItem, Report};
 use motionseq::playback::now;
 use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
 
 use super::exit::Exit;
 use super::growing;
+use super::observer::Event;
 use super::output::{self, Inputs};
 use super::screen::Screen;
-use super::start_thread;
+use super::worker::Worker;
 
 #[cfg(feature = "mcap")]
 mod book;
@@ -35,12 +35,10 @@ const PATIENCE: Duration = Duration::from_millis(500);
 pub(super) struct Log {
     path: PathBuf,
     screen: Screen,
-    entries: SyncSender<(Nanos, Entry)>,
-    /// Why it is not whole, at its end.
-    kept: Receiver<Option<String>>,
+    /// Says at its end why it is not whole.
+    keeper: Worker<(Nanos, Entry), Option<String>>,
     /// When time 0 is, on the clock of [`now`].
     begin: Nanos,
-    lost: u64,
 }
 
 /// Something that happened.
@@ -48,8 +46,10 @@ pub(super) struct Log {
 pub(super) enum Entry {
     /// Time 0 was so long after 1970 began.
     Begin { since_1970: Nanos },
-    /// Bytes went to the board.
+    /// Bytes went to the board at this time.
     Bytes(Box<[u8]>),
+    /// Frames went to the board, and bytes that are not frames, each at its time.
+    Items(Arc<[(Micros, OwnedItem)]>),
     /// A frame of the script was given to the port so late.
     Late { script: Micros, late: Nanos, command: Command, place: Option<Spot> },
     /// The board has reported.
@@ -96,13 +96,9 @@ impl Log {
             return Err(io::Error::other(why_not));
         }
         growing::begin(&file)?;
-        let (entries, to_write) = mpsc::sync_channel(ROOM);
-        let (keep, kept) = mpsc::channel();
         let name = format!("the log {}", path.display());
-        start_thread("log", move || {
-            let _ = keep.send(keeper::keep(file, name, board, screen, &to_write));
-        })?;
-        let mut log = Log { path: path.to_owned(), screen, entries, kept, begin: Nanos::ZERO, lost: 0 };
+        let keeper = Worker::start("log", ROOM, move |entries| keeper::keep(file, name, board, screen, entries))?;
+        let mut log = Log { path: path.to_owned(), screen, keeper, begin: Nanos::ZERO };
         log.begin(now());
         Ok(log)
     }
@@ -115,14 +111,32 @@ impl Log {
         self.put(begin, Entry::Begin { since_1970: since_1970 - (now() - begin) });
     }
 
-    /// When a time from time 0 on is, on the clock of [`now`].
-    pub(super) fn at(&self, time: Nanos) -> Nanos {
-        self.begin + time
-    }
-
     /// Takes in what happened at a time on the clock of [`now`].
     pub(super) fn put(&mut self, at: Nanos, entry: Entry) {
-        self.lost += u64::from(self.entries.try_send((at - self.begin, entry)).is_err());
+        self.keeper.send((at - self.begin, entry));
+    }
+
+    /// Takes in what happened at a board that other programs use, at a time from time 0 on.
+    pub(super) fn take(&mut self, time: Micros, event: &Event) {
+        let at = self.begin + time.nanos();
+        match event {
+            Event::Came(items) => self.put(at, Entry::Items(Arc::clone(items))),
+            Event::Report(report) => self.put(at, Entry::Report(*report)),
+            Event::Passed(seen) => seen.iter().for_each(|seen| self.put(at, Entry::Pose(seen.pose))),
+            Event::Opened => self.line(at, Level::Info, "a program has opened the port"),
+            Event::Closed => self.line(at, Level::Info, "the program has closed the port"),
+            Event::Behind(bytes, Micros(delay)) => {
+                let text =
+                    format!("the program has sent more than the line carries: {bytes} bytes wait, for {delay} us");
+                self.line(at, Level::Warning, text);
+            }
+            Event::Unread(bytes) => {
+                self.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"));
+            }
+            Event::SetUp(settings) => {
+                self.line(at, Level::Warning, format!("the program has its line at {settings}"));
+            }
+        }
     }
 
     /// Takes in a line that tells of something.
@@ -132,17 +146,10 @@ impl Log {
 
     /// Ends it, and says what became of it where it is not whole. Gives whether it is.
     pub(super) fn end(self) -> bool {
-        let Log { path, screen, entries, kept, lost, .. } = self;
-        drop(entries);
-        let failed = kept.recv_timeout(PATIENCE).unwrap_or_else(|why| {
-            let why = match why {
-                RecvTimeoutError::Timeout => "it takes no more bytes",
-                RecvTimeoutError::Disconnected => "the thread that writes it failed",
-            };
-            Some(why.to_owned())
-        });
+        let Log { path, screen, keeper, .. } = self;
+        let (failed, lost) = keeper.end(PATIENCE, "it");
         let lost = (lost > 0).then(|| format!("{lost} entries came faster than they could be written"));
-        let why_not = failed.or(lost);
+        let why_not = failed.unwrap_or_else(Some).or(lost);
         if let Some(why) = &why_not {
             screen
                 .warning(&format!("the log {} is not whole: {why}; nothing else was changed by that", path.display()));

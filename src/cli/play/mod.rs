@@ -15,10 +15,10 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use clap::Args;
-use motionseq::link::{Link, Stalling};
+use motionseq::faults::{Faults, Stalling};
+use motionseq::link::Link;
 use motionseq::playback::{Guard, Keys, Notice, Player, Realtime, Session, Signals, Ward, now};
 use motionseq::serve::Served;
-use motionseq::sim::{Faults, Settings};
 use motionseq::source::Lines;
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos, NotATime};
@@ -102,7 +102,7 @@ impl Play {
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
         let path = self.port_path();
         let Port { link, board } =
-            Port::open(path.as_deref(), &timeline, self.settings(path.is_some(), screen)?, screen)?;
+            Port::open(path.as_deref(), &timeline, self.faults(path.is_some(), screen)?, screen)?;
 
         // From here on there is a port. Everything that may fail or wait is made before the first frame.
         let (files, report) = results.start(&timeline.board, &sources, screen)?;
@@ -171,14 +171,14 @@ impl Play {
         self.max_late.unwrap_or(if is_real { on_port } else { on_virtual })
     }
 
-    /// How the virtual board is.
-    fn settings(&self, is_real: bool, screen: &Screen) -> Result<Settings, Exit> {
+    /// What goes wrong on the virtual board.
+    fn faults(&self, is_real: bool, screen: &Screen) -> Result<Faults, Exit> {
         let faults = self.fault.clone().unwrap_or_default();
         if is_real && !faults.is_none() {
             screen.error("faults happen on the virtual board only: leave out `--fault` or the port");
             return Err(Exit::Usage);
         }
-        Ok(Settings::with_faults(faults))
+        Ok(faults)
     }
 
     fn shown(&self, screen: &Screen) -> Progress {

@@ -153,10 +153,7 @@ impl Observer for Logged<'_> {
 }
 
 /// `--record`: a thread of its own writes the bytes that the port took.
-pub(super) struct Recording {
-    writer: Worker<Box<[u8]>, io::Result<()>>,
-    lost: usize,
-}
+pub(super) struct Recording(Worker<Box<[u8]>, io::Result<()>>);
 
 impl Recording {
     /// How many pieces may wait to be written.
@@ -166,28 +163,25 @@ impl Recording {
 
     /// Starts one into an open file.
     pub(super) fn start(mut file: File) -> io::Result<Self> {
-        let writer = Worker::start("recording", Self::ROOM, move |pieces: Receiver<Box<[u8]>>| {
-            pieces.iter().try_for_each(|piece| file.write_all(&piece))
-        })?;
-        Ok(Recording { writer, lost: 0 })
+        let write = move |pieces: &Receiver<Box<[u8]>>| pieces.iter().try_for_each(|piece| file.write_all(&piece));
+        Worker::start("recording", Self::ROOM, write).map(Recording)
     }
 
     /// Ends it; an error where it is not complete.
     fn end(self) -> io::Result<()> {
-        self.writer.end(Self::PATIENCE)??;
-        match self.lost {
+        let (written, lost) = self.0.end(Self::PATIENCE, "it");
+        written.map_err(io::Error::other)??;
+        match lost {
             0 => Ok(()),
-            lost => Err(io::Error::other(format!("{lost} bytes came faster than they could be written"))),
+            lost => Err(io::Error::other(format!("{lost} pieces came faster than they could be written"))),
         }
     }
 }
 
 impl Observer for Recording {
     fn observe(&mut self, _: &Arc<Timeline>, _: Nanos, notice: Notice) {
-        if let Notice::Wrote(piece) = notice
-            && self.writer.send(piece.bytes().into()).is_err()
-        {
-            self.lost += piece.bytes().len();
+        if let Notice::Wrote(piece) = notice {
+            self.0.send(piece.bytes().into());
         }
     }
 }

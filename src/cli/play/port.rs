@@ -5,9 +5,10 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::sync::Arc;
 
+use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{OpenError, Pty, Serial};
 use motionseq::serve::Served;
-use motionseq::sim::{Settings, VirtualBoard};
+use motionseq::sim::{Device, Settings};
 use motionseq::timeline::Timeline;
 
 use super::super::exit::Exit;
@@ -23,7 +24,7 @@ impl Port {
     pub(super) fn open(
         path: Option<&Path>,
         timeline: &Timeline,
-        settings: Settings,
+        faults: Faults,
         screen: &Screen,
     ) -> Result<Self, Exit> {
         let Timeline { board, baud, .. } = timeline;
@@ -36,7 +37,7 @@ impl Port {
         // By its path, so that a rehearsal takes the way of the real thing.
         let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port given: playing on the built-in virtual board");
-        let board = VirtualBoard::new(Arc::clone(board), settings);
+        let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
         let board = Served::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }

@@ -5,7 +5,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
 use motionseq::board::Board;
@@ -116,7 +116,7 @@ pub(super) struct Report {
 impl Report {
     fn start(path: &Path, file: Option<Replacement>) -> io::Result<Self> {
         let place = path.to_owned();
-        let writer = Worker::start("report", 1, move |texts: Receiver<String>| {
+        let writer = Worker::start("report", 1, move |texts: &Receiver<String>| {
             let Ok(text) = texts.recv() else { return Ok(()) };
             let mut file = file.map_or_else(|| Replacement::begin(&place), Ok)?;
             file.write_all(text.as_bytes())?;
@@ -126,10 +126,13 @@ impl Report {
     }
 
     /// Begins to write it; the result waits for the file, at most as long as for the screen.
-    pub(super) fn write(self, text: String) -> impl FnOnce() -> io::Result<()> {
+    pub(super) fn write(mut self, text: String) -> impl FnOnce() -> io::Result<()> {
         let until = Instant::now() + PATIENCE;
-        // Where the thread has failed, its end says so.
-        let _ = self.writer.send(text);
-        move || self.writer.end(until.saturating_duration_since(Instant::now()).max(Duration::ZERO))?
+        // A thread that has failed is reported at its end.
+        self.writer.send(text);
+        move || {
+            let (written, _) = self.writer.end(until.saturating_duration_since(Instant::now()), "it");
+            written.map_err(io::Error::other)?
+        }
     }
 }

@@ -1,11 +1,19 @@
-//! What goes wrong on purpose: on the line, with the battery, with the reports.
+//! What goes wrong on purpose with a virtual board: the list of faults that `--fault` and `# rehearse:` name, and the wrappers in
+//! which they happen. [`Faulty`] is around the board, for all that is on its line, and `Stalling` around the link of whoever plays.
+
+mod faulty;
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod stalling;
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::board::Hundredths;
-use crate::random::SplitMix;
 use crate::units::Micros;
+
+pub use faulty::{Faulty, Stall};
+#[cfg(all(feature = "player", target_os = "linux"))]
+pub use stalling::Stalling;
 
 /// Faults of a rehearsal, as `--fault` and `# rehearse:` name them: `drop=5%,unplug@4s`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,8 +22,8 @@ pub struct Faults {
     pub drop: f64,
     /// In how many frames and reports in a hundred one bit is wrong.
     pub garble: f64,
-    /// The battery has another voltage, in hundredths of a volt, from a time on.
-    pub battery: Option<(i32, Micros)>,
+    /// The battery has another voltage at rest from a time on.
+    pub battery: Option<(Hundredths, Micros)>,
     /// The cable is pulled at a time.
     pub unplug: Option<Micros>,
     /// The port takes no bytes from a time on.
@@ -71,13 +79,13 @@ impl Faults {
             self.seed = seed.parse().ok()?;
         } else {
             let (volts, time) = word.strip_prefix("battery=")?.split_once('V')?;
-            let Hundredths(hundredths) = self::volts(volts)?;
+            let at_rest = self::volts(volts)?;
             let from = match time.strip_prefix('@') {
                 Some(time) => moment(time)?,
                 None if time.is_empty() => Micros::ZERO,
                 None => return None,
             };
-            self.battery = Some((hundredths, from));
+            self.battery = Some((at_rest, from));
         }
         Some(())
     }
@@ -111,30 +119,4 @@ fn moment(text: &str) -> Option<Micros> {
 fn part(text: &str) -> Option<f64> {
     let percent: f64 = text.strip_suffix('%')?.parse().ok()?;
     (0.0..=100.0).contains(&percent).then_some(percent / 100.0)
-}
-
-/// What happens by chance, the same every time.
-#[derive(Clone, Debug)]
-pub(super) struct Dice(SplitMix);
-
-impl Dice {
-    pub(super) fn new(seed: u64) -> Self {
-        Dice(SplitMix(seed))
-    }
-
-    /// Whether this happens, which it does in so large a part of all cases.
-    pub(super) fn happens(&mut self, part: f64) -> bool {
-        #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-        let x = (self.0.next() >> 11) as f64 / (1_u64 << 53) as f64;
-        x < part
-    }
-
-    /// Makes one bit wrong.
-    pub(super) fn garble(&mut self, bytes: &mut [u8]) {
-        let length = u64::try_from(bytes.len()).unwrap_or(u64::MAX).max(1);
-        let (at, bit) = (self.0.next() % length, self.0.next() % 8);
-        if let Some(byte) = usize::try_from(at).ok().and_then(|at| bytes.get_mut(at)) {
-            *byte ^= 1 << bit;
-        }
-    }
 }

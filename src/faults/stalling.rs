@@ -1,25 +1,22 @@
-//! A link that takes no bytes any more, for rehearsals.
+//! The link of whoever plays on a faulty board.
 
 use std::io;
 use std::os::fd::BorrowedFd;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::Link;
+use super::Stall;
+use crate::link::Link;
 
-/// Passes everything on until somebody says that the port stalls; then it takes nothing, until what it holds is thrown away.
+/// Passes everything on until the port stalls; then it takes nothing, until what it holds is thrown away.
 #[derive(Debug)]
 pub struct Stalling<L> {
     inner: L,
-    stalls: Arc<AtomicBool>,
-    /// Whether there is room again.
-    discarded: bool,
+    stall: Stall,
 }
 
 impl<L: Link> Stalling<L> {
-    /// Stalls as soon as `stalls` is set.
-    pub fn new(inner: L, stalls: Arc<AtomicBool>) -> Self {
-        Stalling { inner, stalls, discarded: false }
+    /// Stalls as `stall` says.
+    pub fn new(inner: L, stall: Stall) -> Self {
+        Stalling { inner, stall }
     }
 
     /// Gives the link back.
@@ -30,7 +27,7 @@ impl<L: Link> Stalling<L> {
 
 impl<L: Link> Link for Stalling<L> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if !self.discarded && self.stalls.load(Ordering::Relaxed) {
+        if self.stall.blocks() {
             return Err(io::ErrorKind::WouldBlock.into());
         }
         self.inner.write(bytes)
@@ -41,7 +38,7 @@ impl<L: Link> Link for Stalling<L> {
     }
 
     fn discard(&mut self) -> io::Result<()> {
-        self.discarded = true;
+        self.stall.discard();
         self.inner.discard()
     }
 
