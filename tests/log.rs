@@ -121,7 +121,7 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
 
 #[test]
 fn a_run_that_ends_early_has_its_stop_and_its_reason_in_the_log() {
-    let script = "mark go\nrocker x=20\nat 0.51s mark never\nat 0.1s request report-start\nat 0.5s expect voltage > 90V\nat 1s stop\n";
+    let script = "mark go\nrocker x=20\nat 0.9s mark never\nat 0.1s request report-start\nat 0.5s expect voltage > 90V\nat 1s stop\n";
     let (messages, said, code) = played("early", script, &[]);
     assert_eq!(code, Some(7), "{said}");
     let commands = texts(&messages, "/frames", "command");
