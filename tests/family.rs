@@ -7,7 +7,7 @@ use motionseq::board::{
     Activity, Axis, Board, Codec, Command, Frame, FrameError, Front, NotACommand, OutOfRange, Quantity, Report,
     ReportLine, Resource, Sets, Simulation, Skip, State, Takes, Text, Unit, Verb, VerbId,
 };
-use motionseq::capture::{Reading, Scribe, TimedDecoder, decode};
+use motionseq::capture::{Reading, ScriptWriter, TimedDecoder, decode};
 use motionseq::diagnostic::Code;
 use motionseq::diff::diff;
 use motionseq::playback::{Cause, Input, Order, Player, Stop};
@@ -316,7 +316,7 @@ fn it_is_decoded_and_folded() {
     );
     let board = lamps();
     let played = compiled("lamp 2 0\nwait 500ms\nlamp 2 1000 over 1s\nfan on\nwait 300ms\nfan off\n");
-    let mut scribe = Scribe::new(Arc::clone(&board), false, board.baud);
+    let mut scribe = ScriptWriter::new(Arc::clone(&board), false, board.baud);
     let mut decoder = TimedDecoder::of_times(&board);
     for event in &played.events {
         decoder.feed(event.at.nanos(), &board.to_frame(&event.command), |at, item| scribe.take(at, item));

@@ -10,7 +10,7 @@ use crate::support::board::{OnBoard, board, say};
 use crate::support::host::{Host, frames, has, link, rocker, stop};
 use crate::support::{messages, run, stderr};
 use motionseq::board::Command;
-use motionseq::capture::{Decoded, Reading, Scribe, TimedDecoder, decode, transcribe};
+use motionseq::capture::{Decoded, Reading, ScriptWriter, TimedDecoder, decode, transcribe};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
@@ -32,7 +32,7 @@ fn compiled(text: &str) -> Timeline {
 
 /// Frames at times in microseconds, as a recording; settled every 300 ms, as `record` does it.
 fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
-    let mut scribe = Scribe::new(Arc::clone(board()), exact, BAUD);
+    let mut scribe = ScriptWriter::new(Arc::clone(board()), exact, BAUD);
     let mut decoder = TimedDecoder::new(board(), BAUD);
     let (mut text, mut settled, mut last) = (String::new(), 0, 0);
     for (at, frame) in frames {
@@ -64,7 +64,7 @@ fn transcribed(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
 }
 
 /// Replaces what the head of a recording said before, as `record` does it in its file.
-fn amend(scribe: &mut Scribe, text: &mut String) {
+fn amend(scribe: &mut ScriptWriter, text: &mut String) {
     if let Some((at, new)) = scribe.amendment() {
         text.replace_range(at..at + new.len(), new);
     }
@@ -481,7 +481,7 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
 
 #[test]
 fn what_would_harm_or_mislead_is_left_out_and_said() {
-    let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
+    let mut scribe = ScriptWriter::new(Arc::clone(board()), false, BAUD);
     let mut decoder = TimedDecoder::new(board(), BAUD);
     let tilt = [0xFF, 0xFE, 2, 4, 0x05, 0xDC, 0x09, 0xC4, 0xB4];
     let unknown = [0xFF, 0xFE, 0x40, 1, 5, 0x46];
@@ -626,7 +626,7 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
     for shape in shapes {
         let sent: Vec<_> = (0..20_000).map(|step| servo(u64::try_from(step).unwrap() * 800, shape(step))).collect();
         let frames: Vec<_> = sent.iter().map(|(at, command)| (*at, command.to_frame())).collect();
-        let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
+        let mut scribe = ScriptWriter::new(Arc::clone(board()), false, BAUD);
         let mut decoder = TimedDecoder::new(board(), BAUD);
         for (at, frame) in &frames {
             decoder.feed(Micros(*at).nanos(), frame, |at, item| scribe.take(at, item));

@@ -5,7 +5,7 @@ mod fold;
 mod known;
 mod listing;
 mod rows;
-mod scribe;
+mod script_writer;
 mod text;
 mod timed;
 mod timing;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 use crate::board::{self, Board, Command, Decoder, Item};
 use crate::units::{Micros, Nanos};
 pub use listing::{Listing, write_json};
-pub use scribe::Scribe;
+pub use script_writer::ScriptWriter;
 use text::Text;
 pub use timed::TimedDecoder;
 pub use timing::{NoTiming, Timing};
@@ -159,17 +159,17 @@ pub fn transcribe(
 ) -> Result<Decoded, DecodeError> {
     let Reading { timing, baud, board } = reading;
     let line = baud.unwrap_or(board.baud);
-    let mut scribe = Scribe::new(Arc::clone(&board), exact, line);
+    let mut writer = ScriptWriter::new(Arc::clone(&board), exact, line);
     let is_beside = timing.is_some();
     let mut frames: Option<TimedDecoder> = None;
     let mut decoded = Decoded::default();
     let mut script = String::new();
     let mut now = Now::default();
-    let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at: Micros, item: Item<'_>| {
+    let mut take = |writer: &mut ScriptWriter, decoded: &mut Decoded, at: Micros, item: Item<'_>| {
         decoded.count(&board, item);
         let at = now.of(&board, at, item);
-        scribe.settle(at);
-        scribe.take(at, item);
+        writer.settle(at);
+        writer.take(at, item);
     };
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
@@ -178,20 +178,20 @@ pub fn transcribe(
                 return TimedDecoder::new(&board, line);
             }
             if baud.is_none() {
-                scribe.save_line();
+                writer.save_line();
             }
             TimedDecoder::of_times(&board)
         });
-        frames.feed(at.unwrap_or_default(), bytes, |at, item| take(&mut scribe, &mut decoded, at, item));
-        script += &scribe.settled();
+        frames.feed(at.unwrap_or_default(), bytes, |at, item| take(&mut writer, &mut decoded, at, item));
+        script += &writer.settled();
         Ok(())
     })?;
     if let Some(frames) = &mut frames {
-        frames.finish(|at, item| take(&mut scribe, &mut decoded, at, item));
+        frames.finish(|at, item| take(&mut writer, &mut decoded, at, item));
     }
-    scribe.finish(now.at);
-    script += &scribe.settled();
-    if let Some((at, text)) = scribe.amendment() {
+    writer.finish(now.at);
+    script += &writer.settled();
+    if let Some((at, text)) = writer.amendment() {
         script.replace_range(at..at + text.len(), text);
     }
     if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != board.baud && BAUDS.contains(line))) {

@@ -7,7 +7,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::time::{Duration, Instant};
 
 use motionseq::board::Board;
-use motionseq::capture::{Scribe, TimedDecoder};
+use motionseq::capture::{ScriptWriter, TimedDecoder};
 use motionseq::link::PortEvent;
 use motionseq::source::MAX_SOURCE;
 use motionseq::units::{Micros, Nanos};
@@ -65,7 +65,7 @@ impl Tape {
             None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
         };
         let out = Growing::new(file, "the recording".to_owned(), screen);
-        let mut scribe = Scribe::new(Arc::clone(board), exact, baud);
+        let mut scribe = ScriptWriter::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // What is written to a pipe cannot be amended.
             scribe.widen();
@@ -118,7 +118,7 @@ impl Tape {
 }
 
 struct Writer {
-    scribe: Scribe,
+    scribe: ScriptWriter,
     decoder: TimedDecoder,
     out: Growing,
     lines: u64,

@@ -20,7 +20,7 @@ const WAITING: usize = 2048;
 /// Makes a script of frames and their times. What is written is settled: the text only grows.
 ///
 /// Plainly, every frame is a line. Folded, what a hold covers is left out, and a run of values that follows an easing is one line.
-pub struct Scribe {
+pub struct ScriptWriter {
     exact: bool,
     easings: Easings,
     text: String,
@@ -74,7 +74,7 @@ impl Bounds {
     }
 }
 
-impl Scribe {
+impl ScriptWriter {
     /// A script without any line yet; `exact` keeps every frame. The line has so many bits a second.
     pub fn new(board: Arc<Board>, exact: bool, baud: u32) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
@@ -88,7 +88,7 @@ impl Scribe {
         if baud != board.baud {
             let _ = writeln!(text, "baud {baud}");
         }
-        Scribe {
+        ScriptWriter {
             exact,
             easings: Easings::new(),
             text,
