@@ -22,12 +22,12 @@ pub(super) struct Point {
 
 /// What a thing may be given, and how far a move may be from what it was given, at any time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
+pub(super) struct MoveLimits {
     /// The smallest and the largest value of each axis.
     pub(super) ranges: [(i32, i32); 4],
     pub(super) tolerance: i32,
     /// Whether a move may not send more frames than it replaces.
-    pub(super) is_scarce: bool,
+    pub(super) saves_frames: bool,
 }
 
 /// Values of the axes before they are rounded.
@@ -47,7 +47,7 @@ impl Curve {
     /// How far it is from the points: the mean square. Fails where it is further from what was held than the tolerance, with the next point. A
     /// sample may come up to one sampling interval before the value that it leads to, if that is `led` or a later point. Adds what it took to
     /// `work`.
-    pub(super) fn error(&self, points: &[Point], led: usize, room: &Room, work: &mut usize) -> Result<f64, usize> {
+    pub(super) fn error(&self, points: &[Point], led: usize, limits: &MoveLimits, work: &mut usize) -> Result<f64, usize> {
         let mut squares = 0.0;
         let mut next = 0;
         let mut now = self.begin.map(f64::from);
@@ -59,20 +59,20 @@ impl Curve {
                 *work += 2;
                 let values = point.axes.map(f64::from);
                 let far = self.at(point.at);
-                if !is_near(values, &[now, after], room) || !self.is_near(far, point, room) {
+                if !is_near(values, &[now, after], limits) || !self.is_near(far, point, limits) {
                     return Err(next);
                 }
                 squares += far.iter().zip(values).map(|(far, value)| (far - value) * (far - value)).sum::<f64>();
                 next += 1;
             }
             let around = points.split_at_checked(next).unwrap_or((points, &[]));
-            if !room.holds(after) || !self.is_held(around, led.saturating_sub(next), (until, after), room) {
+            if !limits.holds(after) || !self.is_held(around, led.saturating_sub(next), (until, after), limits) {
                 return Err(next);
             }
             now = after;
         }
         let rest = points.get(next..).unwrap_or_default();
-        let is_spared = !room.is_scarce || sent <= points.len();
+        let is_spared = !limits.saves_frames || sent <= points.len();
         if !is_spared || rest.iter().any(|point| point.axes != self.end) {
             return Err(next);
         }
@@ -92,7 +92,7 @@ impl Curve {
         (earlier, later): (&[Point], &[Point]),
         led: usize,
         (at, sample): (Micros, Values),
-        room: &Room,
+        limits: &MoveLimits,
     ) -> bool {
         let values = |point: &Point| point.axes.map(f64::from);
         let begin = self.begin.map(f64::from);
@@ -101,21 +101,21 @@ impl Curve {
         let leads = |point: &Point| point.at <= at + SAMPLE + QUEUE;
         let soon = soon + usize::from(soon >= led && later.get(soon).is_some_and(leads));
         let around: Vec<Values> = std::iter::once(held).chain(later.iter().take(soon).map(values)).collect();
-        is_near(sample, &around, room)
+        is_near(sample, &around, limits)
     }
 
     /// Whether a point is near the curve within a millisecond.
-    pub(super) fn follows(&self, point: &Point, room: &Room) -> bool {
-        self.is_near(self.at(point.at), point, room)
+    pub(super) fn follows(&self, point: &Point, limits: &MoveLimits) -> bool {
+        self.is_near(self.at(point.at), point, limits)
     }
 
     /// The same, where it is at the time of the point.
-    fn is_near(&self, now: Values, point: &Point, room: &Room) -> bool {
+    fn is_near(&self, now: Values, point: &Point, limits: &MoveLimits) -> bool {
         let (sent, now) = (point.axes.map(f64::from), now.map(libm::round));
-        is_near(sent, &[now], room) || {
+        is_near(sent, &[now], limits) || {
             let at = |at: Micros| self.at(at).map(libm::round);
             let [earlier, later] = [point.at - QUEUE, point.at + QUEUE].map(at);
-            is_near(sent, &[earlier, now, later], room)
+            is_near(sent, &[earlier, now, later], limits)
         }
     }
 
@@ -132,8 +132,8 @@ impl Curve {
 }
 
 /// Whether each value is within the tolerance of those of the others.
-fn is_near(values: Values, others: &[Values], room: &Room) -> bool {
-    let tolerance = f64::from(room.tolerance);
+fn is_near(values: Values, others: &[Values], limits: &MoveLimits) -> bool {
+    let tolerance = f64::from(limits.tolerance);
     values.iter().enumerate().all(|(axis, value)| {
         let others = others.iter().filter_map(|values| values.get(axis).copied());
         let (least, most) =
@@ -142,7 +142,7 @@ fn is_near(values: Values, others: &[Values], room: &Room) -> bool {
     })
 }
 
-impl Room {
+impl MoveLimits {
     /// Whether the thing may be given these values.
     fn holds(&self, values: Values) -> bool {
         let ranges = self.ranges.iter().zip(values);

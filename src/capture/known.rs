@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use super::curve::{Axes, Room};
+use super::curve::{Axes, MoveLimits};
 use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Sets, VerbId};
 use crate::units::Micros;
 
@@ -163,11 +163,11 @@ impl Thing {
     }
 
     /// What it may be given; beyond a proper limit only where the script widens that.
-    pub(super) fn room(self, board: &Board, is_wide: bool) -> Room {
-        let mut room = Room { ranges: [(0, 0); MAX_MOVING], tolerance: 0, is_scarce: false };
-        let Some(verb) = board.verb(self.verb) else { return room };
-        room.tolerance = verb.tolerance;
-        for (at, (range, axis)) in room.ranges.iter_mut().zip(verb.moving()).enumerate() {
+    pub(super) fn move_limits(self, board: &Board, is_wide: bool) -> MoveLimits {
+        let mut limits = MoveLimits { ranges: [(0, 0); MAX_MOVING], tolerance: 0, saves_frames: false };
+        let Some(verb) = board.verb(self.verb) else { return limits };
+        limits.tolerance = verb.tolerance;
+        for (at, (range, axis)) in limits.ranges.iter_mut().zip(verb.moving()).enumerate() {
             let is_of_it = |limit: &&crate::board::ProperLimit| {
                 let limited = limit.limited;
                 (limited.verb, limited.index) == (self.verb, self.index) && limited.axis.is_none_or(|axis| axis == at)
@@ -175,7 +175,7 @@ impl Thing {
             let proper = board.limits.iter().find(is_of_it).filter(|_| !is_wide);
             *range = proper.map_or(axis.range, |limit| limit.range);
         }
-        room
+        limits
     }
 
     /// Whether both are moved by the same motors.

@@ -1,7 +1,7 @@
 //! Bytes that another program sent, read back: as a listing or as a script, whatever is wrong with them.
 
 mod curve;
-mod fold;
+mod move_search;
 mod known;
 mod listing;
 mod rows;

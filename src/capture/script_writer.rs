@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use super::curve::Room;
-use super::fold::{Course, Easings};
+use super::curve::MoveLimits;
+use super::move_search::{PointSeries, EasingTable};
 use super::known::{Known, Thing};
 use super::rows::{Came, Row, Run, SHOWN, STILL, of_frame, rows, runs};
 use crate::board::{Board, Command, Item, ProperLimit};
@@ -22,7 +22,7 @@ const WAITING: usize = 2048;
 /// Plainly, every frame is a line. Folded, what a hold covers is left out, and a run of values that follows an easing is one line.
 pub struct ScriptWriter {
     exact: bool,
-    easings: Easings,
+    easings: EasingTable,
     text: String,
     /// Which time of the stream is time 0 of the script: that of the first frame.
     begin: Option<Micros>,
@@ -33,7 +33,7 @@ pub struct ScriptWriter {
     settled: Micros,
     bounds: Bounds,
     /// Whether the line may be too slow for the samples of moves.
-    is_scarce: bool,
+    saves_frames: bool,
 }
 
 /// What the head says of the limits that hold where a script sets none, and what it says instead where a line goes beyond them: as long as
@@ -90,7 +90,7 @@ impl ScriptWriter {
         }
         ScriptWriter {
             exact,
-            easings: Easings::new(),
+            easings: EasingTable::new(),
             text,
             begin: None,
             waiting: Vec::new(),
@@ -98,13 +98,13 @@ impl ScriptWriter {
             frames: 0,
             settled: Micros::ZERO,
             bounds,
-            is_scarce: baud < AMPLE,
+            saves_frames: baud < AMPLE,
         }
     }
 
     /// Never sends more frames than have come: the line may be slow.
     pub(super) fn save_line(&mut self) {
-        self.is_scarce = true;
+        self.saves_frames = true;
     }
 
     /// Lets everything go beyond the limits that hold where a script sets none, as the board does.
@@ -254,7 +254,7 @@ impl ScriptWriter {
                 run.until = run.until.min(now);
                 let busy = ended.iter().filter(|(thing, _)| thing.meets(&board, run.thing)).map(|(_, at)| *at);
                 let free = busy.chain([self.settled]).max().unwrap_or_default();
-                ended.extend(self.fold(&run, free, &mut rows, &mut moves).map(|at| (run.thing, at)));
+                ended.extend(self.write_moves(&run, free, &mut rows, &mut moves).map(|at| (run.thing, at)));
             }
             settled = ended.iter().map(|(_, at)| *at).max().unwrap_or_default();
         }
@@ -269,7 +269,7 @@ impl ScriptWriter {
 
     /// Takes the rows of every move in a run away, and gives the lines that say the moves, each with its time and the row whose place it
     /// takes. Says when the last of them ends; none begins before `free`.
-    fn fold(
+    fn write_moves(
         &self,
         run: &Run,
         free: Micros,
@@ -278,19 +278,19 @@ impl ScriptWriter {
     ) -> Option<Micros> {
         let before = run.before.map(|(since, axes)| (since.max(free), axes));
         let board = &self.known.board;
-        let room = Room { is_scarce: self.is_scarce, ..run.thing.room(board, self.bounds.is_wide) };
-        let folds = self.easings.folds(&Course::new(&run.points, run.until, room), before);
-        let ends = folds.last().map(|fold| fold.to_at);
+        let limits = MoveLimits { saves_frames: self.saves_frames, ..run.thing.move_limits(board, self.bounds.is_wide) };
+        let found = self.easings.find_moves(&PointSeries::new(&run.points, run.until, limits), before);
+        let ends = found.last().map(|one| one.to_at);
         let mut ended = None;
-        for fold in folds {
-            let covered = fold.first.unwrap_or(0)..=fold.last;
-            let said = match fold.first {
-                None => Some(fold.from),
-                Some(first) if ended == Some(first) => Some(fold.from),
+        for one in found {
+            let covered = one.first.unwrap_or(0)..=one.last;
+            let said = match one.first {
+                None => Some(one.from),
+                Some(first) if ended == Some(first) => Some(one.from),
                 Some(0) => run.before.map(|(_, axes)| axes),
                 Some(first) => run.points.get(first - 1).map(|point| point.axes),
             };
-            let (Some(end), Some(place)) = (run.points.get(fold.last), run.rows.get(*covered.start())) else {
+            let (Some(end), Some(place)) = (run.points.get(one.last), run.rows.get(*covered.start())) else {
                 continue;
             };
             for row in run.rows.get(covered).unwrap_or_default() {
@@ -298,13 +298,13 @@ impl ScriptWriter {
                     row.text = None;
                 }
             }
-            let mut text = run.thing.moved(board, said, fold.from, end.axes);
-            let _ = write!(text, " over {}s", fold.to_at - fold.from_at);
-            if fold.ease != Ease::LINEAR {
-                let _ = write!(text, " ease {}", fold.ease.name());
+            let mut text = run.thing.moved(board, said, one.from, end.axes);
+            let _ = write!(text, " over {}s", one.to_at - one.from_at);
+            if one.ease != Ease::LINEAR {
+                let _ = write!(text, " ease {}", one.ease.name());
             }
-            lines.push((fold.from_at, *place, text));
-            ended = Some(fold.last);
+            lines.push((one.from_at, *place, text));
+            ended = Some(one.last);
         }
         ends
     }

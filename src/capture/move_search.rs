@@ -2,30 +2,30 @@
 
 use std::ops::Range;
 
-use super::curve::{Axes, Curve, Point, QUEUE, Room, SAMPLE, float};
+use super::curve::{Axes, Curve, Point, QUEUE, MoveLimits, SAMPLE, float};
 use crate::program::Ease;
 use crate::units::Micros;
 
 /// Points of one thing in a row.
 #[derive(Debug)]
-pub(super) struct Course<'p> {
+pub(super) struct PointSeries<'p> {
     points: &'p [Point],
     /// The usual time from one to the next.
     step: Micros,
     /// When something else follows.
     until: Micros,
-    room: Room,
+    limits: MoveLimits,
 }
 
-impl<'p> Course<'p> {
-    pub(super) fn new(points: &'p [Point], until: Micros, room: Room) -> Self {
+impl<'p> PointSeries<'p> {
+    pub(super) fn new(points: &'p [Point], until: Micros, limits: MoveLimits) -> Self {
         let gap = |pair: &[Point]| match pair {
             [first, second] => second.at - first.at,
             _ => Micros::ZERO,
         };
         let mut gaps: Vec<Micros> = points.windows(2).map(gap).collect();
         gaps.sort_unstable();
-        Course { points, step: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), until, room }
+        PointSeries { points, step: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), until, limits }
     }
 
     /// When a move that ends with a point may have ended: its last sample is left out where it rounds to the value before.
@@ -40,7 +40,7 @@ impl<'p> Course<'p> {
 
 /// A move that says the same as a run of points.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fold {
+pub(super) struct FoundMove {
     /// When it begins, and the values there.
     pub(super) from_at: Micros,
     pub(super) from: Axes,
@@ -73,17 +73,17 @@ const SPARE_POINTS: usize = 4;
 const MANY: usize = 16;
 /// No other move can be clearly nearer than one whose mean square is so small: values are rounded.
 const EXACT: f64 = 0.1;
-/// How much is looked at to find the moves in a course, for each of its points. What is looked at is a move to one end by all easings;
+/// How much is looked at to find the moves in a series, for each of its points. What is looked at is a move to one end by all easings;
 /// a point or a sample of one move counts twice.
 const EFFORT: usize = 112;
-/// And so much more for a whole course.
+/// And so much more for a whole series.
 const MORE: usize = 2048;
 /// Of what is left of it, from one beginning a part of so many is looked at, and so much at least.
 const SHARE: usize = 32;
 const LEAST: usize = 64;
 
 /// Every easing, the straight one first, and for each part of the time, how far all of them are.
-pub(super) struct Easings {
+pub(super) struct EasingTable {
     all: Vec<Ease>,
     far: Vec<[f64; EASINGS]>,
     /// How far any of them has been until then.
@@ -112,7 +112,7 @@ struct Probe {
     far: f64,
 }
 
-impl Easings {
+impl EasingTable {
     pub(super) fn new() -> Self {
         let all: Vec<Ease> = Ease::names().into_iter().filter_map(|name| Ease::named(&name)).collect();
         let far = |part: u64| {
@@ -124,37 +124,37 @@ impl Easings {
         };
         let far: Vec<_> = (0..=PARTS).map(far).collect();
         let until = |most: &mut f64, far: &[f64; EASINGS]| {
-            *most = far.iter().fold(*most, |most, far| most.max(far.abs()));
+            *most = far.iter().found(*most, |most, far| most.max(far.abs()));
             Some(*most)
         };
-        Easings { most: far.iter().scan(0.0, until).collect(), far, all }
+        EasingTable { most: far.iter().scan(0.0, until).collect(), far, all }
     }
 
-    /// The moves in a course, in their order; what is in none of them is no part of a move. `before` is the value that the thing had before,
+    /// The moves in a series, in their order; what is in none of them is no part of a move. `before` is the value that the thing had before,
     /// and since when; the points may begin with some that repeat it.
-    pub(super) fn folds(&self, course: &Course<'_>, before: Option<(Micros, Axes)>) -> Vec<Fold> {
+    pub(super) fn find_moves(&self, series: &PointSeries<'_>, before: Option<(Micros, Axes)>) -> Vec<FoundMove> {
         let axes = |of: fn(i32, i32) -> i32| {
-            let all = course.points.iter().map(|point| point.axes).chain(before.map(|(_, axes)| axes));
+            let all = series.points.iter().map(|point| point.axes).chain(before.map(|(_, axes)| axes));
             all.reduce(|one, other| std::array::from_fn(|axis| of(value(one, axis), value(other, axis))))
                 .unwrap_or_default()
         };
-        let left = EFFORT * course.points.len() + MORE;
-        let mut search = Search { easings: self, course, least: axes(i32::min), most: axes(i32::max), left, doubt: 0 };
+        let left = EFFORT * series.points.len() + MORE;
+        let mut search = Search { easings: self, series, least: axes(i32::min), most: axes(i32::max), left, suspect: 0 };
         let ahead = before.and_then(|before| search.begins_ahead(before));
-        let mut from = ahead.map_or(0, |fold| fold.last);
-        let mut folds: Vec<Fold> = ahead.into_iter().collect();
-        while let Some(point) = course.points.get(from) {
+        let mut from = ahead.map_or(0, |found| found.last);
+        let mut moves: Vec<FoundMove> = ahead.into_iter().collect();
+        while let Some(point) = series.points.get(from) {
             // A move that has ended behind its last value holds the next one up.
-            let at = folds.last().filter(|fold| fold.last == from).map_or(point.at, |fold| fold.to_at);
+            let at = moves.last().filter(|found| found.last == from).map_or(point.at, |found| found.to_at);
             match search.longest(from, Begin { at, axes: point.axes, first: Some(from), led: from }) {
-                Some(fold) => {
-                    folds.push(fold);
-                    from = fold.last;
+                Some(found) => {
+                    moves.push(found);
+                    from = found.last;
                 }
                 None => from += 1,
             }
         }
-        folds
+        moves
     }
 
     /// The easings that are as far as the probes say, but for so much.
@@ -175,43 +175,43 @@ impl Easings {
     }
 }
 
-/// A search for the moves in a course.
+/// A search for the moves in a series.
 struct Search<'s> {
-    easings: &'s Easings,
-    course: &'s Course<'s>,
+    easings: &'s EasingTable,
+    series: &'s PointSeries<'s>,
     /// The least and the most that each axis is given.
     least: Axes,
     most: Axes,
     /// How much may still be looked at.
     left: usize,
     /// The point that the last move was too far from: it is the first to be looked at of the next one.
-    doubt: usize,
+    suspect: usize,
 }
 
 impl Search<'_> {
     /// The longest move that begins before the first value that changes, at a moment when nothing was sent: its first samples were left out
     /// where they changed nothing, or repeat the value.
-    fn begins_ahead(&mut self, (since, axes): (Micros, Axes)) -> Option<Fold> {
-        let Course { points, step, .. } = *self.course;
+    fn begins_ahead(&mut self, (since, axes): (Micros, Axes)) -> Option<FoundMove> {
+        let PointSeries { points, step, .. } = *self.series;
         let still = points.iter().position(|point| !point.repeats)?;
         let change = points.get(still)?;
         let begins = (1..=AHEAD).map_while(|steps| change.at.checked_sub(step * steps));
         let begins = begins.take_while(|begin_at| *begin_at >= since);
-        let folds = begins.filter_map(|at| {
+        let moves = begins.filter_map(|at| {
             let from = points.iter().position(|point| point.at > at)?;
             self.longest(from, Begin { at, axes, first: None, led: still + 1 })
         });
-        let folds: Vec<Fold> = folds.collect();
-        let longest = folds.iter().map(|fold| fold.last).max()?;
-        let long = folds.into_iter().filter(|fold| fold.last + spare(longest) >= longest);
-        long.reduce(|best, fold| if fold.error < best.error { fold } else { best })
+        let moves: Vec<FoundMove> = moves.collect();
+        let longest = moves.iter().map(|found| found.last).max()?;
+        let long = moves.into_iter().filter(|found| found.last + spare(longest) >= longest);
+        long.reduce(|best, found| if found.error < best.error { found } else { best })
     }
 
     /// The longest move from a moment, over the points from `from` on.
-    fn longest(&mut self, from: usize, begin: Begin) -> Option<Fold> {
-        let points = self.course.points;
+    fn longest(&mut self, from: usize, begin: Begin) -> Option<FoundMove> {
+        let points = self.series.points;
         let allowed = (self.left / SHARE).max(LEAST);
-        let (mut work, mut best) = (0, None::<Fold>);
+        let (mut work, mut best) = (0, None::<FoundMove>);
         let from_points = from + usize::from(begin.first.is_some());
         let reach = self.reach(from_points, begin).min(from.saturating_add(allowed));
         let mut changes = points.get(from_points..reach)?.iter().filter(|point| !point.repeats).count();
@@ -222,7 +222,7 @@ impl Search<'_> {
                 break;
             }
             changes -= 1;
-            for to_at in self.course.ends(last, end.at).filter(|_| end.axes != begin.axes) {
+            for to_at in self.series.ends(last, end.at).filter(|_| end.axes != begin.axes) {
                 let range = from_points..last + 1;
                 let Some(plausible) = self.plausible(range.clone(), begin, (to_at, end.axes)) else { continue };
                 work += 1;
@@ -234,7 +234,7 @@ impl Search<'_> {
                     && best.is_none_or(|best| error < best.error / 2.0)
                 {
                     let Begin { at: from_at, axes: from, first, .. } = begin;
-                    best = Some(Fold { from_at, from, first, last, to_at, ease, error });
+                    best = Some(FoundMove { from_at, from, first, last, to_at, ease, error });
                 }
             }
         }
@@ -244,15 +244,15 @@ impl Search<'_> {
 
     /// Up to where a move may last that is at the first value that changes in time: the further that is, the sooner the move ends.
     fn reach(&self, from: usize, begin: Begin) -> usize {
-        let points = self.course.points;
+        let points = self.series.points;
         let Some(change) = points.iter().skip(from).find(|point| !point.repeats) else { return 0 };
         let far = |axis: usize| {
             let begin = value(begin.axes, axis);
             let way = (value(self.most, axis) - begin).max(begin - value(self.least, axis));
-            let jump = (value(change.axes, axis) - begin).abs() - self.course.room.tolerance - 1;
+            let jump = (value(change.axes, axis) - begin).abs() - self.series.limits.tolerance - 1;
             f64::from(jump) / f64::from(way.max(1))
         };
-        let far = (0..4).map(far).fold(0.0, f64::max);
+        let far = (0..4).map(far).found(0.0, f64::max);
         // The table may be wrong by a part.
         let part = self.easings.most.partition_point(|most| *most < far).saturating_sub(1) as u64;
         let passed = change.at - begin.at + SAMPLE + QUEUE;
@@ -270,18 +270,18 @@ impl Search<'_> {
         plausible: Plausible,
         work: &mut usize,
     ) -> Option<(Ease, f64)> {
-        let points = self.course.points.get(range.clone())?;
-        let room = &self.course.room;
+        let points = self.series.points.get(range.clone())?;
+        let limits = &self.series.limits;
         let mut best: Option<(Ease, f64)> = None;
         for (&ease, _) in self.easings.all.iter().zip(plausible).filter(|(_, may)| *may) {
             let curve = Curve { begin_at: begin.at, begin: begin.axes, end_at, end, ease };
-            let doubt = self.doubt.checked_sub(range.start).and_then(|doubt| points.get(doubt));
+            let suspect = self.suspect.checked_sub(range.start).and_then(|suspect| points.get(suspect));
             *work += 2;
-            if doubt.is_some_and(|doubt| !curve.follows(doubt, room)) {
+            if suspect.is_some_and(|suspect| !curve.follows(suspect, limits)) {
                 continue;
             }
-            match curve.error(points, begin.led.saturating_sub(range.start), room, work) {
-                Err(at) => self.doubt = range.start + at,
+            match curve.error(points, begin.led.saturating_sub(range.start), limits, work) {
+                Err(at) => self.suspect = range.start + at,
                 // A straight line, or else the gentlest curve, unless another one is clearly meant.
                 Ok(error) if best.is_none_or(|(_, least)| error < least / 2.0) => best = Some((ease, error)),
                 Ok(_) => {}
@@ -293,13 +293,13 @@ impl Search<'_> {
     /// The easings that some of the points seem to follow, and that do not show before the first value that changes. `None` where the move
     /// is too short.
     fn plausible(&self, range: Range<usize>, begin: Begin, (end_at, end): (Micros, Axes)) -> Option<Plausible> {
-        let points = self.course.points.get(range)?;
+        let points = self.series.points.get(range)?;
         let duration = end_at.checked_sub(begin.at).filter(|duration| *duration >= SHORTEST)?;
         // The axis with the longest way says the most.
         let way = |axis: usize| end.get(axis).zip(begin.axes.get(axis)).map_or(0, |(end, begin)| end - begin);
         let axis = (0..4).max_by_key(|axis| way(*axis).abs())?;
         let (way, start) = (f64::from(way(axis)), f64::from(*begin.axes.get(axis)?));
-        let slack = (f64::from(self.course.room.tolerance) + 1.0) / way.abs() + SLACK;
+        let slack = (f64::from(self.series.limits.tolerance) + 1.0) / way.abs() + SLACK;
         let scale = float(PARTS) / float(duration.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to PARTS")]
         let part = |passed: Micros| (float(passed.0) * scale + 0.5) as usize;
@@ -310,7 +310,7 @@ impl Search<'_> {
         });
         // The last sample before that value.
         let change = begin.led.checked_sub(1).filter(|_| begin.first.is_none());
-        let change = change.and_then(|change| self.course.points.get(change));
+        let change = change.and_then(|change| self.series.points.get(change));
         let passed = change.and_then(|change| change.at.checked_sub(begin.at + QUEUE + Micros(1)));
         let still = passed.map(|passed| Probe { part: part(SAMPLE * (passed.0 / SAMPLE.0)), far: 0.0 });
         Some(self.easings.plausible(still.into_iter().chain(quarters), slack))
