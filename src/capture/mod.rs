@@ -2,7 +2,7 @@
 
 mod curve;
 mod move_search;
-mod known;
+mod script_state;
 mod listing;
 mod rows;
 mod script_writer;

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::curve::{Axes, Point};
-use super::known::{Known, Thing};
+use super::script_state::{ScriptState, Channel};
 use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
 use crate::units::Micros;
 
 /// Without a drive frame for so long a drive counts as stopped, as on the virtual board. What the board does when frames
 /// stop is unknown.
-const FED: Micros = Micros::from_millis(500);
+const REFRESH_TIMEOUT: Micros = Micros::from_millis(500);
 /// A move has a value at least so often, and one that changes at least so often.
 const GAP: Micros = Micros::from_millis(100);
 pub(super) const STILL: Micros = Micros::from_millis(300);
@@ -39,16 +39,16 @@ pub(super) struct Row {
 
 /// What a row means for the runs of values.
 enum Says {
-    /// A value of a thing, what it had before and since when, and whether that is the same.
-    Value(Thing, Axes, Option<(Micros, Axes)>, bool),
-    /// Nothing that was known before holds on.
+    /// A value of a channel, what it had before and since when, and whether that is the same.
+    Value(Channel, Axes, Option<(Micros, Axes)>, bool),
+    /// Nothing that was state before holds on.
     Break,
     Other,
 }
 
-/// A run of values of one thing, in which moves are looked for.
+/// A run of values of one channel, in which moves are looked for.
 pub(super) struct Run {
-    pub(super) thing: Thing,
+    pub(super) channel: Channel,
     pub(super) before: Option<(Micros, Axes)>,
     pub(super) points: Vec<Point>,
     /// The row of each point.
@@ -56,47 +56,47 @@ pub(super) struct Run {
     /// When a value came last, and when one that changed.
     came: Micros,
     changed: Micros,
-    /// When something else takes its thing over.
+    /// When something else takes its channel over.
     pub(super) until: Micros,
 }
 
-/// What came, as lines; `known` is what the script has said then. The time is that up to which everything has come.
-pub(super) fn rows(known: &mut Known, waiting: &[(Micros, Came)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
+/// What came, as lines; `state` is what the script has said then. The time is that up to which everything has come.
+pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Came)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
     let mut rows = Vec::with_capacity(waiting.len());
     for (at, came) in waiting {
-        starve(known, &mut rows, exact, *at);
-        let (text, says) = row(known, came, exact, *at);
+        stop_refreshing(state, &mut rows, exact, *at);
+        let (text, says) = row(state, came, exact, *at);
         rows.push(Row { at: *at, text, says });
     }
-    starve(known, &mut rows, exact, now);
-    // What was fed until now stops with the script, which would otherwise end where it was last told something else.
+    stop_refreshing(state, &mut rows, exact, now);
+    // What was refreshed until now stops with the script, which would otherwise end where it was last told something else.
     if is_last && !exact {
-        for (resource, fed, rest) in known.fed() {
-            let text = Some(format!("{}  # the recording ends here", known.board.show(&rest)));
-            rows.push(Row { at: now.max(fed + Micros::from_millis(1)), text, says: Says::Break });
-            known.starve(resource);
+        for (resource, refreshed, rest) in state.refreshed() {
+            let text = Some(format!("{}  # the recording ends here", state.board.show(&rest)));
+            rows.push(Row { at: now.max(refreshed + Micros::from_millis(1)), text, says: Says::Break });
+            state.stop_refreshing(resource);
         }
     }
     rows
 }
 
 /// Stops what got no frames until now: played, the script would feed it, and the program did not.
-fn starve(known: &mut Known, rows: &mut Vec<Row>, exact: bool, now: Micros) {
+fn stop_refreshing(state: &mut ScriptState, rows: &mut Vec<Row>, exact: bool, now: Micros) {
     if exact {
         return;
     }
-    for (_, fed, rest) in known.fed() {
-        let stopped = fed + FED;
+    for (_, refreshed, rest) in state.refreshed() {
+        let stopped = refreshed + REFRESH_TIMEOUT;
         if stopped < now {
-            let text = format!("{}  # no drive frame came for {FED}s", known.board.show(&rest));
+            let text = format!("{}  # no drive frame came for {REFRESH_TIMEOUT}s", state.board.show(&rest));
             rows.push(Row { at: stopped, text: Some(text), says: Says::Break });
-            known.set(stopped, &rest);
+            state.set(stopped, &rest);
         }
     }
 }
 
-fn row(known: &mut Known, came: &Came, exact: bool, at: Micros) -> (Option<String>, Says) {
-    let board = Arc::clone(&known.board);
+fn row(state: &mut ScriptState, came: &Came, exact: bool, at: Micros) -> (Option<String>, Says) {
+    let board = Arc::clone(&state.board);
     let command = match came {
         Came::Note(words) => return (Some(format!("# {words}")), Says::Break),
         Came::Skipped(first, count, why) => {
@@ -107,7 +107,7 @@ fn row(known: &mut Known, came: &Came, exact: bool, at: Micros) -> (Option<Strin
             return match raw.as_ref().filter(|_| exact || !matches!(why, NotACommand::OutOfRange(_))) {
                 None => (Some(format!("# left out, {}: {why}", Hex(frame))), Says::Other),
                 Some(raw) => {
-                    known.raw(raw);
+                    state.raw(raw);
                     (Some(format!("{}  # {why}", board.show(raw))), Says::Break)
                 }
             };
@@ -115,42 +115,42 @@ fn row(known: &mut Known, came: &Came, exact: bool, at: Micros) -> (Option<Strin
         Came::Command(command) => command,
     };
     let said = board.show(command).to_string();
-    if let Some((thing, axes)) = Thing::of(&board, command) {
-        let before = known.value(thing);
-        let repeats = !exact && known.repeats(thing, axes);
-        known.set(at, command);
-        return ((!repeats).then_some(said), Says::Value(thing, axes, before, repeats));
+    if let Some((channel, axes)) = Channel::of(&board, command) {
+        let before = state.value(channel);
+        let repeats = !exact && state.repeats(channel, axes);
+        state.set(at, command);
+        return ((!repeats).then_some(said), Says::Value(channel, axes, before, repeats));
     }
     if board.is_opaque(command) {
-        known.raw(command);
+        state.raw(command);
         return (Some(said), Says::Break);
     }
     let occupied = board.occupies(command);
     if board.is_passing(command) {
         for resource in occupied {
-            known.forget(*resource);
+            state.forget(*resource);
         }
         let is_met =
-            |needs: &&Needs| known.command(needs.resource).and_then(|command| command.value(0)) == Some(needs.value);
+            |needs: &&Needs| state.command(needs.resource).and_then(|command| command.value(0)) == Some(needs.value);
         if let Some(needs) = board.needs(command).filter(|needs| !is_met(needs))
             && let Some(raw) = board.raw(&board.to_frame(command))
         {
             // A script must say first what it needs.
-            known.has_raw = true;
+            state.has_raw = true;
             let raw = board.show(&raw);
             return (Some(format!("{raw}  # {said}, with no `{}` before it", needs.what)), Says::Break);
         }
         return (Some(said), Says::Break);
     }
-    let has_rest = |resource: &usize| board.rest(*resource).is_some() && known.command(*resource) == Some(command);
+    let has_rest = |resource: &usize| board.rest(*resource).is_some() && state.command(*resource) == Some(command);
     if !exact && occupied.iter().any(has_rest) {
         return (None, Says::Other);
     }
-    known.set(at, command);
+    state.set(at, command);
     (Some(said), Says::Other)
 }
 
-/// From a moment on, the thing of a run is moved by something else.
+/// From a moment on, the channel of a run is moved by something else.
 fn end(runs: &mut [Run], run: usize, at: Micros) {
     if let Some(run) = runs.get_mut(run) {
         run.until = at;
@@ -160,11 +160,11 @@ fn end(runs: &mut [Run], run: usize, at: Micros) {
 /// The runs of values in rows.
 pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
-    // The last values of each thing that repeat what it had, with their rows.
-    let mut still: BTreeMap<Thing, Vec<(usize, Point)>> = BTreeMap::new();
-    let mut open: BTreeMap<Thing, usize> = BTreeMap::new();
+    // The last values of each channel that repeat what it had, with their rows.
+    let mut still: BTreeMap<Channel, Vec<(usize, Point)>> = BTreeMap::new();
+    let mut open: BTreeMap<Channel, usize> = BTreeMap::new();
     for (place, Row { at, says, .. }) in rows.iter().enumerate() {
-        let (thing, axes, before, repeats) = match says {
+        let (channel, axes, before, repeats) = match says {
             Says::Other => continue,
             Says::Break => {
                 for run in std::mem::take(&mut open).into_values() {
@@ -173,18 +173,18 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
                 still.clear();
                 continue;
             }
-            Says::Value(thing, axes, before, repeats) => (*thing, *axes, *before, *repeats),
+            Says::Value(channel, axes, before, repeats) => (*channel, *axes, *before, *repeats),
         };
         open.retain(|other, run| {
-            let stays = *other == thing || !other.meets(board, thing);
+            let stays = *other == channel || !other.meets(board, channel);
             if !stays {
                 end(&mut runs, *run, *at);
             }
             stays
         });
-        still.retain(|other, _| *other == thing || !other.meets(board, thing));
+        still.retain(|other, _| *other == channel || !other.meets(board, channel));
         let point = Point { at: *at, axes, repeats };
-        let run = open.get(&thing).and_then(|run| runs.get_mut(*run));
+        let run = open.get(&channel).and_then(|run| runs.get_mut(*run));
         let goes_on = |run: &&mut Run| *at <= run.came + GAP && *at <= run.changed + STILL;
         if let Some(run) = run.filter(goes_on) {
             run.points.push(point);
@@ -193,8 +193,8 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
             run.changed = if repeats { run.changed } else { *at };
             continue;
         }
-        let still = still.entry(thing).or_default();
-        if let Some(run) = open.remove(&thing) {
+        let still = still.entry(channel).or_default();
+        if let Some(run) = open.remove(&channel) {
             end(&mut runs, run, *at);
             // It may have stood still at its end.
             if let Some(run) = runs.get(run) {
@@ -210,8 +210,8 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
         let lead = std::mem::take(still);
         let far = lead.len().saturating_sub(LEAD);
         let (rows, points) = lead.into_iter().skip(far).chain([(place, point)]).unzip();
-        open.insert(thing, runs.len());
-        runs.push(Run { thing, before, points, rows, came: *at, changed: *at, until: Micros::MAX });
+        open.insert(channel, runs.len());
+        runs.push(Run { channel, before, points, rows, came: *at, changed: *at, until: Micros::MAX });
     }
     runs
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::curve::MoveLimits;
 use super::move_search::{PointSeries, EasingTable};
-use super::known::{Known, Thing};
+use super::script_state::{ScriptState, Channel};
 use super::rows::{Came, Row, Run, SHOWN, STILL, of_frame, rows, runs};
 use crate::board::{Board, Command, Item, ProperLimit};
 use crate::program::Ease;
@@ -27,7 +27,7 @@ pub struct ScriptWriter {
     /// Which time of the stream is time 0 of the script: that of the first frame.
     begin: Option<Micros>,
     waiting: Vec<(Micros, Came)>,
-    known: Known,
+    state: ScriptState,
     frames: u64,
     /// The time of the last line, in the time of the stream.
     settled: Micros,
@@ -94,7 +94,7 @@ impl ScriptWriter {
             text,
             begin: None,
             waiting: Vec::new(),
-            known: Known::new(board),
+            state: ScriptState::new(board),
             frames: 0,
             settled: Micros::ZERO,
             bounds,
@@ -130,7 +130,7 @@ impl ScriptWriter {
         let came = match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let came = of_frame(&self.known.board, frame);
+                let came = of_frame(&self.state.board, frame);
                 if matches!(&came, Came::Command(command) if self.is_beyond(command)) {
                     self.widen();
                 }
@@ -154,7 +154,7 @@ impl ScriptWriter {
 
     /// Whether a command goes beyond a limit that holds where a script sets none.
     fn is_beyond(&self, command: &Command) -> bool {
-        let board = &self.known.board;
+        let board = &self.state.board;
         board.limits.iter().any(|limit| {
             let (least, most) = limit.range;
             board.outside(limit.limited, (least.into(), most.into()), command).is_some()
@@ -181,7 +181,7 @@ impl ScriptWriter {
     pub fn settle(&mut self, now: Micros) {
         // What moves, or may be about to, is waited for; and so is what may be the end.
         let moves = |(at, came): &(Micros, Came)| {
-            let is_thing = matches!(came, Came::Command(command) if Thing::of(&self.known.board, command).is_some());
+            let is_thing = matches!(came, Came::Command(command) if Channel::of(&self.state.board, command).is_some());
             is_thing && *at + STILL >= now
         };
         if self.exact {
@@ -201,7 +201,7 @@ impl ScriptWriter {
     pub fn tail(&self) -> String {
         let mut text = String::new();
         let now = self.waiting.last().map_or(self.settled, |(at, _)| *at);
-        let rows = rows(&mut self.known.clone(), &self.waiting, self.exact, now, true);
+        let rows = rows(&mut self.state.clone(), &self.waiting, self.exact, now, true);
         self.print(rows.into_iter().filter_map(|row| Some((row.at, row.text?))), &mut text);
         text
     }
@@ -212,7 +212,7 @@ impl ScriptWriter {
             self.write_waiting(self.waiting.len() - self.closing(), now, false);
         }
         // A script with `raw` has both at its end by itself.
-        if let (true, true, Some((at, _))) = (self.exact, self.known.has_raw, self.waiting.first()) {
+        if let (true, true, Some((at, _))) = (self.exact, self.state.has_raw, self.waiting.first()) {
             let end = [(*at, "mark end".to_owned())];
             self.waiting.clear();
             let mut text = std::mem::take(&mut self.text);
@@ -230,7 +230,7 @@ impl ScriptWriter {
     /// How many of the last frames bring everything to rest, or all that must be fed, which may be what `play` closes a script with.
     fn closing(&self) -> usize {
         let ending = |is_fed: bool| -> Vec<&Command> {
-            let rests = self.known.board.resources.iter().rev().filter(|resource| resource.is_fed || !is_fed);
+            let rests = self.state.board.resources.iter().rev().filter(|resource| resource.is_fed || !is_fed);
             rests.filter_map(|resource| resource.rest.as_ref()).collect()
         };
         let ends_with = |ending: &[&Command]| {
@@ -244,17 +244,17 @@ impl ScriptWriter {
     /// Writes the first of what waits; `is_last` where nothing follows.
     fn write_waiting(&mut self, count: usize, now: Micros, is_last: bool) {
         let waiting: Vec<_> = self.waiting.drain(..count).collect();
-        let mut rows = rows(&mut self.known, &waiting, self.exact, now, is_last);
+        let mut rows = rows(&mut self.state, &waiting, self.exact, now, is_last);
         let (mut moves, mut settled) = (Vec::new(), Micros::ZERO);
         if !self.exact {
-            // When the moves of each thing have ended.
-            let mut ended: Vec<(Thing, Micros)> = Vec::new();
-            let board = Arc::clone(&self.known.board);
+            // When the moves of each channel have ended.
+            let mut ended: Vec<(Channel, Micros)> = Vec::new();
+            let board = Arc::clone(&self.state.board);
             for mut run in runs(&board, &rows) {
                 run.until = run.until.min(now);
-                let busy = ended.iter().filter(|(thing, _)| thing.meets(&board, run.thing)).map(|(_, at)| *at);
+                let busy = ended.iter().filter(|(channel, _)| channel.meets(&board, run.channel)).map(|(_, at)| *at);
                 let free = busy.chain([self.settled]).max().unwrap_or_default();
-                ended.extend(self.write_moves(&run, free, &mut rows, &mut moves).map(|at| (run.thing, at)));
+                ended.extend(self.write_moves(&run, free, &mut rows, &mut moves).map(|at| (run.channel, at)));
             }
             settled = ended.iter().map(|(_, at)| *at).max().unwrap_or_default();
         }
@@ -277,8 +277,8 @@ impl ScriptWriter {
         lines: &mut Vec<(Micros, usize, String)>,
     ) -> Option<Micros> {
         let before = run.before.map(|(since, axes)| (since.max(free), axes));
-        let board = &self.known.board;
-        let limits = MoveLimits { saves_frames: self.saves_frames, ..run.thing.move_limits(board, self.bounds.is_wide) };
+        let board = &self.state.board;
+        let limits = MoveLimits { saves_frames: self.saves_frames, ..run.channel.move_limits(board, self.bounds.is_wide) };
         let found = self.easings.find_moves(&PointSeries::new(&run.points, run.until, limits), before);
         let ends = found.last().map(|one| one.to_at);
         let mut ended = None;
@@ -298,7 +298,7 @@ impl ScriptWriter {
                     row.text = None;
                 }
             }
-            let mut text = run.thing.moved(board, said, one.from, end.axes);
+            let mut text = run.channel.moved(board, said, one.from, end.axes);
             let _ = write!(text, " over {}s", one.to_at - one.from_at);
             if one.ease != Ease::LINEAR {
                 let _ = write!(text, " ease {}", one.ease.name());

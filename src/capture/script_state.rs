@@ -1,4 +1,4 @@
-//! What a script that is being written has said so far.
+//! What a script that is being written has written so far.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -7,72 +7,72 @@ use super::curve::{Axes, MoveLimits};
 use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Sets, VerbId};
 use crate::units::Micros;
 
-/// What the script has said so far.
+/// What the script has written so far.
 #[derive(Clone, Debug)]
-pub(super) struct Known {
+pub(super) struct ScriptState {
     pub(super) board: Arc<Board>,
-    /// Of each resource, what it was told.
-    told: Vec<Option<Told>>,
-    /// Of each resource that must be fed, when it was fed last, if it is active.
-    fed: Vec<Option<Micros>>,
+    /// Of each resource, what it was last.
+    last: Vec<Option<LastCommand>>,
+    /// Of each resource that must be refreshed, when it was refreshed last, if it is active.
+    refreshed: Vec<Option<Micros>>,
     /// A frame that is not interpreted is in the script, so that it ends with everything brought to rest.
     pub(super) has_raw: bool,
 }
 
-/// What a resource was told.
+/// What a resource was last.
 #[derive(Clone, Debug)]
-struct Told {
+struct LastCommand {
     /// In the words of the verb that sets it alone.
     command: Command,
-    by: Thing,
+    by: Channel,
     /// When the line that says it is due, and when it came last, perhaps again.
-    said: Micros,
+    written: Micros,
     came: Micros,
 }
 
-impl Told {
-    /// From when on a move of this thing may begin here. Its own repeats are looked at, those of another command are not.
-    fn since(&self, thing: Thing) -> Micros {
-        if self.by == thing { self.said } else { self.came }
+impl LastCommand {
+    /// From when on a move of this channel may begin here. Its own repeats are looked at, those of another command are not.
+    fn since(&self, channel: Channel) -> Micros {
+        if self.by == channel { self.written } else { self.came }
     }
 }
 
 /// What a command sets: a verb, and the value of its index if it has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Thing {
+pub(super) struct Channel {
     verb: VerbId,
     index: Option<i32>,
 }
 
-impl Known {
+impl ScriptState {
     pub(super) fn new(board: Arc<Board>) -> Self {
         let count = board.resources.len();
-        Known { board, told: vec![None; count], fed: vec![None; count], has_raw: false }
+        ScriptState { board, last: vec![None; count], refreshed: vec![None; count], has_raw: false }
     }
 
-    fn told(&self, resource: ResourceId) -> Option<&Told> {
-        self.told.get(resource)?.as_ref()
+    fn last(&self, resource: ResourceId) -> Option<&LastCommand> {
+        self.last.get(resource)?.as_ref()
     }
 
-    /// What a resource was told.
+    /// What a resource was last.
     pub(super) fn command(&self, resource: ResourceId) -> Option<&Command> {
-        self.told(resource).map(|told| &told.command)
+        self.last(resource).map(|last| &last.command)
     }
 
-    /// The value of a thing, and from when on a move may begin there.
-    pub(super) fn value(&self, thing: Thing) -> Option<(Micros, Axes)> {
+    /// The value of a channel, and from when on a move may begin there.
+    pub(super) fn value(&self, channel: Channel) -> Option<(Micros, Axes)> {
         let board = Arc::clone(&self.board);
-        let is_several = matches!(board.verb(thing.verb)?.sets, Sets::Parts(..));
-        let resources = thing.resources(&board);
+        let is_several = matches!(board.verb(channel.verb)?.sets, Sets::Parts(..));
+        let resources = channel.resources(&board);
         let (mut since, mut axes) = (Micros::ZERO, Axes::default());
         for (at, resource) in resources.iter().enumerate() {
-            let told = self.told(*resource)?;
-            since = since.max(told.since(thing));
+            let last = self.last(*resource)?;
+            since = since.max(last.since(channel));
             if is_several {
-                *axes.get_mut(at)? = *told.command.values().last()?;
-            } else if told.command.verb() == thing.verb {
-                axes = Thing::of(&board, &told.command)?.1;
-            } else if !(told.command.is_zero() && board.is_rest(&told.command)) {
+                *axes.get_mut(at)? = *last.command.values().last()?;
+            } else if last.command.verb() == channel.verb {
+                axes = Channel::of(&board, &last.command)?.1;
+            } else if !(last.command.is_zero() && board.is_rest(&last.command)) {
                 // Behind the command that brings its resource to rest, every value is 0.
                 return None;
             }
@@ -81,33 +81,33 @@ impl Known {
     }
 
     /// Whether a value says nothing new. What stays active at zero is new behind another command, also at zero.
-    pub(super) fn repeats(&self, thing: Thing, axes: Axes) -> bool {
-        let told = |resource: &ResourceId| self.told(*resource).is_some_and(|told| told.by == thing);
-        let is_new = thing.is_always_active(&self.board) && !thing.resources(&self.board).iter().all(told);
-        !is_new && self.value(thing).is_some_and(|(_, said)| said == axes)
+    pub(super) fn repeats(&self, channel: Channel, axes: Axes) -> bool {
+        let last = |resource: &ResourceId| self.last(*resource).is_some_and(|last| last.by == channel);
+        let is_new = channel.is_always_active(&self.board) && !channel.resources(&self.board).iter().all(last);
+        !is_new && self.value(channel).is_some_and(|(_, written)| written == axes)
     }
 
     /// Takes in a command that is interpreted. What says nothing new is no line.
     pub(super) fn set(&mut self, at: Micros, command: &Command) {
         let board = Arc::clone(&self.board);
-        let (by, repeats) = match Thing::of(&board, command) {
-            Some((thing, axes)) => (thing, self.repeats(thing, axes)),
-            None => (Thing { verb: command.verb(), index: None }, false),
+        let (by, repeats) = match Channel::of(&board, command) {
+            Some((channel, axes)) => (channel, self.repeats(channel, axes)),
+            None => (Channel { verb: command.verb(), index: None }, false),
         };
         board.each_part(command, |resource, part| {
-            if let Some(fed) = self.fed.get_mut(resource).filter(|_| board.is_fed(resource)) {
-                *fed = board.is_active(command).then_some(at);
+            if let Some(refreshed) = self.refreshed.get_mut(resource).filter(|_| board.is_fed(resource)) {
+                *refreshed = board.is_active(command).then_some(at);
             }
-            if let Some(told) = self.told.get_mut(resource) {
-                *told = match told.take() {
-                    Some(old) if repeats => Some(Told { came: at, ..old }),
-                    _ => Some(Told { command: part.clone(), by, said: at, came: at }),
+            if let Some(last) = self.last.get_mut(resource) {
+                *last = match last.take() {
+                    Some(old) if repeats => Some(LastCommand { came: at, ..old }),
+                    _ => Some(LastCommand { command: part.clone(), by, written: at, came: at }),
                 };
             }
         });
     }
 
-    /// What is not interpreted may have changed anything, but it is known whether it is for a resource that must be fed.
+    /// What is not interpreted may have changed anything, but it is state whether it is for a resource that must be refreshed.
     pub(super) fn raw(&mut self, raw: &Command) {
         self.has_raw = true;
         let board = Arc::clone(&self.board);
@@ -121,36 +121,36 @@ impl Known {
 
     /// Nobody knows a resource any more.
     pub(super) fn forget(&mut self, resource: ResourceId) {
-        if let Some(told) = self.told.get_mut(resource) {
-            *told = None;
+        if let Some(last) = self.last.get_mut(resource) {
+            *last = None;
         }
-        self.starve(resource);
+        self.stop_refreshing(resource);
     }
 
-    /// The resources that are active and must be fed, when each was fed last, and the command that stops it.
-    pub(super) fn fed(&self) -> Vec<(ResourceId, Micros, Command)> {
-        let fed = self.fed.iter().enumerate();
-        fed.filter_map(|(resource, fed)| Some((resource, (*fed)?, self.board.rest(resource)?.clone()))).collect()
+    /// The resources that are active and must be refreshed, when each was refreshed last, and the command that stops it.
+    pub(super) fn refreshed(&self) -> Vec<(ResourceId, Micros, Command)> {
+        let refreshed = self.refreshed.iter().enumerate();
+        refreshed.filter_map(|(resource, refreshed)| Some((resource, (*refreshed)?, self.board.rest(resource)?.clone()))).collect()
     }
 
-    /// What was fed until now is not fed any more.
-    pub(super) fn starve(&mut self, resource: ResourceId) {
-        if let Some(fed) = self.fed.get_mut(resource) {
-            *fed = None;
+    /// What was refreshed until now is not refreshed any more.
+    pub(super) fn stop_refreshing(&mut self, resource: ResourceId) {
+        if let Some(refreshed) = self.refreshed.get_mut(resource) {
+            *refreshed = None;
         }
     }
 }
 
-impl Thing {
+impl Channel {
     /// What a command moves, and where to.
-    pub(super) fn of(board: &Board, command: &Command) -> Option<(Thing, Axes)> {
+    pub(super) fn of(board: &Board, command: &Command) -> Option<(Channel, Axes)> {
         let verb = board.verb(command.verb()).filter(|verb| verb.moves)?;
         let offset = usize::from(verb.is_indexed());
         let mut axes = Axes::default();
         for (at, place) in axes.iter_mut().enumerate().take(verb.moving().len().min(MAX_MOVING)) {
             *place = command.value(at + offset)?;
         }
-        Some((Thing { verb: command.verb(), index: command.value(0).filter(|_| verb.is_indexed()) }, axes))
+        Some((Channel { verb: command.verb(), index: command.value(0).filter(|_| verb.is_indexed()) }, axes))
     }
 
     /// What it sets.
@@ -179,13 +179,13 @@ impl Thing {
     }
 
     /// Whether both are moved by the same motors.
-    pub(super) fn meets(self, board: &Board, other: Thing) -> bool {
+    pub(super) fn meets(self, board: &Board, other: Channel) -> bool {
         let others = other.resources(board);
         self == other || self.resources(board).iter().any(|resource| others.contains(resource))
     }
 
-    /// The command that moves it from one value to another; `said` is the value that the script has given it before.
-    pub(super) fn moved(self, board: &Board, said: Option<Axes>, from: Axes, to: Axes) -> String {
+    /// The command that moves it from one value to another; `written` is the value that the script has given it before.
+    pub(super) fn moved(self, board: &Board, written: Option<Axes>, from: Axes, to: Axes) -> String {
         let Some(verb) = board.verb(self.verb) else { return String::new() };
         let mut text = verb.word.to_string();
         if let Some(index) = self.index {
@@ -194,7 +194,7 @@ impl Thing {
         for (at, axis) in verb.moving().iter().enumerate() {
             let of = |axes: Axes| axes.get(at).copied().unwrap_or_default();
             let name = if axis.name.is_empty() { String::new() } else { format!("{}=", axis.name) };
-            let is_said = said.is_some_and(|said| of(said) == of(from));
+            let is_said = written.is_some_and(|written| of(written) == of(from));
             let start = if is_said { String::new() } else { format!("{} -> ", of(from)) };
             let _ = write!(text, " {name}{start}{}", of(to));
         }
