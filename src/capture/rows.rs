@@ -21,24 +21,24 @@ pub(super) const SHOWN: usize = 16;
 
 /// What has come, at a time.
 #[derive(Clone, Debug)]
-pub(super) enum Came {
+pub(super) enum Received {
     Command(Command),
-    /// A whole frame that says nothing the board knows, as it is and as the verb that sends any frame, and why.
+    /// A whole frame that effect nothing the board knows, as it is and as the verb that sends any frame, and why.
     Unknown(Vec<u8>, Option<Command>, NotACommand),
     /// Bytes that are no frame: the first of them, and how many.
     Skipped(Vec<u8>, usize, Skip),
     Note(String),
 }
 
-/// A line of the script, or none where what came says nothing new.
+/// A line of the script, or none where what received effect nothing new.
 pub(super) struct Row {
     pub(super) at: Micros,
     pub(super) text: Option<String>,
-    says: Says,
+    effect: Effect,
 }
 
 /// What a row means for the runs of values.
-enum Says {
+enum Effect {
     /// A value of a channel, what it had before and since when, and whether that is the same.
     Value(Channel, Axes, Option<(Micros, Axes)>, bool),
     /// Nothing that was state before holds on.
@@ -53,27 +53,27 @@ pub(super) struct Run {
     pub(super) points: Vec<Point>,
     /// The row of each point.
     pub(super) rows: Vec<usize>,
-    /// When a value came last, and when one that changed.
-    came: Micros,
+    /// When a value received last, and when one that changed.
+    received: Micros,
     changed: Micros,
     /// When something else takes its channel over.
     pub(super) until: Micros,
 }
 
-/// What came, as lines; `state` is what the script has said then. The time is that up to which everything has come.
-pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Came)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
+/// What received, as lines; `state` is what the script has said then. The time is that up to which everything has come.
+pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Received)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
     let mut rows = Vec::with_capacity(waiting.len());
-    for (at, came) in waiting {
+    for (at, received) in waiting {
         stop_refreshing(state, &mut rows, exact, *at);
-        let (text, says) = row(state, came, exact, *at);
-        rows.push(Row { at: *at, text, says });
+        let (text, effect) = row(state, received, exact, *at);
+        rows.push(Row { at: *at, text, effect });
     }
     stop_refreshing(state, &mut rows, exact, now);
     // What was refreshed until now stops with the script, which would otherwise end where it was last told something else.
     if is_last && !exact {
         for (resource, refreshed, rest) in state.refreshed() {
             let text = Some(format!("{}  # the recording ends here", state.board.show(&rest)));
-            rows.push(Row { at: now.max(refreshed + Micros::from_millis(1)), text, says: Says::Break });
+            rows.push(Row { at: now.max(refreshed + Micros::from_millis(1)), text, effect: Effect::Break });
             state.stop_refreshing(resource);
         }
     }
@@ -88,42 +88,42 @@ fn stop_refreshing(state: &mut ScriptState, rows: &mut Vec<Row>, exact: bool, no
     for (_, refreshed, rest) in state.refreshed() {
         let stopped = refreshed + REFRESH_TIMEOUT;
         if stopped < now {
-            let text = format!("{}  # no drive frame came for {REFRESH_TIMEOUT}s", state.board.show(&rest));
-            rows.push(Row { at: stopped, text: Some(text), says: Says::Break });
+            let text = format!("{}  # no drive frame received for {REFRESH_TIMEOUT}s", state.board.show(&rest));
+            rows.push(Row { at: stopped, text: Some(text), effect: Effect::Break });
             state.set(stopped, &rest);
         }
     }
 }
 
-fn row(state: &mut ScriptState, came: &Came, exact: bool, at: Micros) -> (Option<String>, Says) {
+fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) -> (Option<String>, Effect) {
     let board = Arc::clone(&state.board);
-    let command = match came {
-        Came::Note(words) => return (Some(format!("# {words}")), Says::Break),
-        Came::Skipped(first, count, why) => {
+    let command = match received {
+        Received::Note(words) => return (Some(format!("# {words}")), Effect::Break),
+        Received::Skipped(first, count, why) => {
             let more = if *count > first.len() { " …" } else { "" };
-            return (Some(format!("# skipped {count}, {}{more}: {why}", Hex(first))), Says::Other);
+            return (Some(format!("# skipped {count}, {}{more}: {why}", Hex(first))), Effect::Other);
         }
-        Came::Unknown(frame, raw, why) => {
+        Received::Unknown(frame, raw, why) => {
             return match raw.as_ref().filter(|_| exact || !matches!(why, NotACommand::OutOfRange(_))) {
-                None => (Some(format!("# left out, {}: {why}", Hex(frame))), Says::Other),
+                None => (Some(format!("# left out, {}: {why}", Hex(frame))), Effect::Other),
                 Some(raw) => {
                     state.raw(raw);
-                    (Some(format!("{}  # {why}", board.show(raw))), Says::Break)
+                    (Some(format!("{}  # {why}", board.show(raw))), Effect::Break)
                 }
             };
         }
-        Came::Command(command) => command,
+        Received::Command(command) => command,
     };
     let said = board.show(command).to_string();
     if let Some((channel, axes)) = Channel::of(&board, command) {
         let before = state.value(channel);
         let repeats = !exact && state.repeats(channel, axes);
         state.set(at, command);
-        return ((!repeats).then_some(said), Says::Value(channel, axes, before, repeats));
+        return ((!repeats).then_some(said), Effect::Value(channel, axes, before, repeats));
     }
     if board.is_opaque(command) {
         state.raw(command);
-        return (Some(said), Says::Break);
+        return (Some(said), Effect::Break);
     }
     let occupied = board.occupies(command);
     if board.is_passing(command) {
@@ -138,16 +138,16 @@ fn row(state: &mut ScriptState, came: &Came, exact: bool, at: Micros) -> (Option
             // A script must say first what it needs.
             state.has_raw = true;
             let raw = board.show(&raw);
-            return (Some(format!("{raw}  # {said}, with no `{}` before it", needs.what)), Says::Break);
+            return (Some(format!("{raw}  # {said}, with no `{}` before it", needs.what)), Effect::Break);
         }
-        return (Some(said), Says::Break);
+        return (Some(said), Effect::Break);
     }
     let has_rest = |resource: &usize| board.rest(*resource).is_some() && state.command(*resource) == Some(command);
     if !exact && occupied.iter().any(has_rest) {
-        return (None, Says::Other);
+        return (None, Effect::Other);
     }
     state.set(at, command);
-    (Some(said), Says::Other)
+    (Some(said), Effect::Other)
 }
 
 /// From a moment on, the channel of a run is moved by something else.
@@ -161,19 +161,19 @@ fn end(runs: &mut [Run], run: usize, at: Micros) {
 pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     // The last values of each channel that repeat what it had, with their rows.
-    let mut still: BTreeMap<Channel, Vec<(usize, Point)>> = BTreeMap::new();
+    let mut repeats_of: BTreeMap<Channel, Vec<(usize, Point)>> = BTreeMap::new();
     let mut open: BTreeMap<Channel, usize> = BTreeMap::new();
-    for (place, Row { at, says, .. }) in rows.iter().enumerate() {
-        let (channel, axes, before, repeats) = match says {
-            Says::Other => continue,
-            Says::Break => {
+    for (place, Row { at, effect, .. }) in rows.iter().enumerate() {
+        let (channel, axes, before, repeats) = match effect {
+            Effect::Other => continue,
+            Effect::Break => {
                 for run in std::mem::take(&mut open).into_values() {
                     end(&mut runs, run, *at);
                 }
-                still.clear();
+                repeats_of.clear();
                 continue;
             }
-            Says::Value(channel, axes, before, repeats) => (*channel, *axes, *before, *repeats),
+            Effect::Value(channel, axes, before, repeats) => (*channel, *axes, *before, *repeats),
         };
         open.retain(|other, run| {
             let stays = *other == channel || !other.meets(board, channel);
@@ -182,43 +182,43 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
             }
             stays
         });
-        still.retain(|other, _| *other == channel || !other.meets(board, channel));
+        repeats_of.retain(|other, _| *other == channel || !other.meets(board, channel));
         let point = Point { at: *at, axes, repeats };
         let run = open.get(&channel).and_then(|run| runs.get_mut(*run));
-        let goes_on = |run: &&mut Run| *at <= run.came + GAP && *at <= run.changed + STILL;
-        if let Some(run) = run.filter(goes_on) {
+        let continues = |run: &&mut Run| *at <= run.received + GAP && *at <= run.changed + STILL;
+        if let Some(run) = run.filter(continues) {
             run.points.push(point);
             run.rows.push(place);
-            run.came = *at;
+            run.received = *at;
             run.changed = if repeats { run.changed } else { *at };
             continue;
         }
-        let still = still.entry(channel).or_default();
+        let repeats_of = repeats_of.entry(channel).or_default();
         if let Some(run) = open.remove(&channel) {
             end(&mut runs, run, *at);
-            // It may have stood still at its end.
+            // It may have stood repeats_of at its end.
             if let Some(run) = runs.get(run) {
                 let repeats = run.points.iter().rev().take_while(|point| point.repeats).count();
                 let from = run.points.len() - repeats;
-                still.extend(run.rows.iter().copied().zip(run.points.iter().copied()).skip(from));
+                repeats_of.extend(run.rows.iter().copied().zip(run.points.iter().copied()).skip(from));
             }
         }
         if repeats {
-            still.push((place, point));
+            repeats_of.push((place, point));
             continue;
         }
-        let lead = std::mem::take(still);
+        let lead = std::mem::take(repeats_of);
         let far = lead.len().saturating_sub(LEAD);
         let (rows, points) = lead.into_iter().skip(far).chain([(place, point)]).unzip();
         open.insert(channel, runs.len());
-        runs.push(Run { channel, before, points, rows, came: *at, changed: *at, until: Micros::MAX });
+        runs.push(Run { channel, before, points, rows, received: *at, changed: *at, until: Micros::MAX });
     }
     runs
 }
 
-pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Came {
+pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Received {
     match board.decode(frame.bytes()) {
-        Ok(command) => Came::Command(command),
-        Err(why) => Came::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why),
+        Ok(command) => Received::Command(command),
+        Err(why) => Received::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why),
     }
 }

@@ -25,15 +25,15 @@ struct LastCommand {
     /// In the words of the verb that sets it alone.
     command: Command,
     by: Channel,
-    /// When the line that says it is due, and when it came last, perhaps again.
+    /// When the line that says it is due, and when it repeated_at last, perhaps again.
     written: Micros,
-    came: Micros,
+    repeated_at: Micros,
 }
 
 impl LastCommand {
     /// From when on a move of this channel may begin here. Its own repeats are looked at, those of another command are not.
     fn since(&self, channel: Channel) -> Micros {
-        if self.by == channel { self.written } else { self.came }
+        if self.by == channel { self.written } else { self.repeated_at }
     }
 }
 
@@ -100,8 +100,8 @@ impl ScriptState {
             }
             if let Some(last) = self.last.get_mut(resource) {
                 *last = match last.take() {
-                    Some(old) if repeats => Some(LastCommand { came: at, ..old }),
-                    _ => Some(LastCommand { command: part.clone(), by, written: at, came: at }),
+                    Some(old) if repeats => Some(LastCommand { repeated_at: at, ..old }),
+                    _ => Some(LastCommand { command: part.clone(), by, written: at, repeated_at: at }),
                 };
             }
         });

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::curve::MoveLimits;
 use super::move_search::{PointSeries, EasingTable};
 use super::script_state::{ScriptState, Channel};
-use super::rows::{Came, Row, Run, SHOWN, STILL, of_frame, rows, runs};
+use super::rows::{Received, Row, Run, SHOWN, STILL, of_frame, rows, runs};
 use crate::board::{Board, Command, Item, ProperLimit};
 use crate::program::Ease;
 use crate::units::Micros;
@@ -26,7 +26,7 @@ pub struct ScriptWriter {
     text: String,
     /// Which time of the stream is time 0 of the script: that of the first frame.
     begin: Option<Micros>,
-    waiting: Vec<(Micros, Came)>,
+    waiting: Vec<(Micros, Received)>,
     state: ScriptState,
     frames: u64,
     /// The time of the last line, in the time of the stream.
@@ -79,7 +79,7 @@ impl ScriptWriter {
     pub fn new(board: Arc<Board>, exact: bool, baud: u32) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
         text += if exact {
-            ": every frame, as it came."
+            ": every frame, as it received."
         } else {
             ". Repeats that a hold covers are left out; values that follow an easing are one line."
         };
@@ -127,29 +127,29 @@ impl ScriptWriter {
 
     /// Takes what a decoder has found, and when it began. Time does not go back.
     pub fn take(&mut self, at: Micros, item: Item<'_>) {
-        let came = match item {
+        let received = match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let came = of_frame(&self.state.board, frame);
-                if matches!(&came, Came::Command(command) if self.is_beyond(command)) {
+                let received = of_frame(&self.state.board, frame);
+                if matches!(&received, Received::Command(command) if self.is_beyond(command)) {
                     self.widen();
                 }
-                came
+                received
             }
             // They are part of a stop, and mean nothing by themselves.
             Item::Skipped { why, .. } if !why.is_wrong() => return,
             Item::Skipped { bytes, why, .. } => {
-                if let Some((_, Came::Skipped(first, count, last))) = self.waiting.last_mut()
+                if let Some((_, Received::Skipped(first, count, last))) = self.waiting.last_mut()
                     && *last == why
                 {
                     *count += bytes.len();
                     first.extend(bytes.iter().take(SHOWN.saturating_sub(first.len())));
                     return;
                 }
-                Came::Skipped(bytes.iter().take(SHOWN).copied().collect(), bytes.len(), why)
+                Received::Skipped(bytes.iter().take(SHOWN).copied().collect(), bytes.len(), why)
             }
         };
-        self.push(at, came);
+        self.push(at, received);
     }
 
     /// Whether a command goes beyond a limit that holds where a script sets none.
@@ -163,15 +163,15 @@ impl ScriptWriter {
 
     /// Writes a comment.
     pub fn note(&mut self, at: Micros, words: &str) {
-        self.push(at, Came::Note(words.to_owned()));
+        self.push(at, Received::Note(words.to_owned()));
     }
 
-    fn push(&mut self, at: Micros, came: Came) {
-        let is_frame = matches!(came, Came::Command(_) | Came::Unknown(..));
+    fn push(&mut self, at: Micros, received: Received) {
+        let is_frame = matches!(received, Received::Command(_) | Received::Unknown(..));
         if is_frame {
             self.begin.get_or_insert(at);
         }
-        self.waiting.push((at, came));
+        self.waiting.push((at, received));
         if self.waiting.len() >= WAITING {
             self.write_waiting(WAITING, at, false);
         }
@@ -180,8 +180,8 @@ impl ScriptWriter {
     /// Writes what cannot change any more, now that it is so late.
     pub fn settle(&mut self, now: Micros) {
         // What moves, or may be about to, is waited for; and so is what may be the end.
-        let moves = |(at, came): &(Micros, Came)| {
-            let is_thing = matches!(came, Came::Command(command) if Channel::of(&self.state.board, command).is_some());
+        let moves = |(at, received): &(Micros, Received)| {
+            let is_thing = matches!(received, Received::Command(command) if Channel::of(&self.state.board, command).is_some());
             is_thing && *at + STILL >= now
         };
         if self.exact {
@@ -236,7 +236,7 @@ impl ScriptWriter {
         let ends_with = |ending: &[&Command]| {
             let last = self.waiting.iter().rev().zip(ending.iter().rev());
             self.waiting.len() >= ending.len()
-                && last.into_iter().all(|((_, came), rest)| matches!(came, Came::Command(command) if command == *rest))
+                && last.into_iter().all(|((_, received), rest)| matches!(received, Received::Command(command) if command == *rest))
         };
         [ending(false), ending(true)].iter().find(|ending| ends_with(ending)).map_or(0, Vec::len)
     }
