@@ -6,7 +6,7 @@ mod script_state;
 mod listing;
 mod rows;
 mod script_writer;
-mod text;
+mod hex_text;
 mod timed;
 mod timing;
 
@@ -17,7 +17,7 @@ use crate::board::{self, Board, Command, Decoder, Item};
 use crate::units::{Micros, Nanos};
 pub use listing::{Listing, write_json};
 pub use script_writer::ScriptWriter;
-use text::Text;
+use hex_text::HexText;
 pub use timed::TimedDecoder;
 pub use timing::{NoTiming, Timing};
 
@@ -160,7 +160,7 @@ pub fn transcribe(
     let Reading { timing, baud, board } = reading;
     let line = baud.unwrap_or(board.baud);
     let mut writer = ScriptWriter::new(Arc::clone(&board), exact, line);
-    let is_beside = timing.is_some();
+    let has_timing_file = timing.is_some();
     let mut frames: Option<TimedDecoder> = None;
     let mut decoded = Decoded::default();
     let mut script = String::new();
@@ -174,7 +174,7 @@ pub fn transcribe(
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
         let frames = frames.get_or_insert_with(|| {
-            if at.is_none() || is_beside {
+            if at.is_none() || has_timing_file {
                 return TimedDecoder::new(&board, line);
             }
             if baud.is_none() {
@@ -231,16 +231,16 @@ impl Now {
 
 /// What was read beside the bytes of a stream.
 #[derive(Default)]
-struct Beside {
+struct TextFindings {
     not_hex: u64,
     half_byte: bool,
     aborts: u64,
     baud: Option<u32>,
 }
 
-impl Beside {
+impl TextFindings {
     fn joined(self, decoded: Decoded) -> Decoded {
-        let Beside { not_hex, half_byte, aborts, .. } = self;
+        let TextFindings { not_hex, half_byte, aborts, .. } = self;
         Decoded { not_hex, half_byte, aborts, ..decoded }
     }
 }
@@ -250,11 +250,11 @@ fn pieces(
     mut input: impl Read,
     mut timing: Option<Timing>,
     mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
-) -> Result<Beside, DecodeError> {
+) -> Result<TextFindings, DecodeError> {
     let mut buffer = vec![0; CHUNK];
     let head = head(&mut input, &mut buffer, timing.is_some())?;
     let mut block = captured(buffer.get(..head).unwrap_or_default(), timing.is_some()).unwrap_or_default();
-    let mut text = Text::of(block);
+    let mut text = HexText::of(block);
     loop {
         let mut failed = Ok(());
         let mut give = |at: Option<Nanos>, bytes: &[u8]| {
@@ -276,10 +276,10 @@ fn pieces(
         }
         block = buffer.get(..count).unwrap_or_default();
     }
-    let Some(mut text) = text else { return Ok(Beside::default()) };
+    let Some(mut text) = text else { return Ok(TextFindings::default()) };
     text.finish(&mut sink).map_err(DecodeError::Write)?;
-    let (not_hex, half_byte) = (text.strangers(), text.is_half());
-    Ok(Beside { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
+    let (not_hex, half_byte) = (text.not_hex(), text.is_half());
+    Ok(TextFindings { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
 }
 
 /// Reads until it is decided what the stream is, and says how much that is: what a pipe gives at first may be less than a line.
@@ -289,7 +289,7 @@ fn head(input: &mut impl Read, buffer: &mut [u8], is_timed: bool) -> Result<usiz
         let more = read(input, buffer.get_mut(count..).unwrap_or_default())?;
         count += more;
         let block = buffer.get(..count).unwrap_or_default();
-        if more == 0 || captured(block, is_timed).is_some_and(Text::is_decided) {
+        if more == 0 || captured(block, is_timed).is_some_and(HexText::is_decided) {
             return Ok(count);
         }
     }

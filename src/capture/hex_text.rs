@@ -19,7 +19,7 @@ const REPEATED: usize = 16 << 20;
 
 /// Turns text into bytes, block by block.
 #[derive(Debug, Default)]
-pub(super) struct Text {
+pub(super) struct HexText {
     /// What of the last line has come so far.
     line: Vec<u8>,
     /// The first digit of a byte that is not whole.
@@ -30,7 +30,7 @@ pub(super) struct Text {
     /// Whether a `*` stands for rows like the last one, and how many bytes all of them have stood for.
     repeats: bool,
     repeated: usize,
-    strangers: u64,
+    not_hex: u64,
     /// What is only sent where something ends a run early, in a snapshot, is not part of the run: whether that has begun, and its lines.
     is_abort: bool,
     aborts: u64,
@@ -43,26 +43,26 @@ pub(super) struct Text {
     bytes: Vec<u8>,
 }
 
-impl Text {
+impl HexText {
     /// Whether a stream that begins with this block says already whether it is such text: a line that is no comment is whole, or it cannot be
     /// any.
     pub(super) fn is_decided(block: &[u8]) -> bool {
         let whole = block.iter().rposition(|&byte| byte == b'\n').and_then(|end| block.get(..end)).unwrap_or_default();
         block.len() >= LINE
             || !block.iter().all(is_text)
-            || whole.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).any(is_told)
+            || whole.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).any(has_bytes)
     }
 
     /// Whether a stream that begins with this block is such text: no frame consists of these characters alone.
     pub(super) fn of(block: &[u8]) -> Option<Self> {
-        let first = block.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).find(|line| is_told(line));
+        let first = block.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).find(|line| has_bytes(line));
         let begins_with_hex = first.is_none_or(|line| {
-            let (mut probe, mut bytes) = (Text::default(), Vec::new());
-            match Logged::of(line) {
+            let (mut probe, mut bytes) = (HexText::default(), Vec::new());
+            match LogLine::of(line) {
                 Some(logged) => probe.digits(&logged.digits, &mut bytes),
                 None => probe.take_line(line, &mut bytes),
             }
-            probe.strangers <= bytes.len() as u64
+            probe.not_hex <= bytes.len() as u64
         });
         (begins_with_hex && block.iter().all(is_text)).then(Self::default)
     }
@@ -105,12 +105,12 @@ impl Text {
         let line = std::mem::take(&mut self.line);
         self.comment(line.trim_ascii());
         if self.is_abort {
-            self.aborts += u64::from(is_told(line.trim_ascii()));
+            self.aborts += u64::from(has_bytes(line.trim_ascii()));
             self.line = line;
             self.line.clear();
             return Ok(());
         }
-        let logged = Logged::of(&line);
+        let logged = LogLine::of(&line);
         if let Some(at) = logged.as_ref().and_then(|logged| logged.at) {
             if !bytes.is_empty() {
                 sink(self.at, bytes)?;
@@ -137,7 +137,7 @@ impl Text {
     }
 
     fn take_line(&mut self, line: &[u8], bytes: &mut Vec<u8>) {
-        if !is_told(line.trim_ascii()) {
+        if !has_bytes(line.trim_ascii()) {
             return;
         }
         if line.trim_ascii() == b"*" && !self.row.is_empty() {
@@ -168,7 +168,7 @@ impl Text {
                 self.repeated += missing;
                 bytes.extend(self.row.iter().cycle().take(missing));
             }
-            _ => self.strangers += 1,
+            _ => self.not_hex += 1,
         }
     }
 
@@ -198,7 +198,7 @@ impl Text {
         while let Some((&byte, rest)) = text.split_first() {
             text = rest;
             if let (b'0' | b'\\', Some((b'x' | b'X', rest))) = (byte, text.split_first()) {
-                self.strangers += u64::from(self.half.take().is_some());
+                self.not_hex += u64::from(self.half.take().is_some());
                 let count = rest.iter().take(2).take_while(|byte| byte.is_ascii_hexdigit()).count();
                 let (digits, rest) = rest.split_at_checked(count).unwrap_or_default();
                 bytes.extend(digits.iter().copied().filter_map(digit).reduce(|high, low| high << 4 | low));
@@ -213,7 +213,7 @@ impl Text {
                 (Some(high), None) => self.half = Some(high),
                 (None, _) if byte.is_ascii_whitespace() || byte == b',' => {}
                 (None, _) => {
-                    self.strangers += 1;
+                    self.not_hex += 1;
                     self.half = None;
                 }
             }
@@ -231,8 +231,8 @@ impl Text {
     }
 
     /// How many characters were no digits.
-    pub(super) fn strangers(&self) -> u64 {
-        self.strangers
+    pub(super) fn not_hex(&self) -> u64 {
+        self.not_hex
     }
 
     /// Whether a digit is left alone at the end.
@@ -259,17 +259,17 @@ fn is_sparse(line: &[u8]) -> bool {
 }
 
 /// Whether a line is more than a comment.
-fn is_told(line: &[u8]) -> bool {
+fn has_bytes(line: &[u8]) -> bool {
     !line.is_empty() && !line.starts_with(b"#")
 }
 
 /// A line that names bytes, and perhaps when they came.
-struct Logged<'l> {
+struct LogLine<'l> {
     at: Option<Nanos>,
     digits: Cow<'l, [u8]>,
 }
 
-impl<'l> Logged<'l> {
+impl<'l> LogLine<'l> {
     fn of(line: &'l [u8]) -> Option<Self> {
         let line = line.trim_ascii();
         match line.first()? {
@@ -287,7 +287,7 @@ impl<'l> Logged<'l> {
         let at = first.contains(&b'.').then(|| Nanos::from_seconds(std::str::from_utf8(first).ok()?)).flatten();
         let is_position = more.is_some() && first.iter().all(u8::is_ascii_digit);
         let frame = frame.strip_suffix(" …".as_bytes()).unwrap_or(frame);
-        (at.is_some() || is_position).then_some(Logged { at, digits: Cow::Borrowed(frame) })
+        (at.is_some() || is_position).then_some(LogLine { at, digits: Cow::Borrowed(frame) })
     }
 
     /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123 [3] 11 22 33`.
@@ -304,7 +304,7 @@ impl<'l> Logged<'l> {
             let name = rest.split_ascii_whitespace().take_while(|word| !is_hex(word)).last();
             name.and_then(|name| rest.split_once(name)).map_or(rest, |(_, data)| data)
         };
-        Some(Logged { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()) })
+        Some(LogLine { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()) })
     }
 
     /// A line of `--format jsonl`.
@@ -317,7 +317,7 @@ impl<'l> Logged<'l> {
         }
         let Line { t_us, frame, skipped } = serde_json::from_slice(line).ok()?;
         let digits = frame.or(skipped)?.into_bytes();
-        Some(Logged { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits) })
+        Some(LogLine { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits) })
     }
 }
 
