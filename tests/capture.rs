@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::process::Stdio;
 
 use crate::support::{motionseq, rendered, run, stderr, stdout};
-use motionseq::capture::{DecodeError, Decoded, NoTiming, Reading, Timing, decode};
+use motionseq::capture::{DecodeError, Decoded, TimingError, Reading, Timing, decode};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();
@@ -128,8 +128,8 @@ fn a_file_of_times_says_when_bytes_came() {
     // Both ways in one file: those that add up to the capture.
     let both = "H 0.0 START_TIME 2026\nO 0.5 6\nI 0.1 3\nO 0.4 6\nS 0.5 SIGWINCH\n";
     assert_eq!(shown(times(both, Some(12)).unwrap(), &bytes), ["0.500000", "1.000000"]);
-    assert_eq!(times("0.5 6\nsoon 6\n", None), Err(NoTiming(2)));
-    assert_eq!(times("0.5\n", None), Err(NoTiming(1)));
+    assert_eq!(times("0.5 6\nsoon 6\n", None), Err(TimingError(2)));
+    assert_eq!(times("0.5\n", None), Err(TimingError(1)));
 }
 
 #[test]

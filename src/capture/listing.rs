@@ -116,10 +116,10 @@ pub fn write_json(board: &Board, at: Micros, item: Item<'_>, out: &mut impl Writ
     let object = match item {
         Item::Frame(frame) => {
             let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
-            Found { at, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
+            JsonLine { at, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
         }
         Item::Skipped { bytes, why, .. } => {
-            Found { at, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
+            JsonLine { at, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
         }
     };
     serde_json::to_writer(&mut *out, &object)?;
@@ -133,7 +133,7 @@ fn said(board: &Board, frame: Frame<'_>) -> Option<String> {
 
 /// One line of JSON. Fields may be added, and never change their meaning.
 #[derive(Serialize)]
-struct Found {
+struct JsonLine {
     #[serde(rename = "t_us")]
     at: Micros,
     frame: Option<String>,

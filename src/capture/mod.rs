@@ -7,7 +7,7 @@ mod listing;
 mod rows;
 mod script_writer;
 mod hex_text;
-mod timed;
+mod timed_decoder;
 mod timing;
 
 use std::io::{self, Read, Write};
@@ -18,8 +18,8 @@ use crate::units::{Micros, Nanos};
 pub use listing::{Listing, write_json};
 pub use script_writer::ScriptWriter;
 use hex_text::HexText;
-pub use timed::TimedDecoder;
-pub use timing::{NoTiming, Timing};
+pub use timed_decoder::TimedDecoder;
+pub use timing::{TimingError, Timing};
 
 const CHUNK: usize = 64 * 1024;
 /// The speeds that a script may have.

@@ -12,12 +12,12 @@ pub struct Timing {
 /// A line of a timing file that is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {0} is no time and number of bytes, such as `0.020000 13`")]
-pub struct NoTiming(pub usize);
+pub struct TimingError(pub usize);
 
 impl Timing {
     /// Reads the lines of a timing file: `DELAY COUNT`, or with the stream before it, `O DELAY COUNT` for what came out and `I` for what
     /// went in. Of a file with both, those belong to a capture of so many bytes that add up to them; to one of another length, all.
-    pub fn read(text: &str, length: Option<u64>) -> Result<Self, NoTiming> {
+    pub fn read(text: &str, length: Option<u64>) -> Result<Self, TimingError> {
         let mut pieces: Vec<(Option<char>, Nanos, u64)> = Vec::new();
         let mut now = Nanos::ZERO;
         for (number, line) in (1..).zip(text.lines()) {
@@ -27,11 +27,11 @@ impl Timing {
             if stream.is_some() {
                 words.next();
             }
-            let mut next = || words.next().ok_or(NoTiming(number));
-            now += Nanos::from_seconds(next()?).ok_or(NoTiming(number))?;
+            let mut next = || words.next().ok_or(TimingError(number));
+            now += Nanos::from_seconds(next()?).ok_or(TimingError(number))?;
             // Headers and signals have no bytes.
             if stream.is_none_or(|stream| matches!(stream, 'I' | 'O')) {
-                pieces.push((stream, now, next()?.parse().map_err(|_| NoTiming(number))?));
+                pieces.push((stream, now, next()?.parse().map_err(|_| TimingError(number))?));
             }
         }
         let sum =

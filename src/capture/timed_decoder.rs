@@ -18,7 +18,7 @@ pub struct TimedDecoder {
     pieces: VecDeque<(u64, Nanos)>,
     /// How many bytes have come, and how many have left the decoder.
     fed: u64,
-    told: u64,
+    decoded: u64,
 }
 
 impl TimedDecoder {
@@ -34,7 +34,7 @@ impl TimedDecoder {
 
     fn with(board: &Board, byte_time: Nanos) -> Self {
         let decoder = Decoder::new(board);
-        TimedDecoder { decoder, byte_time, busy_until: Nanos::ZERO, pieces: VecDeque::new(), fed: 0, told: 0 }
+        TimedDecoder { decoder, byte_time, busy_until: Nanos::ZERO, pieces: VecDeque::new(), fed: 0, decoded: 0 }
     }
 
     /// Takes bytes that came at a time, and hands what is complete to `sink`, each with the time of its first byte.
@@ -43,25 +43,25 @@ impl TimedDecoder {
         self.pieces.push_back((self.fed, begin));
         self.fed += bytes.len() as u64;
         self.busy_until = begin + self.byte_time * bytes.len() as u64;
-        let TimedDecoder { decoder, pieces, told, byte_time, .. } = self;
-        decoder.feed(bytes, |item| sink(time(pieces, told, *byte_time, item), item));
+        let TimedDecoder { decoder, pieces, decoded, byte_time, .. } = self;
+        decoder.feed(bytes, |item| sink(time(pieces, decoded, *byte_time, item), item));
     }
 
     /// Ends the stream: what is left over is handed to `sink`.
     pub fn finish(&mut self, mut sink: impl FnMut(Micros, Item<'_>)) {
-        let TimedDecoder { decoder, pieces, told, byte_time, .. } = self;
-        decoder.finish(|item| sink(time(pieces, told, *byte_time, item), item));
+        let TimedDecoder { decoder, pieces, decoded, byte_time, .. } = self;
+        decoder.finish(|item| sink(time(pieces, decoded, *byte_time, item), item));
     }
 }
 
-/// When an item began to come; it counts as told then.
-fn time(pieces: &mut VecDeque<(u64, Nanos)>, told: &mut u64, byte_time: Nanos, item: Item<'_>) -> Micros {
-    while pieces.get(1).is_some_and(|(first, _)| first <= told) {
+/// When an item began to come; it counts as decoded then.
+fn time(pieces: &mut VecDeque<(u64, Nanos)>, decoded: &mut u64, byte_time: Nanos, item: Item<'_>) -> Micros {
+    while pieces.get(1).is_some_and(|(first, _)| first <= decoded) {
         pieces.pop_front();
     }
     let (first, begin) = pieces.front().copied().unwrap_or_default();
-    let at = (begin + byte_time * (*told - first)).micros();
-    *told += match item {
+    let at = (begin + byte_time * (*decoded - first)).micros();
+    *decoded += match item {
         Item::Frame(frame) => frame.bytes().len(),
         Item::Skipped { bytes, .. } => bytes.len(),
     } as u64;
