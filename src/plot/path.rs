@@ -16,26 +16,26 @@ const NEAR_DEG: f64 = 2.0;
 const LOOK: Micros = Micros::from_millis(20);
 
 /// Where the robot is, from the start to the end; nothing where it stays where it is.
-pub(super) fn road(timeline: &Timeline) -> Vec<Place> {
+pub(super) fn path(timeline: &Timeline) -> Vec<Place> {
     let Timeline { board, events, end, .. } = timeline;
     if board.simulation == Simulation::State {
         return Vec::new();
     }
-    let mut road = Road {
+    let mut path = PathTracer {
         board: VirtualBoard::new(Arc::clone(board), Settings::default()),
         look: Micros(end.0 / PLACES).max(LOOK),
         now: Micros::ZERO,
         places: vec![Place::new(Micros::ZERO, Pose::default())],
-        told: None,
+        last: None,
     };
     let drives = |command: &Command| board.is_drive(command) || board.is_needed(command.verb());
     for event in events.iter().filter(|event| drives(&event.command)) {
-        road.pass(event.at);
-        road.turns(&event.command);
-        road.board.receive(event.at, &board.to_frame(&event.command));
+        path.pass(event.at);
+        path.turns(&event.command);
+        path.board.receive(event.at, &board.to_frame(&event.command));
     }
-    road.pass(*end);
-    let Road { board, mut places, .. } = road;
+    path.pass(*end);
+    let PathTracer { board, mut places, .. } = path;
     let last = Place::new(*end, board.received().pose);
     if places.len() == 1 && is_near(&Place::new(Micros::ZERO, Pose::default()), &last, 0.01) {
         return Vec::new();
@@ -44,21 +44,21 @@ pub(super) fn road(timeline: &Timeline) -> Vec<Place> {
     places
 }
 
-struct Road {
+struct PathTracer {
     board: VirtualBoard,
     look: Micros,
     now: Micros,
     places: Vec<Place>,
-    told: Option<Command>,
+    last: Option<Command>,
 }
 
-impl Road {
-    /// Where the robot is told something else, its way may have a corner.
+impl PathTracer {
+    /// Where the robot is last something else, its way may have a corner.
     fn turns(&mut self, command: &Command) {
-        if self.told.as_ref() == Some(command) {
+        if self.last.as_ref() == Some(command) {
             return;
         }
-        self.told = Some(command.clone());
+        self.last = Some(command.clone());
         let place = Place::new(self.now, self.board.received().pose);
         if self.places.last().is_none_or(|last| !is_near(last, &place, 0.01)) {
             self.places.push(place);
