@@ -5,7 +5,7 @@
 mod lanes;
 #[cfg(feature = "png")]
 mod png;
-mod road;
+mod path;
 mod sheet;
 mod svg;
 
@@ -264,7 +264,7 @@ fn robot(timeline: &Timeline) -> Robot {
         frames: timeline.events.len(),
         lanes: lanes::lanes(timeline),
         wire: load(timeline),
-        path: road::road(timeline),
+        path: path::path(timeline),
     }
 }
 
