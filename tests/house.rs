@@ -36,7 +36,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("serialport::", "src/link/serial.rs"),
     ("mcap::", "src/cli/log/book.rs"),
     ("resvg::", "src/plot/png.rs"),
-    ("svg::node", "src/plot/sheet.rs src/plot/svg.rs"),
+    ("svg::node", "src/plot/canvas.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
     ("humantime::", "src/units.rs"),
     ("rtrb::", "src/link/recorder.rs"),

@@ -6,7 +6,7 @@ mod lanes;
 #[cfg(feature = "png")]
 mod png;
 mod path;
-mod sheet;
+mod canvas;
 mod svg;
 
 use std::collections::BTreeMap;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use svg::Node;
 use svg::node::element::{Element, Style};
 
-use super::sheet::{Anchor, Sheet, fit, number, point, stairs, steps, width};
+use super::canvas::{Anchor, Canvas, fit, number, point, stairs, steps, width};
 use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown};
 use crate::board::Text;
 use crate::units::Micros;
@@ -41,7 +41,7 @@ const GAP: f64 = 7.0;
 const TEXT: f64 = 13.0;
 const SOFT: f64 = 12.0;
 /// The most signs that tell something when they are pointed at, and the most warnings in words.
-const TOLD: usize = 400;
+const MAX_TOOLTIPS: usize = 400;
 const WORDS: usize = 8;
 
 impl Plot {
@@ -53,8 +53,8 @@ impl Plot {
         let end = shown(self.end).0 as f64;
         let mut picture = Picture {
             plot: self,
-            sheet: Sheet::default(),
-            grounds: Sheet::default(),
+            canvas: Canvas::default(),
+            backgrounds: Canvas::default(),
             right,
             end,
             y: 0.0,
@@ -62,7 +62,7 @@ impl Plot {
             beside: 0.0,
         };
         picture.draw();
-        let Picture { sheet, y, beside, .. } = picture;
+        let Picture { canvas, y, beside, .. } = picture;
         let height = libm::ceil(y.max(beside) + 12.0);
         let mut root = Element::new("svg");
         root.assign("xmlns", "http://www.w3.org/2000/svg");
@@ -72,9 +72,9 @@ impl Plot {
         root.assign("role", "img");
         root.append(svg::node::element::Title::new(self.script.as_str()));
         root.append(Style::new(style(theme)));
-        let mut paper = Sheet::default();
+        let mut paper = Canvas::default();
         paper.area("paper", [0.0, 0.0, WIDTH, height], None);
-        for node in paper.nodes.into_iter().chain(sheet.nodes) {
+        for node in paper.nodes.into_iter().chain(canvas.nodes) {
             root.append(node);
         }
         format!("{root}\n")
@@ -111,9 +111,9 @@ fn style(theme: Theme) -> String {
 
 struct Picture<'p> {
     plot: &'p Plot,
-    sheet: Sheet,
+    canvas: Canvas,
     /// What lanes stand on.
-    grounds: Sheet,
+    backgrounds: Canvas,
     /// Where lanes end.
     right: f64,
     /// How much time they show, in microseconds.
@@ -141,7 +141,7 @@ impl Picture<'_> {
         self.marks();
         self.axis();
         let top = self.y;
-        let head = self.sheet.nodes.len();
+        let head = self.canvas.nodes.len();
         for track in &plot.tracks {
             self.track(track);
         }
@@ -157,17 +157,17 @@ impl Picture<'_> {
         }
         self.warnings();
         // What runs through all lanes lies between their ground and what they show; how far down it goes is known last.
-        let front = self.sheet.nodes.split_off(head);
-        self.sheet.nodes.append(&mut self.grounds.nodes);
+        let front = self.canvas.nodes.split_off(head);
+        self.canvas.nodes.append(&mut self.backgrounds.nodes);
         self.through(top, self.bottom);
-        self.sheet.nodes.extend(front);
+        self.canvas.nodes.extend(front);
     }
 
     fn track(&mut self, track: &Robot) {
         self.y = self.y.max(self.beside);
         if let Some(robot) = &track.robot {
             self.y += 22.0;
-            self.sheet.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
+            self.canvas.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
             self.y += 10.0;
         }
         let top = self.y;
@@ -178,12 +178,12 @@ impl Picture<'_> {
         if track.goes_away() {
             let x = self.right + 28.0;
             let marks: Vec<(&str, Micros)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.at)).collect();
-            self.beside = above::draw(&mut self.sheet, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
+            self.beside = above::draw(&mut self.canvas, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
         }
     }
 
     fn name(&mut self, name: &str, y: f64) {
-        self.sheet.text((16.0, y), "name", Anchor::Start, name);
+        self.canvas.text((16.0, y), "name", Anchor::Start, name);
     }
 
     fn lane(&mut self, lane: &Lane) {
@@ -201,7 +201,7 @@ impl Picture<'_> {
                 self.frame(&lane.name, height);
                 let about = [&lane.about, unit].into_iter().map(|word| &**word).filter(|word| !word.is_empty());
                 let about = about.collect::<Vec<_>>().join(", ");
-                self.sheet.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
+                self.canvas.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
                 self.curve(points, scale, *limits, (y, height), is_place);
                 self.ends(ends, scale, (y, height), is_place);
                 self.y += height + GAP;
@@ -217,7 +217,7 @@ impl Picture<'_> {
     /// The frame of a lane, with its name.
     fn frame(&mut self, name: &str, height: f64) {
         self.name(name, self.y + height / 2.0 + if height > ROW { 1.0 } else { 4.0 });
-        self.grounds.area("lane", [LEFT, self.y, self.right - LEFT, height], None);
+        self.backgrounds.area("lane", [LEFT, self.y, self.right - LEFT, height], None);
         self.bottom = self.y + height;
     }
 
@@ -240,7 +240,7 @@ impl Picture<'_> {
         let mut say = |value: f64, y: f64, word: &str| {
             let text =
                 if is_place || word.is_empty() { number(value) } else { format!("{word} {}", number(value.abs())) };
-            self.sheet.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
+            self.canvas.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
         };
         say(high, y + 10.0, high_end);
         say(low, y + height, low_end);
@@ -257,10 +257,10 @@ impl Picture<'_> {
     ) {
         let down = |value: f64| top + 3.0 + (high - value) / (high - low) * (height - 6.0);
         if !is_place {
-            self.sheet.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
+            self.canvas.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
         }
         for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
-            self.sheet.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
+            self.canvas.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
         }
         let drawn = points.iter().map(|(at, value)| (self.x(*at), value.map(down)));
         for run in steps(drawn, self.right) {
@@ -269,14 +269,14 @@ impl Picture<'_> {
                 // From the line of zero up to the curve, and back.
                 let curve = stairs(&run).replacen('M', "L", 1);
                 let under = format!("M{} {zero}{curve}L{} {zero}z", number(*first), number(*last));
-                self.sheet.path("under", &under, None);
+                self.canvas.path("under", &under, None);
             }
-            self.sheet.path(if is_place { "curve" } else { "drive" }, &stairs(&run), None);
+            self.canvas.path(if is_place { "curve" } else { "drive" }, &stairs(&run), None);
             // What is told at the very end would not be seen.
             if let (Some((x, y)), Some((last, _))) = (run.first(), run.last())
                 && last - x < 2.0
             {
-                self.sheet.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
+                self.canvas.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
             }
         }
         self.values(points, down, (top, height));
@@ -301,7 +301,7 @@ impl Picture<'_> {
             shown.push((x + 4.0, y, text));
         }
         for (x, y, text) in shown {
-            self.sheet.text((x, y), "value", Anchor::Start, &text);
+            self.canvas.text((x, y), "value", Anchor::Start, &text);
         }
     }
 
@@ -312,8 +312,8 @@ impl Picture<'_> {
             let (from_x, until_x) = (self.x(*at), self.x(*until));
             if until_x - last >= 0.5 || count == stretches.len() {
                 last = until_x;
-                let tells = format!("{}, {at} s to {until} s", told(text));
-                self.sheet.area(class, [from_x, y, (until_x - from_x).max(1.5), height], Some(&tells));
+                let tooltip = format!("{}, {at} s to {until} s", tooltip(text));
+                self.canvas.area(class, [from_x, y, (until_x - from_x).max(1.5), height], Some(&tooltip));
             }
         }
     }
@@ -334,24 +334,24 @@ impl Picture<'_> {
         let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
         for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
             let words = || {
-                let told = group.iter().take(10).map(|moment| format!("{} at {} s", told(&moment.text), moment.at));
+                let told = group.iter().take(10).map(|moment| format!("{} at {} s", tooltip(&moment.text), moment.at));
                 told.collect::<Vec<_>>().join("\n")
             };
-            self.sheet.path(class, &sign(*x, middle), (at < TOLD).then(words).as_deref());
+            self.canvas.path(class, &sign(*x, middle), (at < MAX_TOOLTIPS).then(words).as_deref());
             let more = group.len() - 1;
             let text = group.first().map_or("", |moment| moment.text.as_str());
             let text = if more > 0 { format!("{text} and {more} more") } else { text.to_owned() };
             let wide = width(&text, TEXT);
             // To the left where only that has room for all of it.
             if wide > next - x - 14.0 && wide < x - free - 16.0 {
-                self.sheet.text((x - 8.0, middle + 4.5), "text", Anchor::End, &text);
+                self.canvas.text((x - 8.0, middle + 4.5), "text", Anchor::End, &text);
                 free = *x;
                 continue;
             }
             let text = fit(&text, TEXT, next - x - 14.0);
             free = x + 8.0 + width(&text, TEXT);
             if !text.is_empty() {
-                self.sheet.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
+                self.canvas.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
             }
         }
     }
@@ -360,8 +360,8 @@ impl Picture<'_> {
     fn wire(&mut self, track: &Robot) {
         let (load, y) = (&track.wire, self.y);
         self.frame("wire", WIRE);
-        self.sheet.text((16.0, y + WIRE / 2.0 + 17.0), "soft", Anchor::Start, &format!("{} baud", load.baud));
-        self.sheet.text((LEFT - 6.0, y + 10.0), "soft", Anchor::End, "100 %");
+        self.canvas.text((16.0, y + WIRE / 2.0 + 17.0), "soft", Anchor::Start, &format!("{} baud", load.baud));
+        self.canvas.text((LEFT - 6.0, y + 10.0), "soft", Anchor::End, "100 %");
         let bottom = y + WIRE;
         let mut path = String::new();
         let mut t_us = 0.0;
@@ -381,7 +381,7 @@ impl Picture<'_> {
             }
             t_us += load.piece_us;
         }
-        self.sheet.path("load", &path, None);
+        self.canvas.path("load", &path, None);
         let mut last = f64::NEG_INFINITY;
         for (at, late) in load.late.iter().enumerate() {
             let x = self.x(late.at);
@@ -389,14 +389,14 @@ impl Picture<'_> {
                 continue;
             }
             last = x;
-            let tells = format!("due at {} s, leaves {:.0} ms later", late.at, late.late.in_millis());
-            self.sheet.path("warn", &DOWN(x, y + 8.0), (at < TOLD).then_some(tells.as_str()));
+            let tooltip = format!("due at {} s, leaves {:.0} ms later", late.at, late.late.in_millis());
+            self.canvas.path("warn", &DOWN(x, y + 8.0), (at < MAX_TOOLTIPS).then_some(tooltip.as_str()));
         }
         if let Some(worst) = load.late.iter().map(|late| late.late).max() {
             let count = load.late.len();
             let plural = if count == 1 { "frame leaves" } else { "frames leave" };
             let text = format!("{count} {plural} late, up to {} ms", worst.0.div_ceil(1_000));
-            self.sheet.text((LEFT + 8.0, y + 26.0), "late", Anchor::Start, &text);
+            self.canvas.text((LEFT + 8.0, y + 26.0), "late", Anchor::Start, &text);
         }
         self.y += WIRE + GAP;
     }
@@ -413,13 +413,13 @@ impl Picture<'_> {
         for warning in warnings.iter().take(WORDS) {
             self.y += 12.0;
             let text = format!("▲ {}:{} {}: {}", warning.file, warning.line, warning.code, warning.message);
-            self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &fit(&text, SOFT, WIDTH - 32.0));
+            self.canvas.text((16.0, self.y), "alarm", Anchor::Start, &fit(&text, SOFT, WIDTH - 32.0));
             self.y += 6.0;
         }
         if warnings.len() > WORDS {
             self.y += 12.0;
             let more = format!("and {} more; `motionseq check --all` shows them", warnings.len() - WORDS);
-            self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &more);
+            self.canvas.text((16.0, self.y), "alarm", Anchor::Start, &more);
         }
         self.y += GAP;
     }
@@ -430,7 +430,7 @@ fn moment(at: Micros, text: &str) -> Moment {
 }
 
 /// A text for whoever points at it; nobody reads more at once.
-fn told(text: &str) -> String {
+fn tooltip(text: &str) -> String {
     const MOST: usize = 200;
     let cut: String = text.chars().take(MOST).collect();
     if cut.len() < text.len() { cut + "…" } else { cut }

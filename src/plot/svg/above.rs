@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::super::Place;
-use super::super::sheet::{Anchor, Sheet, fit, number, point, round_step, width};
+use super::super::canvas::{Anchor, Canvas, fit, number, point, round_step, width};
 use super::end_words;
 use crate::units::Micros;
 
@@ -15,37 +15,37 @@ const MOST: usize = 20_000;
 const LEAST_CM: f64 = 20.0;
 
 /// Draws a way into a square; gives how far down it goes.
-pub(super) fn draw(sheet: &mut Sheet, [x, y, side]: [f64; 3], way: &[Place], marks: &[(&str, Micros)]) -> f64 {
-    sheet.text((x, y + 11.0), "name", Anchor::Start, "from above");
+pub(super) fn draw(canvas: &mut Canvas, [x, y, side]: [f64; 3], way: &[Place], marks: &[(&str, Micros)]) -> f64 {
+    canvas.text((x, y + 11.0), "name", Anchor::Start, "from above");
     let top = y + 18.0;
-    sheet.area("lane", [x, top, side, side], None);
+    canvas.area("lane", [x, top, side, side], None);
     let map = Map::of(way, [x, top, side]);
-    map.grid(sheet, [x, top, side]);
+    map.grid(canvas, [x, top, side]);
     let places: Vec<(f64, f64)> = way.iter().map(|place| map.place(place)).collect();
     let mut path = String::new();
     for place in thinned(&places) {
         path.push(if path.is_empty() { 'M' } else { 'L' });
         path.push_str(&point(place));
     }
-    sheet.path("road", &path, None);
+    canvas.path("road", &path, None);
     if let (Some((sx, sy)), Some(end)) = (places.first(), way.last()) {
-        sheet.path("start", &format!("M{}a6 6 0 1 0 12 0a6 6 0 1 0 -12 0z", point((sx - 6.0, *sy))), Some("start"));
+        canvas.path("start", &format!("M{}a6 6 0 1 0 12 0a6 6 0 1 0 -12 0z", point((sx - 6.0, *sy))), Some("start"));
         // The robot now and then, where it does not cover another one, and at the end.
         let mut drawn = vec![(*sx, *sy), map.place(end)];
         for (place, at) in way.iter().zip(&places) {
             if drawn.iter().all(|other| apart(*at, *other) >= APART) {
                 drawn.push(*at);
-                sheet.path("body", &robot(*at, place.yaw_deg, 6.0), None);
+                canvas.path("body", &robot(*at, place.yaw_deg, 6.0), None);
             }
         }
-        sheet.path("body", &robot(map.place(end), end.yaw_deg, 11.0), Some("end"));
-        names(sheet, [x, top, side], (&map, way), marks);
+        canvas.path("body", &robot(map.place(end), end.yaw_deg, 11.0), Some("end"));
+        names(canvas, [x, top, side], (&map, way), marks);
         let mut down = top + side + 17.0;
         for line in end_words(end) {
-            sheet.text((x, down), "soft", Anchor::Start, &line);
+            canvas.text((x, down), "soft", Anchor::Start, &line);
             down += 16.0;
         }
-        sheet.text(
+        canvas.text(
             (x, down),
             "soft",
             Anchor::Start,
@@ -112,7 +112,7 @@ impl Map {
     }
 
     /// Lines at round places; the start is on one.
-    fn grid(&self, sheet: &mut Sheet, [x, y, side]: [f64; 3]) {
+    fn grid(&self, canvas: &mut Canvas, [x, y, side]: [f64; 3]) {
         let step = self.grid_cm * self.scale;
         let zero = self.place(&Place { at: Micros::ZERO, x_cm: 0.0, y_cm: 0.0, yaw_deg: 0.0 });
         let mut path = String::new();
@@ -126,7 +126,7 @@ impl Map {
             let _ = write!(path, "M{}h{}", point((x, down)), number(side));
             down += step;
         }
-        sheet.path("grid", &path, None);
+        canvas.path("grid", &path, None);
     }
 }
 
@@ -144,7 +144,7 @@ fn robot((x, y): (f64, f64), yaw_deg: f64, size: f64) -> String {
 }
 
 /// The marks where the robot is when they are passed, as far as there is room.
-fn names(sheet: &mut Sheet, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, Micros)]) {
+fn names(canvas: &mut Canvas, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, Micros)]) {
     let mut taken: Vec<(f64, f64, f64)> = Vec::new();
     for (name, at) in marks.iter().take(100) {
         let behind = way.partition_point(|place| place.at <= *at).saturating_sub(1);
@@ -161,8 +161,8 @@ fn names(sheet: &mut Sheet, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place])
             taken.iter().all(|(left, right, y)| from > *right || from + wide < *left || (py - y).abs() > 14.0);
         if is_free && !name.is_empty() {
             taken.push((from, from + wide, py));
-            sheet.path("expect", &format!("M{}h5v5h-5z", point((px - 2.5, py - 2.5))), None);
-            sheet.text((at, py + 4.0), "value", anchor, &name);
+            canvas.path("expect", &format!("M{}h5v5h-5z", point((px - 2.5, py - 2.5))), None);
+            canvas.text((at, py + 4.0), "value", anchor, &name);
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::super::sheet::{Anchor, fit, number, point, round_step, width};
-use super::{LEFT, Picture, SOFT, TEXT, WIDTH, told, turned};
+use super::super::canvas::{Anchor, fit, number, point, round_step, width};
+use super::{LEFT, Picture, SOFT, TEXT, WIDTH, tooltip, turned};
 
 /// From which step on, in seconds, times are written as a clock shows them.
 const CLOCK: f64 = 30.0;
@@ -15,7 +15,7 @@ impl Picture<'_> {
         let plot = self.plot;
         self.y = 30.0;
         let title = fit(&plot.script, 21.0, WIDTH - 40.0);
-        self.sheet.text((16.0, self.y), "title", Anchor::Start, &title);
+        self.canvas.text((16.0, self.y), "title", Anchor::Start, &title);
         let frames: usize = plot.tracks.iter().map(|track| track.frames).sum();
         let plural = if frames == 1 { "" } else { "s" };
         let mut facts = format!("{} s, {frames} frame{plural}", plot.end);
@@ -27,7 +27,7 @@ impl Picture<'_> {
             facts.push_str(&turned(end));
         }
         self.y += 20.0;
-        self.sheet.text((16.0, self.y), "soft", Anchor::Start, &facts);
+        self.canvas.text((16.0, self.y), "soft", Anchor::Start, &facts);
         self.y += 12.0;
     }
 
@@ -55,7 +55,7 @@ impl Picture<'_> {
             }
             #[expect(clippy::cast_precision_loss, reason = "0 or 1")]
             let y = self.y + 15.0 + row as f64 * 16.0;
-            self.sheet.text((at, y), "label", anchor, &name);
+            self.canvas.text((at, y), "label", anchor, &name);
         }
         let rows = if free.iter().skip(1).any(|free| *free > LEFT) { 2.0 } else { 1.0 };
         self.y += 6.0 + 16.0 * rows;
@@ -69,7 +69,7 @@ impl Picture<'_> {
             let text = clock(count * step, step);
             // The last one must not be cut.
             let x = self.at(t_us).min(WIDTH - 4.0 - width(&text, SOFT) / 2.0);
-            self.sheet.text((x, self.y + 14.0), "soft", Anchor::Middle, &text);
+            self.canvas.text((x, self.y + 14.0), "soft", Anchor::Middle, &text);
         }
         self.y += 20.0;
         let Some(bars) = self.plot.bars else { return };
@@ -78,7 +78,7 @@ impl Picture<'_> {
         let bars_us = self.wide(bars.bar_us(), 34.0);
         for (count, t_us) in self.every(bars.begin(), bars_us) {
             let bar = count * bars_us / bars.bar_us() + 1.0;
-            self.sheet.text((self.at(t_us), self.y + 13.0), "soft", Anchor::Middle, &number(bar));
+            self.canvas.text((self.at(t_us), self.y + 13.0), "soft", Anchor::Middle, &number(bar));
         }
         self.y += 18.0;
     }
@@ -93,12 +93,12 @@ impl Picture<'_> {
             path
         };
         match self.plot.bars {
-            None => self.sheet.path("grid", &lines(self, 0.0, self.step() * 1e6), None),
+            None => self.canvas.path("grid", &lines(self, 0.0, self.step() * 1e6), None),
             Some(bars) => {
                 if self.wide(bars.beat_us, 8.0) <= bars.beat_us {
-                    self.sheet.path("grid", &lines(self, bars.begin(), bars.beat_us), None);
+                    self.canvas.path("grid", &lines(self, bars.begin(), bars.beat_us), None);
                 }
-                self.sheet.path("bar", &lines(self, bars.begin(), self.wide(bars.bar_us(), 6.0)), None);
+                self.canvas.path("bar", &lines(self, bars.begin(), self.wide(bars.bar_us(), 6.0)), None);
             }
         }
         let mut last = f64::NEG_INFINITY;
@@ -107,8 +107,8 @@ impl Picture<'_> {
             // Lines that lie closer would be one area.
             if x - last >= NEAR {
                 last = x;
-                let tells = format!("{} at {} s", told(&mark.text), mark.at);
-                self.sheet.path("mark", &down(x, top, bottom), Some(&tells));
+                let tooltip = format!("{} at {} s", tooltip(&mark.text), mark.at);
+                self.canvas.path("mark", &down(x, top, bottom), Some(&tooltip));
             }
         }
     }

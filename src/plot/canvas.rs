@@ -1,12 +1,12 @@
-//! A sheet to draw on: shapes and words, thinned to what can be seen.
+//! A canvas to draw on: shapes and words, thinned to what can be seen.
 
 use svg::Node;
 use svg::node::Text;
 use svg::node::element::{Element, Title};
 
-/// A sheet that grows.
+/// A canvas that grows.
 #[derive(Default)]
-pub(super) struct Sheet {
+pub(super) struct Canvas {
     pub(super) nodes: Vec<Element>,
 }
 
@@ -18,7 +18,7 @@ pub(super) enum Anchor {
     End,
 }
 
-impl Sheet {
+impl Canvas {
     fn add(&mut self, element: Element) {
         self.nodes.push(element);
     }
@@ -38,24 +38,24 @@ impl Sheet {
         self.add(element);
     }
 
-    /// A path, with what a pointer on it tells.
-    pub(super) fn path(&mut self, class: &str, path: &str, tells: Option<&str>) {
+    /// A path, with what a pointer on it tooltip.
+    pub(super) fn path(&mut self, class: &str, path: &str, tooltip: Option<&str>) {
         if path.is_empty() {
             return;
         }
         let mut element = Element::new("path");
         element.assign("class", class);
         element.assign("d", path);
-        if let Some(tells) = tells {
-            element.append(Title::new(tells));
+        if let Some(tooltip) = tooltip {
+            element.append(Title::new(tooltip));
         }
         self.add(element);
     }
 
     /// A box from its corner, with its width and height.
-    pub(super) fn area(&mut self, class: &str, [x, y, width, height]: [f64; 4], tells: Option<&str>) {
+    pub(super) fn area(&mut self, class: &str, [x, y, width, height]: [f64; 4], tooltip: Option<&str>) {
         let path = format!("M{} {}h{}v{}h-{}z", number(x), number(y), number(width), number(height), number(width));
-        self.path(class, &path, tells);
+        self.path(class, &path, tooltip);
     }
 
     pub(super) fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
