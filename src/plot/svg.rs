@@ -10,8 +10,8 @@ use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown};
 use crate::board::Text;
 use crate::units::Micros;
 
-mod above;
-mod time;
+mod top_view;
+mod time_axis;
 
 /// The colours of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,7 +178,7 @@ impl Picture<'_> {
         if track.goes_away() {
             let x = self.right + 28.0;
             let marks: Vec<(&str, Micros)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.at)).collect();
-            self.beside = above::draw(&mut self.canvas, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
+            self.beside = top_view::draw(&mut self.canvas, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
         }
     }
 
