@@ -161,7 +161,7 @@ impl Cut<'_> {
         let mut takes = Micros::ZERO;
         for command in state.commands(board) {
             let resources = board.occupies(command);
-            let before = resources.first().and_then(|resource| known.told(*resource));
+            let before = resources.first().and_then(|resource| known.last(*resource));
             if board.is_active(command) {
                 if !resources.iter().any(is_told) {
                     self.push(takes, command.clone(), Kind::Auto);

@@ -127,7 +127,7 @@ pub fn report(voltage: Hundredths, yaw: Hundredths) -> Report {
 
 /// Whether a board in this state takes displacements.
 pub(crate) fn is_in_position_mode(state: &super::State) -> bool {
-    state.told(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
+    state.last(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
 }
 
 fn text(text: &'static str) -> Text {
