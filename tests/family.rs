@@ -112,7 +112,7 @@ fn resource(name: &str, key: &str) -> Resource {
         rest,
         activity,
         idle,
-        is_fed: false,
+        needs_refresh: false,
         is_exclusive: true,
         speed,
     }

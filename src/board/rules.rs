@@ -115,12 +115,12 @@ impl Board {
 
     /// Whether a command touches a resource that must be fed while it is active.
     pub fn is_drive(&self, command: &Command) -> bool {
-        self.touches(command).iter().any(|resource| self.is_fed(*resource))
+        self.touches(command).iter().any(|resource| self.needs_refresh(*resource))
     }
 
     /// Whether a resource must be fed while it is active.
-    pub fn is_fed(&self, resource: ResourceId) -> bool {
-        self.resource(resource).is_some_and(|resource| resource.is_fed)
+    pub fn needs_refresh(&self, resource: ResourceId) -> bool {
+        self.resource(resource).is_some_and(|resource| resource.needs_refresh)
     }
 
     /// Whether the resource of a command is active until another command ends that.

@@ -59,7 +59,7 @@ pub struct Resource {
     /// The other one.
     pub idle: Text,
     /// Whether a command that keeps it active must be sent again and again.
-    pub is_fed: bool,
+    pub needs_refresh: bool,
     /// Whether two commands for it at one time are a mistake.
     pub is_exclusive: bool,
     /// How fast it is taken to go where a script does not say, in the unit of its value a second; `None` for at once.

@@ -95,7 +95,7 @@ impl ScriptState {
             None => (Channel { verb: command.verb(), index: None }, false),
         };
         board.each_part(command, |resource, part| {
-            if let Some(refreshed) = self.refreshed.get_mut(resource).filter(|_| board.is_fed(resource)) {
+            if let Some(refreshed) = self.refreshed.get_mut(resource).filter(|_| board.needs_refresh(resource)) {
                 *refreshed = board.is_active(command).then_some(at);
             }
             if let Some(last) = self.last.get_mut(resource) {
@@ -112,7 +112,7 @@ impl ScriptState {
         self.has_raw = true;
         let board = Arc::clone(&self.board);
         for (resource, found) in board.resources.iter().enumerate() {
-            if found.is_exclusive && !found.is_fed {
+            if found.is_exclusive && !found.needs_refresh {
                 self.forget(resource);
             }
         }

@@ -229,8 +229,8 @@ impl ScriptWriter {
 
     /// How many of the last frames bring everything to rest, or all that must be fed, which may be what `play` closes a script with.
     fn closing(&self) -> usize {
-        let ending = |is_fed: bool| -> Vec<&Command> {
-            let rests = self.state.board.resources.iter().rev().filter(|resource| resource.is_fed || !is_fed);
+        let ending = |needs_refresh: bool| -> Vec<&Command> {
+            let rests = self.state.board.resources.iter().rev().filter(|resource| resource.needs_refresh || !needs_refresh);
             rests.filter_map(|resource| resource.rest.as_ref()).collect()
         };
         let ends_with = |ending: &[&Command]| {

@@ -48,8 +48,8 @@ fn described(board: &Board, received: &Received) -> String {
         let (name, told) = (&resource.name, state.told(id));
         let is_active = told.is_some_and(|told| board.is_active(told));
         words.push(match told.map(|told| board.show(told)) {
-            Some(told) if resource.is_fed && received.moves => format!("{name} runs: {told}"),
-            Some(told) if resource.is_fed && is_active => {
+            Some(told) if resource.needs_refresh && received.moves => format!("{name} runs: {told}"),
+            Some(told) if resource.needs_refresh && is_active => {
                 format!("it was left at {told}, and the virtual board has stopped by itself; {ON_SILENCE}")
             }
             _ if is_active => format!("{name} is {}", resource.activity),

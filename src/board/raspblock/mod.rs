@@ -207,7 +207,7 @@ fn resources() -> Vec<Resource> {
         rest: None,
         activity: text(""),
         idle: text(""),
-        is_fed: false,
+        needs_refresh: false,
         is_exclusive: true,
         speed: None,
     };
@@ -228,7 +228,7 @@ fn resources() -> Vec<Resource> {
             rest: Some(stop()),
             activity: text("running"),
             idle: text("stands"),
-            is_fed: true,
+            needs_refresh: true,
             ..resource("the drive", "drive", "")
         },
     ]

@@ -271,7 +271,7 @@ impl<'d> Scheduler<'d> {
             return;
         }
         for resource in touched.iter().copied() {
-            if board.is_fed(resource) {
+            if board.needs_refresh(resource) {
                 self.long_hold(resource, at);
                 self.release(resource, at);
                 let held = || Held { since: at, command: command.clone(), from, is_open_ended: true };
