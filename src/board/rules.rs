@@ -159,7 +159,7 @@ impl Board {
     }
 
     /// Whether nothing is left of `older` once the board has `newer`: it touches all that the other does.
-    pub fn overtakes(&self, newer: &Command, older: &Command) -> bool {
+    pub fn supersedes(&self, newer: &Command, older: &Command) -> bool {
         let (newer, older) = (self.touches(newer), self.touches(older));
         !older.is_empty() && older.iter().all(|resource| newer.contains(resource))
     }
@@ -283,7 +283,7 @@ impl Board {
 
     /// How many zeros must follow a flush of a line that carries these commands, before a stop: a flush can cut a frame, and a receiver
     /// that waits for the rest of it would take the stop for that.
-    pub fn zeros_behind_flush<'c>(&self, commands: impl IntoIterator<Item = &'c Command>) -> usize {
+    pub fn zeros_after_flush<'c>(&self, commands: impl IntoIterator<Item = &'c Command>) -> usize {
         commands
             .into_iter()
             .map(|command| (self.codec.resync)(Some(command)))

@@ -217,7 +217,7 @@ impl Now {
             Item::Frame(frame) => board.decode_or_raw(frame.bytes()),
             Item::Skipped { .. } => None,
         };
-        let clashes = |one: &Command, other: &Command| board.overtakes(one, other) || board.overtakes(other, one);
+        let clashes = |one: &Command, other: &Command| board.supersedes(one, other) || board.supersedes(other, one);
         let is_later = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
         let at = at.max(self.at + Micros(u64::from(is_later)));
         if at > self.at {
