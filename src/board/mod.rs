@@ -26,7 +26,7 @@ pub use rules::Said;
 pub use state::State;
 pub use table::{
     Activity, Axis, Board, Codec, Doubt, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,
-    ProperLimit, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
+    DefaultLimit, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
 };
 
 /// A string of a table: that of a family which is built in, or one that was read from a file.

@@ -6,7 +6,7 @@ use super::Text;
 use super::command::{Command, VerbId};
 use super::quantity::Report;
 use super::table::{
-    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, ProperLimit, Resource, ResourceId, Sets,
+    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, DefaultLimit, Resource, ResourceId, Sets,
     Takes, Verb,
 };
 
@@ -237,7 +237,7 @@ impl Board {
     }
 
     /// The proper limit of this, if it has one.
-    pub fn proper_limit(&self, limited: Limited) -> Option<&ProperLimit> {
+    pub fn default_limit(&self, limited: Limited) -> Option<&DefaultLimit> {
         self.limits.iter().find(|limit| limit.limited == limited)
     }
 

@@ -24,7 +24,7 @@ pub struct Board {
     /// Its commands. A frame that several of them send is decoded as the first one.
     pub verbs: Vec<Verb>,
     /// Ranges that hold where a script sets none.
-    pub limits: Vec<ProperLimit>,
+    pub limits: Vec<DefaultLimit>,
     /// What it reports, in the order of the values of a [`Report`](super::Report). The first one is always shown, and of a whole report last.
     pub quantities: Vec<Arc<Quantity>>,
     /// What makes it report, and what ends that: sent at the start and at the end of a script that expects something.
@@ -228,7 +228,7 @@ pub struct Limited {
 
 /// A range that holds where a script sets none.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ProperLimit {
+pub struct DefaultLimit {
     /// What is limited.
     pub limited: Limited,
     /// The smallest and the largest value.

@@ -162,18 +162,18 @@ impl Channel {
         board.verb(self.verb).is_some_and(|verb| verb.activity == Activity::Always)
     }
 
-    /// What it may be given; beyond a proper limit only where the script widens that.
+    /// What it may be given; beyond a default limit only where the script widens that.
     pub(super) fn move_limits(self, board: &Board, is_wide: bool) -> MoveLimits {
         let mut limits = MoveLimits { ranges: [(0, 0); MAX_MOVING], tolerance: 0, saves_frames: false };
         let Some(verb) = board.verb(self.verb) else { return limits };
         limits.tolerance = verb.tolerance;
         for (at, (range, axis)) in limits.ranges.iter_mut().zip(verb.moving()).enumerate() {
-            let is_of_it = |limit: &&crate::board::ProperLimit| {
+            let is_of_it = |limit: &&crate::board::DefaultLimit| {
                 let limited = limit.limited;
                 (limited.verb, limited.index) == (self.verb, self.index) && limited.axis.is_none_or(|axis| axis == at)
             };
-            let proper = board.limits.iter().find(is_of_it).filter(|_| !is_wide);
-            *range = proper.map_or(axis.range, |limit| limit.range);
+            let default = board.limits.iter().find(is_of_it).filter(|_| !is_wide);
+            *range = default.map_or(axis.range, |limit| limit.range);
         }
         limits
     }

@@ -7,7 +7,7 @@ use super::curve::MoveLimits;
 use super::move_search::{PointSeries, EasingTable};
 use super::script_state::{ScriptState, Channel};
 use super::rows::{Received, Row, Run, SHOWN, STILL, of_frame, rows, runs};
-use crate::board::{Board, Command, Item, ProperLimit};
+use crate::board::{Board, Command, Item, DefaultLimit};
 use crate::program::Ease;
 use crate::units::Micros;
 
@@ -52,13 +52,13 @@ struct Bounds {
 
 impl Bounds {
     fn new(board: &Board, at: usize) -> Self {
-        let note = |limit: &ProperLimit| {
+        let note = |limit: &DefaultLimit| {
             let name = board.limited_name(limit.limited);
             let mut letters = name.chars();
             let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
             format!(" {first}{} is at most {}.", letters.as_str(), limit.range.1)
         };
-        let line = |limit: &ProperLimit| {
+        let line = |limit: &DefaultLimit| {
             let (least, most) = board.range(limit.limited).unwrap_or(limit.range);
             format!("\nlimit {} {least}..{most}", board.limited_name(limit.limited))
         };

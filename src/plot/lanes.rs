@@ -129,10 +129,10 @@ fn finished(lane: &crate::board::Lane, lane_data: LaneData, timeline: &Timeline)
 /// The range of what is limited where a script sets no limit, unless it widens that.
 fn default_range(timeline: &Timeline, limited: &[Limited], range: (i32, i32)) -> [f64; 2] {
     let [low, high] = [f64::from(range.0), f64::from(range.1)];
-    let proper = limited.iter().find_map(|limited| timeline.board.proper_limit(*limited));
-    let Some(proper) = proper else { return [low, high] };
-    let (least, most) = (f64::from(proper.range.0), f64::from(proper.range.1));
-    let of_it = |limit: &&Limit| limit.limited == proper.limited;
+    let default = limited.iter().find_map(|limited| timeline.board.default_limit(*limited));
+    let Some(default) = default else { return [low, high] };
+    let (least, most) = (f64::from(default.range.0), f64::from(default.range.1));
+    let of_it = |limit: &&Limit| limit.limited == default.limited;
     let is_wider = |limit: &Limit| (limit.low < least, limit.high > most);
     let (is_lower, is_higher) = timeline.limits.iter().find(of_it).map(is_wider).unwrap_or_default();
     [if is_lower { low } else { least }, if is_higher { high } else { most }]

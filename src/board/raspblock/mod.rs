@@ -12,7 +12,7 @@ use std::sync::{Arc, LazyLock};
 
 use super::Text;
 use super::table::{
-    Activity, Axis, Board, Codec, Doubt, Limited, Needs, Part, ProperLimit, Resource, ResourceId, Sets, Simulation,
+    Activity, Axis, Board, Codec, Doubt, Limited, Needs, Part, DefaultLimit, Resource, ResourceId, Sets, Simulation,
     Takes, Unit, Verb,
 };
 use super::{Command, Hundredths, Quantity, Report, VerbId};
@@ -155,7 +155,7 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
         baud: 115_200,
         resources: resources(),
         verbs: verbs(),
-        limits: vec![ProperLimit {
+        limits: vec![DefaultLimit {
             limited: Limited { verb: verb::SERVO, index: Some(2), axis: None },
             range: TILT,
             why: text("a tilt servo is damaged there"),
