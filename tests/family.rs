@@ -163,7 +163,7 @@ fn lamps() -> Arc<Board> {
         })],
         reporting: None,
         stop: Vec::new(),
-        doubt: None,
+        ambiguity: None,
         foreign: vec![(owned("blink"), owned("lamp 1 0 -> 1000 over 1s"))],
         picture: None,
         simulation: Simulation::State,
@@ -371,7 +371,7 @@ fn corners(verb: &Verb) -> Vec<Vec<i32>> {
 #[test]
 fn every_corner_of_every_verb_passes_both_ways() {
     for board in [lamps(), motionseq::board::raspblock::board(), motionseq::board::raspblock::with_older_move()] {
-        let is_older = board.doubt.as_ref().is_some_and(|doubt| doubt.note.starts_with("it is read as older"));
+        let is_older = board.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.note.starts_with("it is read as older"));
         for (id, verb) in board.verbs() {
             for values in corners(verb) {
                 let command = board.command(id, &values).unwrap();
@@ -379,7 +379,7 @@ fn every_corner_of_every_verb_passes_both_ways() {
                 assert_eq!(frame.len(), board.frame_length(&command));
                 assert!(Frame::new(&board, &frame).is_ok());
                 // The older way to read a displacement is not the way that we send it.
-                if is_older && board.is_doubtful(&command) {
+                if is_older && board.is_ambiguous(&command) {
                     continue;
                 }
                 let read = board.decode_or_raw(&frame).unwrap();

@@ -25,7 +25,7 @@ pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, 
 pub use rules::Said;
 pub use state::State;
 pub use table::{
-    Activity, Axis, Board, Codec, Doubt, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,
+    Activity, Axis, Board, Codec, Ambiguity, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,
     DefaultLimit, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
 };
 

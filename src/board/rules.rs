@@ -143,8 +143,8 @@ impl Board {
     }
 
     /// Whether the frame of a command can be read in two ways.
-    pub fn is_doubtful(&self, command: &Command) -> bool {
-        self.doubt.as_ref().is_some_and(|doubt| doubt.verb == command.verb())
+    pub fn is_ambiguous(&self, command: &Command) -> bool {
+        self.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.verb == command.verb())
     }
 
     /// What must come before a command.

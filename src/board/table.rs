@@ -32,7 +32,7 @@ pub struct Board {
     /// What every early end sends. A first command that comes several times is sent at intervals.
     pub stop: Vec<Command>,
     /// A verb whose frames can be read in two ways, if there is one.
-    pub doubt: Option<Doubt>,
+    pub ambiguity: Option<Ambiguity>,
     /// What other languages call what its verbs do: the word, and a line to write instead.
     pub foreign: Vec<(Text, Text)>,
     /// How it is drawn; `None` for a lane for each value.
@@ -241,7 +241,7 @@ pub struct DefaultLimit {
 
 /// A verb whose frames can be read in two ways.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Doubt {
+pub struct Ambiguity {
     /// The verb.
     pub verb: VerbId,
     /// What is said where there is such a frame.
@@ -361,7 +361,7 @@ pub enum NotACommand {
     /// The values are fine, but the frame is not the one that carries them (a wrong direction byte, say).
     #[error("the bytes are not those that carry this command")]
     Inconsistent,
-    /// Only another way to read the verb in [`Board::doubt`] explains it.
+    /// Only another way to read the verb in [`Board::ambiguity`] explains it.
     #[error("{0}")]
     OtherReading(&'static str),
 }

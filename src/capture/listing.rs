@@ -71,7 +71,7 @@ impl<W: Write> Listing<W> {
         self.decoded.frames += 1;
         let written = match self.board.decode(frame.bytes()) {
             Ok(command) => {
-                self.decoded.doubtful += u64::from(self.board.is_doubtful(&command));
+                self.decoded.ambiguous += u64::from(self.board.is_ambiguous(&command));
                 writeln!(self.out, "{at}\t{frame}\t{}", self.board.show(&command))
             }
             Err(why) => {

@@ -43,7 +43,7 @@ pub struct Decoded {
     /// Whether such a text ends with half a byte.
     pub half_byte: bool,
     /// Frames of a command that can be read in two ways.
-    pub doubtful: u64,
+    pub ambiguous: u64,
     /// Frames of a snapshot that are only sent where something ends a run early; they are left out.
     pub aborts: u64,
     /// Whether there were times.
@@ -96,7 +96,7 @@ impl Decoded {
                 self.frames += 1;
                 let read = board.decode(frame.bytes());
                 self.unknown += u64::from(read.is_err());
-                self.doubtful += u64::from(read.is_ok_and(|command| board.is_doubtful(&command)));
+                self.ambiguous += u64::from(read.is_ok_and(|command| board.is_ambiguous(&command)));
             }
             Item::Skipped { bytes, .. } => {
                 self.bytes += bytes.len() as u64;

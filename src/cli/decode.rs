@@ -89,7 +89,7 @@ impl Decode {
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);
-                if decoded.doubtful > 0 {
+                if decoded.ambiguous > 0 {
                     screen.note(&doubt(&board));
                 }
                 if is_script && !decoded.is_timed {
@@ -142,7 +142,7 @@ fn summary(decoded: Decoded, screen: &Screen) {
 
 /// What must be said of the first frame of a stream that can be read in two ways.
 pub(super) fn doubt(board: &Board) -> String {
-    let Some(doubt) = &board.doubt else { return String::new() };
+    let Some(doubt) = &board.ambiguity else { return String::new() };
     let word = board.verb(doubt.verb).map(|verb| &*verb.word).unwrap_or_default();
     format!(
         "a `{word}` came; {}. The two cannot always be told apart, and which one a board expects is unknown",

@@ -378,7 +378,7 @@ impl Display {
                     *run = None;
                     *wrong += u64::from(board.decode(frame.bytes()).is_err());
                     if let Some(command) = board.decode_or_raw(frame.bytes()) {
-                        if board.is_doubtful(&command) && !std::mem::replace(has_doubt, true) {
+                        if board.is_ambiguous(&command) && !std::mem::replace(has_doubt, true) {
                             screen.note(&doubt(board));
                         }
                         state.apply(board, &command);

@@ -12,7 +12,7 @@ use std::sync::{Arc, LazyLock};
 
 use super::Text;
 use super::table::{
-    Activity, Axis, Board, Codec, Doubt, Limited, Needs, Part, DefaultLimit, Resource, ResourceId, Sets, Simulation,
+    Activity, Axis, Board, Codec, Ambiguity, Limited, Needs, Part, DefaultLimit, Resource, ResourceId, Sets, Simulation,
     Takes, Unit, Verb,
 };
 use super::{Command, Hundredths, Quantity, Report, VerbId};
@@ -173,7 +173,7 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
         .into(),
         reporting: Some([request(REPORT_START), request(REPORT_STOP)]),
         stop: vec![stop(), stop(), stop(), buzzer(0)],
-        doubt: Some(Doubt { verb: verb::MOVE, note: text(note) }),
+        ambiguity: Some(Ambiguity { verb: verb::MOVE, note: text(note) }),
         foreign: [
             (&["forward", "drive", "go"][..], "rocker y=10 for 1s"),
             (&["beep"], "buzzer on for 200ms"),
