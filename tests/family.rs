@@ -180,7 +180,7 @@ fn lamps() -> Arc<Board> {
             replies: ReportLine { bounds: (b'(', b')'), read: |_| None, write: |_: &Report| String::new() },
         },
     };
-    let off = board.say("fan", &[0]).unwrap();
+    let off = board.command_named("fan", &[0]).unwrap();
     let mut board = Board { stop: vec![off.clone()], ..board };
     let fan = &mut board.resources[3];
     (fan.rest, fan.activity, fan.idle) = (Some(off), owned("on"), owned("is off"));

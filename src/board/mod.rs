@@ -22,7 +22,7 @@ pub use command::{Command, MAX_MOVING, Values, VerbId};
 pub use decoder::{Decoder, Frame, Item};
 pub use frame::{FrameError, Front, Hex, Skip};
 pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
-pub use rules::Said;
+pub use rules::Notation;
 pub use state::State;
 pub use table::{
     Activity, Axis, Board, Codec, Ambiguity, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,

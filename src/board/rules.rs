@@ -54,11 +54,11 @@ impl Board {
         Ok(Command::new(verb, values))
     }
 
-    /// The command with this word and these values, an index first: `say("servo", &[1, 1500])`.
+    /// The command with this word and these values, an index first: `command_named("servo", &[1, 1500])`.
     ///
     /// # Errors
     /// As [`command`](Self::command).
-    pub fn say(&self, word: &str, values: &[i32]) -> Result<Command, NotACommand> {
+    pub fn command_named(&self, word: &str, values: &[i32]) -> Result<Command, NotACommand> {
         let (verb, _) = self.find(word).ok_or(NotACommand::Unknown)?;
         self.command(verb, values)
     }
@@ -242,8 +242,8 @@ impl Board {
     }
 
     /// The canonical notation of a command: what a script would say to send exactly this frame.
-    pub fn show<'b>(&'b self, command: &'b Command) -> Said<'b> {
-        Said { board: self, command }
+    pub fn show<'b>(&'b self, command: &'b Command) -> Notation<'b> {
+        Notation { board: self, command }
     }
 
     /// Appends the frame that carries a command.
@@ -302,7 +302,7 @@ impl Board {
     }
 
     /// The first quantity of a report, as it is shown.
-    pub fn vital(&self, report: &Report) -> Option<String> {
+    pub fn main_quantity(&self, report: &Report) -> Option<String> {
         self.quantities.first().map(|quantity| quantity.show(report.value(0)))
     }
 
@@ -320,14 +320,14 @@ impl Board {
 
 /// A command in the notation of scripts.
 #[derive(Clone, Copy, Debug)]
-pub struct Said<'b> {
+pub struct Notation<'b> {
     board: &'b Board,
     command: &'b Command,
 }
 
-impl fmt::Display for Said<'_> {
+impl fmt::Display for Notation<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Said { board, command } = self;
+        let Notation { board, command } = self;
         let Some(verb) = board.verb(command.verb()) else { return f.write_str("?") };
         let alias = verb.alias.and_then(|alias| board.verb(alias));
         if let Some(alias) = alias.filter(|alias| alias.is.as_ref() == Some(command)) {

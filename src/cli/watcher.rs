@@ -423,7 +423,7 @@ impl Display {
             parts.push(format!("x {:.1} y {:.1} cm, {:.0}°", pose.x_cm, pose.y_cm, pose.yaw_deg));
         }
         if let Some(report) = self.seen.as_ref().map(|seen| seen.report).or(self.report) {
-            parts.extend(board.vital(&report));
+            parts.extend(board.main_quantity(&report));
         }
         parts.extend(active_words(board, state));
         parts

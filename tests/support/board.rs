@@ -12,7 +12,7 @@ pub(crate) fn board() -> &'static Arc<Board> {
 
 /// A command: its word and its values.
 pub(crate) fn say(word: &str, values: &[i32]) -> Command {
-    board().say(word, values).unwrap()
+    board().command_named(word, values).unwrap()
 }
 
 pub(crate) fn stop() -> Command {
