@@ -4,7 +4,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use crate::board::Board;
 use crate::program::Ease;
-use crate::timeline::tween::{Part, Walk};
+use crate::timeline::tween::{StepRole, MoveTracker};
 use crate::timeline::{Kind, Moment, Tween};
 use crate::units::Micros;
 
@@ -60,7 +60,7 @@ impl Item {
     /// The same as a script would say it.
     pub(super) fn words(&self) -> String {
         let mut parts = self.parts();
-        parts.retain(|part| super::words::is_told(part));
+        parts.retain(|role| super::words::is_told(role));
         parts.join(" ")
     }
 
@@ -81,27 +81,27 @@ impl Item {
 pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut newest: Vec<Option<usize>> = vec![None; board.lanes()];
-    let mut walk = Walk::new(board, tweens.unwrap_or_default());
+    let mut tracker = MoveTracker::new(board, tweens.unwrap_or_default());
     for (first, moment) in moments.iter().enumerate() {
         let lane = board.lane(&moment.command);
         let said = || board.show(&moment.command).to_string();
-        let part = walk.take(&moment.command, moment.kind);
+        let role = tracker.take(&moment.command, moment.kind);
         let before = newest.get(lane).copied().flatten().and_then(|at| items.get_mut(at));
-        let tween = match (moment.kind, part, before) {
+        let tween = match (moment.kind, role, before) {
             (Kind::Refresh, _, Some(item)) => {
                 item.refresh.get_or_insert(moment.at - item.sent);
                 item.holds = moment.at - item.sent;
                 continue;
             }
-            (Kind::Sample, Part::Further, Some(item)) => {
+            (Kind::Sample, StepRole::Further, Some(item)) => {
                 item.extend(moment, said());
                 continue;
             }
-            (Kind::Sample, Part::Stray, Some(item)) if item.moves.is_some() && item.refresh.is_none() => {
+            (Kind::Sample, StepRole::Stray, Some(item)) if item.moves.is_some() && item.refresh.is_none() => {
                 item.extend(moment, said());
                 continue;
             }
-            (_, Part::First(tween), _) => Some(tween),
+            (_, StepRole::First(tween), _) => Some(tween),
             _ => None,
         };
         let mut place = 0;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tween::{Part, Walk};
+use super::tween::{StepRole, MoveTracker};
 use super::{Event, Timeline};
 use crate::board::ResourceId;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
@@ -52,14 +52,14 @@ fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
     let board = &timeline.board;
     let mut paced: Vec<Option<Paced>> =
         speeds.iter().map(|speed| Some(Paced { speed: (*speed)?, ..Paced::default() })).collect();
-    let mut walk = Walk::new(board, &timeline.tweens);
+    let mut tracker = MoveTracker::new(board, &timeline.tweens);
     for event in &timeline.events {
-        let part = walk.take(&event.command, event.kind);
+        let role = tracker.take(&event.command, event.kind);
         board.each_part(&event.command, |resource, command| {
             let servo = paced.get_mut(resource).and_then(Option::as_mut);
             let value = command.len().checked_sub(1).and_then(|last| command.value(last));
             if let (Some(servo), Some(pulse)) = (servo, value) {
-                servo.take(event, pulse, &part);
+                servo.take(event, pulse, &role);
             }
         });
     }
@@ -130,7 +130,7 @@ struct Late {
 }
 
 impl Paced {
-    fn take(&mut self, event: &Event, pulse: i32, part: &Part<'_>) {
+    fn take(&mut self, event: &Event, pulse: i32, role: &StepRole<'_>) {
         let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
         let Some(going) = &mut self.going else {
             // Where it was is unknown.
@@ -142,11 +142,11 @@ impl Paced {
         going.pass(self.speed, event.at);
         // What sets the value that it has already changes nothing.
         if target == going.target {
-            going.begins |= matches!(part, Part::First(_));
+            going.begins |= matches!(role, StepRole::First(_));
             return;
         }
-        // Of a part of a timeline, it is not known which steps begin a move.
-        let begins = going.begins || !matches!(part, Part::Further | Part::Stray);
+        // Of a role of a timeline, it is not known which steps begin a move.
+        let begins = going.begins || !matches!(role, StepRole::Further | StepRole::Stray);
         // Two commands at one time are reported as a clash.
         if begins && event.at > going.since {
             let late = going.late(self.speed, event);

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::listing::{write_line, write_moment};
-use super::tween::{Part, Walk};
+use super::tween::{StepRole, MoveTracker};
 use super::{Event, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame};
 use crate::program::Ease;
@@ -120,10 +120,10 @@ impl fmt::Display for SnapshotError {
 /// Writes the snapshot of a script that is called `name`.
 pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
-    let mut walk = Walk::new(&timeline.board, &timeline.tweens);
+    let mut tracker = MoveTracker::new(&timeline.board, &timeline.tweens);
     let mut bytes = Vec::new();
     for event in &timeline.events {
-        if let Part::First(Tween { at, end, ease, steps }) = walk.take(&event.command, event.kind) {
+        if let StepRole::First(Tween { at, end, ease, steps }) = tracker.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{at:.6}\t{end:.6}\t{}\t{steps}", ease.name())?;
         }
         write_line(&timeline.board, event, &mut bytes, out)?;
@@ -224,17 +224,17 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
 
 /// Whether every step has its move, and every move its steps.
 fn belong(board: &Board, moments: &[Moment], tweens: &[Tween]) -> Result<(), String> {
-    let mut walk = Walk::new(board, tweens);
+    let mut tracker = MoveTracker::new(board, tweens);
     for Moment { at, command, kind } in moments {
-        match walk.take(command, *kind) {
-            Part::Stray => return Err(format!("the step at {at:.6} s belongs to no move")),
-            Part::First(tween) if !(tween.at..=tween.end).contains(at) => {
+        match tracker.take(command, *kind) {
+            StepRole::Stray => return Err(format!("the step at {at:.6} s belongs to no move")),
+            StepRole::First(tween) if !(tween.at..=tween.end).contains(at) => {
                 return Err(format!("the step at {at:.6} s is outside of its move"));
             }
             _ => {}
         }
     }
-    if walk.is_over() { Ok(()) } else { Err("there is a move whose steps are not all there".into()) }
+    if tracker.is_complete() { Ok(()) } else { Err("there is a move whose steps are not all there".into()) }
 }
 
 fn read_move(words: &str) -> Option<Tween> {

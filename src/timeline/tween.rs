@@ -21,7 +21,7 @@ pub struct Tween {
 
 /// Gives each step its move, frame by frame: a thing does one thing at a time, so the steps of a lane belong to its moves
 /// in their order.
-pub(crate) struct Walk<'t> {
+pub(crate) struct MoveTracker<'t> {
     next: std::slice::Iter<'t, Tween>,
     /// Of each lane, how many steps of its move are still to come.
     left: Vec<usize>,
@@ -29,7 +29,7 @@ pub(crate) struct Walk<'t> {
 }
 
 /// What a frame is to the moves.
-pub(crate) enum Part<'t> {
+pub(crate) enum StepRole<'t> {
     /// No step.
     None,
     /// The first step of this move.
@@ -40,34 +40,34 @@ pub(crate) enum Part<'t> {
     Stray,
 }
 
-impl<'t> Walk<'t> {
+impl<'t> MoveTracker<'t> {
     pub(crate) fn new(board: &'t Board, tweens: &'t [Tween]) -> Self {
-        Walk { next: tweens.iter(), left: vec![0; board.lanes()], board }
+        MoveTracker { next: tweens.iter(), left: vec![0; board.lanes()], board }
     }
 
     /// Whether every move was taken whole.
-    pub(crate) fn is_over(&self) -> bool {
+    pub(crate) fn is_complete(&self) -> bool {
         self.next.len() == 0 && self.left.iter().all(|left| *left == 0)
     }
 
     /// Takes the next frame.
-    pub(crate) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
+    pub(crate) fn take(&mut self, command: &Command, kind: Kind) -> StepRole<'t> {
         if kind != Kind::Sample {
-            return Part::None;
+            return StepRole::None;
         }
         let Some(left) = self.left.get_mut(self.board.lane(command)) else {
-            return Part::None;
+            return StepRole::None;
         };
         if let Some(fewer) = left.checked_sub(1) {
             *left = fewer;
-            return Part::Further;
+            return StepRole::Further;
         }
         match self.next.next() {
             Some(tween) => {
                 *left = tween.steps.saturating_sub(1);
-                Part::First(tween)
+                StepRole::First(tween)
             }
-            None => Part::Stray,
+            None => StepRole::Stray,
         }
     }
 }
