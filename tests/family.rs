@@ -15,7 +15,7 @@ use motionseq::plot::{Shows, plot};
 use motionseq::program::Options;
 use motionseq::sim::{Settings, VirtualBoard};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Kind, Part, Snapshot, Timeline, part, read_snapshot, write_listing, write_snapshot};
+use motionseq::timeline::{Clip, Kind, Snapshot, Timeline, clip, read_snapshot, write_listing, write_snapshot};
 use motionseq::units::{Micros, Nanos};
 use motionseq::verify::rehearse;
 
@@ -261,7 +261,7 @@ fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
     let closing = whole.events.last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
-    let cut = part(&whole, &Part::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
+    let cut = clip(&whole, &Clip::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
     let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
     assert_eq!(lines, ["lamp 1 200", "fan on", "lamp 1 300", "fan off"]);
 }

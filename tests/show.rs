@@ -6,7 +6,7 @@ use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Player};
 use motionseq::program::{Options, Speed};
 use motionseq::source::Source;
-use motionseq::timeline::{Kind, Part, Timeline, part, passes, state_after};
+use motionseq::timeline::{Clip, Kind, Timeline, clip, passes, state_after};
 use motionseq::units::{Micros, Nanos};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
@@ -47,7 +47,7 @@ stop
 fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
     let whole = timeline(SHOW);
     for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
-        let cut = part(&whole, &Part::new(from, None, Micros::SECOND), &State::default());
+        let cut = clip(&whole, &Clip::new(from, None, Micros::SECOND), &State::default());
         let mut there = State::default();
         for event in whole.events.iter().take_while(|event| event.at < from) {
             there.apply(board(), &event.command);
@@ -90,26 +90,26 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
 fn wherever_it_is_cut_off_nothing_is_left_running() {
     let whole = timeline(SHOW);
     for to in (1..whole.end.0).step_by(53_000).map(Micros) {
-        let cut = part(&whole, &Part::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
+        let cut = clip(&whole, &Clip::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
         assert_eq!(cut.end, to);
         assert!(state_after(&cut).at_rest(board()), "{to}");
         assert!(cut.events.is_sorted_by_key(|event| event.at) && cut.events.iter().all(|event| event.at <= to));
     }
-    assert_eq!(part(&whole, &Part::default(), &State::default()), whole);
+    assert_eq!(clip(&whole, &Clip::default(), &State::default()), whole);
 }
 
 #[test]
 fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
     let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
-    let asked = Part::new(Micros(500_000), None, Micros(100_000));
+    let asked = Clip::new(Micros(500_000), None, Micros(100_000));
     // Nobody knows where it is: sent at once, and given the time.
-    let first = part(&whole, &asked, &State::default());
+    let first = clip(&whole, &asked, &State::default());
     assert_eq!(
         frames(&first)[..2],
         [(0, "servo 1 1000".into(), Kind::Auto), (600_000, "servo 1 2000".into(), Kind::Command)]
     );
     // Behind the first pass it is at 2000: in-out-sine over 100 ms, at 20 ms 2000 - 1000 · (1 - cos(π/5)) / 2 = 1905.
-    let again = part(&whole, &asked, &state_after(&first));
+    let again = clip(&whole, &asked, &state_after(&first));
     let found = frames(&again);
     let steps: Vec<(u64, &str)> = found.iter().map(|(at, command, _)| (*at, command.as_str())).collect();
     assert_eq!(

@@ -15,7 +15,7 @@ use crate::units::Micros;
 /// Which part of a timeline.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Part {
+pub struct Clip {
     /// Where it begins, from the start of the script.
     pub from: Micros,
     /// Where it ends; `None` for the end of the script. What is due at that very time is left out.
@@ -24,35 +24,35 @@ pub struct Part {
     pub lead_in: Micros,
 }
 
-impl Part {
+impl Clip {
     /// A part from a time to another one, or to the end.
     pub fn new(from: Micros, to: Option<Micros>, lead_in: Micros) -> Self {
-        Part { from, to, lead_in }
+        Clip { from, to, lead_in }
     }
 }
 
 /// The time between two steps of a lead-in.
 const STEP: Micros = Micros::from_millis(20);
 
-/// Takes a part out of a timeline. `known` is what the board was told before.
-pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
-    let to = part.to.unwrap_or(Micros::MAX).min(timeline.end + Micros(1));
-    let is_whole = part.from == Micros::ZERO && to > timeline.end;
+/// Takes a part out of a timeline. `before` is what the board was told before.
+pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
+    let to = clip.to.unwrap_or(Micros::MAX).min(timeline.end + Micros(1));
+    let is_whole = clip.from == Micros::ZERO && to > timeline.end;
     if is_whole {
         return timeline.clone();
     }
     let board = &timeline.board;
     let mut cut = Cut { board, events: Vec::new(), state: State::default(), marks: vec![None; board.resources.len()] };
     let events = &timeline.events;
-    let begin = events.partition_point(|event| event.at < part.from);
+    let begin = events.partition_point(|event| event.at < clip.from);
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
     }
     // What is told otherwise at that very moment is not told before.
-    let at_once = events.iter().skip(begin).take_while(|event| event.at == part.from);
+    let at_once = events.iter().skip(begin).take_while(|event| event.at == clip.from);
     let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
-    let lead = if part.from > Micros::ZERO { cut.lead_in(part.lead_in, known, &at_once) } else { Micros::ZERO };
-    let shifted = |at: Micros| at - part.from + lead;
+    let lead = if clip.from > Micros::ZERO { cut.lead_in(clip.lead_in, before, &at_once) } else { Micros::ZERO };
+    let shifted = |at: Micros| at - clip.from + lead;
     let inside = events.iter().skip(begin).take_while(|event| event.at < to);
     for event in inside.filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
@@ -60,7 +60,7 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
     }
     let end = shifted(to.min(timeline.end));
     cut.close(end);
-    let is_inside = |at: Micros| (part.from..to).contains(&at);
+    let is_inside = |at: Micros| (clip.from..to).contains(&at);
     let cues = timeline.cues.iter().filter(|cue| is_inside(cue.at));
     let cues = cues.map(|cue| Cue { at: shifted(cue.at), ..cue.clone() }).collect();
     let expects = timeline.expects.iter().filter(|expect| is_inside(expect.at) && expect.until <= to);
@@ -74,7 +74,7 @@ pub fn part(timeline: &Timeline, part: &Part, known: &State) -> Timeline {
         events.insert(0, start);
         events.push(stop);
     }
-    let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(part.from.0).unwrap_or(0);
+    let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(clip.from.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
     Timeline { events, tweens: Vec::new(), cues, expects, marks, end, bars, ..timeline.clone() }
 }
@@ -154,14 +154,14 @@ impl Cut<'_> {
     }
 
     /// Brings the board to the state of the start; returns how long that takes. What has a value goes there softly, or is sent there at
-    /// once where it is not known where it is; what is active follows when that is over.
-    fn lead_in(&mut self, lead_in: Micros, known: &State, at_once: &[&Command]) -> Micros {
+    /// once where it is not before where it is; what is active follows when that is over.
+    fn lead_in(&mut self, lead_in: Micros, before: &State, at_once: &[&Command]) -> Micros {
         let (board, state) = (self.board, self.state.clone());
         let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
         let mut takes = Micros::ZERO;
         for command in state.commands(board) {
             let resources = board.occupies(command);
-            let before = resources.first().and_then(|resource| known.last(*resource));
+            let before = resources.first().and_then(|resource| before.last(*resource));
             if board.is_active(command) {
                 if !resources.iter().any(is_told) {
                     self.push(takes, command.clone(), Kind::Auto);

@@ -6,7 +6,7 @@
 mod clashes;
 mod lints;
 mod listing;
-mod part;
+mod clip;
 mod schedule;
 mod snapshot;
 pub(crate) mod tween;
@@ -21,7 +21,7 @@ use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
 pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
-pub use part::{Part, check_passes, part, passes, state_after};
+pub use clip::{Clip, check_passes, clip, passes, state_after};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
