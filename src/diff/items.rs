@@ -19,7 +19,7 @@ pub(super) struct Item {
     /// Its first frame.
     pub(super) first: usize,
     /// The command; of a move the one it arrives at.
-    pub(super) says: String,
+    pub(super) notation: String,
     pub(super) moves: Option<Moves>,
     /// When its last frame before any refresh was sent.
     sent: Micros,
@@ -45,7 +45,7 @@ pub(super) struct Moves {
 impl Item {
     /// `servo 2 1700`, `servo 2 1700 over 500 ms`, in parts that are compared one by one.
     pub(super) fn parts(&self) -> Vec<String> {
-        let mut parts: Vec<String> = self.says.split(' ').map(str::to_owned).collect();
+        let mut parts: Vec<String> = self.notation.split(' ').map(str::to_owned).collect();
         match &self.moves {
             None => {}
             Some(Moves { meant: Some((lasts, ease)), .. }) => {
@@ -60,14 +60,14 @@ impl Item {
     /// The same as a script would say it.
     pub(super) fn words(&self) -> String {
         let mut parts = self.parts();
-        parts.retain(|role| super::words::is_told(role));
+        parts.retain(|role| super::words::is_always_shown(role));
         parts.join(" ")
     }
 
     /// Where it starts, without the words that its target says, too.
     fn start(&self) -> Option<String> {
         let start = self.moves.as_ref()?.start.as_ref()?;
-        let same = start.split(' ').zip(self.says.split(' ')).take_while(|(word, other)| word == other).count();
+        let same = start.split(' ').zip(self.notation.split(' ')).take_while(|(word, other)| word == other).count();
         Some(start.split(' ').skip(same).collect::<Vec<_>>().join(" "))
     }
 
@@ -119,7 +119,7 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
             place,
             at: tween.map_or(moment.at, |tween| tween.at),
             first,
-            says: said() + closing,
+            notation: said() + closing,
             moves: (moment.kind == Kind::Sample).then(|| {
                 let start = tween.filter(|tween| tween.at == moment.at).map(|_| said());
                 Moves { meant, start, steps: 0, hash: 0 }
@@ -138,13 +138,13 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
 
 impl Item {
     /// Takes a step into a move.
-    fn extend(&mut self, moment: &Moment, says: String) {
-        self.says = says;
+    fn extend(&mut self, moment: &Moment, notation: String) {
+        self.notation = notation;
         self.sent = moment.at;
         let since = moment.at.saturating_sub(self.at);
         if let Some(moves) = &mut self.moves {
             let mut hasher = DefaultHasher::new();
-            (moves.hash, since, &self.says).hash(&mut hasher);
+            (moves.hash, since, &self.notation).hash(&mut hasher);
             moves.hash = hasher.finish();
             moves.steps += 1;
         }

@@ -21,7 +21,7 @@ use items::Item;
 /// One change.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// When it is, or was where it is gone.
+    /// When it is, or was where it is removed.
     pub at: Micros,
     /// Whether it concerns what is sent where something ends a run early; times and frames count there.
     pub aborts: bool,
@@ -52,7 +52,7 @@ pub struct Again {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum What {
-    /// From here on these things come at another time.
+    /// From here on these things added at another time.
     Shifted {
         /// The things; empty for all of them.
         things: Vec<String>,
@@ -79,7 +79,7 @@ pub enum What {
     },
     /// It is new.
     Added(String),
-    /// It is gone.
+    /// It is removed.
     Removed(String),
     /// A move says the same, and takes other steps.
     Steps {
@@ -184,13 +184,13 @@ fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween
         (before.iter().filter(is_of_lane).collect(), after.iter().filter(is_of_lane).collect())
     };
     let both: Vec<_> = (0..board.lanes()).map(of_lane).collect();
-    for align::Aligned { pairs, gone, come } in align::align(&both) {
+    for align::Aligned { pairs, removed, added } in align::align(&both) {
         changes
-            .extend(gone.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))));
-        changes.extend(come.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
+            .extend(removed.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))));
+        changes.extend(added.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
         lanes.push(Lane { pairs });
     }
-    shifts::tell(board, &lanes, &mut changes);
+    shifts::find_changes(board, &lanes, &mut changes);
     refreshes(&lanes, &mut changes);
     if changes.is_empty() {
         let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
@@ -234,7 +234,7 @@ fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
         |item: &Item, other: Option<Micros>| item.refresh.is_some() || other.is_some_and(|other| item.holds > other);
     for (old, new) in lanes.iter().flat_map(|lane| &lane.pairs) {
         let (from, to) = (old.refresh, new.refresh);
-        let comparable = old.says == new.says || from.is_some() && to.is_some();
+        let comparable = old.notation == new.notation || from.is_some() && to.is_some();
         if from != to && comparable && told(old, to) && told(new, from) {
             changes.push(Change::of(old, new, What::Refreshed { from, to }));
         }

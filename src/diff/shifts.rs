@@ -27,7 +27,7 @@ pub(super) fn difference(old: Micros, new: Micros) -> i64 {
 }
 
 /// The items of all lanes in the order of time, and how far they are told.
-struct Walk<'i> {
+struct Scan<'i> {
     pairs: Vec<Pair<'i>>,
     /// The places of each lane's items.
     lanes: Vec<Vec<usize>>,
@@ -47,27 +47,27 @@ struct Longer {
 }
 
 /// Goes through all items in the order of time.
-pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
-    let mut walk = Walk::new(lanes);
+pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
+    let mut scan = Scan::new(lanes);
     // The newest move of each lane that takes longer or shorter.
     let mut longer: Vec<Option<Longer>> = lanes.iter().map(|_| None).collect();
-    for at in 0..walk.pairs.len() {
-        let Some(&Pair { old, new, next, .. }) = walk.pairs.get(at) else { continue };
+    for at in 0..scan.pairs.len() {
+        let Some(&Pair { old, new, next, .. }) = scan.pairs.get(at) else { continue };
         let total_us = difference(old.at, new.at);
-        let step_us = total_us - walk.shifted(old.lane);
-        if let Some(head) = walk.heads.get_mut(old.lane) {
+        let step_us = total_us - scan.shifted(old.lane);
+        if let Some(head) = scan.heads.get_mut(old.lane) {
             *head = next;
         }
         let moved = step_us != 0;
-        let everything = moved && walk.is_everything(at);
+        let everything = moved && scan.is_everything(at);
         // One that goes its own way while what follows goes on as before, or whose lane ends with it, has moved alone.
-        let follower = next.and_then(|next| walk.pairs.get(next)).map(Pair::delta);
-        let is_last = at + 1 == walk.pairs.len();
+        let follower = next.and_then(|next| scan.pairs.get(next)).map(Pair::delta);
+        let is_last = at + 1 == scan.pairs.len();
         let alone = moved && (follower == Some(total_us - step_us) || follower.is_none() && (!everything || is_last));
         let by = Shift { step_us, total_us };
-        let differs = old.says != new.says || old.moves != new.moves;
+        let differs = old.notation != new.notation || old.moves != new.moves;
         let by_us = alone.then_some(total_us);
-        let what = walk.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
+        let what = scan.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
         let is_cause =
             |cause: &&Longer| cause.end <= old.at && cause.by_us == step_us && (everything || cause.lane == old.lane);
         let cause = longer.iter().flatten().find(is_cause).filter(|_| moved && (!alone || follower.is_none()));
@@ -75,11 +75,11 @@ pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>)
         if let Some(Change { what: What::Changed { then, .. }, .. }) = cause {
             // What made it later was said already.
             *then = Some(((!everything).then(|| board.lane_name(old.lane).into_owned()), by));
-            walk.shift(total_us, old.lane, everything);
+            scan.shift(total_us, old.lane, everything);
         } else if moved && !alone {
             let things = if everything { Vec::new() } else { vec![board.lane_name(old.lane).into_owned()] };
             changes.push(Change::new(old.at, Some(old.first), Some(new.first), What::Shifted { things, by }));
-            walk.shift(total_us, old.lane, everything);
+            scan.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {
             changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));
         }
@@ -93,7 +93,7 @@ pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>)
     }
 }
 
-impl<'i> Walk<'i> {
+impl<'i> Scan<'i> {
     /// Sorts the items of all lanes by time; those that start together, in the order of sending.
     fn new(lanes: &[Lane<'i>]) -> Self {
         let mut pairs: Vec<Pair<'i>> = Vec::new();
@@ -101,7 +101,7 @@ impl<'i> Walk<'i> {
             let mut last: Option<(&Item, &Item)> = None;
             for (old, new) in &lane.pairs {
                 let followed = last.is_some_and(|(before, after)| {
-                    before.says == after.says && before.place + 1 == old.place && after.place + 1 == new.place
+                    before.notation == after.notation && before.place + 1 == old.place && after.place + 1 == new.place
                 });
                 let comes_from_elsewhere = !followed && (old.place, new.place) != (0, 0);
                 pairs.push(Pair { old, new, next: None, comes_from_elsewhere });
@@ -119,7 +119,7 @@ impl<'i> Walk<'i> {
                 places.push(at);
             }
         }
-        Walk { pairs, lanes: places, heads, shifted: vec![0; lanes.len()] }
+        Scan { pairs, lanes: places, heads, shifted: vec![0; lanes.len()] }
     }
 
     fn shifted(&self, lane: usize) -> i64 {

@@ -120,7 +120,7 @@ impl Change {
 
     /// Takes another change of the same kind into this one.
     pub(super) fn grow(&mut self, other: &Change) {
-        let told = match (&self.what, &other.what) {
+        let differs = match (&self.what, &other.what) {
             (What::Changed { from, to, .. }, What::Changed { from: was, to: is, .. }) => from != was || to != is,
             (What::Added(one) | What::Removed(one), What::Added(two) | What::Removed(two)) => one != two,
             _ => false,
@@ -130,22 +130,22 @@ impl Change {
             _ => 0,
         };
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
-        self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || told, total_us });
+        self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || differs, total_us });
     }
 }
 
-/// Whether a part is told where it has not changed.
-pub(super) fn is_told(part: &str) -> bool {
+/// Whether a part is differs where it has not changed.
+pub(super) fn is_always_shown(part: &str) -> bool {
     part != "ease linear" && !part.starts_with("from ")
 }
 
 /// `servo 2 1500 -> 1600 over 500 ms`: what is the same is said once.
 fn between(from: &[String], to: &[String]) -> String {
-    let whole = |parts: &[String]| parts.iter().filter(|part| is_told(part)).cloned().collect::<Vec<_>>().join(" ");
+    let whole = |parts: &[String]| parts.iter().filter(|part| is_always_shown(part)).cloned().collect::<Vec<_>>().join(" ");
     if from.len() != to.len() || from.first() != to.first() {
         return format!("{} -> {}", whole(from), whole(to));
     }
-    let pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_told(new));
+    let pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_always_shown(new));
     let words = pairs.map(|(old, new)| {
         let (word, value) = new.split_once(' ').unwrap_or(("", new));
         match old.split_once(' ') {
