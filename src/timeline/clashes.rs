@@ -90,14 +90,14 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
 
 /// Reports a thing that is told something at the very end of one pass and again at the start of the next one, as it would be in a
 /// `repeat`.
-pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut Diagnostics) {
+pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut Diagnostics) {
     let last = before.events.iter().rev().take_while(|event| event.at == before.end);
     let last: Vec<&Event> = last.filter(|event| event.is_instant).collect();
     if last.is_empty() {
         return;
     }
     let board = &before.board;
-    let first = behind.events.iter().take_while(|event| event.at == Micros::ZERO);
+    let first = after.events.iter().take_while(|event| event.at == Micros::ZERO);
     for second in first.filter(|event| event.is_instant) {
         let shared = |first: &Event| {
             let set = board.occupies(&first.command);

@@ -48,10 +48,10 @@ pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
 }
 
 /// The servos as they were when the timeline has been played, with the speeds that they have; `None` for other resources.
-fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
+fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<ServoModel>> {
     let board = &timeline.board;
-    let mut paced: Vec<Option<Paced>> =
-        speeds.iter().map(|speed| Some(Paced { speed: (*speed)?, ..Paced::default() })).collect();
+    let mut paced: Vec<Option<ServoModel>> =
+        speeds.iter().map(|speed| Some(ServoModel { speed: (*speed)?, ..ServoModel::default() })).collect();
     let mut tracker = MoveTracker::new(board, &timeline.tweens);
     for event in &timeline.events {
         let role = tracker.take(&event.command, event.kind);
@@ -67,10 +67,10 @@ fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
 }
 
 /// For each servo that is late, a speed at which it never is, if a script can set such a speed.
-fn enough_speeds(timeline: &Timeline, late: &[Option<Paced>]) -> Vec<Option<u64>> {
-    let is_late = |servo: &Paced| !servo.late.is_empty();
-    let round_up = |servo: &Paced| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
-    let faster = |servo: &Paced| if is_late(servo) { round_up(servo) } else { servo.speed };
+fn enough_speeds(timeline: &Timeline, late: &[Option<ServoModel>]) -> Vec<Option<u64>> {
+    let is_late = |servo: &ServoModel| !servo.late.is_empty();
+    let round_up = |servo: &ServoModel| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
+    let faster = |servo: &ServoModel| if is_late(servo) { round_up(servo) } else { servo.speed };
     let mut speeds: Vec<Option<u64>> = late.iter().map(|servo| servo.as_ref().map(faster)).collect();
     for _ in 0..TRIES {
         let paced = paced(timeline, &speeds);
@@ -88,10 +88,10 @@ fn enough_speeds(timeline: &Timeline, late: &[Option<Paced>]) -> Vec<Option<u64>
 
 /// A servo that turns at an even speed.
 #[derive(Default)]
-struct Paced {
+struct ServoModel {
     /// µs of pulse width a second.
     speed: u64,
-    going: Option<Going>,
+    going: Option<Travel>,
     /// Whether it has not caught up since it fell behind.
     is_behind: bool,
     /// Each command at which it fell behind, once however often it is run.
@@ -102,7 +102,7 @@ struct Paced {
 }
 
 /// Where it is, and where it goes. Pulse widths are in millionths of a µs, so that they stay exact.
-struct Going {
+struct Travel {
     at: Micros,
     pulse: u64,
     target: u64,
@@ -129,14 +129,14 @@ struct Late {
     next: Span,
 }
 
-impl Paced {
+impl ServoModel {
     fn take(&mut self, event: &Event, pulse: i32, role: &StepRole<'_>) {
         let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
         let Some(going) = &mut self.going else {
             // Where it was is unknown.
             let (at, span, trace) = (event.at, event.span, event.trace);
             let from = target;
-            self.going = Some(Going { at, pulse: target, target, from, since: at, span, trace, begins: false });
+            self.going = Some(Travel { at, pulse: target, target, from, since: at, span, trace, begins: false });
             return;
         };
         going.pass(self.speed, event.at);
@@ -164,7 +164,7 @@ impl Paced {
     }
 }
 
-impl Going {
+impl Travel {
     /// Lets time pass.
     fn pass(&mut self, speed: u64, at: Micros) {
         let way = speed.saturating_mul((at - self.at).0);
@@ -182,7 +182,7 @@ impl Going {
         let time = next.at - self.since;
         let is_late = self.from.abs_diff(self.target) > speed.saturating_mul(time.0)
             && self.pulse.abs_diff(self.target) > ARRIVED * MICROS;
-        let Going { span, trace, from, target, .. } = *self;
+        let Travel { span, trace, from, target, .. } = *self;
         is_late.then_some(Late { span, trace, from, target, speed, time, next: next.span })
     }
 }

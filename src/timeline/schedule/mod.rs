@@ -247,7 +247,7 @@ impl<'d> Scheduler<'d> {
 
     /// Sends a command that is a step.
     fn plain(&mut self, at: Time, command: &Command, from: Origin) {
-        self.tell(at, command, from);
+        self.apply(at, command, from);
         if self.has_room(1, from) {
             self.plain += 1;
         }
@@ -255,12 +255,12 @@ impl<'d> Scheduler<'d> {
 
     /// Sends a command that is none.
     fn send(&mut self, at: Time, command: &Command, kind: Kind, from: Origin) {
-        self.tell(at, command, from);
+        self.apply(at, command, from);
         self.emit(at, command.clone(), kind, from);
     }
 
     /// The hold before a command ends, and its own begins.
-    fn tell(&mut self, at: Time, command: &Command, from: Origin) {
+    fn apply(&mut self, at: Time, command: &Command, from: Origin) {
         let board = self.board;
         let is_opaque = board.is_opaque(command);
         let touched = board.touches(command);
@@ -290,12 +290,12 @@ impl<'d> Scheduler<'d> {
     }
 
     /// Tells the raw frames for the drive that are sent before what a move sends at `at`.
-    fn tell_raw_drives(&mut self, at: Time, from: Origin) {
+    fn apply_raw_drives(&mut self, at: Time, from: Origin) {
         let key = (at.micros(), from.order);
         while let Some((at, command, from)) =
             self.raw_drives.front().filter(|(at, _, raw)| (at.micros(), raw.order) < key).cloned()
         {
-            self.tell(at, &command, from);
+            self.apply(at, &command, from);
         }
     }
 

@@ -123,7 +123,7 @@ impl Scheduler<'_> {
             return false;
         }
         if board.is_drive(&command) {
-            self.tell_raw_drives(at, from);
+            self.apply_raw_drives(at, from);
         }
         if !self.state.has(board, &command) {
             self.send(at, &command, Kind::Sample, from);
