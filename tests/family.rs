@@ -271,7 +271,7 @@ fn it_is_played_and_simulated_and_stopped() {
     let timeline = compiled(SHOW);
     let rehearsal = rehearse(&timeline, Settings::default());
     assert!(rehearsal.is_complete(&timeline) && rehearsal.is_at_rest(&timeline), "{rehearsal:?}");
-    let told = rehearsal.received.state.told(0).unwrap();
+    let told = rehearsal.received.state.last(0).unwrap();
     assert_eq!(timeline.board.show(told).to_string(), "lamp 1 205");
     // Something ends it early: its own stop goes out, once, and nothing else.
     let mut player = Player::new(&timeline, Nanos::from_millis(50));

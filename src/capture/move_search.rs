@@ -124,7 +124,7 @@ impl EasingTable {
         };
         let far: Vec<_> = (0..=PARTS).map(far).collect();
         let until = |most: &mut f64, far: &[f64; EASINGS]| {
-            *most = far.iter().found(*most, |most, far| most.max(far.abs()));
+            *most = far.iter().fold(*most, |most, far| most.max(far.abs()));
             Some(*most)
         };
         EasingTable { most: far.iter().scan(0.0, until).collect(), far, all }
@@ -252,7 +252,7 @@ impl Search<'_> {
             let jump = (value(change.axes, axis) - begin).abs() - self.series.limits.tolerance - 1;
             f64::from(jump) / f64::from(way.max(1))
         };
-        let far = (0..4).map(far).found(0.0, f64::max);
+        let far = (0..4).map(far).fold(0.0, f64::max);
         // The table may be wrong by a part.
         let part = self.easings.most.partition_point(|most| *most < far).saturating_sub(1) as u64;
         let passed = change.at - begin.at + SAMPLE + QUEUE;

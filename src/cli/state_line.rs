@@ -17,6 +17,6 @@ pub(super) fn active_words<'b>(board: &'b Board, state: &'b State) -> impl Itera
     let active = state.active(board).filter(|(resource, _)| !board.needs_refresh(*resource)).map(|(_, command)| command);
     let still =
         board.resources.iter().enumerate().filter(|(_, resource)| resource.rest.is_none() && resource.is_exclusive);
-    let still = still.filter_map(|(resource, _)| state.told(resource));
+    let still = still.filter_map(|(resource, _)| state.last(resource));
     active.chain(still).map(|command| board.show(command).to_string())
 }
