@@ -1,21 +1,22 @@
-//! The picture of a family that has none of its own: a lane for each value that may move, one for each switch, and one for the rest.
+//! The default picture of a family: a lane for each value that can move, one for each switch, and
+//! one for all other commands.
 
 use super::Text;
 use super::table::{Activity, Board, Lane, LaneKind, Limited, Picture, Sets, Shown, Takes, Verb};
 use super::{Command, VerbId};
 
-/// What a lane is for.
+/// What a lane shows.
 #[derive(PartialEq)]
 enum LaneSource {
-    /// A value of a verb, with its index.
+    /// A value of a verb: the verb, its index, and the position of the value.
     Value(VerbId, Option<i32>, usize),
-    /// A verb with one word, which is on or off.
+    /// A verb whose only value is on or off.
     Switch(VerbId),
     Rest,
 }
 
 impl Board {
-    /// How it is drawn.
+    /// The lanes of the board and how commands appear in them.
     pub fn picture(&self) -> Picture {
         let derived = || Picture { lanes: lanes(self).map(|of| lane(self, &of)).collect(), draw };
         self.picture.clone().unwrap_or_else(derived)
@@ -38,7 +39,7 @@ fn of_verb(id: VerbId, verb: &Verb) -> Vec<LaneSource> {
     indices.into_iter().flat_map(|index| axes.clone().map(move |axis| LaneSource::Value(id, index, axis))).collect()
 }
 
-/// Whether a verb turns something on and off.
+/// Whether a verb switches something on and off.
 fn is_switch(verb: &Verb) -> bool {
     verb.activity == Activity::Unless0 && matches!(verb.axes.as_slice(), [axis] if matches!(axis.takes, Takes::Word(_)))
 }
