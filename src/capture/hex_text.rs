@@ -1,4 +1,5 @@
-//! Bytes written down as hex digits: bare, as a program prints them, in a listing, or as `xxd` and `hexdump -C` dump them.
+//! Reads bytes from hex digits: bare, as a program prints them, in a listing, or in a dump of `xxd`
+//! or `hexdump -C`.
 
 use std::borrow::Cow;
 use std::io;
@@ -8,44 +9,45 @@ use serde::Deserialize;
 use crate::timeline::Snapshot;
 use crate::units::{Micros, Nanos};
 
-/// A later time is one since 1970.
+/// A time above this one counts from 1970.
 const SINCE_1970: Nanos = Micros::SECOND.saturating_mul(100_000_000).nanos();
 
 /// A longer line is read in pieces.
 const LINE: usize = 64 * 1024;
 
-/// The most bytes that all `*` of a dump stand for.
+/// The most bytes that all `*` lines of a dump may repeat.
 const REPEATED: usize = 16 << 20;
 
-/// Turns text into bytes, block by block.
+/// Converts text to bytes, block by block.
 #[derive(Debug, Default)]
 pub(super) struct HexText {
-    /// What of the last line has come so far.
+    /// The incomplete last line.
     line: Vec<u8>,
-    /// The first digit of a byte that is not whole.
+    /// The first digit of an incomplete byte.
     half: Option<u8>,
-    /// The last row of a dump that begins its lines with positions, and where the row behind it begins.
+    /// The last row of a dump with positions, and the position after it.
     row: Vec<u8>,
     next: u64,
-    /// Whether a `*` stands for rows like the last one, and how many bytes all of them have stood for.
+    /// Whether a `*` line repeats the last row, and how many bytes such lines have repeated so far.
     repeats: bool,
     repeated: usize,
     not_hex: u64,
-    /// What is only sent where something ends a run early, in a snapshot, is not part of the run: whether that has begun, and its lines.
+    /// Whether the `on abort` part of a snapshot has begun, which is not part of a run; and the
+    /// number of its lines.
     is_abort: bool,
     aborts: u64,
-    /// The speed of the line, in bits a second, where a snapshot says it.
+    /// The speed of the line in bits per second, if a snapshot states it.
     baud: Option<u32>,
-    /// The time of the last line that had one, and what times count from.
+    /// The time of the last line that had one, and the time that counts as 0.
     at: Option<Nanos>,
     base: Option<Nanos>,
-    /// Room for the bytes of a block.
+    /// A buffer for the bytes of a block.
     bytes: Vec<u8>,
 }
 
 impl HexText {
-    /// Whether a stream that begins with this block says already whether it is such text: a line that is no comment is whole, or it cannot be
-    /// any.
+    /// Whether a stream's first block is enough to decide if it is such text: it contains a
+    /// complete line that is not a comment, or cannot be text.
     pub(super) fn is_decided(block: &[u8]) -> bool {
         let whole = block.iter().rposition(|&byte| byte == b'\n').and_then(|end| block.get(..end)).unwrap_or_default();
         block.len() >= LINE
@@ -53,7 +55,8 @@ impl HexText {
             || whole.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).any(has_bytes)
     }
 
-    /// Whether a stream that begins with this block is such text: no frame consists of these characters alone.
+    /// A reader, if a stream that begins with this block is such text. No frame consists only of
+    /// these characters.
     pub(super) fn of(block: &[u8]) -> Option<Self> {
         let first = block.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii).find(|line| has_bytes(line));
         let begins_with_hex = first.is_none_or(|line| {
@@ -67,7 +70,8 @@ impl HexText {
         (begins_with_hex && block.iter().all(is_text)).then(Self::default)
     }
 
-    /// Takes a block, and gives the bytes of every line that is whole; with the time where it says one.
+    /// Reads a block, and passes the bytes of every complete line to `sink`, with the time of the
+    /// line if it has one.
     pub(super) fn feed(
         &mut self,
         block: &[u8],
@@ -80,7 +84,7 @@ impl HexText {
                 self.end_line(&mut bytes, &mut sink)?;
             }
         }
-        // Lines without times are handed on together.
+        // Pass lines without times together.
         if !bytes.is_empty() {
             sink(self.at, &bytes)?;
             bytes.clear();
@@ -89,14 +93,15 @@ impl HexText {
         Ok(())
     }
 
-    /// Takes what stands in the last line, which nothing ends.
+    /// Reads the last line, which may lack a line end.
     pub(super) fn finish(&mut self, mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>) -> io::Result<()> {
         let mut bytes = Vec::new();
         self.end_line(&mut bytes, &mut sink)?;
         if bytes.is_empty() { Ok(()) } else { sink(self.at, &bytes) }
     }
 
-    /// Adds the bytes of a line; what came before a line with a time is handed on with the time before.
+    /// Adds the bytes of a line. Bytes before a line with a time are passed to `sink` with the
+    /// previous time.
     fn end_line(
         &mut self,
         bytes: &mut Vec<u8>,
@@ -129,7 +134,7 @@ impl HexText {
         Ok(())
     }
 
-    /// Reads what a snapshot says beside its frames.
+    /// Reads the comments of a snapshot.
     fn comment(&mut self, line: &[u8]) {
         let Some(line) = std::str::from_utf8(line).ok().filter(|line| line.starts_with('#')) else { return };
         self.is_abort |= Snapshot::begins_abort(line);
@@ -157,7 +162,7 @@ impl HexText {
         }
     }
 
-    /// Writes the rows that a `*` stands for, up to a position.
+    /// Adds the rows that a `*` line repeats, up to a position.
     fn repeat(&mut self, position: u64, bytes: &mut Vec<u8>) {
         if !std::mem::take(&mut self.repeats) {
             return;
@@ -172,7 +177,8 @@ impl HexText {
         }
     }
 
-    /// The position that begins a line of a dump, and the bytes behind it, before the characters.
+    /// The position at the start of a line of a dump, and the bytes after it, without the character
+    /// column.
     fn dumped<'l>(&self, line: &'l [u8]) -> Option<(u64, &'l [u8])> {
         let digits = line.iter().take_while(|byte| byte.is_ascii_hexdigit()).count();
         let (position, rest) = line.split_at_checked(digits)?;
@@ -180,20 +186,21 @@ impl HexText {
         if digits >= 4
             && let Some(rest) = rest.strip_prefix(b": ")
         {
-            // xxd: the characters stand behind two blanks.
+            // xxd: two spaces precede the characters.
             let end = rest.windows(2).position(|pair| pair == b"  ").unwrap_or(rest.len());
             return Some((position, rest.get(..end)?));
         }
         if digits == 8 && rest.starts_with(b"  ") && rest.contains(&b'|') {
             return Some((position, rest.split(|&byte| byte == b'|').next()?));
         }
-        // The last line of `hexdump -C` is the length alone.
+        // The last line of `hexdump -C` contains only the length.
         let is_length = digits == 8 && rest.trim_ascii().is_empty() && (self.repeats || position == self.next);
         (is_length && !self.row.is_empty()).then_some((position, &[]))
     }
 
-    /// Reads digits in pairs, whatever blanks and commas stand between them. `0x` begins a byte, which may have one digit.
-    /// A character that is no digit is counted and passed over, with the half byte before it.
+    /// Reads pairs of digits; spaces and commas may separate them. `0x` starts a byte, which may
+    /// have one digit. Any other character is counted and skipped, together with a half byte before
+    /// it.
     fn digits(&mut self, mut text: &[u8], bytes: &mut Vec<u8>) {
         while let Some((&byte, rest)) = text.split_first() {
             text = rest;
@@ -220,33 +227,34 @@ impl HexText {
         }
     }
 
-    /// How many frames of a snapshot are only sent where something ends a run early; they are left out.
+    /// The number of frames in the `on abort` part of a snapshot. They are left out.
     pub(super) fn aborts(&self) -> u64 {
         self.aborts
     }
 
-    /// The speed of the line, where a snapshot says it.
+    /// The speed of the line in bits per second, if a snapshot states it.
     pub(super) fn baud(&self) -> Option<u32> {
         self.baud
     }
 
-    /// How many characters were no digits.
+    /// The number of characters that are not hex digits.
     pub(super) fn not_hex(&self) -> u64 {
         self.not_hex
     }
 
-    /// Whether a digit is left alone at the end.
+    /// Whether the text ends with half a byte.
     pub(super) fn is_half(&self) -> bool {
         self.half.is_some()
     }
 }
 
-/// Whether a byte may be part of a text. Beyond ASCII there may be what a listing shortens with; no text holds the bytes that begin a frame.
+/// Whether a byte may be part of hex text. Characters beyond ASCII may be the ellipsis of a
+/// listing; no text contains the bytes that start a frame.
 fn is_text(byte: &u8) -> bool {
     (b' '..=b'~').contains(byte) || byte.is_ascii_whitespace() || (0x80..0xF5).contains(byte)
 }
 
-/// Whether a line is bytes with blanks between them, some of one digit.
+/// Whether a line contains bytes separated by spaces, some with one digit.
 fn is_sparse(line: &[u8]) -> bool {
     let mut tokens = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty());
     let mut short = 0;
@@ -258,12 +266,12 @@ fn is_sparse(line: &[u8]) -> bool {
     is_hex && short > 0 && is_whole
 }
 
-/// Whether a line is more than a comment.
+/// Whether a line contains more than a comment.
 fn has_bytes(line: &[u8]) -> bool {
     !line.is_empty() && !line.starts_with(b"#")
 }
 
-/// A line that names bytes, and perhaps when they came.
+/// A line of a log: its bytes, and its time if it has one.
 struct LogLine<'l> {
     at: Option<Nanos>,
     digits: Cow<'l, [u8]>,
@@ -280,7 +288,8 @@ impl<'l> LogLine<'l> {
         }
     }
 
-    /// A line of `render --format hex`, of a listing, or of `decode` itself: behind the time or the position.
+    /// A line of `render --format hex`, of a listing, or of `decode`: the bytes after the time or
+    /// position.
     fn of_listing(line: &'l [u8]) -> Option<Self> {
         let mut columns = line.split(|&byte| byte == b'\t');
         let (first, frame, more) = (columns.next()?, columns.next()?, columns.next());
@@ -295,7 +304,7 @@ impl<'l> LogLine<'l> {
         let (at, rest) = std::str::from_utf8(line).ok()?.strip_prefix('(')?.split_once(')')?;
         let at = Nanos::from_seconds(at.trim())?;
         let digits = if let Some((_, data)) = rest.split_once('#') {
-            // Behind the second # of a longer frame stands a digit of flags.
+            // After the second `#` of a long frame comes one digit of flags.
             data.strip_prefix('#').map_or(data, |data| data.get(1..).unwrap_or_default())
         } else if let Some((_, data)) = rest.split_once(']') {
             data

@@ -1,4 +1,5 @@
-//! Bytes that another program sent, read back: as a listing or as a script, whatever is wrong with them.
+//! Reads the bytes that another program sent, as a listing or as a script, despite any errors in
+//! them.
 
 mod curve;
 mod move_search;
@@ -22,60 +23,61 @@ pub use timed_decoder::TimedDecoder;
 pub use timing::{TimingError, Timing};
 
 const CHUNK: usize = 64 * 1024;
-/// The speeds that a script may have.
+/// The speeds that a script can set, in bits per second.
 const BAUDS: std::ops::RangeInclusive<u32> = 1_200..=4_000_000;
-/// How the line begins that `script` writes before what it captures.
+/// The start of the header line of `script`.
 const STARTED: &[u8] = b"Script started on ";
 
-/// What a stream held.
+/// The totals of a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decoded {
     /// All bytes.
     pub bytes: u64,
     /// Whole frames.
     pub frames: u64,
-    /// Those of them that are no command.
+    /// Frames that are not a command.
     pub unknown: u64,
-    /// Bytes that belong to no frame.
+    /// Bytes outside of frames.
     pub skipped: u64,
-    /// Characters in a text of hex digits that are none.
+    /// Characters other than hex digits, in hex text.
     pub not_hex: u64,
-    /// Whether such a text ends with half a byte.
+    /// Whether hex text ends with half a byte.
     pub half_byte: bool,
     /// Frames of a command that can be read in two ways.
     pub ambiguous: u64,
-    /// Frames of a snapshot that are only sent where something ends a run early; they are left out.
+    /// Frames of a snapshot that are sent only if something ends a run early. They are left out.
     pub aborts: u64,
-    /// Whether there were times.
+    /// Whether the input contained times.
     pub is_timed: bool,
 }
 
-/// How a capture is read.
+/// How to read a capture.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Reading {
-    /// When its bytes came, where that was written down beside it.
+    /// The times of the bytes, from a separate timing file.
     pub timing: Option<Timing>,
-    /// The speed of the line, in bits a second. Otherwise it is that which a snapshot says, or that of the board.
+    /// The speed of the line in bits per second; by default that of a snapshot, or else that of the
+    /// board.
     pub baud: Option<u32>,
-    /// The board that it is for.
+    /// The board.
     pub board: Arc<Board>,
 }
 
 impl Reading {
-    /// The same with the times of its bytes.
+    /// The same with a timing file.
     #[must_use]
     pub fn with_timing(self, timing: Option<Timing>) -> Self {
         Reading { timing, ..self }
     }
 
-    /// The same at another speed of the line, in bits a second.
+    /// The same with another speed of the line, in bits per second.
     #[must_use]
     pub fn with_baud(self, baud: Option<u32>) -> Self {
         Reading { baud, ..self }
     }
 
-    /// The same of another board.
+    /// The same for another board.
     #[must_use]
     pub fn with_board(self, board: Arc<Board>) -> Self {
         Reading { board, ..self }
@@ -106,23 +108,28 @@ impl Decoded {
     }
 }
 
-/// Why a stream was not decoded to its end.
+/// Why decoding failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// It cannot be read on.
+    /// The stream cannot be read.
     #[error(transparent)]
     Read(io::Error),
-    /// The listing cannot be written.
+    /// The output cannot be written.
     #[error(transparent)]
     Write(io::Error),
 }
 
-/// Reads a stream of frames, or the same written down as hex digits (bare, in a listing, in a log with times, or in a dump), and writes a line
-/// for each frame and for each run of bytes that belongs to none: the position of the first byte, counted from 0, or its time in seconds
-/// where there are times; the bytes in hex; what they are.
+/// Decodes a stream of frames, or hex digits of one (bare, in a listing, in a log with times, or in
+/// a dump). Writes a line for each frame and for each run of bytes outside of frames: the position
+/// of its first byte, counted from 0, or its time in seconds if there are times; the bytes in hex;
+/// and the command.
 ///
-/// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
+/// No input is fatal. Buffers one block of the input, and at most 16 MiB for the repeated rows of a
+/// dump.
+///
+/// # Errors
+/// If reading or writing fails.
 pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Result<Decoded, DecodeError> {
     let mut listing = Listing::new(out, Arc::clone(&reading.board));
     let mut decoder = Decoder::new(&reading.board);
@@ -131,7 +138,7 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
         match (&mut timed, at) {
             (None, None) => decoder.feed(bytes, |item| listing.take(listing.decoded.bytes, item)),
             (timed, at) => {
-                // The times that stand there, not those of the line.
+                // Use the times of the text, not those of the line.
                 let timed = timed.get_or_insert_with(|| TimedDecoder::of_times(&reading.board));
                 timed.feed(at.unwrap_or_default(), bytes, |at, item| listing.take(format_args!("{at:.6}"), item));
             }
@@ -147,10 +154,14 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
     Ok(Decoded { is_timed: timed.is_some(), ..read.joined(listing.decoded) })
 }
 
-/// Reads the same, and writes it as a script. What has no times counts as sent without a pause, as fast as the line carries it; and so do bytes
-/// of a file of times that came at once. Times in a text count as they stand there.
+/// Decodes the same input and writes it as a script. Bytes without times, and bytes that a timing
+/// file gives one time, count as sent without a pause at the speed of the line. Times in hex text
+/// are used unchanged.
 ///
-/// Keeps the script until it is whole, because its first lines depend on all of it.
+/// Buffers the whole script, because its first lines depend on all of it.
+///
+/// # Errors
+/// If reading or writing fails.
 pub fn transcribe(
     input: impl Read,
     reading: Reading,
@@ -195,7 +206,7 @@ pub fn transcribe(
         script.replace_range(at..at + text.len(), text);
     }
     if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != board.baud && BAUDS.contains(line))) {
-        // Behind the first line, which is a comment.
+        // After the first line, which is a comment.
         let (head, rest) = script.split_once('\n').unwrap_or((&script, ""));
         script = format!("{head}\nbaud {line}\n{rest}");
     }
@@ -203,7 +214,8 @@ pub fn transcribe(
     Ok(read.joined(decoded))
 }
 
-/// The time, and what was sent then. A script does not give one thing two values at one time, as texts with coarse times do.
+/// The current time, and the commands sent at that time. Texts with coarse times may set one
+/// channel twice at one time; a script must not.
 #[derive(Default)]
 struct Now {
     at: Micros,
@@ -211,7 +223,7 @@ struct Now {
 }
 
 impl Now {
-    /// The time of an item: later than a frame before it that is about the same thing.
+    /// The time of an item: later than an earlier frame for the same resource.
     fn of(&mut self, board: &Board, at: Micros, item: Item<'_>) -> Micros {
         let command = match item {
             Item::Frame(frame) => board.decode_or_raw(frame.bytes()),
@@ -229,7 +241,7 @@ impl Now {
     }
 }
 
-/// What was read beside the bytes of a stream.
+/// What hex text contained in addition to its bytes.
 #[derive(Default)]
 struct TextFindings {
     not_hex: u64,
@@ -245,7 +257,7 @@ impl TextFindings {
     }
 }
 
-/// Reads a capture, and hands its bytes on in pieces, each with the time at which it came, where that is known.
+/// Reads a capture and passes its bytes to `sink` in pieces, each with its time, if known.
 fn pieces(
     mut input: impl Read,
     mut timing: Option<Timing>,
@@ -282,7 +294,8 @@ fn pieces(
     Ok(TextFindings { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
 }
 
-/// Reads until it is decided what the stream is, and says how much that is: what a pipe gives at first may be less than a line.
+/// Reads until the format of the stream is known, and returns the number of bytes. The first read
+/// of a pipe may be less than a line.
 fn head(input: &mut impl Read, buffer: &mut [u8], is_timed: bool) -> Result<usize, DecodeError> {
     let mut count = 0;
     loop {
@@ -295,7 +308,8 @@ fn head(input: &mut impl Read, buffer: &mut [u8], is_timed: bool) -> Result<usiz
     }
 }
 
-/// What of the first block was captured: `script` writes a line before it, which scriptreplay does not count either. `None` inside that line.
+/// The captured part of the first block. `script` writes a header line, which scriptreplay does not
+/// count. `None` inside that line.
 fn captured(block: &[u8], is_timed: bool) -> Option<&[u8]> {
     if is_timed && block.starts_with(STARTED) {
         return block.splitn(2, |byte| *byte == b'\n').nth(1);
@@ -303,7 +317,7 @@ fn captured(block: &[u8], is_timed: bool) -> Option<&[u8]> {
     (!is_timed || block.is_empty() || !STARTED.starts_with(block)).then_some(block)
 }
 
-/// Reads what there is, and nothing only at the end.
+/// Reads what is available; 0 bytes only at the end.
 fn read(input: &mut impl Read, buffer: &mut [u8]) -> Result<usize, DecodeError> {
     loop {
         match input.read(buffer) {

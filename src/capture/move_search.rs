@@ -1,4 +1,4 @@
-//! Runs of values that follow an easing, found as moves.
+//! Finds moves: runs of values that follow an easing.
 
 use std::ops::Range;
 
@@ -6,11 +6,11 @@ use super::curve::{Axes, Curve, Point, QUEUE, MoveLimits, SAMPLE, float};
 use crate::program::Ease;
 use crate::units::Micros;
 
-/// Points of one thing in a row.
+/// Successive points of one channel.
 #[derive(Debug)]
 pub(super) struct PointSeries<'p> {
     points: &'p [Point],
-    /// The usual time from one to the next.
+    /// The median interval between two points.
     step: Micros,
     /// When something else follows.
     until: Micros,
@@ -28,7 +28,8 @@ impl<'p> PointSeries<'p> {
         PointSeries { points, step: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), until, limits }
     }
 
-    /// When a move that ends with a point may have ended: its last sample is left out where it rounds to the value before.
+    /// The possible end times of a move that ends with this point: its last samples are not sent if
+    /// they round to the same value.
     fn ends(&self, last: usize, at: Micros) -> impl Iterator<Item = Micros> {
         let until = self.points.get(last + 1).map_or(self.until, |next| next.at.min(self.until));
         [Micros::ZERO, Micros(self.step.0 / 2), self.step]
@@ -38,75 +39,78 @@ impl<'p> PointSeries<'p> {
     }
 }
 
-/// A move that says the same as a run of points.
+/// A move that sends the same values as a run of points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FoundMove {
-    /// When it begins, and the values there.
+    /// Its start time, and the values there.
     pub(super) from_at: Micros,
     pub(super) from: Axes,
-    /// Which point it begins at, if at one: otherwise its beginning was never sent.
+    /// The point that it begins at; `None` if its start was not sent.
     pub(super) first: Option<usize>,
-    /// Which point it ends at, or behind which.
+    /// The point that it ends at, or shortly after.
     pub(super) last: usize,
-    /// When it ends.
+    /// Its end time.
     pub(super) to_at: Micros,
     pub(super) ease: Ease,
-    /// How far it is from the points: the mean square.
+    /// The mean squared deviation from the points.
     error: f64,
 }
 
-/// The fewest values that a move stands for.
+/// The fewest values that a move replaces.
 const FEWEST: usize = 4;
-/// A move lasts at least so long.
+/// The minimum duration of a move.
 const SHORTEST: Micros = SAMPLE.saturating_mul(4);
-/// How many sampling intervals before its first value that changes a move may have begun.
+/// The maximum number of sampling intervals between the start of a move and its first changed
+/// value.
 const AHEAD: u64 = 64;
-/// In how many parts an easing is looked up, and how much of the way the table may be wrong.
+/// The resolution of the easing table, and its tolerance as a fraction of the distance.
 const PARTS: u64 = 1024;
 const SLACK: f64 = 0.02;
-/// Where the slack is so much of the way, every easing looks the same, and a straight line is enough.
+/// If the tolerance reaches this fraction of the distance, all easings look alike and a straight
+/// line is enough.
 const ALIKE: f64 = 0.5;
-/// Of a move, a part of so many may be left to the next one where it fits better without, and so many points at least.
+/// A move may leave 1/`SPARE` of its points to the next move if it fits better without them, or
+/// this many if that is more.
 const SPARE: usize = 8;
 const SPARE_POINTS: usize = 4;
-/// So many points hardly tell where between two of them a move ends.
+/// With more points than this, an end slightly later than the last point makes little difference.
 const MANY: usize = 16;
-/// No other move can be clearly nearer than one whose mean square is so small: values are rounded.
+/// With a mean squared deviation below this, no other move is clearly better: values are rounded.
 const EXACT: f64 = 0.1;
-/// How much is looked at to find the moves in a series, for each of its points. What is looked at is a move to one end by all easings;
-/// a point or a sample of one move counts twice.
+/// The search budget for each point of a series. One unit is a comparison of one end with all
+/// easings; each comparison of a single point or sample costs two.
 const EFFORT: usize = 112;
-/// And so much more for a whole series.
+/// The additional search budget for a series.
 const MORE: usize = 2048;
-/// Of what is left of it, from one beginning a part of so many is looked at, and so much at least.
+/// The share of the remaining budget that one start may use, and the minimum.
 const SHARE: usize = 32;
 const LEAST: usize = 64;
 
-/// Every easing, the straight one first, and for each part of the time, how far all of them are.
+/// All easings, the linear one first, and the progress of each at every part of the time.
 pub(super) struct EasingTable {
     all: Vec<Ease>,
     far: Vec<[f64; EASINGS]>,
-    /// How far any of them has been until then.
+    /// The maximum progress of any easing so far.
     most: Vec<f64>,
 }
 
-/// At least as many as there are; the others are nowhere.
+/// At least the number of easings; the progress of unused entries is NaN.
 const EASINGS: usize = 32;
 
-/// Where a move begins: when, the values there, and the point that it begins at, if at one.
+/// The start of a move: its time, the values there, and the point that it begins at, if any.
 #[derive(Clone, Copy)]
 struct Begin {
     at: Micros,
     axes: Axes,
     first: Option<usize>,
-    /// The first point that a sample may come before.
+    /// The first point that a sample may precede.
     led: usize,
 }
 
-/// Of each easing, whether a move may have it.
+/// For each easing, whether a move may have it.
 type Plausible = [bool; EASINGS];
 
-/// A part of the time, of [`PARTS`], and how far a move is then.
+/// A part of the time, in 1/[`PARTS`], and the progress of a move then.
 struct Probe {
     part: usize,
     far: f64,
@@ -130,8 +134,8 @@ impl EasingTable {
         EasingTable { most: far.iter().scan(0.0, until).collect(), far, all }
     }
 
-    /// The moves in a series, in their order; what is in none of them is no part of a move. `before` is the value that the thing had before,
-    /// and since when; the points may begin with some that repeat it.
+    /// The moves in a series, in order; other points belong to no move. `before` is the previous
+    /// value of the channel and the time since when it has it. The first points may repeat it.
     pub(super) fn find_moves(&self, series: &PointSeries<'_>, before: Option<(Micros, Axes)>) -> Vec<FoundMove> {
         let axes = |of: fn(i32, i32) -> i32| {
             let all = series.points.iter().map(|point| point.axes).chain(before.map(|(_, axes)| axes));
@@ -144,7 +148,7 @@ impl EasingTable {
         let mut from = ahead.map_or(0, |found| found.last);
         let mut moves: Vec<FoundMove> = ahead.into_iter().collect();
         while let Some(point) = series.points.get(from) {
-            // A move that has ended behind its last value holds the next one up.
+            // A move that ends after its last value delays the next one.
             let at = moves.last().filter(|found| found.last == from).map_or(point.at, |found| found.to_at);
             match search.longest(from, Begin { at, axes: point.axes, first: Some(from), led: from }) {
                 Some(found) => {
@@ -157,7 +161,7 @@ impl EasingTable {
         moves
     }
 
-    /// The easings that are as far as the probes say, but for so much.
+    /// The easings whose progress matches the probes within the tolerance.
     fn plausible(&self, probes: impl Iterator<Item = Probe>, slack: f64) -> Plausible {
         let mut may = [true; EASINGS];
         for Probe { part, far } in probes {
@@ -179,18 +183,19 @@ impl EasingTable {
 struct Search<'s> {
     easings: &'s EasingTable,
     series: &'s PointSeries<'s>,
-    /// The least and the most that each axis is given.
+    /// The minimum and maximum of each axis.
     least: Axes,
     most: Axes,
-    /// How much may still be looked at.
+    /// The remaining search budget.
     left: usize,
-    /// The point that the last move was too far from: it is the first to be looked at of the next one.
+    /// The point that the last move missed. The next move is compared with it first.
     suspect: usize,
 }
 
 impl Search<'_> {
-    /// The longest move that begins before the first value that changes, at a moment when nothing was sent: its first samples were left out
-    /// where they changed nothing, or repeat the value.
+    /// The longest move that starts before the first changed value, at a time when nothing was
+    /// sent: its first samples were not sent because they changed nothing, or they repeat the
+    /// value.
     fn begins_ahead(&mut self, (since, axes): (Micros, Axes)) -> Option<FoundMove> {
         let PointSeries { points, step, .. } = *self.series;
         let still = points.iter().position(|point| !point.repeats)?;
@@ -207,7 +212,7 @@ impl Search<'_> {
         long.reduce(|best, found| if found.error < best.error { found } else { best })
     }
 
-    /// The longest move from a moment, over the points from `from` on.
+    /// The longest move from a start, over the points from `from` on.
     fn longest(&mut self, from: usize, begin: Begin) -> Option<FoundMove> {
         let points = self.series.points;
         let allowed = (self.left / SHARE).max(LEAST);
@@ -226,7 +231,7 @@ impl Search<'_> {
                 let range = from_points..last + 1;
                 let Some(plausible) = self.plausible(range.clone(), begin, (to_at, end.axes)) else { continue };
                 work += 1;
-                // Of many points, an end that is a little later changes little.
+                // With many points, a slightly later end makes little difference.
                 if range.len() > MANY && !plausible.contains(&true) {
                     break;
                 }
@@ -242,7 +247,8 @@ impl Search<'_> {
         best
     }
 
-    /// Up to where a move may last that is at the first value that changes in time: the further that is, the sooner the move ends.
+    /// The last point that a move can reach if it passes the first changed value in time: the
+    /// larger that change, the sooner the move ends.
     fn reach(&self, from: usize, begin: Begin) -> usize {
         let points = self.series.points;
         let Some(change) = points.iter().skip(from).find(|point| !point.repeats) else { return 0 };
@@ -253,15 +259,15 @@ impl Search<'_> {
             f64::from(jump) / f64::from(way.max(1))
         };
         let far = (0..4).map(far).fold(0.0, f64::max);
-        // The table may be wrong by a part.
+        // The table may be off by one part.
         let part = self.easings.most.partition_point(|most| *most < far).saturating_sub(1) as u64;
         let passed = change.at - begin.at + SAMPLE + QUEUE;
         let Some(longest) = (passed * PARTS).0.checked_div(part) else { return points.len() };
         points.partition_point(|point| point.at <= begin.at + Micros(longest))
     }
 
-    /// The easing that all points of a range follow, and follow best, and how far they are from it: the mean square.
-    #[expect(clippy::too_many_arguments, reason = "a move, what it may be, and what it takes to find out")]
+    /// The best easing that all points of a range follow, and its mean squared deviation.
+    #[expect(clippy::too_many_arguments, reason = "a move, its candidates, and the budget")]
     fn fitting(
         &mut self,
         range: Range<usize>,
@@ -282,7 +288,8 @@ impl Search<'_> {
             }
             match curve.error(points, begin.led.saturating_sub(range.start), limits, work) {
                 Err(at) => self.suspect = range.start + at,
-                // A straight line, or else the gentlest curve, unless another one is clearly meant.
+                // Prefer the straight line, then the gentlest curve, unless another easing fits
+                // clearly better.
                 Ok(error) if best.is_none_or(|(_, least)| error < least / 2.0) => best = Some((ease, error)),
                 Ok(_) => {}
             }
@@ -290,12 +297,12 @@ impl Search<'_> {
         best
     }
 
-    /// The easings that some of the points seem to follow, and that do not show before the first value that changes. `None` where the move
-    /// is too short.
+    /// The easings that match some of the points and do not change the value before the first
+    /// changed point. `None` if the move is too short.
     fn plausible(&self, range: Range<usize>, begin: Begin, (end_at, end): (Micros, Axes)) -> Option<Plausible> {
         let points = self.series.points.get(range)?;
         let duration = end_at.checked_sub(begin.at).filter(|duration| *duration >= SHORTEST)?;
-        // The axis with the longest way says the most.
+        // The axis with the largest distance is the most precise.
         let way = |axis: usize| end.get(axis).zip(begin.axes.get(axis)).map_or(0, |(end, begin)| end - begin);
         let axis = (0..4).max_by_key(|axis| way(*axis).abs())?;
         let (way, start) = (f64::from(way(axis)), f64::from(*begin.axes.get(axis)?));
@@ -308,7 +315,7 @@ impl Search<'_> {
             let far = (f64::from(*point.axes.get(axis)?) - start) / way;
             Some(Probe { part: part(point.at - begin.at), far })
         });
-        // The last sample before that value.
+        // The last sample before the first changed value.
         let change = begin.led.checked_sub(1).filter(|_| begin.first.is_none());
         let change = change.and_then(|change| self.series.points.get(change));
         let passed = change.and_then(|change| change.at.checked_sub(begin.at + QUEUE + Micros(1)));
@@ -322,7 +329,7 @@ fn value(of: Axes, axis: usize) -> i32 {
     of.get(axis).copied().unwrap_or_default()
 }
 
-/// How many of so many points may be left to the next move.
+/// How many of these points may be left to the next move.
 fn spare(points: usize) -> usize {
     (points / SPARE).max(SPARE_POINTS)
 }

@@ -1,4 +1,4 @@
-//! What a program sends, line by line, and the runs of values in which moves are looked for.
+//! What a program sent, as lines of a script, and the runs of values that may be moves.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,29 +8,29 @@ use super::script_state::{ScriptState, Channel};
 use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
 use crate::units::Micros;
 
-/// Without a drive frame for so long a drive counts as stopped, as on the virtual board. What the board does when frames
-/// stop is unknown.
+/// A drive that gets no frame for this time counts as stopped, as on the virtual board. What a real
+/// board does when frames stop is unknown.
 const REFRESH_TIMEOUT: Micros = Micros::from_millis(500);
-/// A move has a value at least so often, and one that changes at least so often.
+/// The maximum interval between two values of a move, and between two changes.
 const GAP: Micros = Micros::from_millis(100);
 pub(super) const STILL: Micros = Micros::from_millis(300);
-/// How many values that repeat the one before are looked at where a move may begin.
+/// How many values that repeat the previous one may precede a move.
 const LEAD: usize = 64;
-/// The most bytes of a run that are shown where they belong to no frame.
+/// The most bytes shown of a run that belongs to no frame.
 pub(super) const SHOWN: usize = 16;
 
-/// What has come, at a time.
+/// An item of the stream.
 #[derive(Clone, Debug)]
 pub(super) enum Received {
     Command(Command),
-    /// A whole frame that effect nothing the board knows, as it is and as the verb that sends any frame, and why.
+    /// A valid frame that is not a command: its bytes, the raw frame that it is, and the reason.
     Unknown(Vec<u8>, Option<Command>, NotACommand),
-    /// Bytes that are no frame: the first of them, and how many.
+    /// Bytes outside of frames: the first of them, their number, and the reason.
     Skipped(Vec<u8>, usize, Skip),
     Note(String),
 }
 
-/// A line of the script, or none where what received effect nothing new.
+/// A line of the script; without a text if the item changes nothing.
 pub(super) struct Row {
     pub(super) at: Micros,
     pub(super) text: Option<String>,
@@ -39,28 +39,29 @@ pub(super) struct Row {
 
 /// What a row means for the runs of values.
 enum Effect {
-    /// A value of a channel, what it had before and since when, and whether that is the same.
+    /// A value of a channel, the previous value and its time, and whether they are equal.
     Value(Channel, Axes, Option<(Micros, Axes)>, bool),
-    /// Nothing that was state before holds on.
+    /// All earlier values become unknown.
     Break,
     Other,
 }
 
-/// A run of values of one channel, in which moves are looked for.
+/// A run of values of one channel that may contain moves.
 pub(super) struct Run {
     pub(super) channel: Channel,
     pub(super) before: Option<(Micros, Axes)>,
     pub(super) points: Vec<Point>,
     /// The row of each point.
     pub(super) rows: Vec<usize>,
-    /// When a value received last, and when one that changed.
+    /// The times of the last value and of the last change.
     received: Micros,
     changed: Micros,
-    /// When something else takes its channel over.
+    /// When something else takes over the channel.
     pub(super) until: Micros,
 }
 
-/// What received, as lines; `state` is what the script has said then. The time is that up to which everything has come.
+/// Converts items to rows; `state` is what the script has set so far. Everything up to `now` has
+/// been received.
 pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Received)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
     let mut rows = Vec::with_capacity(waiting.len());
     for (at, received) in waiting {
@@ -69,7 +70,7 @@ pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Received)], exac
         rows.push(Row { at: *at, text, effect });
     }
     stop_refreshing(state, &mut rows, exact, now);
-    // What was refreshed until now stops with the script, which would otherwise end where it was last told something else.
+    // Stop refreshed resources at the end. The script would otherwise end at its last other line.
     if is_last && !exact {
         for (resource, refreshed, rest) in state.refreshed() {
             let text = Some(format!("{}  # the recording ends here", state.board.show(&rest)));
@@ -80,7 +81,7 @@ pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Received)], exac
     rows
 }
 
-/// Stops what got no frames until now: played, the script would feed it, and the program did not.
+/// Stops resources that get no more frames. The script would refresh them, but the program did not.
 fn stop_refreshing(state: &mut ScriptState, rows: &mut Vec<Row>, exact: bool, now: Micros) {
     if exact {
         return;
@@ -88,7 +89,7 @@ fn stop_refreshing(state: &mut ScriptState, rows: &mut Vec<Row>, exact: bool, no
     for (_, refreshed, rest) in state.refreshed() {
         let stopped = refreshed + REFRESH_TIMEOUT;
         if stopped < now {
-            let text = format!("{}  # no drive frame received for {REFRESH_TIMEOUT}s", state.board.show(&rest));
+            let text = format!("{}  # no drive frame for {REFRESH_TIMEOUT}s", state.board.show(&rest));
             rows.push(Row { at: stopped, text: Some(text), effect: Effect::Break });
             state.set(stopped, &rest);
         }
@@ -135,7 +136,7 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
         if let Some(needs) = board.needs(command).filter(|needs| !is_met(needs))
             && let Some(raw) = board.raw(&board.to_frame(command))
         {
-            // A script must say first what it needs.
+            // The script must satisfy the precondition first, so send the frame as `raw`.
             state.has_raw = true;
             let raw = board.show(&raw);
             return (Some(format!("{raw}  # {said}, with no `{}` before it", needs.what)), Effect::Break);
@@ -150,17 +151,17 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
     (Some(said), Effect::Other)
 }
 
-/// From a moment on, the channel of a run is moved by something else.
+/// Ends a run: something else moves its channel from this time on.
 fn end(runs: &mut [Run], run: usize, at: Micros) {
     if let Some(run) = runs.get_mut(run) {
         run.until = at;
     }
 }
 
-/// The runs of values in rows.
+/// Finds the runs of values in rows.
 pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
-    // The last values of each channel that repeat what it had, with their rows.
+    // The last repeats of each channel's value, with their rows.
     let mut repeats_of: BTreeMap<Channel, Vec<(usize, Point)>> = BTreeMap::new();
     let mut open: BTreeMap<Channel, usize> = BTreeMap::new();
     for (place, Row { at, effect, .. }) in rows.iter().enumerate() {
@@ -196,7 +197,7 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
         let repeats_of = repeats_of.entry(channel).or_default();
         if let Some(run) = open.remove(&channel) {
             end(&mut runs, run, *at);
-            // It may have stood repeats_of at its end.
+            // The run may end with repeats.
             if let Some(run) = runs.get(run) {
                 let repeats = run.points.iter().rev().take_while(|point| point.repeats).count();
                 let from = run.points.len() - repeats;

@@ -1,4 +1,4 @@
-//! What a script that is being written has written so far.
+//! The state that a script has set so far while it is being written.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -7,37 +7,39 @@ use super::curve::{Axes, MoveLimits};
 use crate::board::{Activity, Board, Command, MAX_MOVING, ResourceId, Sets, VerbId};
 use crate::units::Micros;
 
-/// What the script has written so far.
+/// The state that the script has set so far.
 #[derive(Clone, Debug)]
 pub(super) struct ScriptState {
     pub(super) board: Arc<Board>,
-    /// Of each resource, what it was last.
+    /// The last command of each resource.
     last: Vec<Option<LastCommand>>,
-    /// Of each resource that must be refreshed, when it was refreshed last, if it is active.
+    /// For each active resource that must be refreshed, the time of its last frame.
     refreshed: Vec<Option<Micros>>,
-    /// A frame that is not interpreted is in the script, so that it ends with everything brought to rest.
+    /// Whether the script contains a frame that is not interpreted, so that it ends by bringing
+    /// everything to rest.
     pub(super) has_raw: bool,
 }
 
-/// What a resource was last.
+/// The last command of a resource.
 #[derive(Clone, Debug)]
 struct LastCommand {
-    /// In the words of the verb that sets it alone.
+    /// As the verb that sets only this resource.
     command: Command,
     by: Channel,
-    /// When the line that says it is due, and when it repeated_at last, perhaps again.
+    /// The time of the line that sets it, and of its last frame, which may repeat it.
     written: Micros,
     repeated_at: Micros,
 }
 
 impl LastCommand {
-    /// From when on a move of this channel may begin here. Its own repeats are looked at, those of another command are not.
+    /// The earliest start of a move of this channel. A move may replace the channel's own repeats,
+    /// but not those of another one.
     fn since(&self, channel: Channel) -> Micros {
         if self.by == channel { self.written } else { self.repeated_at }
     }
 }
 
-/// What a command sets: a verb, and the value of its index if it has one.
+/// A verb, and the value of its index if it has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Channel {
     verb: VerbId,
@@ -54,12 +56,12 @@ impl ScriptState {
         self.last.get(resource)?.as_ref()
     }
 
-    /// What a resource was last.
+    /// The last command of a resource.
     pub(super) fn command(&self, resource: ResourceId) -> Option<&Command> {
         self.last(resource).map(|last| &last.command)
     }
 
-    /// The value of a channel, and from when on a move may begin there.
+    /// The value of a channel, and the earliest time when a move may start there.
     pub(super) fn value(&self, channel: Channel) -> Option<(Micros, Axes)> {
         let board = Arc::clone(&self.board);
         let is_several = matches!(board.verb(channel.verb)?.sets, Sets::Parts(..));
@@ -73,21 +75,22 @@ impl ScriptState {
             } else if last.command.verb() == channel.verb {
                 axes = Channel::of(&board, &last.command)?.1;
             } else if !(last.command.is_zero() && board.is_rest(&last.command)) {
-                // Behind the command that brings its resource to rest, every value is 0.
+                // After the command that brings the resource to rest, every value is 0.
                 return None;
             }
         }
         (!resources.is_empty()).then_some((since, axes))
     }
 
-    /// Whether a value says nothing new. What stays active at zero is new behind another command, also at zero.
+    /// Whether a value changes nothing. For a verb that stays active at zero, every value after
+    /// another verb is a change.
     pub(super) fn repeats(&self, channel: Channel, axes: Axes) -> bool {
         let last = |resource: &ResourceId| self.last(*resource).is_some_and(|last| last.by == channel);
         let is_new = channel.is_always_active(&self.board) && !channel.resources(&self.board).iter().all(last);
         !is_new && self.value(channel).is_some_and(|(_, written)| written == axes)
     }
 
-    /// Takes in a command that is interpreted. What says nothing new is no line.
+    /// Applies a command that is interpreted. A command that changes nothing needs no line.
     pub(super) fn set(&mut self, at: Micros, command: &Command) {
         let board = Arc::clone(&self.board);
         let (by, repeats) = match Channel::of(&board, command) {
@@ -107,7 +110,8 @@ impl ScriptState {
         });
     }
 
-    /// What is not interpreted may have changed anything, but it is state whether it is for a resource that must be refreshed.
+    /// A raw frame may have changed anything, but whether it concerns a resource that must be
+    /// refreshed is known.
     pub(super) fn raw(&mut self, raw: &Command) {
         self.has_raw = true;
         let board = Arc::clone(&self.board);
@@ -119,7 +123,7 @@ impl ScriptState {
         board.touches(raw).iter().for_each(|resource| self.forget(*resource));
     }
 
-    /// Nobody knows a resource any more.
+    /// Makes the state of a resource unknown.
     pub(super) fn forget(&mut self, resource: ResourceId) {
         if let Some(last) = self.last.get_mut(resource) {
             *last = None;
@@ -127,13 +131,14 @@ impl ScriptState {
         self.stop_refreshing(resource);
     }
 
-    /// The resources that are active and must be refreshed, when each was refreshed last, and the command that stops it.
+    /// The active resources that must be refreshed, the times of their last frames, and the
+    /// commands that stop them.
     pub(super) fn refreshed(&self) -> Vec<(ResourceId, Micros, Command)> {
         let refreshed = self.refreshed.iter().enumerate();
         refreshed.filter_map(|(resource, refreshed)| Some((resource, (*refreshed)?, self.board.rest(resource)?.clone()))).collect()
     }
 
-    /// What was refreshed until now is not refreshed any more.
+    /// Ends the refreshes of a resource.
     pub(super) fn stop_refreshing(&mut self, resource: ResourceId) {
         if let Some(refreshed) = self.refreshed.get_mut(resource) {
             *refreshed = None;
@@ -142,7 +147,7 @@ impl ScriptState {
 }
 
 impl Channel {
-    /// What a command moves, and where to.
+    /// The channel that a command moves, and its target.
     pub(super) fn of(board: &Board, command: &Command) -> Option<(Channel, Axes)> {
         let verb = board.verb(command.verb()).filter(|verb| verb.moves)?;
         let offset = usize::from(verb.is_indexed());
@@ -153,7 +158,7 @@ impl Channel {
         Some((Channel { verb: command.verb(), index: command.value(0).filter(|_| verb.is_indexed()) }, axes))
     }
 
-    /// What it sets.
+    /// The resources of the channel.
     fn resources(self, board: &Board) -> &[ResourceId] {
         board.occupied(self.verb, self.index)
     }
@@ -162,7 +167,7 @@ impl Channel {
         board.verb(self.verb).is_some_and(|verb| verb.activity == Activity::Always)
     }
 
-    /// What it may be given; beyond a default limit only where the script widens that.
+    /// The ranges of the channel. A default limit applies unless the script widens it.
     pub(super) fn move_limits(self, board: &Board, is_wide: bool) -> MoveLimits {
         let mut limits = MoveLimits { ranges: [(0, 0); MAX_MOVING], tolerance: 0, saves_frames: false };
         let Some(verb) = board.verb(self.verb) else { return limits };
@@ -178,13 +183,14 @@ impl Channel {
         limits
     }
 
-    /// Whether both are moved by the same motors.
+    /// Whether both channels share a resource.
     pub(super) fn meets(self, board: &Board, other: Channel) -> bool {
         let others = other.resources(board);
         self == other || self.resources(board).iter().any(|resource| others.contains(resource))
     }
 
-    /// The command that moves it from one value to another; `written` is the value that the script has given it before.
+    /// The command that moves the channel from one value to another. `written` is the value that
+    /// the script has set before.
     pub(super) fn moved(self, board: &Board, written: Option<Axes>, from: Axes, to: Axes) -> String {
         let Some(verb) = board.verb(self.verb) else { return String::new() };
         let mut text = verb.word.to_string();

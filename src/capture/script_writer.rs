@@ -1,4 +1,4 @@
-//! Writes down what a program sends, as a script.
+//! Writes what a program sends as a script.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -11,20 +11,23 @@ use crate::board::{Board, Command, Item, DefaultLimit};
 use crate::program::Ease;
 use crate::units::Micros;
 
-/// A line of so many bits a second carries the samples of all moves at once, which are less than 2,500 bytes a second.
+/// A line of this speed, in bits per second, carries the samples of all moves at once: less than
+/// 2,500 bytes per second.
 const AMPLE: u32 = 38_400;
 
-/// What may wait to be written, at most.
+/// The most items that wait to be written.
 const WAITING: usize = 2048;
 
-/// Makes a script of frames and their times. What is written is settled: the text only grows.
+/// Converts frames and their times to a script. Settled text does not change: the script only
+/// grows.
 ///
-/// Plainly, every frame is a line. Folded, what a hold covers is left out, and a run of values that follows an easing is one line.
+/// In exact mode, every frame is a line. Otherwise, repeats that a hold covers are left out, and a
+/// run of values that follows an easing is one line.
 pub struct ScriptWriter {
     exact: bool,
     easings: EasingTable,
     text: String,
-    /// Which time of the stream is time 0 of the script: that of the first frame.
+    /// The time of the first frame, which is time 0 of the script.
     begin: Option<Micros>,
     waiting: Vec<(Micros, Received)>,
     state: ScriptState,
@@ -36,17 +39,17 @@ pub struct ScriptWriter {
     saves_frames: bool,
 }
 
-/// What the head says of the limits that hold where a script sets none, and what it says instead where a line goes beyond them: as long as
-/// the other, so that it can be replaced in a file that grows.
+/// The note in the header about default limits, and the `limit` lines that replace it if a command
+/// exceeds them. Both have the same length, so that they can be replaced in a growing file.
 struct Bounds {
-    /// Where it says so, in bytes from the start.
+    /// The position of the note, in bytes from the start.
     at: usize,
     note: String,
     lines: String,
     is_wide: bool,
-    /// Whether the head was handed over already.
+    /// Whether the header was already returned.
     is_settled: bool,
-    /// Whether it must be replaced there.
+    /// Whether the caller must replace the note.
     is_amended: bool,
 }
 
@@ -75,13 +78,14 @@ impl Bounds {
 }
 
 impl ScriptWriter {
-    /// A script without any line yet; `exact` keeps every frame. The line has so many bits a second.
+    /// A script without lines; `exact` keeps every frame. `baud` is the speed of the line in bits
+    /// per second.
     pub fn new(board: Arc<Board>, exact: bool, baud: u32) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
         text += if exact {
-            ": every frame, as it received."
+            ": every frame, unchanged."
         } else {
-            ". Repeats that a hold covers are left out; values that follow an easing are one line."
+            ". Repeats that a hold covers are left out; values that follow an easing are one move."
         };
         let bounds = Bounds::new(&board, text.len());
         text = text + &bounds.note + if exact { "\nrefresh off\n" } else { "\n" };
@@ -102,12 +106,12 @@ impl ScriptWriter {
         }
     }
 
-    /// Never sends more frames than have come: the line may be slow.
+    /// Never send more frames than were received: the line may be slow.
     pub(super) fn save_line(&mut self) {
         self.saves_frames = true;
     }
 
-    /// Lets everything go beyond the limits that hold where a script sets none, as the board does.
+    /// Widens the default limits to the ranges of the board.
     pub fn widen(&mut self) {
         if std::mem::replace(&mut self.bounds.is_wide, true) {
             return;
@@ -120,12 +124,13 @@ impl ScriptWriter {
         }
     }
 
-    /// What must be replaced in what was settled, if anything: where, in bytes from the start, and by what. It is as long as what is there.
+    /// A replacement in the settled text, if there is one: its position in bytes from the start,
+    /// and the new text of the same length.
     pub fn amendment(&mut self) -> Option<(usize, &str)> {
         std::mem::take(&mut self.bounds.is_amended).then_some((self.bounds.at, &*self.bounds.lines))
     }
 
-    /// Takes what a decoder has found, and when it began. Time does not go back.
+    /// Adds an item of a decoder with its start time. Times must not decrease.
     pub fn take(&mut self, at: Micros, item: Item<'_>) {
         let received = match item {
             Item::Frame(frame) => {
@@ -136,7 +141,7 @@ impl ScriptWriter {
                 }
                 received
             }
-            // They are part of a stop, and mean nothing by themselves.
+            // They are part of a stop and have no meaning on their own.
             Item::Skipped { why, .. } if !why.is_wrong() => return,
             Item::Skipped { bytes, why, .. } => {
                 if let Some((_, Received::Skipped(first, count, last))) = self.waiting.last_mut()
@@ -152,7 +157,7 @@ impl ScriptWriter {
         self.push(at, received);
     }
 
-    /// Whether a command goes beyond a limit that holds where a script sets none.
+    /// Whether a command exceeds a default limit.
     fn is_beyond(&self, command: &Command) -> bool {
         let board = &self.state.board;
         board.limits.iter().any(|limit| {
@@ -161,7 +166,7 @@ impl ScriptWriter {
         })
     }
 
-    /// Writes a comment.
+    /// Adds a comment.
     pub fn note(&mut self, at: Micros, words: &str) {
         self.push(at, Received::Note(words.to_owned()));
     }
@@ -177,9 +182,9 @@ impl ScriptWriter {
         }
     }
 
-    /// Writes what cannot change any more, now that it is so late.
+    /// Writes everything that cannot change any more at this time.
     pub fn settle(&mut self, now: Micros) {
-        // What moves, or may be about to, is waited for; and so is what may be the end.
+        // Wait for values that may belong to a move, and for frames that may be the end.
         let moves = |(at, received): &(Micros, Received)| {
             let is_thing = matches!(received, Received::Command(command) if Channel::of(&self.state.board, command).is_some());
             is_thing && *at + STILL >= now
@@ -191,13 +196,13 @@ impl ScriptWriter {
         }
     }
 
-    /// What was settled since the last call.
+    /// The text that was settled since the last call.
     pub fn settled(&mut self) -> String {
         self.bounds.is_settled = true;
         std::mem::take(&mut self.text)
     }
 
-    /// What is not settled yet, as plain lines: how the script would end here.
+    /// The rest of the script as plain lines, as if it ended here.
     pub fn tail(&self) -> String {
         let mut text = String::new();
         let now = self.waiting.last().map_or(self.settled, |(at, _)| *at);
@@ -206,12 +211,12 @@ impl ScriptWriter {
         text
     }
 
-    /// Ends the script, at a time.
+    /// Ends the script at a time.
     pub fn finish(&mut self, now: Micros) {
         if self.exact {
             self.write_waiting(self.waiting.len() - self.closing(), now, false);
         }
-        // A script with `raw` has both at its end by itself.
+        // A script with `raw` sends both at its end by itself.
         if let (true, true, Some((at, _))) = (self.exact, self.state.has_raw, self.waiting.first()) {
             let end = [(*at, "mark end".to_owned())];
             self.waiting.clear();
@@ -222,12 +227,13 @@ impl ScriptWriter {
         self.write_waiting(self.waiting.len(), now, true);
     }
 
-    /// How many frames have come.
+    /// The number of frames so far.
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// How many of the last frames bring everything to rest, or all that must be fed, which may be what `play` closes a script with.
+    /// The number of last frames that bring everything to rest, or everything that is refreshed.
+    /// `play` may have sent them to close a script.
     fn closing(&self) -> usize {
         let ending = |needs_refresh: bool| -> Vec<&Command> {
             let rests = self.state.board.resources.iter().rev().filter(|resource| resource.needs_refresh || !needs_refresh);
@@ -241,13 +247,13 @@ impl ScriptWriter {
         [ending(false), ending(true)].iter().find(|ending| ends_with(ending)).map_or(0, Vec::len)
     }
 
-    /// Writes the first of what waits; `is_last` where nothing follows.
+    /// Writes the first waiting items; `is_last` if nothing follows.
     fn write_waiting(&mut self, count: usize, now: Micros, is_last: bool) {
         let waiting: Vec<_> = self.waiting.drain(..count).collect();
         let mut rows = rows(&mut self.state, &waiting, self.exact, now, is_last);
         let (mut moves, mut settled) = (Vec::new(), Micros::ZERO);
         if !self.exact {
-            // When the moves of each channel have ended.
+            // When the last move of each channel ends.
             let mut ended: Vec<(Channel, Micros)> = Vec::new();
             let board = Arc::clone(&self.state.board);
             for mut run in runs(&board, &rows) {
@@ -267,8 +273,8 @@ impl ScriptWriter {
         self.text = text;
     }
 
-    /// Takes the rows of every move in a run away, and gives the lines that say the moves, each with its time and the row whose place it
-    /// takes. Says when the last of them ends; none begins before `free`.
+    /// Removes the rows that moves replace, and adds the lines of the moves, each with its time and
+    /// the row whose place it takes. No move starts before `free`. Returns when the last move ends.
     fn write_moves(
         &self,
         run: &Run,
@@ -309,7 +315,7 @@ impl ScriptWriter {
         ends
     }
 
-    /// Writes lines, each with its time; a comment stands alone.
+    /// Writes lines with their times. A comment is a line of its own.
     fn print(&self, lines: impl Iterator<Item = (Micros, String)>, text: &mut String) {
         let begin = self.begin.unwrap_or_default();
         for (at, line) in lines {
