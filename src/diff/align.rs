@@ -1,8 +1,9 @@
-//! Which items of one thing stand opposite each other in two timelines.
+//! Aligns the items of each lane in two timelines.
 //!
-//! There are three ways to see it: by what items say and how long after the one before they start, so that an inserted pause touches
-//! one item only; by what they say and when; and by when they should be as another thing has moved. The one that leaves
-//! least to say is taken. What a way leaves open between two places is aligned with as little moved in time as possible.
+//! There are three ways to match items: by content and distance to the previous item, so that an
+//! inserted pause affects only one item; by content and time; and by the time that they would have
+//! if they had moved like another lane. The alignment with the fewest changes is chosen. Items
+//! between matches are aligned with the smallest possible changes of time.
 
 use std::hash::Hash;
 use std::ops::Range;
@@ -16,22 +17,23 @@ use crate::units::Micros;
 /// The items of both sides.
 #[derive(Default)]
 pub(super) struct Aligned<'i> {
-    /// Those that stand opposite each other, in the order of time.
+    /// Matched items, in the order of time.
     pub(super) pairs: Vec<(&'i Item, &'i Item)>,
-    /// Those that are only in the old timeline.
+    /// Items only in the old timeline.
     pub(super) removed: Vec<&'i Item>,
-    /// Those that are only in the new one.
+    /// Items only in the new timeline.
     pub(super) added: Vec<&'i Item>,
 }
 
-/// The most combinations of two items that are weighed one by one.
+/// The maximum number of pairs for which a cost is computed.
 const WEIGHED: usize = 40_000;
 
-/// By how much the items of a lane have moved: their old times, in order, and microseconds.
+/// How far the items of a lane have moved: their old times, sorted, and the shifts in microseconds.
 #[derive(Default)]
 struct Moved {
     points: Vec<(Micros, i64)>,
-    /// Whether a time between two points has moved as the one after it, and not as the one before.
+    /// Whether a time between two points has moved like the point after it, not like the one
+    /// before.
     early: bool,
 }
 
@@ -45,18 +47,18 @@ impl Moved {
         let from = self.points.partition_point(|(from, _)| *from < at);
         let before = until.checked_sub(1).and_then(|at| self.points.get(at));
         let behind = self.points.get(from);
-        // Before the first point nothing is known, and nothing has moved.
+        // Nothing has moved before the first point.
         let point = before.and_then(|before| if self.early { behind.or(Some(before)) } else { Some(before) });
         point.map_or(0, |(_, by_us)| *by_us)
     }
 }
 
-/// Aligns the items of every lane.
+/// Aligns the items of all lanes.
 pub(super) fn align<'i>(lanes: &[(Vec<&'i Item>, Vec<&'i Item>)]) -> Vec<Aligned<'i>> {
     let still = [Moved::default()];
     let mut aligned: Vec<Aligned<'i>> =
         lanes.iter().map(|(old, new)| best([by_gaps(old, new), by_times(old, new, &still[0])], &still)).collect();
-    // The lane that has most of its items on both sides tells best how time has moved.
+    // The lane with the most matched items is the best evidence of how time has moved.
     let surest = aligned.iter().max_by_key(|lane| (lane.removed.len() + lane.added.len() == 0, lane.pairs.len()));
     let Some(moved) = surest.map(|lane| [false, true].map(|early| Moved::of(lane, early))) else { return aligned };
     for (lane, (old, new)) in aligned.iter_mut().zip(lanes) {
@@ -72,7 +74,8 @@ fn delta((old, new): &(&Item, &Item)) -> i64 {
     difference(old.at, new.at)
 }
 
-/// The one that leaves least to say, by itself and relative_us what has moved; the first of those that leave the same.
+/// The alignment with the fewest changes, both absolute and relative to the shifts; the first of
+/// equal ones.
 fn best<'i, const N: usize>(all: [Aligned<'i>; N], moved: &[Moved]) -> Aligned<'i> {
     let still = Moved::default();
     let least = |aligned: &Aligned<'i>| {
@@ -86,7 +89,7 @@ fn by_gaps<'i>(old: &[&'i Item], new: &[&'i Item]) -> Aligned<'i> {
     aligned(old, new, &keyed(old), &keyed(new))
 }
 
-/// `moved` says where old items should be now.
+/// `moved` gives the new times of old items.
 fn by_times<'i>(old: &[&'i Item], new: &[&'i Item], moved: &Moved) -> Aligned<'i> {
     let keyed = |items: &[&'i Item], moved: &Moved| -> Vec<_> {
         let time = |item: &Item| item.at.0.saturating_add_signed(moved.at(item.at));
@@ -98,7 +101,7 @@ fn by_times<'i>(old: &[&'i Item], new: &[&'i Item], moved: &Moved) -> Aligned<'i
 fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], after: &[T]) -> Aligned<'i> {
     let mut aligned = Aligned::default();
     aligned.by_keys([old, new], [before, after], |aligned, removed, added, next| {
-        // By how much the item before the gap has moved, and the one after it.
+        // The shifts of the items before and after the gap.
         let last = aligned.pairs.last().map_or(0, delta);
         if removed.len().saturating_mul(added.len()) <= WEIGHED {
             aligned.weigh(removed, added, [last, next.as_ref().map_or(last, delta)]);
@@ -109,7 +112,7 @@ fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], a
     aligned
 }
 
-/// What an item says, whether it is a move, and how long after the one before it starts.
+/// The content of an item, whether it is a move, and its distance to the previous item.
 fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, Micros)> {
     let mut last = Micros::ZERO;
     let gap =
@@ -117,7 +120,7 @@ fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, Micros)> {
     items.iter().map(gap).collect()
 }
 
-/// Where two sequences differ: in each the first place, and the first behind.
+/// The ranges where two sequences differ.
 fn hunks<T: Eq + Hash>(before: &[T], after: &[T]) -> Vec<[Range<usize>; 2]> {
     let mut interner = Interner::new(0);
     let [before, after] = [before, after].map(|keys| keys.iter().map(|key| interner.intern(key)).collect());
@@ -131,7 +134,8 @@ fn slice<T>(all: &[T], range: Range<usize>) -> &[T] {
 }
 
 impl<'i> Aligned<'i> {
-    /// How much there is to say: what is on one side only, says something else, or moves otherwise than what came before it.
+    /// The number of changes: items on one side only, items with other content, and items that
+    /// moved differently from the previous one.
     fn statements(&self, moved: &Moved) -> usize {
         let mut last = 0;
         let changes = self.pairs.iter().filter(|pair| {
@@ -146,7 +150,8 @@ impl<'i> Aligned<'i> {
         self.pairs.extend(old.iter().copied().zip(new.iter().copied()));
     }
 
-    /// Aligns what has the same keys. `gap` aligns what is between; it is given the pair that follows, too.
+    /// Aligns items with equal keys. `gap` aligns the items in between, and also gets the next
+    /// pair.
     fn by_keys<T: Eq + Hash>(
         &mut self,
         [old, new]: [&[&'i Item]; 2],
@@ -163,7 +168,7 @@ impl<'i> Aligned<'i> {
         self.relative_us(slice(old, old_at..old.len()), slice(new, new_at..new.len()));
     }
 
-    /// Aligns by words alone, and what is left in its order.
+    /// Aligns by content only, and the remaining items in their order.
     fn by_words(&mut self, old: &[&'i Item], new: &[&'i Item]) {
         let words =
             [old, new].map(|items| -> Vec<_> { items.iter().map(|item| (&item.notation, item.moves.is_some())).collect() });
@@ -175,7 +180,7 @@ impl<'i> Aligned<'i> {
         });
     }
 
-    /// Aligns at the least cost. `usual` is by how much the items before and behind have moved.
+    /// Aligns at the lowest cost. `usual` contains the shifts of the items before and after.
     fn weigh(&mut self, old: &[&'i Item], new: &[&'i Item], usual: [i64; 2]) {
         const ALONE: u32 = 4;
         let cost = |old: &Item, new: &Item| {
@@ -187,7 +192,7 @@ impl<'i> Aligned<'i> {
                 (false, false) => 7,
             }
         };
-        // The least cost of aligning everything from here on, for each place in both.
+        // The lowest cost of aligning all remaining items, for each pair of positions.
         let width = new.len() + 1;
         let mut costs = vec![0_u32; (old.len() + 1) * width];
         let at = |i: usize, j: usize| i * width + j;

@@ -1,4 +1,4 @@
-//! Frames grouped into what a script says: a command with its refreshes, a move with its steps.
+//! Groups frames into items: a command with its refreshes, or a move with its steps.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -12,33 +12,33 @@ use crate::units::Micros;
 #[derive(Debug)]
 pub(super) struct Item {
     pub(super) lane: usize,
-    /// How many items of its lane come before it.
+    /// Its position in its lane.
     pub(super) place: usize,
     /// When it starts.
     pub(super) at: Micros,
-    /// Its first frame.
+    /// The index of its first frame.
     pub(super) first: usize,
-    /// The command; of a move the one it arrives at.
+    /// The command; for a move, its target.
     pub(super) notation: String,
     pub(super) moves: Option<Moves>,
     /// When its last frame before any refresh was sent.
     sent: Micros,
-    /// The time between two refreshes, if there is any.
+    /// The interval between two refreshes, if there are any.
     pub(super) refresh: Option<Micros>,
-    /// How long what it leaves behind holds, until the next item of its lane.
+    /// How long the resulting state lasts, until the next item of its lane.
     pub(super) holds: Micros,
 }
 
-/// What makes a command a move.
+/// What a move has in addition to a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Moves {
-    /// The time from its start to its end, and how it gets there; `None` where it is unknown.
+    /// The duration and the easing; `None` if unknown.
     pub(super) meant: Option<(Micros, Ease)>,
-    /// The frame that it starts with, where it sends one.
+    /// The frame at the start, if one is sent.
     start: Option<String>,
-    /// How many steps it has.
+    /// The number of steps.
     pub(super) steps: usize,
-    /// What they are, in one number.
+    /// A hash of the steps.
     pub(super) hash: u64,
 }
 
@@ -50,34 +50,35 @@ impl Item {
             None => {}
             Some(Moves { meant: Some((lasts, ease)), .. }) => {
                 parts.extend([format!("over {}", super::words::span(*lasts)), format!("ease {}", ease.name())]);
-                parts.push(format!("from {}", self.start().unwrap_or_else(|| "where it was".to_owned())));
+                parts.push(format!("from {}", self.start().unwrap_or_else(|| "its last value".to_owned())));
             }
             Some(Moves { meant: None, steps, .. }) => parts.push(format!("in {steps} steps")),
         }
         parts
     }
 
-    /// The same as a script would say it.
+    /// The item in the notation of scripts.
     pub(super) fn words(&self) -> String {
         let mut parts = self.parts();
         parts.retain(|role| super::words::is_always_shown(role));
         parts.join(" ")
     }
 
-    /// Where it starts, without the words that its target says, too.
+    /// The starting values, without the words that the target repeats.
     fn start(&self) -> Option<String> {
         let start = self.moves.as_ref()?.start.as_ref()?;
         let same = start.split(' ').zip(self.notation.split(' ')).take_while(|(word, other)| word == other).count();
         Some(start.split(' ').skip(same).collect::<Vec<_>>().join(" "))
     }
 
-    /// The time from its start to its end; 0 for a command.
+    /// The duration; 0 for a command.
     pub(super) fn lasts(&self) -> Micros {
         self.moves.as_ref().and_then(|moves| moves.meant).map_or(Micros::ZERO, |(lasts, _)| lasts)
     }
 }
 
-/// Groups frames. Without `tweens`, what is not divided by another command is one move.
+/// Groups frames. Without `tweens`, successive samples without another command in between form one
+/// move.
 pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut newest: Vec<Option<usize>> = vec![None; board.lanes()];
@@ -137,7 +138,7 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
 }
 
 impl Item {
-    /// Takes a step into a move.
+    /// Adds a step to a move.
     fn extend(&mut self, moment: &Moment, notation: String) {
         self.notation = notation;
         self.sent = moment.at;

@@ -1,7 +1,8 @@
-//! A part of a timeline, played by itself or again and again: a pure function of the whole.
+//! Clips: parts of a timeline, played once or repeatedly. Pure functions of the whole timeline.
 //!
-//! A part that begins in the middle first brings the board to the state that it would have there: gains, then the servos, softly,
-//! then what the drive and the buzzer hold. Behind the end of a part nothing is left running.
+//! A clip that begins in the middle first restores the state of the board at that time: first
+//! gains, then servos with a smooth motion, then what the drive and the buzzer hold. At its end, a
+//! clip brings everything to rest.
 
 use super::schedule::report_requests;
 use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
@@ -12,29 +13,30 @@ use crate::program::{Ease, TraceId};
 use crate::source::Span;
 use crate::units::Micros;
 
-/// Which part of a timeline.
+/// The part of a timeline to play.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Clip {
-    /// Where it begins, from the start of the script.
+    /// The start, from the start of the script.
     pub from: Micros,
-    /// Where it ends; `None` for the end of the script. What is due at that very time is left out.
+    /// The end; `None` for the end of the script. Commands at exactly this time are not part of the
+    /// clip.
     pub to: Option<Micros>,
-    /// How long servos take that must be brought to where they would be.
+    /// The time that servos get to move to their state at the start.
     pub lead_in: Micros,
 }
 
 impl Clip {
-    /// A part from a time to another one, or to the end.
+    /// A clip from a time to another, or to the end.
     pub fn new(from: Micros, to: Option<Micros>, lead_in: Micros) -> Self {
         Clip { from, to, lead_in }
     }
 }
 
-/// The time between two steps of a lead-in.
+/// The interval between two steps of a lead-in.
 const STEP: Micros = Micros::from_millis(20);
 
-/// Takes a part out of a timeline. `before` is what the board was told before.
+/// Cuts a clip out of a timeline. `before` is the state of the board before the clip.
 pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     let to = clip.to.unwrap_or(Micros::MAX).min(timeline.end + Micros(1));
     let is_whole = clip.from == Micros::ZERO && to > timeline.end;
@@ -48,7 +50,7 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
         cut.note(event);
     }
-    // What is told otherwise at that very moment is not told before.
+    // The lead-in does not restore what a command sets at exactly that time.
     let at_once = events.iter().skip(begin).take_while(|event| event.at == clip.from);
     let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
     let lead = if clip.from > Micros::ZERO { cut.lead_in(clip.lead_in, before, &at_once) } else { Micros::ZERO };
@@ -79,7 +81,7 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     Timeline { events, tweens: Vec::new(), cues, expects, marks, end, bars, ..timeline.clone() }
 }
 
-/// What the board was told when a timeline has been played.
+/// The state of the board after a timeline.
 pub fn state_after(timeline: &Timeline) -> State {
     let mut state = State::default();
     for event in &timeline.events {
@@ -88,8 +90,8 @@ pub fn state_after(timeline: &Timeline) -> State {
     state
 }
 
-/// So many passes of a part, one right behind the other; each takes exactly as long as it says, so nothing drifts.
-/// `None` where that is more than `events` frames or more than a day.
+/// Concatenates `count` passes of a clip. Each pass takes exactly its duration, so that times do
+/// not drift. `None` for more than `events` frames or more than a day.
 pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> Option<Timeline> {
     let more = count.saturating_sub(1);
     let frames = u64::try_from(again.events.len()).ok()?.checked_mul(more)?.checked_add(first.events.len() as u64)?;
@@ -116,9 +118,10 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     Some(all)
 }
 
-/// Reports what is wrong with several passes and not with one: what the line cannot carry, a thing that is told something at the end
-/// of one pass and again at the start of the next, and a servo that the next pass sends elsewhere before it can have arrived. `all` are
-/// these passes, or enough of those without end.
+/// Reports errors that arise only between passes: more than the line can carry, commands for one
+/// resource at the end of one pass and at the start of the next, and servos that the next pass
+/// moves before they can have arrived. `all` is the sequence of passes, or enough passes of an
+/// endless one.
 pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnostics: &mut Diagnostics) {
     clashes::check_seam(first, again, diagnostics);
     clashes::check_seam(again, again, diagnostics);
@@ -126,13 +129,13 @@ pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnost
     lints::servo_speed(all, diagnostics);
 }
 
-/// A part that grows.
+/// A clip under construction.
 struct Cut<'t> {
     board: &'t Board,
     events: Vec<Event>,
-    /// What the board would have been told by then.
+    /// The state of the board so far.
     state: State,
-    /// Where each resource was told so.
+    /// The place in the script that set each resource.
     marks: Vec<Option<(Span, TraceId)>>,
 }
 
@@ -153,8 +156,8 @@ impl Cut<'_> {
         self.events.push(Event { at, command, kind, is_instant: false, span, trace });
     }
 
-    /// Brings the board to the state of the start; returns how long that takes. What has a value goes there softly, or is sent there at
-    /// once where it is not before where it is; what is active follows when that is over.
+    /// Restores the state at the start, and returns how long that takes. Values move smoothly, or
+    /// are sent once if the current value is unknown; active commands follow afterwards.
     fn lead_in(&mut self, lead_in: Micros, before: &State, at_once: &[&Command]) -> Micros {
         let (board, state) = (self.board, self.state.clone());
         let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
@@ -172,17 +175,17 @@ impl Cut<'_> {
                 takes = lead_in;
                 match before {
                     Some(before) => self.glide(before, command, lead_in),
-                    // It gets the time.
+                    // The servo has the whole lead-in to get there.
                     None => self.push(Micros::ZERO, command.clone(), Kind::Auto),
                 }
             }
         }
-        // What takes no time first, then step by step, each resource in its order.
+        // Immediate commands first, then the steps; resources keep their order.
         self.events.sort_by_key(|event| event.at);
         takes
     }
 
-    /// Goes from one value to another, gently.
+    /// Moves smoothly from one value to another.
     fn glide(&mut self, from: &Command, to: &Command, lasts: Micros) {
         let ease = Ease::named("in-out-sine").unwrap_or(Ease::LINEAR);
         let mut last = from.clone();
@@ -206,7 +209,7 @@ impl Cut<'_> {
         }
     }
 
-    /// What is still running at the end is ended, the last resource first.
+    /// Ends everything that is still active, the last resource first.
     fn close(&mut self, end: Micros) {
         if self.events.last().is_some_and(|event| event.kind == Kind::Closing) {
             return;
