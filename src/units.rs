@@ -351,8 +351,8 @@ pub(crate) fn fraction(text: &str) -> Result<(i128, i128), NotATime> {
 fn parts(text: &str) -> Result<u128, NotATime> {
     let (mut rest, mut sum, mut last) = (text, 0_u128, u64::MAX);
     loop {
-        let (number, behind) = split(rest, |byte| byte.is_ascii_digit() || byte == b'.');
-        let (name, next) = split(behind, |byte| byte.is_ascii_alphabetic());
+        let (number, tail) = split(rest, |byte| byte.is_ascii_digit() || byte == b'.');
+        let (name, next) = split(tail, |byte| byte.is_ascii_alphabetic());
         let Nanos(nanos) = time_unit(name).ok_or(NotATime::Malformed)?;
         if nanos >= last {
             return Err(NotATime::Order);

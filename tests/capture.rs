@@ -4,7 +4,7 @@ use std::io::{self, Read, Write};
 use std::process::Stdio;
 
 use crate::support::{motionseq, rendered, run, stderr, stdout};
-use motionseq::capture::{DecodeError, Decoded, TimingError, Reading, Timing, decode};
+use motionseq::capture::{DecodeError, Decoded, Reading, Timing, TimingError, decode};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();

@@ -48,7 +48,7 @@ fn space_pauses_and_goes_on_s_steps_and_q_ends() {
     let text = at_terminal("120", &steps[..10], &["play", &show()]);
     assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
     // The step was the stop, which the pause had sent already; what is left is the servo.
-    assert!(text.contains("servo 1 at 1000") && text.contains("the drive stands"), "{text}");
+    assert!(text.contains("servo 1 at 1000") && text.contains("the drive is stopped"), "{text}");
     let text = at_terminal("120", &["wait:rocker x=0", "key:xq"], &["play", &show()]);
     assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
     assert!(text.contains("ended by q at") || text.contains("never"), "{text}");

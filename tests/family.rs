@@ -371,7 +371,8 @@ fn corners(verb: &Verb) -> Vec<Vec<i32>> {
 #[test]
 fn every_corner_of_every_verb_passes_both_ways() {
     for board in [lamps(), motionseq::board::raspblock::board(), motionseq::board::raspblock::with_older_move()] {
-        let is_older = board.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.note.starts_with("it is read as older"));
+        let is_older =
+            board.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.note.starts_with("it is read as older"));
         for (id, verb) in board.verbs() {
             for values in corners(verb) {
                 let command = board.command(id, &values).unwrap();

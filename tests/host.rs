@@ -25,7 +25,7 @@ fn an_owners_program_is_shown_frame_by_frame_and_may_come_again() {
     let (listing, said) = host.end();
     assert_eq!(frames(&listing), sent);
     assert_eq!(listing.matches("\twheels 8 -8 8 -8\n").count(), 2_000);
-    assert!(said.contains("the drive stands") && !said.contains("could not use"), "{said}");
+    assert!(said.contains("the drive is stopped") && !said.contains("could not use"), "{said}");
 }
 
 #[test]

@@ -76,7 +76,7 @@ fn the_built_in_board_receives_what_the_recording_holds() {
     assert!(lines[1].starts_with("sent 22 frames in 1.5"), "{text}");
     assert_eq!(
         lines[2],
-        "the virtual board received 22 frames (281 bytes); the drive stands, the buzzer is off, servo 1 at 1500 µs"
+        "the virtual board received 22 frames (281 bytes); the drive is stopped, the buzzer is off, servo 1 at 1500 µs"
     );
     assert!(lines[3].starts_with("in its nominal units the robot has moved "), "{text}");
     assert_eq!(lines.len(), 4);
@@ -213,7 +213,7 @@ fn a_signal_stops_the_built_in_board_too() {
     kill_process(Pid::from_child(&child), Signal::INT).unwrap();
     std::io::Read::read_to_string(&mut pipe, &mut said).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert!(said.contains("the drive stands, the buzzer is off"), "{said}");
+    assert!(said.contains("the drive is stopped, the buzzer is off"), "{said}");
     assert!(said.contains("stop: sent"), "{said}");
 }
 

@@ -64,8 +64,8 @@ pub struct Hex<'a>(pub &'a [u8]);
 impl fmt::Display for Hex<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (at, byte) in self.0.iter().enumerate() {
-            let blank = if at == 0 { "" } else { " " };
-            write!(f, "{blank}{byte:02X}")?;
+            let separator = if at == 0 { "" } else { " " };
+            write!(f, "{separator}{byte:02X}")?;
         }
         Ok(())
     }

@@ -28,8 +28,8 @@ pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, 
 pub use rules::Notation;
 pub use state::State;
 pub use table::{
-    Activity, Axis, Board, Codec, Ambiguity, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,
-    DefaultLimit, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
+    Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange,
+    Part, Picture, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
 };
 
 /// A string of a table: static in a built-in family, owned in one that was read from a file.

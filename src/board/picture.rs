@@ -47,7 +47,9 @@ fn is_switch(verb: &Verb) -> bool {
 fn lane(board: &Board, of: &LaneSource) -> Lane {
     let word = |id: &VerbId| board.verb(*id).map(|verb| verb.word.clone()).unwrap_or_default();
     match of {
-        LaneSource::Rest => Lane { name: "other".into(), about: Text::default(), kind: LaneKind::Ticks { is_motion: false } },
+        LaneSource::Rest => {
+            Lane { name: "other".into(), about: Text::default(), kind: LaneKind::Ticks { is_motion: false } }
+        }
         LaneSource::Switch(id) => {
             let kind = LaneKind::Spans { text: "on".into(), is_strong: true };
             Lane { name: word(id), about: Text::default(), kind }
@@ -81,7 +83,9 @@ fn draw(board: &Board, command: &Command) -> Vec<(usize, Shown)> {
         for part in &parts {
             match of {
                 LaneSource::Switch(id) if id == part.verb() => shown.push((lane, Shown::Switch(!part.is_zero()))),
-                LaneSource::Value(id, index, axis) if id == part.verb() && (index.is_none() || part.value(0) == index) => {
+                LaneSource::Value(id, index, axis)
+                    if id == part.verb() && (index.is_none() || part.value(0) == index) =>
+                {
                     let value = part.value(axis + usize::from(index.is_some()));
                     shown.push((lane, Shown::Value(value.map(f64::from))));
                 }

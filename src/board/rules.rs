@@ -6,7 +6,7 @@ use super::Text;
 use super::command::{Command, VerbId};
 use super::quantity::Report;
 use super::table::{
-    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, DefaultLimit, Resource, ResourceId, Sets,
+    Activity, Axis, Board, DefaultLimit, Limited, Needs, NotACommand, OutOfRange, Part, Resource, ResourceId, Sets,
     Takes, Verb,
 };
 

@@ -59,7 +59,7 @@ pub struct Resource {
     pub rest: Option<Command>,
     /// The word for its active state: `running`, `on`.
     pub activity: Text,
-    /// The phrase for its state at rest: `stands`, `is off`.
+    /// The phrase for its state at rest: `is stopped`, `is off`.
     pub idle: Text,
     /// Whether the command that keeps it active must be repeated.
     pub needs_refresh: bool,

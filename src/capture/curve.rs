@@ -48,7 +48,13 @@ impl Curve {
     /// deviation from the current value exceeds the tolerance. A sample may precede the value that
     /// it leads to by one sampling interval, if that value is the point `led` or a later one. Adds
     /// the effort to `work`.
-    pub(super) fn error(&self, points: &[Point], led: usize, limits: &MoveLimits, work: &mut usize) -> Result<f64, usize> {
+    pub(super) fn error(
+        &self,
+        points: &[Point],
+        led: usize,
+        limits: &MoveLimits,
+        work: &mut usize,
+    ) -> Result<f64, usize> {
         let mut squares = 0.0;
         let mut next = 0;
         let mut now = self.begin.map(f64::from);

@@ -2,12 +2,12 @@
 //! them.
 
 mod curve;
-mod move_search;
-mod script_state;
-mod listing;
-mod rows;
-mod script_writer;
 mod hex_text;
+mod listing;
+mod move_search;
+mod rows;
+mod script_state;
+mod script_writer;
 mod timed_decoder;
 mod timing;
 
@@ -16,11 +16,11 @@ use std::sync::Arc;
 
 use crate::board::{self, Board, Command, Decoder, Item};
 use crate::units::{Micros, Nanos};
+use hex_text::HexText;
 pub use listing::{Listing, write_json};
 pub use script_writer::ScriptWriter;
-use hex_text::HexText;
 pub use timed_decoder::TimedDecoder;
-pub use timing::{TimingError, Timing};
+pub use timing::{Timing, TimingError};
 
 const CHUNK: usize = 64 * 1024;
 /// The speeds that a script can set, in bits per second.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::curve::{Axes, Curve, Point, QUEUE, MoveLimits, SAMPLE, float};
+use super::curve::{Axes, Curve, MoveLimits, Point, QUEUE, SAMPLE, float};
 use crate::program::Ease;
 use crate::units::Micros;
 
@@ -143,7 +143,8 @@ impl EasingTable {
                 .unwrap_or_default()
         };
         let left = EFFORT * series.points.len() + MORE;
-        let mut search = Search { easings: self, series, least: axes(i32::min), most: axes(i32::max), left, suspect: 0 };
+        let mut search =
+            Search { easings: self, series, least: axes(i32::min), most: axes(i32::max), left, suspect: 0 };
         let ahead = before.and_then(|before| search.begins_ahead(before));
         let mut from = ahead.map_or(0, |found| found.last);
         let mut moves: Vec<FoundMove> = ahead.into_iter().collect();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::curve::{Axes, Point};
-use super::script_state::{ScriptState, Channel};
+use super::script_state::{Channel, ScriptState};
 use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
 use crate::units::Micros;
 
@@ -62,7 +62,13 @@ pub(super) struct Run {
 
 /// Converts items to rows; `state` is what the script has set so far. Everything up to `now` has
 /// been received.
-pub(super) fn rows(state: &mut ScriptState, waiting: &[(Micros, Received)], exact: bool, now: Micros, is_last: bool) -> Vec<Row> {
+pub(super) fn rows(
+    state: &mut ScriptState,
+    waiting: &[(Micros, Received)],
+    exact: bool,
+    now: Micros,
+    is_last: bool,
+) -> Vec<Row> {
     let mut rows = Vec::with_capacity(waiting.len());
     for (at, received) in waiting {
         stop_refreshing(state, &mut rows, exact, *at);

@@ -135,7 +135,9 @@ impl ScriptState {
     /// commands that stop them.
     pub(super) fn refreshed(&self) -> Vec<(ResourceId, Micros, Command)> {
         let refreshed = self.refreshed.iter().enumerate();
-        refreshed.filter_map(|(resource, refreshed)| Some((resource, (*refreshed)?, self.board.rest(resource)?.clone()))).collect()
+        refreshed
+            .filter_map(|(resource, refreshed)| Some((resource, (*refreshed)?, self.board.rest(resource)?.clone())))
+            .collect()
     }
 
     /// Ends the refreshes of a resource.

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use super::curve::MoveLimits;
-use super::move_search::{PointSeries, EasingTable};
-use super::script_state::{ScriptState, Channel};
+use super::move_search::{EasingTable, PointSeries};
 use super::rows::{Received, Row, Run, SHOWN, STILL, of_frame, rows, runs};
-use crate::board::{Board, Command, Item, DefaultLimit};
+use super::script_state::{Channel, ScriptState};
+use crate::board::{Board, Command, DefaultLimit, Item};
 use crate::program::Ease;
 use crate::units::Micros;
 
@@ -186,8 +186,9 @@ impl ScriptWriter {
     pub fn settle(&mut self, now: Micros) {
         // Wait for values that may belong to a move, and for frames that may be the end.
         let moves = |(at, received): &(Micros, Received)| {
-            let is_thing = matches!(received, Received::Command(command) if Channel::of(&self.state.board, command).is_some());
-            is_thing && *at + STILL >= now
+            let is_channel =
+                matches!(received, Received::Command(command) if Channel::of(&self.state.board, command).is_some());
+            is_channel && *at + STILL >= now
         };
         if self.exact {
             self.write_waiting(self.waiting.len() - self.closing(), now, false);
@@ -236,13 +237,16 @@ impl ScriptWriter {
     /// `play` may have sent them to close a script.
     fn closing(&self) -> usize {
         let ending = |needs_refresh: bool| -> Vec<&Command> {
-            let rests = self.state.board.resources.iter().rev().filter(|resource| resource.needs_refresh || !needs_refresh);
+            let rests =
+                self.state.board.resources.iter().rev().filter(|resource| resource.needs_refresh || !needs_refresh);
             rests.filter_map(|resource| resource.rest.as_ref()).collect()
         };
         let ends_with = |ending: &[&Command]| {
             let last = self.waiting.iter().rev().zip(ending.iter().rev());
             self.waiting.len() >= ending.len()
-                && last.into_iter().all(|((_, received), rest)| matches!(received, Received::Command(command) if command == *rest))
+                && last
+                    .into_iter()
+                    .all(|((_, received), rest)| matches!(received, Received::Command(command) if command == *rest))
         };
         [ending(false), ending(true)].iter().find(|ending| ends_with(ending)).map_or(0, Vec::len)
     }
@@ -284,7 +288,8 @@ impl ScriptWriter {
     ) -> Option<Micros> {
         let before = run.before.map(|(since, axes)| (since.max(free), axes));
         let board = &self.state.board;
-        let limits = MoveLimits { saves_frames: self.saves_frames, ..run.channel.move_limits(board, self.bounds.is_wide) };
+        let limits =
+            MoveLimits { saves_frames: self.saves_frames, ..run.channel.move_limits(board, self.bounds.is_wide) };
         let found = self.easings.find_moves(&PointSeries::new(&run.points, run.until, limits), before);
         let ends = found.last().map(|one| one.to_at);
         let mut ended = None;

@@ -14,7 +14,8 @@ pub(super) fn drive_words(board: &Board, state: &State) -> String {
 
 /// What else is active, and the values of the rest.
 pub(super) fn active_words<'b>(board: &'b Board, state: &'b State) -> impl Iterator<Item = String> + 'b {
-    let active = state.active(board).filter(|(resource, _)| !board.needs_refresh(*resource)).map(|(_, command)| command);
+    let active =
+        state.active(board).filter(|(resource, _)| !board.needs_refresh(*resource)).map(|(_, command)| command);
     let still =
         board.resources.iter().enumerate().filter(|(_, resource)| resource.rest.is_none() && resource.is_exclusive);
     let still = still.filter_map(|(resource, _)| state.last(resource));

@@ -46,9 +46,9 @@ impl Moved {
         let until = self.points.partition_point(|(from, _)| *from <= at);
         let from = self.points.partition_point(|(from, _)| *from < at);
         let before = until.checked_sub(1).and_then(|at| self.points.get(at));
-        let behind = self.points.get(from);
+        let after = self.points.get(from);
         // Nothing has moved before the first point.
-        let point = before.and_then(|before| if self.early { behind.or(Some(before)) } else { Some(before) });
+        let point = before.and_then(|before| if self.early { after.or(Some(before)) } else { Some(before) });
         point.map_or(0, |(_, by_us)| *by_us)
     }
 }
@@ -115,8 +115,9 @@ fn aligned<'i, T: Eq + Hash>(old: &[&'i Item], new: &[&'i Item], before: &[T], a
 /// The content of an item, whether it is a move, and its distance to the previous item.
 fn keyed<'i>(items: &[&'i Item]) -> Vec<(&'i str, bool, Micros)> {
     let mut last = Micros::ZERO;
-    let gap =
-        |item: &&'i Item| (item.notation.as_str(), item.moves.is_some(), item.at - std::mem::replace(&mut last, item.at));
+    let gap = |item: &&'i Item| {
+        (item.notation.as_str(), item.moves.is_some(), item.at - std::mem::replace(&mut last, item.at))
+    };
     items.iter().map(gap).collect()
 }
 
@@ -170,8 +171,8 @@ impl<'i> Aligned<'i> {
 
     /// Aligns by content only, and the remaining items in their order.
     fn by_words(&mut self, old: &[&'i Item], new: &[&'i Item]) {
-        let words =
-            [old, new].map(|items| -> Vec<_> { items.iter().map(|item| (&item.notation, item.moves.is_some())).collect() });
+        let words = [old, new]
+            .map(|items| -> Vec<_> { items.iter().map(|item| (&item.notation, item.moves.is_some())).collect() });
         let [before, after] = &words;
         self.by_keys([old, new], [before, after], |aligned, removed, added, _| {
             aligned.relative_us(removed, added);

@@ -4,7 +4,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use crate::board::Board;
 use crate::program::Ease;
-use crate::timeline::tween::{StepRole, MoveTracker};
+use crate::timeline::tween::{MoveTracker, StepRole};
 use crate::timeline::{Kind, Moment, Tween};
 use crate::units::Micros;
 

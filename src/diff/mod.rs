@@ -188,9 +188,11 @@ fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween
     };
     let both: Vec<_> = (0..board.lanes()).map(of_lane).collect();
     for align::Aligned { pairs, removed, added } in align::align(&both) {
+        changes.extend(
+            removed.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))),
+        );
         changes
-            .extend(removed.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))));
-        changes.extend(added.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
+            .extend(added.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
         lanes.push(Lane { pairs });
     }
     shifts::find_changes(board, &lanes, &mut changes);
@@ -234,12 +236,12 @@ struct Lane<'i> {
 /// Finds changed refresh intervals. A hold shorter than the interval shows none, nor does another
 /// command.
 fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
-    let told =
+    let is_visible =
         |item: &Item, other: Option<Micros>| item.refresh.is_some() || other.is_some_and(|other| item.holds > other);
     for (old, new) in lanes.iter().flat_map(|lane| &lane.pairs) {
         let (from, to) = (old.refresh, new.refresh);
         let comparable = old.notation == new.notation || from.is_some() && to.is_some();
-        if from != to && comparable && told(old, to) && told(new, from) {
+        if from != to && comparable && is_visible(old, to) && is_visible(new, from) {
             changes.push(Change::of(old, new, What::Refreshed { from, to }));
         }
     }

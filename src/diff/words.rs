@@ -28,11 +28,7 @@ impl Change {
             What::Added(what) => format!("{at}{what} is added{}", self.again(", the same")),
             What::Removed(what) => format!("{at}{what} is removed{}", self.again(", the same")),
             What::Steps { what, from, to } => {
-                let steps = if from == to {
-                    "takes other steps".into()
-                } else {
-                    format!("takes {from} -> {to} steps")
-                };
+                let steps = if from == to { "takes other steps".into() } else { format!("takes {from} -> {to} steps") };
                 let more = self.more.map_or(String::new(), |again| match again.count {
                     1 => ", and one more move takes other steps".into(),
                     more => format!(", and {more} more moves take other steps"),
@@ -145,7 +141,8 @@ pub(super) fn is_always_shown(part: &str) -> bool {
 
 /// `servo 2 1500 -> 1600 over 500 ms`: unchanged words are not repeated.
 fn between(from: &[String], to: &[String]) -> String {
-    let whole = |parts: &[String]| parts.iter().filter(|part| is_always_shown(part)).cloned().collect::<Vec<_>>().join(" ");
+    let whole =
+        |parts: &[String]| parts.iter().filter(|part| is_always_shown(part)).cloned().collect::<Vec<_>>().join(" ");
     if from.len() != to.len() || from.first() != to.first() {
         return format!("{} -> {}", whole(from), whole(to));
     }

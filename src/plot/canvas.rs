@@ -1,16 +1,16 @@
-//! A canvas to draw on: shapes and words, thinned to what can be seen.
+//! A canvas for shapes and text. Curves are reduced to what is visible.
 
 use svg::Node;
 use svg::node::Text;
 use svg::node::element::{Element, Title};
 
-/// A canvas that grows.
+/// The shapes drawn so far.
 #[derive(Default)]
 pub(super) struct Canvas {
     pub(super) nodes: Vec<Element>,
 }
 
-/// Which end of a text stands at its place.
+/// Which end of a text is at its position.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -23,7 +23,7 @@ impl Canvas {
         self.nodes.push(element);
     }
 
-    /// A text, as it is: markup in it is shown.
+    /// Adds a text. Markup in it is escaped.
     pub(super) fn text(&mut self, (x, y): (f64, f64), class: &str, anchor: Anchor, text: &str) {
         let mut element = Element::new("text");
         element.assign("x", number(x));
@@ -38,7 +38,7 @@ impl Canvas {
         self.add(element);
     }
 
-    /// A path, with what a pointer on it tooltip.
+    /// Adds a path with an optional tooltip.
     pub(super) fn path(&mut self, class: &str, path: &str, tooltip: Option<&str>) {
         if path.is_empty() {
             return;
@@ -52,7 +52,7 @@ impl Canvas {
         self.add(element);
     }
 
-    /// A box from its corner, with its width and height.
+    /// Adds a rectangle from its top left corner, width and height.
     pub(super) fn area(&mut self, class: &str, [x, y, width, height]: [f64; 4], tooltip: Option<&str>) {
         let path = format!("M{} {}h{}v{}h-{}z", number(x), number(y), number(width), number(height), number(width));
         self.path(class, &path, tooltip);
@@ -63,10 +63,10 @@ impl Canvas {
     }
 }
 
-/// A number as short as can be, to a tenth.
+/// Formats a number rounded to a tenth, as short as possible.
 pub(super) fn number(value: f64) -> String {
     let tenths = libm::round(value * 10.0) / 10.0;
-    // No minus in front of nothing.
+    // Avoid `-0`.
     if tenths == 0.0 { "0".to_owned() } else { format!("{tenths}") }
 }
 
@@ -74,13 +74,13 @@ pub(super) fn point((x, y): (f64, f64)) -> String {
     format!("{} {}", number(x), number(y))
 }
 
-/// About how wide a text is, at so many pixels a letter's height: letters of the font are 0.6 of it in the middle, those of
-/// the east are square.
+/// The approximate width of a text at a font size in pixels. Letters of the font are 0.6 of it on
+/// average; East Asian ones are square.
 pub(super) fn width(text: &str, size: f64) -> f64 {
     text.chars().map(|letter| if u32::from(letter) < 0x1100 { 0.6 } else { 1.0 }).sum::<f64>() * size
 }
 
-/// As much of a text as there is room for; nothing where that says nothing.
+/// Shortens a text to the available width; empty if nothing meaningful is left.
 pub(super) fn fit(text: &str, size: f64, room: f64) -> String {
     if width(text, size) <= room {
         return text.to_owned();
@@ -97,8 +97,8 @@ pub(super) fn fit(text: &str, size: f64, room: f64) -> String {
     if fitted.chars().count() < 2 { String::new() } else { format!("{fitted}…") }
 }
 
-/// A curve that goes on level to its next point, from points that may be more than there are pixels: of what falls into one
-/// column only the first, the least, the largest and the last are kept. `None` is a gap.
+/// Converts values, each of which stays until the next one, to step curves. If several points share
+/// a pixel column, only the first, the lowest, the highest and the last are kept. `None` is a gap.
 pub(super) fn steps(points: impl Iterator<Item = (f64, Option<f64>)>, end: f64) -> Vec<Vec<(f64, f64)>> {
     let mut runs: Vec<Vec<(f64, f64)>> = Vec::new();
     let mut run: Vec<(f64, f64)> = Vec::new();
@@ -141,7 +141,7 @@ pub(super) fn steps(points: impl Iterator<Item = (f64, Option<f64>)>, end: f64) 
     runs
 }
 
-/// A path through steps.
+/// A path of horizontal and vertical lines.
 pub(super) fn stairs(run: &[(f64, f64)]) -> String {
     let mut path = String::new();
     let mut last: Option<(String, String)> = None;
@@ -165,7 +165,7 @@ pub(super) fn stairs(run: &[(f64, f64)]) -> String {
     path
 }
 
-/// A step of 1, 2 or 5 times a power of ten that is at least so large.
+/// A step of 1, 2 or 5 times a power of ten that is at least this large.
 pub(super) fn round_step(least: f64) -> f64 {
     let power = libm::pow(10.0, libm::floor(libm::log10(least.max(1e-9))));
     [1.0, 2.0, 5.0, 10.0].into_iter().map(|factor| factor * power).find(|step| *step >= least).unwrap_or(power * 10.0)

@@ -1,4 +1,4 @@
-//! What a robot does, lane by lane.
+//! Collects what a robot does, lane by lane.
 
 use super::{Lane, Moment, Shows, Stretch};
 use crate::board::{Board, Command, LaneKind, Limited, Shown};
@@ -6,9 +6,9 @@ use crate::program::Limit;
 use crate::timeline::Timeline;
 use crate::units::Micros;
 
-/// What a lane shows, as it comes.
+/// The data of a lane while it is collected.
 enum LaneData {
-    /// Values that stay until the next one.
+    /// Values, each of which stays until the next one.
     Curve(Vec<(Micros, Option<f64>)>),
     Spans(Vec<Stretch>, bool),
     Ticks(Vec<Moment>),
@@ -20,7 +20,7 @@ impl LaneData {
             (LaneData::Curve(points), Shown::Value(value)) => match points.last_mut() {
                 Some((_, last)) if last == value => {}
                 None if value.is_none() => {}
-                // What is replaced at the same moment stays: it was sent.
+                // Keep a value that is replaced at the same moment: it was sent.
                 _ => points.push((at, *value)),
             },
             (LaneData::Spans(spans, is_on), Shown::Switch(on)) => match (std::mem::replace(is_on, *on), on) {
@@ -50,7 +50,7 @@ impl LaneData {
     }
 }
 
-/// The lanes of what is used.
+/// The lanes that a timeline uses.
 pub(super) fn lanes(timeline: &Timeline) -> Vec<Lane> {
     let board = &timeline.board;
     let picture = board.picture();
@@ -79,7 +79,7 @@ pub(super) fn lanes(timeline: &Timeline) -> Vec<Lane> {
     lanes.map(|((lane, lane_data), _)| finished(lane, lane_data, timeline)).collect()
 }
 
-/// What is said of a stretch or a moment.
+/// The tooltip of a span or a moment.
 fn said(board: &Board, lane: &crate::board::Lane, command: &Command) -> String {
     match &lane.kind {
         LaneKind::Spans { text, .. } => text.to_string(),
@@ -87,22 +87,28 @@ fn said(board: &Board, lane: &crate::board::Lane, command: &Command) -> String {
     }
 }
 
-/// Which lanes are shown: those of a group together, where any of them is not zero all the time.
+/// Which lanes are shown. A group is shown if any of its lanes is not always zero.
 fn used(lanes: &[crate::board::Lane], data: &[LaneData]) -> Vec<bool> {
     let group = |lane: &crate::board::Lane| match lane.kind {
         LaneKind::Curve { group, .. } => group,
         _ => None,
     };
-    let moving: Vec<u8> =
-        lanes.iter().zip(data).filter(|(_, lane_data)| !lane_data.is_flat()).filter_map(|(lane, _)| group(lane)).collect();
-    // What is_only_stopped is not worth a lane, but a robot that was told to stand is worth one.
+    let moving: Vec<u8> = lanes
+        .iter()
+        .zip(data)
+        .filter(|(_, lane_data)| !lane_data.is_flat())
+        .filter_map(|(lane, _)| group(lane))
+        .collect();
+    // Lanes that are always zero are hidden, unless stopping is all that the script does.
     let is_commanded = lanes.iter().zip(data).any(|(lane, lane_data)| group(lane).is_some() && !lane_data.is_empty());
     let happens = |(lane, lane_data): (&crate::board::Lane, &LaneData)| {
         matches!(lane.kind, LaneKind::Ticks { is_motion: true }) && !lane_data.is_empty()
     };
     let is_only_stopped = is_commanded && moving.is_empty() && !lanes.iter().zip(data).any(happens);
     let is_used = |(lane, lane_data): (&crate::board::Lane, &LaneData)| match lane.kind {
-        LaneKind::Curve { group: Some(group), shows_rest, .. } => moving.contains(&group) || is_only_stopped && shows_rest,
+        LaneKind::Curve { group: Some(group), shows_rest, .. } => {
+            moving.contains(&group) || is_only_stopped && shows_rest
+        }
         _ => !lane_data.is_empty(),
     };
     lanes.iter().zip(data).map(is_used).collect()
@@ -126,7 +132,7 @@ fn finished(lane: &crate::board::Lane, lane_data: LaneData, timeline: &Timeline)
     Lane { name: lane.name.clone(), about: lane.about.clone(), shows }
 }
 
-/// The range of what is limited where a script sets no limit, unless it widens that.
+/// The range with default limits, unless the script widens it.
 fn default_range(timeline: &Timeline, limited: &[Limited], range: (i32, i32)) -> [f64; 2] {
     let [low, high] = [f64::from(range.0), f64::from(range.1)];
     let default = limited.iter().find_map(|limited| timeline.board.default_limit(*limited));

@@ -1,4 +1,4 @@
-//! Where a robot goes, as the virtual board has it.
+//! The path of a robot, computed by the virtual board.
 
 use std::sync::Arc;
 
@@ -8,14 +8,15 @@ use crate::sim::{Pose, Settings, VirtualBoard};
 use crate::timeline::Timeline;
 use crate::units::Micros;
 
-/// How many places at the most, but for turns of the way, and how far the robot moves or turns between two of them.
+/// The maximum number of places, not counting corners, and the minimum distance and rotation
+/// between two of them.
 const PLACES: u64 = 4_000;
 const NEAR_CM: f64 = 0.5;
 const NEAR_DEG: f64 = 2.0;
-/// The least time between two looks.
+/// The minimum time between two samples.
 const LOOK: Micros = Micros::from_millis(20);
 
-/// Where the robot is, from the start to the end; nothing where it stays where it is.
+/// The poses of the robot from start to end; empty if it does not move.
 pub(super) fn path(timeline: &Timeline) -> Vec<Place> {
     let Timeline { board, events, end, .. } = timeline;
     if board.simulation == Simulation::State {
@@ -53,7 +54,7 @@ struct PathTracer {
 }
 
 impl PathTracer {
-    /// Where the robot is last something else, its way may have a corner.
+    /// Adds a place at a new command, because the path may have a corner there.
     fn turns(&mut self, command: &Command) {
         if self.last.as_ref() == Some(command) {
             return;
@@ -65,7 +66,7 @@ impl PathTracer {
         }
     }
 
-    /// Lets time pass, and looks now and then where the robot is.
+    /// Advances the time, and samples the pose.
     fn pass(&mut self, to: Micros) {
         while self.now < to {
             self.now = (self.now + self.look).min(to);

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tween::{StepRole, MoveTracker};
+use super::tween::{MoveTracker, StepRole};
 use super::{Event, Timeline};
 use crate::board::ResourceId;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
@@ -200,7 +200,10 @@ fn too_fast(late: &Late, name: &str, limits: Option<&[String]>) -> Diagnostic {
         format!("{name} needs about {needed} ms from {from} to {to} µs, but its next command comes after {left:.0} ms");
     let help = match limits {
         Some(limits) => {
-            format!("allow at least {needed} ms, or, if the servo is faster than {speed} µs per second, set {}", limits.join(" and "))
+            format!(
+                "allow at least {needed} ms, or, if the servo is faster than {speed} µs per second, set {}",
+                limits.join(" and ")
+            )
         }
         None => format!("allow at least {needed} ms"),
     };

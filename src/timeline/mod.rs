@@ -5,9 +5,9 @@
 //! script order, then refreshes, then closing frames.
 
 mod clashes;
+mod clip;
 mod lints;
 mod listing;
-mod clip;
 mod schedule;
 mod snapshot;
 pub(crate) mod tween;
@@ -21,8 +21,8 @@ use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Trace
 use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
-pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
 pub use clip::{Clip, check_passes, clip, passes, state_after};
+pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;

@@ -12,7 +12,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::listing::{write_line, write_moment};
-use super::tween::{StepRole, MoveTracker};
+use super::tween::{MoveTracker, StepRole};
 use super::{Event, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame};
 use crate::program::Ease;
@@ -177,12 +177,12 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
     let whole = text.is_empty() || text.ends_with('\n');
     let mut lines = text.lines().zip(1..);
     let (head, _) = lines.next().unwrap_or_default();
-    let version =
-        head.strip_prefix(MAGIC).ok_or_else(|| wrong(1, &format!("expected `{MAGIC}{VERSION}`")))?;
+    let version = head.strip_prefix(MAGIC).ok_or_else(|| wrong(1, &format!("expected `{MAGIC}{VERSION}`")))?;
     let version = match version.trim().parse() {
         Ok(version @ 1..=VERSION) => version,
         Ok(newer) if newer > VERSION => {
-            let why = format!("version {newer} is too new: this motionseq reads versions up to {VERSION}, so update it");
+            let why =
+                format!("version {newer} is too new: this motionseq reads versions up to {VERSION}, so update it");
             return Err(SnapshotError { line: 1, why, is_newer: true });
         }
         _ => return Err(wrong(1, &format!("unknown version `{version}`"))),

@@ -74,9 +74,9 @@ pub(super) fn length(_: &Board, command: &Command) -> usize {
 /// Decodes a frame. Strict: [`encode`] returns the same bytes for the result.
 pub(super) fn decode(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     match (decode_as_is(board, frame), older_move(board, frame)) {
-        (Err(_), Some(Ok(_))) => {
-            Err(NotACommand::OtherReading("a `move` with the direction bits of older driver versions; --older-move reads it"))
-        }
+        (Err(_), Some(Ok(_))) => Err(NotACommand::OtherReading(
+            "a `move` with the direction bits of older driver versions; --older-move reads it",
+        )),
         (read, _) => read,
     }
 }

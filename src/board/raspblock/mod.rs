@@ -12,8 +12,8 @@ use std::sync::{Arc, LazyLock};
 
 use super::Text;
 use super::table::{
-    Activity, Axis, Board, Codec, Ambiguity, Limited, Needs, Part, DefaultLimit, Resource, ResourceId, Sets, Simulation,
-    Takes, Unit, Verb,
+    Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Limited, Needs, Part, Resource, ResourceId, Sets,
+    Simulation, Takes, Unit, Verb,
 };
 use super::{Command, Hundredths, Quantity, Report, VerbId};
 pub use geometry::{Geometry, Twist};
@@ -227,7 +227,7 @@ fn resources() -> Vec<Resource> {
         Resource {
             rest: Some(stop()),
             activity: text("running"),
-            idle: text("stands"),
+            idle: text("is stopped"),
             needs_refresh: true,
             ..resource("the drive", "drive", "")
         },

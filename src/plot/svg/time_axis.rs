@@ -1,13 +1,13 @@
-//! What stands above the lanes and runs through them: the title, marks, seconds, bars.
+//! Everything above the lanes and the lines through them: title, marks, seconds, bars.
 
 use std::fmt::Write as _;
 
 use super::super::canvas::{Anchor, fit, number, point, round_step, width};
 use super::{LEFT, Picture, SOFT, TEXT, WIDTH, tooltip, turned};
 
-/// From which step on, in seconds, times are written as a clock shows them.
+/// From this step, in seconds, times are shown as on a clock.
 const CLOCK: f64 = 30.0;
-/// How far apart lines of marks are at least.
+/// The minimum distance between lines of marks, in pixels.
 const NEAR: f64 = 5.0;
 
 impl Picture<'_> {
@@ -20,10 +20,10 @@ impl Picture<'_> {
         let plural = if frames == 1 { "" } else { "s" };
         let mut facts = format!("{} s, {frames} frame{plural}", plot.end);
         if let Some(bars) = plot.bars {
-            let _ = write!(facts, ", {} beats a minute, {} beats a bar", number(60e6 / bars.beat_us), bars.beats);
+            let _ = write!(facts, ", {} bpm, {} beats per bar", number(60e6 / bars.beat_us), bars.beats);
         }
         for end in plot.tracks.iter().filter(|track| !track.goes_away()).filter_map(|track| track.path.last()) {
-            facts.push_str(", turns on the spot, in the end by ");
+            facts.push_str(", turns on the spot, in total ");
             facts.push_str(&turned(end));
         }
         self.y += 20.0;
@@ -31,7 +31,7 @@ impl Picture<'_> {
         self.y += 12.0;
     }
 
-    /// The names of marks, each where there is room for it.
+    /// The names of marks, each if there is room for it.
     pub(super) fn marks(&mut self) {
         let marks = &self.plot.marks;
         if marks.is_empty() {
@@ -43,7 +43,7 @@ impl Picture<'_> {
             let x = self.x(mark.at);
             let name = fit(&mark.text, TEXT, 200.0);
             let wide = width(&name, TEXT);
-            // The last ones stand to the left of their lines.
+            // The last names are to the left of their lines.
             let (from, anchor, at) = if x + wide > WIDTH - 12.0 {
                 (x - wide - 4.0, Anchor::End, x - 4.0)
             } else {
@@ -61,20 +61,20 @@ impl Picture<'_> {
         self.y += 6.0 + 16.0 * rows;
     }
 
-    /// Seconds, and bars where the script counts in them.
+    /// Seconds, and bars if the script counts in bars.
     pub(super) fn axis(&mut self) {
         let step = self.step();
         self.name(if step < CLOCK { "seconds" } else { "time" }, self.y + 14.0);
         for (count, t_us) in self.every(0.0, step * 1e6) {
             let text = clock(count * step, step);
-            // The last one must not be cut.
+            // Keep the last one inside the picture.
             let x = self.at(t_us).min(WIDTH - 4.0 - width(&text, SOFT) / 2.0);
             self.canvas.text((x, self.y + 14.0), "soft", Anchor::Middle, &text);
         }
         self.y += 20.0;
         let Some(bars) = self.plot.bars else { return };
         self.name("bars", self.y + 13.0);
-        // As many bars at once as leave room for a number.
+        // Skip bars until there is room for a number.
         let bars_us = self.wide(bars.bar_us(), 34.0);
         for (count, t_us) in self.every(bars.begin(), bars_us) {
             let bar = count * bars_us / bars.bar_us() + 1.0;
@@ -83,7 +83,7 @@ impl Picture<'_> {
         self.y += 18.0;
     }
 
-    /// The lines that run through all lanes: seconds, or bars and beats; marks.
+    /// The lines through all lanes: seconds, or bars and beats; marks.
     pub(super) fn through(&mut self, top: f64, bottom: f64) {
         let lines = |picture: &Self, begin: f64, each: f64| {
             let mut path = String::new();
@@ -104,7 +104,7 @@ impl Picture<'_> {
         let mut last = f64::NEG_INFINITY;
         for mark in &self.plot.marks {
             let x = self.x(mark.at);
-            // Lines that lie closer would be one area.
+            // Lines closer than this would merge.
             if x - last >= NEAR {
                 last = x;
                 let tooltip = format!("{} at {} s", tooltip(&mark.text), mark.at);
@@ -113,12 +113,12 @@ impl Picture<'_> {
         }
     }
 
-    /// The time between two ticks, in seconds.
+    /// The time between two ticks in seconds.
     fn step(&self) -> f64 {
         time_step(self.end / 1e6 * 64.0 / (self.right - LEFT))
     }
 
-    /// A length of time, doubled until it is so many pixels wide.
+    /// A time interval, doubled until it is at least this many pixels wide.
     fn wide(&self, mut length_us: f64, least: f64) -> f64 {
         while self.at(length_us) - LEFT < least {
             length_us *= 2.0;
@@ -126,7 +126,7 @@ impl Picture<'_> {
         length_us
     }
 
-    /// Every so many microseconds from a beginning on, as far as it is shown: how many have passed, and the time.
+    /// Times at a fixed interval that are inside the picture, with their index.
     fn every(&self, begin: f64, each: f64) -> impl Iterator<Item = (f64, f64)> + use<> {
         let end = self.end;
         let first = libm::ceil((0.0 - begin) / each).max(0.0);
@@ -135,12 +135,12 @@ impl Picture<'_> {
     }
 }
 
-/// A line straight down.
+/// A vertical line.
 fn down(x: f64, top: f64, bottom: f64) -> String {
     format!("M{}V{}", point((x, top)), number(bottom))
 }
 
-/// A step between times in seconds that is at least so long, and that a clock has.
+/// A round step between times that is at least this many seconds.
 fn time_step(least: f64) -> f64 {
     let steps = [60.0, 120.0, 300.0, 600.0, 900.0, 1_800.0, 3_600.0, 7_200.0, 10_800.0, 21_600.0, 43_200.0, 86_400.0];
     if least <= 30.0 {
@@ -152,10 +152,10 @@ fn time_step(least: f64) -> f64 {
     steps.into_iter().find(|step| *step >= least).unwrap_or(86_400.0)
 }
 
-/// A time as seconds, or as a clock shows it where that is shorter.
+/// A time in seconds, or as on a clock if that is shorter.
 fn clock(seconds: f64, step: f64) -> String {
     if step < CLOCK {
-        // As many places as the step has.
+        // As many decimals as the step has.
         let short = format!("{seconds:.6}");
         let short = short.trim_end_matches('0').trim_end_matches('.');
         return short.to_owned();

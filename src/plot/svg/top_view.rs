@@ -1,4 +1,4 @@
-//! The way of a robot, from above.
+//! The path of a robot, seen from above.
 
 use std::fmt::Write as _;
 
@@ -7,16 +7,16 @@ use super::super::canvas::{Anchor, Canvas, fit, number, point, round_step, width
 use super::end_words;
 use crate::units::Micros;
 
-/// How far apart the robot is drawn on its way, in pixels.
+/// The distance between two drawings of the robot on its path, in pixels.
 const APART: f64 = 46.0;
-/// How many places of a way are drawn at the most.
+/// The maximum number of places of a path.
 const MOST: usize = 20_000;
-/// The least room that is shown, in cm.
+/// The smallest area shown, in cm.
 const LEAST_CM: f64 = 20.0;
 
-/// Draws a way into a square; gives how far down it goes.
+/// Draws a path into a square. Returns the position of its bottom.
 pub(super) fn draw(canvas: &mut Canvas, [x, y, side]: [f64; 3], way: &[Place], marks: &[(&str, Micros)]) -> f64 {
-    canvas.text((x, y + 11.0), "name", Anchor::Start, "from above");
+    canvas.text((x, y + 11.0), "name", Anchor::Start, "top view");
     let top = y + 18.0;
     canvas.area("lane", [x, top, side, side], None);
     let map = Map::of(way, [x, top, side]);
@@ -30,7 +30,7 @@ pub(super) fn draw(canvas: &mut Canvas, [x, y, side]: [f64; 3], way: &[Place], m
     canvas.path("road", &path, None);
     if let (Some((sx, sy)), Some(end)) = (places.first(), way.last()) {
         canvas.path("start", &format!("M{}a6 6 0 1 0 12 0a6 6 0 1 0 -12 0z", point((sx - 6.0, *sy))), Some("start"));
-        // The robot now and then, where it does not cover another one, and at the end.
+        // Draw the robot along the path without overlaps, and at the end.
         let mut drawn = vec![(*sx, *sy), map.place(end)];
         for (place, at) in way.iter().zip(&places) {
             if drawn.iter().all(|other| apart(*at, *other) >= APART) {
@@ -60,7 +60,7 @@ fn apart(left: (f64, f64), right: (f64, f64)) -> f64 {
     libm::hypot(left.0 - right.0, left.1 - right.1)
 }
 
-/// The places that a line goes through; of a way that is longer than anybody can follow, fewer.
+/// The points of a line; of a very long path only some.
 fn thinned(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut least = 0.3;
     loop {
@@ -78,12 +78,12 @@ fn thinned(places: &[(f64, f64)]) -> Vec<(f64, f64)> {
     }
 }
 
-/// From centimetres to pixels.
+/// Converts centimetres to pixels.
 struct Map {
-    /// The middle, in centimetres and in pixels.
+    /// The centre, in centimetres and in pixels.
     middle_cm: (f64, f64),
     middle: (f64, f64),
-    /// Pixels a centimetre.
+    /// Pixels per centimetre.
     scale: f64,
     grid_cm: f64,
 }
@@ -111,7 +111,7 @@ impl Map {
         (self.middle.0 + (place.x_cm - x) * self.scale, self.middle.1 - (place.y_cm - y) * self.scale)
     }
 
-    /// Lines at round places; the start is on one.
+    /// Grid lines at round positions; one goes through the start.
     fn grid(&self, canvas: &mut Canvas, [x, y, side]: [f64; 3]) {
         let step = self.grid_cm * self.scale;
         let zero = self.place(&Place { at: Micros::ZERO, x_cm: 0.0, y_cm: 0.0, yaw_deg: 0.0 });
@@ -130,7 +130,7 @@ impl Map {
     }
 }
 
-/// The robot, looking to where it drives forward.
+/// The outline of the robot, pointing forward.
 fn robot((x, y): (f64, f64), yaw_deg: f64, size: f64) -> String {
     let (sin, cos) = (libm::sin(yaw_deg.to_radians()), libm::cos(yaw_deg.to_radians()));
     let corner = |right: f64, ahead: f64| point((x + right * cos + ahead * sin, y + right * sin - ahead * cos));
@@ -143,12 +143,12 @@ fn robot((x, y): (f64, f64), yaw_deg: f64, size: f64) -> String {
     )
 }
 
-/// The marks where the robot is when they are passed, as far as there is room.
+/// The names of marks at the places where they are passed, as far as there is room.
 fn names(canvas: &mut Canvas, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, Micros)]) {
     let mut taken: Vec<(f64, f64, f64)> = Vec::new();
     for (name, at) in marks.iter().take(100) {
-        let behind = way.partition_point(|place| place.at <= *at).saturating_sub(1);
-        let Some(place) = way.get(behind) else { continue };
+        let index = way.partition_point(|place| place.at <= *at).saturating_sub(1);
+        let Some(place) = way.get(index) else { continue };
         let (px, py) = map.place(place);
         let name = fit(name, 12.0, side / 2.0);
         let wide = width(&name, 12.0);

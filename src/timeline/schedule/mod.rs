@@ -172,8 +172,8 @@ impl<'d> Scheduler<'d> {
             let end = ends.first_key_value().map(|((due, _), _)| *due);
             let Some(now) = next.into_iter().chain(end).min() else { break };
             let count = rest.iter().take_while(|step| step.at.micros() == now).count();
-            let (group, behind) = rest.split_at_mut(count);
-            rest = behind;
+            let (group, later) = rest.split_at_mut(count);
+            rest = later;
             for step in group.iter() {
                 if let Action::Hold(held) = &step.action
                     && let Some(command) = self.rest_of(&held.0)
@@ -389,7 +389,12 @@ impl<'d> Scheduler<'d> {
         }
         if let Some((span, trace)) = found {
             let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time");
-            let diagnostic = Diagnostic::new(Code::TooManyEvents, span, message, "shorten their `within`, or start them one after another");
+            let diagnostic = Diagnostic::new(
+                Code::TooManyEvents,
+                span,
+                message,
+                "shorten their `within`, or start them one after another",
+            );
             self.report(diagnostic, Origin { span, trace, ..Origin::default() });
         }
     }
@@ -483,7 +488,7 @@ mod tests {
 
     /// Millions of them are in memory at once, and a `Step` becomes an `(Event, u32)` in place.
     #[test]
-    fn what_there_are_millions_of_is_small() {
+    fn frequent_types_are_small() {
         assert_eq!(size_of::<Command>(), 16);
         assert_eq!(size_of::<Step>(), 48);
         assert!(size_of::<Event>() <= 40 && size_of::<Move>() <= 88 && size_of::<Tween>() <= 32);
