@@ -1,4 +1,4 @@
-//! What the documents say is so: every example in them runs, and every list is complete.
+//! The documents are true: every example runs, and every list is complete.
 
 use std::fs;
 use std::process::Command;
@@ -10,7 +10,7 @@ use motionseq::program::{Row, SETTINGS, Signature, signatures};
 use motionseq::source::Source;
 use motionseq::units::UNITS;
 
-/// The fenced blocks of a document: what stands behind the fence, the line it begins at, and the text.
+/// The fenced blocks of a document: the text after the fence, the first line, and the content.
 fn blocks(document: &str) -> Vec<(String, usize, String)> {
     let text = fs::read_to_string(document).unwrap();
     let mut found = Vec::new();
@@ -52,7 +52,7 @@ fn every_script_in_the_documents_compiles_as_it_says() {
     assert!(seen > 5);
 }
 
-/// Whether a line of output is the one that the document shows; `[..]` stands for anything.
+/// Whether a line of output matches one of the document; `[..]` stands for any text.
 fn fits(shown: &str, line: &str) -> bool {
     let mut rest = line;
     let mut parts = shown.split("[..]");
@@ -118,7 +118,7 @@ fn patterns_fit_only_what_they_should() {
 fn the_readme_begins_with_two_commands_that_work() {
     let (_, _, text) = blocks("README.md").into_iter().find(|(kind, _, _)| kind == "sh").unwrap();
     assert_eq!(text, "cargo run --release -- play scripts/hello.motion\ncargo test\n");
-    // The gate runs the very same test command.
+    // The gate runs the same test command.
     assert!(fs::read_to_string(".ci/run").unwrap().lines().any(|line| line == "cargo test"));
 }
 
@@ -129,7 +129,7 @@ fn rows<'t>(table: impl Iterator<Item = Signature<'t>>) -> String {
         .collect()
 }
 
-/// The tables of the reference, printed from the code's own tables.
+/// The tables of the reference, printed from those of the code.
 fn tables() -> [(&'static str, String); 5] {
     let commands = format!("| command | what it does | for example |\n|---|---|---|\n{}", rows(signatures(board())));
     let settings = format!(
@@ -151,7 +151,7 @@ fn tables() -> [(&'static str, String); 5] {
     [("commands", commands), ("settings", settings), ("units", units), ("easings", easings), ("functions", functions)]
 }
 
-/// `UPDATE_DOCS=1 cargo test --test docs` writes the tables anew.
+/// `UPDATE_DOCS=1 cargo test --test docs` rewrites the tables.
 #[test]
 fn the_tables_of_the_reference_are_those_of_the_code() {
     let path = "docs/language.md";
@@ -344,7 +344,8 @@ fn every_crate_and_its_licence_is_listed() {
     );
 }
 
-/// What the board does when frames stop is unknown, and every text says so in the same words.
+/// What the board does when frames stop is unknown, and every document uses the same sentence for
+/// it.
 #[test]
 fn what_the_board_does_on_silence_is_said_in_one_sentence() {
     let plain = |path: &str| fs::read_to_string(path).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
@@ -375,7 +376,7 @@ fn what_the_board_does_on_silence_is_said_in_one_sentence() {
         for claim in
             ["board stops by itself", "board may stop by itself", "stops by itself where", "real robot drives on"]
         {
-            // The test in safety.md says what each outcome would mean.
+            // The test in safety.md describes each possible outcome.
             let is_outcome = path == "docs/safety.md" && claim == "board stops by itself";
             assert!(is_outcome || !text.contains(claim), "{path} says `{claim}`");
         }

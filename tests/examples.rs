@@ -1,4 +1,4 @@
-//! The examples of the library do what they say.
+//! The examples of the library work as described.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use crate::support::far::{FarEnd, assert_stopped, bytes};
 use crate::support::{run, stderr, stdout};
 
-/// An example, built as these tests are.
+/// The path of an example, built with these tests.
 fn example(name: &str) -> PathBuf {
     let built = Command::new(env!("CARGO")).args(["build", "--quiet", "--example", name]).status().unwrap();
     assert!(built.success());

@@ -1,4 +1,5 @@
-//! `record --port` between a program and a robot: whatever fails, the robot stops, or it is said that it did not.
+//! `record --port` between a program and a robot: whatever fails, the robot stops, or a message
+//! says that it did not.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -19,7 +20,7 @@ use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopp
 use crate::support::host::{Host, link, request, rocker};
 use crate::support::{motionseq, stderr};
 
-/// How many times what can happen at any moment is tried. `STRESS=200` is the long form.
+/// The number of attempts for events at random times. `STRESS=200` is the long form.
 fn times() -> usize {
     std::env::var("STRESS").map_or(16, |times| times.parse().unwrap())
 }
@@ -31,7 +32,7 @@ struct Tap {
     script: PathBuf,
 }
 
-/// A terminal that takes nothing, as behind Ctrl-S; kept open as long as this lives.
+/// A blocked terminal, as after Ctrl-S; open as long as this lives.
 struct Stopped {
     _far: Pty,
     near: File,
@@ -51,7 +52,7 @@ impl Stopped {
 }
 
 impl Tap {
-    /// Starts one; `blocked` is where its output goes, if anywhere but to this test.
+    /// Starts a tap; `blocked` is the destination of its output instead of this test.
     fn start(name: &str, far: &str, blocked: Option<&Stopped>) -> Self {
         let (path, script) = (link(name), link(&format!("{name}.motion")));
         let args = ["record", "--link", path.to_str().unwrap(), "--port", far, "-o", script.to_str().unwrap()];
@@ -73,14 +74,14 @@ impl Tap {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
-    /// The far end has this many drive frames, or more.
+    /// Waits until the far end has this many drive frames.
     fn drives(far: &FarEnd, received: &mut Vec<u8>, count: usize) {
         while commands(received).iter().filter(|command| command.is_drive()).count() < count {
             received.extend(far.first());
         }
     }
 
-    /// Waits for its end, and takes its files away.
+    /// Waits for its end, and removes its files.
     fn end(self) -> (i32, String) {
         let (path, script) = (self.path, self.script);
         let ended = end(self.child);
@@ -130,7 +131,7 @@ fn a_board_whose_output_nobody_takes_answers_and_ends() {
     assert!(fs::symlink_metadata(&path).is_err(), "the link is gone");
 }
 
-/// What a tap leaves behind that is killed, or hangs, at a random moment of a program that drives.
+/// Kills or suspends a tap at random times of a program that drives.
 fn fails(signal: Signal, name: &str) {
     for case in 0..times() {
         let stopped = (case % 2 == 1).then(Stopped::new);
@@ -176,10 +177,10 @@ fn bytes_that_the_port_never_took_were_not_delivered() {
         let mut received = vec![0; 13];
         pty.read(&mut received).unwrap();
         if is_held {
-            // As a line does whose other end says XOFF: also behind a flush nothing leaves.
+            // Like a line whose other end sent XOFF: nothing leaves, even after a flush.
             rustix::termios::tcflow(&held, Action::OOff).unwrap();
         }
-        // The far end reads no more, so that the stop at the end of these gets nowhere.
+        // The far end stops reading, so that the stop after these does not arrive.
         let mut frames = rocker(20).repeat(200);
         frames.extend(STOP);
         port.set_timeout(Duration::from_millis(300)).unwrap();
@@ -309,7 +310,8 @@ fn a_player_killed_at_any_moment_of_its_end_says_that_nothing_was_sent() {
         let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
         assert!(pty.read(&mut [0; 64]).unwrap() > 0);
         rustix::termios::tcflow(&held, Action::OOff).unwrap();
-        // A random moment of the second that this takes: the stall, the stop that gets nowhere, the goodbye.
+        // A random time within the second that this takes: the stall, the stop that does not
+        // arrive, the last message.
         let until =
             std::time::Instant::now() + Duration::from_millis(u64::try_from(case).unwrap() * 900 / times() as u64);
         while std::time::Instant::now() < until && child.try_wait().unwrap().is_none() {
@@ -328,7 +330,7 @@ fn a_report_that_nobody_takes_hides_no_closing_line() {
     let long = crate::support::script("stuck-report", "rocker x=10\nwait 1h\n");
     let pipe = link("stuck-report");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    // Somebody has it open, and never reads.
+    // A process has it open, and never reads.
     let mut full = File::options().read(true).write(true).open(&pipe).unwrap();
     rustix::fs::fcntl_setfl(&full, rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::RDWR).unwrap();
     while full.write(&[0; 4096]).is_ok() {}
