@@ -10,7 +10,7 @@ use crate::support::board::{OnBoard, board, say};
 use crate::support::host::{Host, frames, has, link, rocker, stop};
 use crate::support::{messages, run, stderr};
 use motionseq::board::Command;
-use motionseq::capture::{Decoded, Reading, ScriptWriter, TimedDecoder, decode, tranwriter};
+use motionseq::capture::{Decoded, Reading, ScriptWriter, TimedDecoder, decode, decode_to_script};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
@@ -56,10 +56,10 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
 }
 
 /// The same frames without times, as `decode -o` writes them.
-fn tranwriterd(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
+fn decoded_script(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
     let bytes: Vec<u8> = frames.iter().flat_map(|(_, frame)| frame.clone()).collect();
     let mut out = Vec::new();
-    tranwriter(&bytes[..], Reading::default(), exact, &mut out).unwrap();
+    decode_to_script(&bytes[..], Reading::default(), exact, &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -379,7 +379,7 @@ fn a_folded_recording_of_an_owners_program_is_short() {
 }
 
 #[test]
-fn a_kill_leaves_a_script_of_what_came_before() {
+fn a_kill_leaves_a_script_of_the_earlier_frames() {
     let (mut host, path) = recording("killed", &[]);
     let mut port = host.open();
     for x in 1..20 {
@@ -427,7 +427,7 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
 }
 
 #[test]
-fn the_board_of_a_tap_that_goes_is_told() {
+fn the_loss_of_a_taps_board_is_reported() {
     let board = Host::start("gone", &[]);
     let (mut tap, path) = recording("told", &["--port", board.path.to_str().unwrap()]);
     let mut port = tap.open();
@@ -441,7 +441,7 @@ fn the_board_of_a_tap_that_goes_is_told() {
 }
 
 #[test]
-fn a_recording_is_never_put_over_anything() {
+fn a_recording_never_overwrites_a_file() {
     let path = link("there.motion");
     fs::write(&path, "stop\n").unwrap();
     let board = link("over");
@@ -460,7 +460,7 @@ fn folded(sent: &[(u64, Command)]) -> String {
 }
 
 #[test]
-fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
+fn a_drive_without_frames_stops_as_on_a_board() {
     let drive = Lane::Rocker.command([5, 0, 0]);
     // Refreshed for a second, then silence, then a servo.
     let mut sent: Vec<(u64, Command)> = (0..10).map(|time| (time * 100_000, drive.clone())).collect();
@@ -481,7 +481,7 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
 }
 
 #[test]
-fn what_would_harm_or_mislead_is_left_out_and_said() {
+fn harmful_frames_are_left_out_and_noted() {
     let mut writer = ScriptWriter::new(Arc::clone(board()), false, BAUD);
     let mut decoder = TimedDecoder::new(board(), BAUD);
     let tilt = [0xFF, 0xFE, 2, 4, 0x05, 0xDC, 0x09, 0xC4, 0xB4];
@@ -552,7 +552,7 @@ fn a_recording_widens_the_limit_of_the_tilt_only_where_it_must() {
         let narrow = recorded(exact, &frames[..1]);
         assert!(!narrow.contains("limit"), "{narrow}");
         compiled(&narrow);
-        let script = tranwriterd(&frames, exact);
+        let script = decoded_script(&frames, exact);
         assert_eq!(script.lines().nth(1), Some("limit servo 2 500..2500"), "{script}");
         compiled(&script);
     }
@@ -589,7 +589,7 @@ fn servo(at: u64, pulse: i32) -> (u64, Command) {
 }
 
 #[test]
-fn a_recording_does_not_move_while_the_program_stands_still() {
+fn a_recording_does_not_move_during_a_pause_of_the_program() {
     // After a constant value, the first value of a ramp is a jump.
     let ramp =
         |begin_us: u64, from: i32| (0..=20).map(move |step| servo(begin_us + step * 20_000, from + step as i32 * 5));
@@ -642,7 +642,7 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
 /// A capture as a script, and the totals.
 fn script_of(capture: &[u8], exact: bool, baud: Option<u32>) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = tranwriter(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
+    let decoded = decode_to_script(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 
@@ -671,7 +671,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
 }
 
 #[test]
-fn what_a_snapshot_sends_only_where_a_run_ends_early_is_no_part_of_a_script() {
+fn the_on_abort_part_of_a_snapshot_is_not_part_of_a_script() {
     let script = compiled("servo 1 1500\nwait 1s\nservo 1 1600\non abort { servo 1 1000; buzzer on for 100ms }");
     assert_eq!(script.abort.len(), 3);
     let mut snapshot = Vec::new();

@@ -299,7 +299,8 @@ impl<'l> LogLine<'l> {
         (at.is_some() || is_position).then_some(LogLine { at, digits: Cow::Borrowed(frame) })
     }
 
-    /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123 [3] 11 22 33`.
+    /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123
+    /// [3] 11 22 33`.
     fn of_candump(line: &'l [u8]) -> Option<Self> {
         let (at, rest) = std::str::from_utf8(line).ok()?.strip_prefix('(')?.split_once(')')?;
         let at = Nanos::from_seconds(at.trim())?;
