@@ -36,7 +36,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
         && word == "guard"
     {
         if let Some(guarded) = guard(rest)? {
-            eprintln!("the player was lost at {} s; {:?}", guarded.at, guarded.stop);
+            eprintln!("the player was lost at {} s; stop: {:?}", guarded.at, guarded.stop);
         }
         return Ok(());
     }
@@ -58,9 +58,9 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     let timeline = &timeline;
     let outcome = thread::scope(|scope| {
         // A terminal may block for a while: motion does not wait for it.
-        let (tell, told) = mpsc::sync_channel::<usize>(1_024);
+        let (sender, receiver) = mpsc::sync_channel::<usize>(1_024);
         scope.spawn(move || {
-            for event in told.iter().filter_map(|event| timeline.events.get(event)) {
+            for event in receiver.iter().filter_map(|event| timeline.events.get(event)) {
                 println!("{:.3} s: {}", event.at, timeline.board.show(&event.command));
             }
         });
@@ -70,7 +70,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
         session.guard = Some(Guard::start(program, session.link.descriptor(), &ward)?);
         let outcome = session.play(now(), |notice| {
             if let Notice::Sent { event, .. } = notice {
-                let _ = tell.try_send(event);
+                let _ = sender.try_send(event);
             }
         });
         if let Some(guard) = session.guard.take() {

@@ -29,8 +29,8 @@ pub struct Micros(pub u64);
 /// ```
 /// use motionseq::units::{Micros, Nanos};
 ///
-/// assert_eq!(format!("{:.6} {:.3} {}", Micros(500_000), Micros(1_999_999), Micros(500_000)), "0.500000 1.999 0.5");
-/// assert_eq!(Nanos(1_234).to_string(), "0.000001234");
+/// assert_eq!(format!("{:.6} {:.3} {}", Micros(500_000), Micros(1_999_999), Micros(500_000)),
+/// "0.500000 1.999 0.5"); assert_eq!(Nanos(1_234).to_string(), "0.000001234");
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(transparent)]

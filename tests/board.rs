@@ -66,7 +66,7 @@ fn a_frame_is_put_together() {
 }
 
 #[test]
-fn a_frame_that_is_none_says_why() {
+fn bytes_that_are_not_a_frame_are_refused_with_a_reason() {
     let mut wrong = ROCKER;
     wrong[12] = 0x48;
     assert_eq!(Frame::new(board(), &wrong), Err(FrameError::Checksum { expected: 0x49, found: 0x48 }));
@@ -86,7 +86,7 @@ fn framed(function: u8, payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_no_correct_client_sends_is_refused() {
+fn invalid_commands_are_refused() {
     let decode = |function, payload: &[u8]| board().decode(&framed(function, payload));
     // Out of range: a servo at 499, a tilt at 1951, a wheel at 26.
     assert!(matches!(decode(0x02, &[1, 0x01, 0xF3]), Err(NotACommand::OutOfRange(_))));
@@ -126,7 +126,7 @@ fn decoded(chunks: &[&[u8]]) -> Vec<String> {
 const ROCKER_HEX: &str = "FF FE 03 08 01 00 0A 00 00 00 32 01 49";
 
 #[test]
-fn the_decoder_goes_on_after_noise() {
+fn the_decoder_continues_after_noise() {
     let stream = [&[0x00, 0xFF, 0x13][..], &ROCKER, &[0xFE], &ROCKER].concat();
     assert_eq!(
         decoded(&[&stream]),
@@ -135,7 +135,7 @@ fn the_decoder_goes_on_after_noise() {
 }
 
 #[test]
-fn the_decoder_finds_the_frame_behind_a_cut_one() {
+fn the_decoder_finds_the_frame_after_a_truncated_one() {
     // The truncated frame claims the first bytes of the next one, but its checksum is wrong.
     let stream = [&ROCKER[..7], &ROCKER].concat();
     let found = decoded(&[&stream]);
@@ -143,14 +143,14 @@ fn the_decoder_finds_the_frame_behind_a_cut_one() {
 }
 
 #[test]
-fn the_decoder_finds_the_frame_behind_a_bad_checksum() {
+fn the_decoder_finds_the_frame_after_a_bad_checksum() {
     let mut bad = ROCKER;
     bad[12] = 0;
     assert_eq!(decoded(&[&bad, &ROCKER]), ["13 at 0: checksum 0x00 instead of 0x49", ROCKER_HEX]);
 }
 
 #[test]
-fn a_length_that_no_command_has_holds_nothing_up() {
+fn an_implausible_length_delays_no_frame() {
     // A stop must not wait for 255 bytes that never come.
     let stream = [&[0xFF, 0xFE, 0x03, 0xFF][..], &ROCKER].concat();
     let mut decoder = Decoder::new(board());
@@ -231,7 +231,7 @@ fn report() -> Report {
 }
 
 #[test]
-fn a_report_is_read_however_it_comes() {
+fn a_report_is_read_in_any_pieces() {
     let line = b"{A-120:35:9000:1187}#";
     assert_eq!(board().report_line(&report()).as_bytes(), line);
     assert_eq!(reports(&[line]), (vec![report()], 0));
@@ -245,7 +245,7 @@ fn a_report_is_read_however_it_comes() {
 }
 
 #[test]
-fn a_malformed_report_is_none() {
+fn a_malformed_report_is_skipped() {
     for line in [
         "{A1:2:3}#",
         "{A1:2:3:4:5}#",
@@ -291,7 +291,7 @@ fn a_header_inside_a_length_that_no_command_has_begins_a_frame() {
 }
 
 #[test]
-fn the_zeros_of_a_stop_are_no_fault() {
+fn the_zeros_of_a_stop_are_not_a_fault() {
     let zeros = |count: usize, at: usize| format!("{count} at {at}: zeros that resynchronize a receiver");
     let hex = || ROCKER_HEX.to_owned();
     let expected =

@@ -18,12 +18,12 @@ fn check(text: String) -> (Vec<Code>, usize) {
 }
 
 /// A text of `count` parts with a prefix and a suffix.
-fn parts(before: &str, count: usize, part: impl Fn(usize) -> String, behind: &str) -> String {
+fn parts(before: &str, count: usize, part: impl Fn(usize) -> String, after: &str) -> String {
     let mut text = before.to_owned();
     for at in 0..count {
         let _ = write!(text, "{}", part(at));
     }
-    text + behind
+    text + after
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn names_of_one_block() {
 }
 
 #[test]
-fn names_that_nothing_is_called() {
+fn unknown_names() {
     const MANY: usize = 20_000;
     let lets = parts("", MANY, |at| format!("let name_{at} = {at}\n"), "");
     let defs = parts("", MANY, |at| format!("def name_{at}() {{ stop }}\n"), "");
@@ -108,8 +108,8 @@ fn memory_of_the_lines_of_a_block() {
     const LINE: usize = 200;
     // The program, its stacks, and what the allocator reserves for a thread.
     const ITSELF: usize = 256 << 20;
-    let lines = |before: &str, behind: &str| {
-        parts(before, PAIRS, |at| format!("servo 1 {}\nwait 1ms  # {at}\n", 1_000 + at % 1_000), behind)
+    let lines = |before: &str, after: &str| {
+        parts(before, PAIRS, |at| format!("servo 1 {}\nwait 1ms  # {at}\n", 1_000 + at % 1_000), after)
     };
     for (name, text) in [
         ("repeat", lines("repeat 2 {\n", "}\n")),

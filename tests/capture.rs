@@ -27,7 +27,7 @@ fn the_bytes_of_a_script_are_its_commands_again() {
 }
 
 #[test]
-fn what_is_no_frame_is_shown_and_skipped() {
+fn bytes_outside_of_frames_are_shown_and_skipped() {
     // Noise; a wrong checksum; an unknown frame; one out of range; half a frame.
     let bytes = [
         &[0x00, 0x11][..],
@@ -50,7 +50,7 @@ fn what_is_no_frame_is_shown_and_skipped() {
 }
 
 #[test]
-fn hex_digits_are_read_however_they_are_set() {
+fn hex_digits_are_read_in_every_layout() {
     let frames = "0\tFF FE 04 01 01 06\tbuzzer on\n6\tFF FE 04 01 00 05\tbuzzer off\n";
     for text in [
         "FF FE 04 01 01 06 FF FE 04 01 00 05",
@@ -134,7 +134,7 @@ fn a_file_of_times_says_when_bytes_came() {
 }
 
 #[test]
-fn however_a_stream_is_cut_into_reads_it_says_the_same() {
+fn the_result_does_not_depend_on_reads() {
     let mut bytes = rendered("scripts/hello.motion");
     let noise = (0..3_000u32).map(|n| u8::try_from(n.wrapping_mul(2_654_435_761) >> 24).unwrap());
     bytes.extend(noise);
@@ -148,7 +148,7 @@ fn however_a_stream_is_cut_into_reads_it_says_the_same() {
 }
 
 #[test]
-fn a_text_is_a_text_however_little_the_first_read_gives() {
+fn text_is_recognized_after_a_short_first_read() {
     let texts = [
         "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
         "# motionseq frames 2\n# x\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n# end\t0.500000\tframes\t1\tbaud\t9600\n",
@@ -246,7 +246,7 @@ fn jsonl_names_the_line_of_every_frame() {
 }
 
 #[test]
-fn shells_and_man_are_told_every_command_but_the_hidden_one() {
+fn completions_and_man_pages_list_every_command_but_the_hidden_one() {
     for shell in ["bash", "zsh", "fish"] {
         let text = stdout(&run(&["completions", shell]));
         assert!(text.contains("render") && text.contains("max-late") && !text.contains("guard-a-player"), "{shell}");
@@ -276,7 +276,7 @@ fn ports_lists_what_is_there() {
 }
 
 #[test]
-fn a_move_of_an_older_driver_is_told_and_read_as_asked_for() {
+fn a_move_of_an_older_driver_is_reported_and_read_on_request() {
     // Bits 0, 1 and 2 are set if x, y and z are not negative: 10 0 0; 300 1000 0; -5 5 -45; and 0 0
     // 0 with an extra bit.
     let frames = [
@@ -292,7 +292,10 @@ fn a_move_of_an_older_driver_is_told_and_read_as_asked_for() {
     let commands =
         |text: &str| text.lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect::<Vec<_>>();
     let listing = stdout(&output);
-    assert!(listing.lines().next().unwrap().contains("a `move` with the direction bits of older driver versions"), "{listing}");
+    assert!(
+        listing.lines().next().unwrap().contains("a `move` with the direction bits of older driver versions"),
+        "{listing}"
+    );
     // These are valid in both versions, and are read as the newest writes them: mirrored.
     assert_eq!(commands(&listing)[1..3], ["move x=-300 y=-1000 z=0", "move x=5 y=-5 z=-45"]);
     assert_eq!(stderr(&output).matches("cannot always be told apart").count(), 1, "{}", stderr(&output));

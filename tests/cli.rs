@@ -152,7 +152,7 @@ fn help_shows_an_example_of_every_command() {
 }
 
 #[test]
-fn what_is_no_script_is_refused_and_says_why() {
+fn files_that_are_not_scripts_are_refused_with_a_reason() {
     let scratch = Scratch::new("bad-files");
     let fifo = scratch.path("fifo.motion");
     assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
@@ -215,7 +215,7 @@ fn hostile_scripts_stay_small() {
 }
 
 #[test]
-fn more_events_than_allowed_are_counted_before_they_are_laid() {
+fn too_many_events_are_counted_before_they_are_added() {
     let scratch = Scratch::new("events");
     let day = scratch.file("day.motion", b"refresh 10ms\nrocker x=1 for 24h\n");
     let output = run_small(&["check", "--max-events", "1000000", &day]);
@@ -280,7 +280,7 @@ fn times_of_options_are_read_as_those_of_scripts() {
 /// Results of a pass besides frames, each in quantities beyond any memory. They are counted before
 /// the loop runs if the number of passes is a literal, and while it runs if the number is computed.
 #[test]
-fn what_a_pass_leaves_behind_is_bounded() {
+fn the_results_of_a_pass_are_bounded() {
     let scratch = Scratch::new("left-behind");
     let long = "x".repeat(60_000);
     for line in [
@@ -307,7 +307,7 @@ fn what_a_pass_leaves_behind_is_bounded() {
 }
 
 #[test]
-fn a_result_that_cannot_be_written_is_told() {
+fn a_result_that_cannot_be_written_is_reported() {
     let full = || File::options().write(true).open("/dev/full").unwrap();
     let output = motionseq(&["render", HELLO])
         .stdout(full())
@@ -337,7 +337,7 @@ fn a_file_name_does_not_draw_on_the_terminal() {
 }
 
 #[test]
-fn whoever_reads_a_listing_may_stop_early() {
+fn a_reader_of_a_listing_may_stop_early() {
     let shell = format!("{} render scripts/wheels.motion | head -1", env!("CARGO_BIN_EXE_motionseq"));
     let output = Command::new("sh").args(["-c", &shell]).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert_eq!(stdout(&output).lines().count(), 1);
@@ -377,7 +377,7 @@ fn warnings_are_summed_up_by_code() {
 }
 
 #[test]
-fn what_must_end_offers_no_loop_without_an_end() {
+fn commands_that_must_end_offer_no_endless_loop() {
     for command in ["render", "plot"] {
         let output = run(&[command, "--help"]);
         assert!(!stdout(&output).contains("forever"), "{}", stdout(&output));

@@ -31,7 +31,7 @@ fn show() -> String {
 }
 
 #[test]
-fn space_pauses_and_goes_on_s_steps_and_q_ends() {
+fn space_pauses_and_continues_s_steps_and_q_ends() {
     let steps = [
         "wait:rocker x=0 y=10 z=20",
         "key: ",
@@ -61,7 +61,7 @@ fn space_pauses_and_goes_on_s_steps_and_q_ends() {
 }
 
 #[test]
-fn the_terminal_is_left_as_it_was_whatever_happens() {
+fn the_terminal_is_always_restored() {
     let show = show();
     for (steps, code) in [
         (vec!["wait:rocker x=0", "kill"], "exit -9"),
@@ -72,7 +72,7 @@ fn the_terminal_is_left_as_it_was_whatever_happens() {
         let text = at_terminal("100", &steps, &["play", &show]);
         assert!(text.starts_with(&format!("{code}\nicanon True\necho True\n")), "{steps:?}: {text}");
         if code == "exit -9" {
-            assert!(text.contains("motionseq was killed at"), "the guard tells: {text}");
+            assert!(text.contains("motionseq was killed at"), "the guard reports: {text}");
         }
     }
 }
@@ -131,7 +131,7 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
 }
 
 #[test]
-fn long_work_shows_how_far_it_is_on_a_terminal_only() {
+fn long_work_shows_progress_on_a_terminal_only() {
     let folder = std::env::temp_dir().join(format!("motionseq-bar-{}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     for number in 0..31 {
@@ -152,7 +152,7 @@ fn long_work_shows_how_far_it_is_on_a_terminal_only() {
 }
 
 #[test]
-fn keys_count_however_fast_frames_follow_each_other_and_whatever_was_typed_before() {
+fn keys_work_at_any_frame_rate_and_after_earlier_input() {
     // A frame every half millisecond for a minute.
     let fast = script(
         "fast-keys",
@@ -171,7 +171,7 @@ fn keys_count_however_fast_frames_follow_each_other_and_whatever_was_typed_befor
 }
 
 #[test]
-fn a_terminal_of_somebody_else_is_left_alone() {
+fn the_terminal_of_another_program_is_left_alone() {
     // The terminal that it was started from is not a port.
     let text = at_terminal("120", &[], &["play", &show(), "--port", "/dev/tty"]);
     assert!(text.starts_with("exit 3\nicanon True\necho True\n"), "{text}");

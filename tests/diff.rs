@@ -36,7 +36,7 @@ fn words(old: &str, new: &str) -> String {
 }
 
 #[test]
-fn every_edit_is_said_in_the_words_of_the_script() {
+fn every_edit_is_described_in_the_notation_of_the_script() {
     let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "diffs", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("diffs/*.txt", |path| {
@@ -70,7 +70,7 @@ fn a_script_and_its_snapshot_are_the_same() {
 }
 
 #[test]
-fn what_is_no_snapshot_says_where_and_why() {
+fn invalid_snapshots_are_refused_with_line_and_reason() {
     let head = "# motionseq frames 2\n# x.motion\n";
     let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
     let end = "# end\t0.000000\tframes\t1\tbaud\t115200\n";
@@ -79,7 +79,10 @@ fn what_is_no_snapshot_says_where_and_why() {
     for (text, message) in [
         (String::new(), "line 1: expected `# motionseq frames 2`"),
         ("servo 1 1500\n".into(), "line 1: expected `# motionseq frames 2`"),
-        ("# motionseq frames 3\n".into(), "line 1: version 3 is too new: this motionseq reads versions up to 2, so update it"),
+        (
+            "# motionseq frames 3\n".into(),
+            "line 1: version 3 is too new: this motionseq reads versions up to 2, so update it",
+        ),
         ("# motionseq frames x\n".into(), "line 1: unknown version `x`"),
         (format!("{head}{good}{}", &good[..20]), "line 4: the command is missing"),
         (format!("{head}{}", good.trim_end()), "line 3: the file ends inside this line"),
@@ -92,16 +95,10 @@ fn what_is_no_snapshot_says_where_and_why() {
         ),
         (format!("{head}0.5\tFF\tstop\n"), "line 3: `0.5` is not a time with six decimals"),
         (format!("{head}{}", good.replace("DC", "DD")), "line 3: checksum E7 instead of E8"),
-        (
-            format!("{head}{}", good.replace("1500", "1501")),
-            "line 3: the frame is `servo 1 1500`, not `servo 1 1501`",
-        ),
+        (format!("{head}{}", good.replace("1500", "1501")), "line 3: the frame is `servo 1 1500`, not `servo 1 1501`"),
         (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: unknown kind of frame `odd`"),
         (format!("{head}{step}{end}"), "line 4: the step at 0.000000 s belongs to no move"),
-        (
-            format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{step}{end}"),
-            "line 5: a move has too few steps",
-        ),
+        (format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{step}{end}"), "line 5: a move has too few steps"),
         (
             format!("{head}# move\t0.000000\t1.000000\tlinaer\t2\n"),
             "line 3: a move needs its start, its end, its easing and its number of steps",
@@ -182,7 +179,7 @@ proptest! {
 
     /// Shifted commands: the reported shift of each command is the real one.
     #[test]
-    fn every_time_that_is_said_is_true(
+    fn reported_times_are_true(
         commands in prop::collection::vec((1u64..8, 1u64..5, prop::sample::select(vec![0i64, 0, 0, 0, 100, 250, -50])), 1..25),
         one_lane in prop::bool::ANY,
     ) {

@@ -33,7 +33,7 @@ fn blocks(document: &str) -> Vec<(String, usize, String)> {
 const DOCUMENTS: &[&str] = &["README.md", "docs/language.md", "docs/safety.md", "docs/ci.md", "docs/rehearsal.md"];
 
 #[test]
-fn every_script_in_the_documents_compiles_as_it_says() {
+fn every_script_in_the_documents_compiles_as_described() {
     let mut seen = 0;
     for document in DOCUMENTS {
         for (kind, line, text) in blocks(document) {
@@ -52,7 +52,7 @@ fn every_script_in_the_documents_compiles_as_it_says() {
     assert!(seen > 5);
 }
 
-/// Whether a line of output matches one of the document; `[..]` stands for any text.
+/// Whether a line of output matches one of the document; `[..]` matches any text.
 fn fits(shown: &str, line: &str) -> bool {
     let mut rest = line;
     let mut parts = shown.split("[..]");
@@ -286,7 +286,7 @@ fn the_first_script_is_the_one_in_the_folder() {
 }
 
 #[test]
-fn the_pictures_are_what_the_commands_beside_them_draw() {
+fn the_pictures_are_current() {
     let text = fs::read_to_string("README.md").unwrap();
     let commands: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("motionseq plot ")).collect();
     let pictures: Vec<(&str, &str)> = commands.iter().filter_map(|command| command.split_once(" -o ")).collect();
@@ -347,7 +347,7 @@ fn every_crate_and_its_licence_is_listed() {
 /// What the board does when frames stop is unknown, and every document uses the same sentence for
 /// it.
 #[test]
-fn what_the_board_does_on_silence_is_said_in_one_sentence() {
+fn every_document_uses_one_sentence_for_silence() {
     let plain = |path: &str| fs::read_to_string(path).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
     let sentence = "hat the board does when frames stop is unknown; ";
     for path in [

@@ -25,7 +25,7 @@ fn a_script_and_the_file_that_it_uses_are_compiled_in_memory() {
 }
 
 #[test]
-fn a_player_of_ones_own_sends_what_render_says() {
+fn the_play_example_sends_what_render_prints() {
     let far = FarEnd::new();
     let output = Command::new(example("play")).args(["scripts/hello.motion", &far.path]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
@@ -39,7 +39,7 @@ fn a_player_of_ones_own_sends_what_render_says() {
 }
 
 #[test]
-fn the_guard_of_ones_own_stops_the_robot() {
+fn the_guard_of_the_play_example_stops_the_robot() {
     let far = FarEnd::new();
     let mut player = Command::new(example("play"))
         .args(["scripts/square.motion", &far.path])
@@ -54,7 +54,7 @@ fn the_guard_of_ones_own_stops_the_robot() {
 }
 
 #[test]
-fn a_player_of_ones_own_refuses_what_is_not_there() {
+fn the_play_example_refuses_a_missing_port() {
     let play = example("play");
     let run = |arguments: &[&str]| stderr(&Command::new(&play).args(arguments).output().unwrap());
     assert_eq!(run(&[]), "error: usage: play SCRIPT PORT\n");

@@ -1,6 +1,6 @@
-//! A made-up family of boards: three lamps that fade, a fan, and a chime. Its table is created at run
-//! time, its frames are text, and it does not drive. Everything that the program does with a board works
-//! with this one, and only this file contains its words.
+//! A made-up family of boards: three lamps that fade, a fan, and a chime. Its table is created at
+//! run time, its frames are text, and it does not drive. Everything that the program does with a
+//! board works with this one, and only this file contains its words.
 
 use std::sync::Arc;
 
@@ -235,7 +235,7 @@ fn it_is_compiled_and_rendered() {
 }
 
 #[test]
-fn what_is_wrong_with_it_is_said_in_its_words() {
+fn its_errors_use_its_words() {
     let first = |text: &str| wrong(text).into_iter().next().unwrap();
     assert_eq!(first("fan on; fan off\n"), (Code::Clash, "the fan gets two commands at 0.000000 s".to_owned()));
     let (code, message) = first("lamp 2 0 -> 9 over 1s; lamp 2 5\n");
@@ -259,7 +259,7 @@ fn what_is_wrong_with_it_is_said_in_its_words() {
 }
 
 #[test]
-fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would_be() {
+fn what_it_leaves_running_is_ended_and_its_clips_restore_its_state() {
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
     let closing = whole.events.last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
@@ -273,8 +273,8 @@ fn it_is_played_and_simulated_and_stopped() {
     let timeline = compiled(SHOW);
     let rehearsal = rehearse(&timeline, Settings::default());
     assert!(rehearsal.is_complete(&timeline) && rehearsal.is_at_rest(&timeline), "{rehearsal:?}");
-    let told = rehearsal.received.state.last(0).unwrap();
-    assert_eq!(timeline.board.show(told).to_string(), "lamp 1 205");
+    let last = rehearsal.received.state.last(0).unwrap();
+    assert_eq!(timeline.board.show(last).to_string(), "lamp 1 205");
     // If something ends it early, only its own stop is sent, once.
     let mut player = Player::new(&timeline, Nanos::from_millis(50));
     let mut sent = Vec::new();
@@ -375,8 +375,7 @@ fn corners(verb: &Verb) -> Vec<Vec<i32>> {
 #[test]
 fn every_corner_of_every_verb_passes_both_ways() {
     for board in [lamps(), motionseq::board::raspblock::board(), motionseq::board::raspblock::with_older_move()] {
-        let is_older =
-            board.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.note.starts_with("it is read with"));
+        let is_older = board.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.note.starts_with("it is read with"));
         for (id, verb) in board.verbs() {
             for values in corners(verb) {
                 let command = board.command(id, &values).unwrap();

@@ -65,7 +65,7 @@ fn closing_line(text: &str) -> &str {
 
 /// A container that was entered from outside does not know the session and the process group.
 #[test]
-fn a_player_whose_session_nobody_knows_still_has_its_guard() {
+fn a_player_in_an_unknown_session_still_has_its_guard() {
     let in_a_namespace = ["--pid", "--fork", "--mount-proc", "--kill-child"];
     if !Command::new("unshare").args(in_a_namespace).arg("true").output().is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: namespaces may not be made here");
@@ -141,7 +141,7 @@ fn a_player_that_sleeps_for_less_than_the_guard_waits_is_late_by_itself() {
 }
 
 #[test]
-fn a_program_that_is_frozen_stops_no_robot_without_its_guard_and_says_so_before() {
+fn a_frozen_program_without_a_guard_stops_no_robot_and_warns_before() {
     let long = script("unguarded", DRIVING);
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path, "--no-guard"]);
@@ -194,7 +194,7 @@ fn a_player_whose_guard_no_longer_listens_stops_the_robot_itself() {
 }
 
 #[test]
-fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
+fn a_blocked_port_is_reported_as_not_stopped() {
     let long = script("held", DRIVING);
     for kill in [false, true] {
         let pty = Pty::open().unwrap();
@@ -226,7 +226,7 @@ fn a_run_whose_guard_does_not_start_does_not_start() {
 }
 
 #[test]
-fn realtime_plays_the_same_bytes_and_says_what_is_not_allowed() {
+fn realtime_plays_the_same_bytes_and_reports_missing_permissions() {
     let short = script("realtime", "servo 1 1500\nwait 50ms\nservo 1 1600\n");
     std::fs::set_permissions(&short, std::os::unix::fs::PermissionsExt::from_mode(0o644)).unwrap();
     let far = FarEnd::new();
@@ -266,7 +266,7 @@ fn a_player_whose_guard_is_killed_stops_the_robot_itself() {
 }
 
 #[test]
-fn the_guard_of_the_virtual_board_asks_nobody_to_cut_the_power() {
+fn the_guard_of_the_virtual_board_does_not_ask_to_cut_the_power() {
     let long = script("virtual-killed", "say \"on\"\nrocker x=10\nwait 1h\nstop\n");
     let mut child = start(&["play", &long]);
     let mut pipe = BufReader::new(child.stderr.take().unwrap());
@@ -281,7 +281,7 @@ fn the_guard_of_the_virtual_board_asks_nobody_to_cut_the_power() {
 }
 
 #[test]
-fn a_guard_that_cannot_say_what_it_did_holds_no_port() {
+fn a_guard_that_cannot_report_closes_the_port() {
     let long = script("mute", DRIVING);
     let (reader, mut full) = std::io::pipe().unwrap();
     rustix::fs::fcntl_setfl(&full, rustix::fs::OFlags::NONBLOCK).unwrap();
@@ -291,7 +291,7 @@ fn a_guard_that_cannot_say_what_it_did_holds_no_port() {
     let mut child = motionseq(&["play", "-q", &long, "--port", &far.path]).stderr(full).spawn().unwrap();
     let mut received = far.first();
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
-    // It ends only when nobody has the port any more.
+    // It ends only after every process has closed the port.
     received.extend(bytes(&far.rest()));
     assert_stopped(&received);
     child.wait().unwrap();
@@ -317,7 +317,7 @@ fn the_recording_of_a_killed_run_holds_what_was_sent() {
 }
 
 #[test]
-fn a_ctrl_c_beside_a_ctrl_z_is_not_lost() {
+fn a_ctrl_c_together_with_a_ctrl_z_is_not_lost() {
     let long = script("both", DRIVING);
     for _ in 0..5 {
         let far = FarEnd::new();
@@ -450,7 +450,7 @@ fn of_two_players_that_race_a_hundred_times_exactly_one_wins() {
 }
 
 #[test]
-fn whatever_the_board_sends_changes_no_byte_of_the_run() {
+fn telemetry_changes_no_byte_of_the_run() {
     let asking = script("telemetry", "refresh off\nrequest report-start\nrocker x=10 for 300ms\nrequest report-stop\n");
     let cut = b"{A-120:35:9000:11".to_vec();
     let joined = b"{A-120:35:9000:1187}#{A-121:35:9000:1187}#".to_vec();
@@ -487,7 +487,7 @@ fn whatever_the_board_sends_changes_no_byte_of_the_run() {
 }
 
 #[test]
-fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
+fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_continues() {
     // Without a shell, nothing could continue a suspended process, so it does not suspend.
     for with_shell in [true, false] {
         pause_and_resume(with_shell);

@@ -29,7 +29,7 @@ fn an_owners_program_is_shown_frame_by_frame_and_may_come_again() {
 }
 
 #[test]
-fn what_no_correct_program_sends_is_told() {
+fn invalid_bytes_are_reported() {
     let mut host = Host::start("wrong", &[]);
     let mut port = host.open();
     let noise: &[u8] = &[0x00, 0x11, 0xFF, 0xFE, 2, 3, 1, 5, 0xDC, 0x00];
@@ -63,7 +63,7 @@ fn what_no_correct_program_sends_is_told() {
 }
 
 #[test]
-fn more_than_the_line_carries_is_told_and_a_drive_that_is_left_on_too() {
+fn an_overloaded_line_and_a_running_drive_are_reported() {
     let mut host = Host::start("fast", &["--baud", "9600"]);
     let mut port = host.open();
     for _ in 0..20 {
@@ -106,7 +106,7 @@ fn memory(pid: u32) -> u64 {
 }
 
 #[test]
-fn frames_without_end_take_no_memory() {
+fn endless_frames_take_no_memory() {
     let mut host = Host::start("long", &["--baud", "4000000"]);
     let mut port = host.open();
     let some = rocker(5).repeat(1_000);
@@ -139,7 +139,7 @@ fn json_lines_say_the_same() {
 }
 
 #[test]
-fn a_link_is_never_put_over_what_is_not_one_of_ours() {
+fn a_link_replaces_only_links_of_motionseq() {
     let path = link("file");
     fs::write(&path, "mine").unwrap();
     let output = run(&["board", "--link", path.to_str().unwrap()]);
@@ -167,7 +167,7 @@ fn the_link_of_one_that_was_killed_is_replaced_and_that_of_a_living_one_is_not()
 }
 
 #[test]
-fn a_program_that_sets_its_line_up_otherwise_is_told_of_once() {
+fn wrong_line_settings_are_reported_once() {
     let mut host = Host::start("settings", &[]);
     if !has("serial") {
         return;
@@ -193,7 +193,7 @@ fn a_program_that_sets_its_line_up_otherwise_is_told_of_once() {
 }
 
 #[test]
-fn what_is_wrong_counts_as_often_as_it_is_listed() {
+fn the_count_of_faults_equals_the_listed_ones() {
     // Three faults, the last of which comes in many pieces.
     let host = Host::start("counted", &["--baud", "1000000"]);
     let mut port = host.open();
@@ -207,7 +207,7 @@ fn what_is_wrong_counts_as_often_as_it_is_listed() {
 }
 
 #[test]
-fn reports_come_as_often_as_asked_for() {
+fn reports_come_at_the_requested_interval() {
     let host = Host::start("often", &["--report-every", "20ms"]);
     let mut port = host.open();
     port.write_all(&request(0)).unwrap();
@@ -223,7 +223,7 @@ fn reports_come_as_often_as_asked_for() {
 }
 
 #[test]
-fn a_board_reads_a_move_as_it_is_told_to() {
+fn a_board_reads_a_move_in_the_requested_version() {
     for (more, way) in [(&[][..], "3.0 cm to the left"), (&["--older-move"], "3.0 cm to the right")] {
         let mut host = Host::start("older", more);
         let mut port = host.open();

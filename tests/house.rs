@@ -102,7 +102,7 @@ fn imports(code: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn rooms_import_only_what_they_may() {
+fn modules_import_only_what_they_may() {
     let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for path in files(Path::new("src")) {
         let Some(room) = room(&path) else { continue };
@@ -153,7 +153,7 @@ impl Modules {
             at.push(part.clone());
         }
         match rest.next().and_then(|name| self.exports(&at).remove(name)) {
-            Some(behind) if self.target(&at, &behind) != at => self.target(&at, &behind),
+            Some(original) if self.target(&at, &original) != at => self.target(&at, &original),
             _ => at,
         }
     }
@@ -248,7 +248,7 @@ fn circles(graph: &BTreeMap<Vec<String>, BTreeSet<Vec<String>>>) -> BTreeSet<Vec
 }
 
 #[test]
-fn files_of_a_room_import_each_other_in_no_circle() {
+fn files_of_a_module_have_no_import_cycle() {
     let modules = Modules::read();
     let graph = modules.0.keys().map(|module| (module.clone(), modules.imports(module))).collect();
     assert_eq!(circles(&graph), BTreeSet::new());
@@ -288,7 +288,7 @@ fn the_language_half_needs_little() {
 }
 
 #[test]
-fn words_stay_at_home() {
+fn restricted_words_stay_in_their_files() {
     for path in files(Path::new("src")).into_iter().filter(|path| room(path).is_some()) {
         let code = code(&path);
         for (word, home) in AT_HOME {

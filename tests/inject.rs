@@ -129,7 +129,7 @@ impl Port {
             match self.reads.recv_timeout(LIMIT) {
                 Ok(read) => all.extend(read),
                 Err(RecvTimeoutError::Disconnected) => return Ok(all),
-                Err(RecvTimeoutError::Timeout) => return Err("somebody still holds the port".into()),
+                Err(RecvTimeoutError::Timeout) => return Err("a process still holds the port".into()),
             }
         }
     }
@@ -265,12 +265,12 @@ impl Plan<'_> {
             }
             if run.injected.is_empty() {
                 if n == 1 && !self.call.starts_with('?') {
-                    wrong.push(format!("{self:?}: nobody makes this call, so nothing was tested"));
+                    wrong.push(format!("{self:?}: no thread makes this call, so nothing was tested"));
                 }
                 return (n, wrong);
             }
         }
-        wrong.push(format!("{self:?}: there is no end to these calls"));
+        wrong.push(format!("{self:?}: the number of calls has no bound"));
         (BOUND, wrong)
     }
 
@@ -280,7 +280,7 @@ impl Plan<'_> {
         let closing = closing_lines(&text);
         match closing[..] {
             [] if code == 0 || code == 2 && !run.received.is_empty() => run.check_whole(rendered, code == 0, &text),
-            _ if code == 0 => Err("a closing line behind a whole run"),
+            _ if code == 0 => Err("a closing line after a complete run"),
             // A program that a signal kills prints nothing; here that is the loader, or the runtime
             // before `main`.
             [] if run.received.is_empty()
@@ -288,7 +288,7 @@ impl Plan<'_> {
                 && !run.is_mute()
                 && run.output.status.signal().is_none() =>
             {
-                Err("refused without a word")
+                Err("refused without a message")
             }
             [] if run.received.is_empty() => Ok(()),
             _ if self.error == "EINTR" && is_once => Err("an interrupted call ends the run"),
@@ -313,16 +313,16 @@ impl Run {
         let is_complete = self.recording == self.received;
         match warnings(text) {
             _ if !is_whole(&self.received, rendered, (!self.is_mute()).then_some(text)) => {
-                Err("half a run with exit 0")
+                Err("an incomplete run with exit 0")
             }
             _ if !self.received.starts_with(&self.recording) => Err("the recording holds what was not sent"),
-            0 if !is_complete && !self.is_mute() => Err("nobody says that the recording is not complete"),
-            0 if !is_fine && !self.is_mute() => Err("exit 2 without a word"),
+            0 if !is_complete && !self.is_mute() => Err("no message that the recording is not complete"),
+            0 if !is_fine && !self.is_mute() => Err("exit 2 without a message"),
             1 if is_fine => Err("exit 0 with a recording that is not complete"),
             0 => Ok(()),
             // It may have become complete after the fault.
             1 if !self.injected.is_empty() => Ok(()),
-            _ => Err("a warning too many about the recording"),
+            _ => Err("an extra warning about the recording"),
         }
     }
 
@@ -425,7 +425,7 @@ fn the_port_may_fail_again_while_it_gets_the_stop() {
 }
 
 #[test]
-fn what_fails_for_ever_is_no_hang() {
+fn a_permanent_failure_does_not_hang() {
     let errors = ["EIO", "EINTR", "EAGAIN"];
     sweep(&[
         (&["ppoll", "clock_nanosleep", "sendto", "recvfrom"], &errors, &["+"], None),
@@ -439,7 +439,7 @@ fn a_recording_that_fails_changes_no_motion() {
 }
 
 #[test]
-fn what_the_system_cannot_give_is_refused_before_the_first_frame_or_not_needed() {
+fn missing_resources_are_refused_before_the_first_frame_or_not_needed() {
     sweep(&[
         (&["?clone3", "?clone", "execve", "mmap", "mlockall"], &["ENOMEM"], &[""], None),
         (&["socketpair", "fcntl", "pidfd_open", "?dup2", "setsockopt"], &["EMFILE"], &[""], None),
@@ -507,7 +507,7 @@ fn a_clock_that_is_set_changes_nothing() {
             });
             let begin = Instant::now();
             assert_whole_with(port, &[&all[..], &[how]].concat());
-            assert!(begin.elapsed() >= Duration::from_millis(220), "it is over before its time");
+            assert!(begin.elapsed() >= Duration::from_millis(220), "it ended too early");
         });
     }
 }
@@ -530,9 +530,9 @@ impl Drop for SmallDisk {
 }
 
 /// Runs the program in a shell, with text before and after it.
-fn in_shell(before: &str, player: &Command, behind: &str) -> Output {
+fn in_shell(before: &str, player: &Command, after: &str) -> Output {
     let mut shell = Command::new("sh");
-    shell.args(["-c", &format!("{before} exec \"$@\" {behind}"), "sh"]);
+    shell.args(["-c", &format!("{before} exec \"$@\" {after}"), "sh"]);
     finish(shell.arg(player.get_program()).args(player.get_args())).unwrap()
 }
 
@@ -555,7 +555,7 @@ fn result_to(place: &str, option: &str, record: &str, exit: i32) -> String {
     let output = in_shell("", &player, place);
     let text = stderr(&output);
     assert_eq!((code(&output), closing_lines(&text)), (exit, vec![]), "{place} {record}: {text}");
-    assert!(port.received().unwrap() == rendered(&path), "{place} {record}: the motion is another one");
+    assert!(port.received().unwrap() == rendered(&path), "{place} {record}: the motion differs");
     text
 }
 
@@ -591,7 +591,7 @@ fn readers_that_go_away_change_no_motion() {
     // The recording is not complete.
     assert_eq!(code(&end_of(child).unwrap()), 2);
     all.extend(port.received().unwrap());
-    assert!(all == rendered(&path), "the motion is another one");
+    assert!(all == rendered(&path), "the motion differs");
     // A pipe whose reader is gone before the start, and a closed descriptor, are refused.
     for record in [pipe.as_str(), "/dev/fd/9"] {
         let port = Port::new();

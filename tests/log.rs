@@ -99,10 +99,10 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
 
     // The state follows, with the values that a plot needs.
     let board = of(&messages, "/board");
-    let pulses: Vec<i64> = board.iter().filter_map(|told| told["servo_1"].as_i64()).collect();
+    let pulses: Vec<i64> = board.iter().filter_map(|state| state["servo_1"].as_i64()).collect();
     assert_eq!((pulses[0], pulses[pulses.len() - 1]), (1000, 2000));
     assert!(pulses.is_sorted());
-    let driving = board.iter().find(|told| told["x"] == 20).unwrap();
+    let driving = board.iter().find(|state| state["x"] == 20).unwrap();
     assert_eq!((&driving["z"], &driving["drive"]), (&Value::from(-5), &Value::from("rocker x=20 y=0 z=-5")));
     assert_eq!((&board[board.len() - 1]["x"], &board[board.len() - 1]["wheel_a"]), (&Value::from(0), &Value::from(0)));
 
@@ -216,7 +216,7 @@ fn a_log_can_be_read_when_its_program_was_killed() {
 }
 
 #[test]
-fn a_full_disk_is_said_and_changes_nothing_else() {
+fn a_full_disk_is_reported_and_changes_nothing_else() {
     let output = run(&["play", "scripts/hello.motion", "--log", "/dev/full", "--progress", "none"]);
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
@@ -242,7 +242,7 @@ fn a_log_is_never_another_file_of_the_run() {
 }
 
 #[test]
-fn pythons_reader_reads_it_and_every_message_is_as_its_schema_says() {
+fn pythons_reader_reads_it_and_every_message_matches_its_schema() {
     if !(has("mcap") && has("jsonschema")) {
         return;
     }

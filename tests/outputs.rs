@@ -50,7 +50,7 @@ impl Drop for Folder {
 }
 
 #[test]
-fn no_result_is_written_over_what_the_run_reads() {
+fn no_result_overwrites_an_input_of_the_run() {
     let folder = Folder::new("reads");
     symlink("lib.motion", folder.0.join("alias")).unwrap();
     fs::hard_link(folder.0.join("a.motion"), folder.0.join("twin.txt")).unwrap();
@@ -77,7 +77,7 @@ fn no_result_is_written_over_what_the_run_reads() {
 }
 
 #[test]
-fn a_script_or_a_snapshot_that_others_wrote_is_written_over_by_force_only() {
+fn only_force_overwrites_scripts_and_snapshots_of_others() {
     let folder = Folder::new("force");
     fs::write(folder.0.join("other.frames"), "mine\n").unwrap();
     for args in [
@@ -105,7 +105,7 @@ fn a_script_or_a_snapshot_that_others_wrote_is_written_over_by_force_only() {
 }
 
 #[test]
-fn a_refused_recording_removes_nothing_that_it_did_not_make() {
+fn a_refused_recording_removes_only_its_own_files() {
     let folder = Folder::new("refused");
     File::create(folder.0.join("empty")).unwrap();
     symlink("empty", folder.0.join("to-empty")).unwrap();

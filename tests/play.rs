@@ -67,7 +67,7 @@ fn the_bytes_that_arrive_are_the_rendered_ones_and_none_is_early() {
 }
 
 #[test]
-fn the_built_in_board_receives_what_the_recording_holds() {
+fn the_built_in_board_receives_what_is_recorded() {
     let record = std::env::temp_dir().join(format!("motionseq-record-{}.bin", std::process::id()));
     let output = run(&["play", "scripts/hello.motion", "--record", record.to_str().unwrap()]);
     let text = stderr(&output);
@@ -125,7 +125,7 @@ fn every_signal_stops_the_robot() {
 }
 
 #[test]
-fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
+fn a_gap_in_the_run_is_late_even_if_it_contains_only_refreshes() {
     let long = script("hole", "rocker x=10\nwait 1h\nstop\n");
     let far = FarEnd::new();
     // A guard would kill the player first.
@@ -145,7 +145,7 @@ fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
 }
 
 #[test]
-fn a_recording_that_may_grow_no_further_does_not_stop_motion() {
+fn a_recording_at_the_size_limit_does_not_stop_motion() {
     let steady = steady();
     let record = std::env::temp_dir().join(format!("motionseq-limit-{}.bin", std::process::id()));
     let _ = fs::remove_file(&record);
@@ -181,7 +181,7 @@ fn a_recording_never_overwrites_the_script_and_a_refused_port_no_recording() {
 }
 
 #[test]
-fn a_screen_that_takes_nothing_does_not_keep_the_program_alive() {
+fn a_blocked_terminal_does_not_keep_the_program_alive() {
     // 4,000 lines are more than an unread pipe holds.
     let chatty = script("chatty", &"say \"a line that is long enough to fill a pipe sooner or later\"\n".repeat(4_000));
     let far = FarEnd::new();
@@ -280,7 +280,7 @@ fn the_library_holds_its_port_alone() {
 }
 
 #[test]
-fn a_pty_is_raw_before_anybody_sets_it_up() {
+fn a_pty_is_raw_from_the_start() {
     let pty = Pty::open().unwrap();
     let mut port = File::options().read(true).write(true).open(pty.path()).unwrap();
     // A terminal would change or swallow end-of-file, line ends and interrupt.
@@ -344,7 +344,7 @@ fn the_port_may_come_from_the_environment() {
 }
 
 #[test]
-fn output_that_goes_nowhere_does_not_stop_motion() {
+fn output_without_a_reader_does_not_stop_motion() {
     let steady = steady();
     let far = FarEnd::new();
     let full = || File::options().write(true).open("/dev/full").unwrap();

@@ -72,7 +72,7 @@ impl<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>> World<F> {
                     Input::Tick
                 }
                 Order::Discard | Order::Done | Order::Suspend => Input::Tick,
-                other => panic!("nobody is there to end {other:?}"),
+                other => panic!("nothing can end {other:?}"),
             };
         }
         panic!("the player never ends");
@@ -102,7 +102,7 @@ fn frames_due_together_are_one_write_at_their_time() {
 }
 
 #[test]
-fn a_port_that_takes_little_at_once_gets_every_byte_in_order() {
+fn a_port_that_accepts_few_bytes_at_once_gets_all_in_order() {
     let timeline = timeline(SCRIPT);
     let mut full = false;
     let meddle = |now, order, _| match order {
@@ -242,7 +242,7 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
 }
 
 #[test]
-fn what_held_at_a_pause_holds_again_behind_it() {
+fn the_state_at_a_pause_is_restored_afterwards() {
     let timeline = timeline(
         "pid speed speed=1,2 position=3,4,5 yaw=6,7,8\nservos 1400 1600\nbuzzer on\nrocker x=10 for 1s\nbuzzer off",
     );
@@ -266,7 +266,7 @@ fn what_held_at_a_pause_holds_again_behind_it() {
 }
 
 #[test]
-fn whatever_ends_a_run_ends_it_at_a_pause_too() {
+fn every_end_of_a_run_also_ends_a_pause() {
     let timeline = timeline(SCRIPT);
     for (input, cause) in ENDS {
         // During the stop of the pause, and afterwards.
@@ -327,7 +327,7 @@ fn a_second_signal_skips_nothing() {
 }
 
 #[test]
-fn what_is_queued_is_thrown_away_before_the_stop() {
+fn the_queue_is_discarded_before_the_stop() {
     let timeline = timeline(SCRIPT);
     let mut orders = Vec::new();
     let meddle = |now, order, given| {
@@ -356,7 +356,7 @@ fn a_frame_that_is_too_late_is_not_sent() {
 }
 
 #[test]
-fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
+fn a_superseded_refresh_is_dropped_and_reported() {
     let timeline = timeline("refresh 10ms\nrocker x=10 for 60ms");
     // 45 ms late at the first refresh: four are due at once, and only the newest is sent.
     let meddle = |now, order, given| {
@@ -378,7 +378,7 @@ fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
 }
 
 #[test]
-fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
+fn of_several_due_samples_of_a_resource_only_the_newest_is_sent() {
     let timeline = timeline("together {\nservo 1 1000 -> 2000 over 100ms\nservo 3 1000 -> 2000 over 100ms\n}");
     // Suspended until 70 ms: the samples at 20, 40 and 60 ms of each servo are due.
     let meddle = |now, order, given| {
@@ -393,7 +393,7 @@ fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
 }
 
 #[test]
-fn samples_of_one_servo_are_overtaken_by_both_in_one_frame() {
+fn samples_of_one_servo_are_superseded_by_both_in_one_frame() {
     let timeline = timeline("servo 2 1500 -> 1600 over 50ms\nwait 1ms\nservos 900 900\nservo 3 900");
     let meddle = |now, order, given| {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 70, Input::Tick))
@@ -440,7 +440,7 @@ fn a_port_that_takes_bytes_again_after_the_flush_gets_the_stop() {
 }
 
 #[test]
-fn a_port_that_is_gone_is_not_stopped_and_says_so() {
+fn a_lost_port_is_reported_as_not_stopped() {
     let timeline = timeline(SCRIPT);
     let (world, outcome) = World::run(
         |now, order, given| (given >= 1 && order == Order::Write).then_some((now, Input::Failed(Some(5)))),
@@ -539,7 +539,7 @@ fn a_raw_frame_in_on_abort_is_followed_by_a_stop() {
 }
 
 #[test]
-fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_holds_by_then() {
+fn steps_of_a_pause_play_all_but_the_drive_and_resuming_restores_the_current_state() {
     let timeline =
         timeline("rocker x=10\nwait 100ms\nservo 1 1000\nwait 10s\nrocker y=5\nservo 2 1200\nwait 10s\nstop");
     let mut player = Player::new(&timeline, MAX_LATE);
@@ -612,7 +612,7 @@ impl Trusting {
 }
 
 #[test]
-fn a_receiver_that_trusts_lengths_is_back_in_step_before_the_first_stop() {
+fn a_receiver_that_trusts_lengths_is_synchronized_before_the_first_stop() {
     let raw = |length: usize| format!("raw 0x40 {}\nrocker x=10\nwait 1s\n", "0x11 ".repeat(length));
     let mut scripts =
         vec!["servo 1 1500; pid speed speed=1,2 position=3,4,5 yaw=6,7,8\nwheels 1 2 3 4\nwait 1s\n".to_owned()];

@@ -77,7 +77,7 @@ fn text_of_a_script_is_text_in_every_format() {
 }
 
 #[test]
-fn a_million_events_are_thinned_and_none_of_their_extremes_is_lost() {
+fn a_million_events_are_reduced_without_losing_extremes() {
     // 20,000 swings, and one moment at 2499.
     let text = "rate 50hz\nrepeat 10000 { servo 1 1000 -> 2000 over 1s; rocker x=20 z=30 for 1s\nservo 1 1000 over 1s\nmark a\nsay \"b\"\n}\nservo 1 2499\n+20ms servo 1 1000\nwait 2000s\n";
     let plot = plotted("x.motion", text);
@@ -217,7 +217,7 @@ fn a_png_has_its_size_its_curve_where_it_must_be_and_words() {
 }
 
 #[test]
-fn mistakes_are_said() {
+fn mistakes_are_reported() {
     for (args, why) in [
         (&["-o", "picture.gif"][..], "says no format: end it in .svg, .png, .html or .json"),
         (&["-o", "scripts/hello.motion", "--format", "svg"], "this run reads it"),
@@ -251,7 +251,7 @@ fn standard_output_takes_a_picture_and_a_page_is_one_file() {
 }
 
 #[test]
-fn huge_labels_are_cut_to_their_room() {
+fn huge_labels_are_cut_to_the_available_width() {
     let (name, words) = ("n".repeat(3_000), "wörter ".repeat(8_000));
     let text = format!("mark {name}\nsay \"{words}\"\nservo 1 1500\nwait 1s\nexpect voltage > 10V \"{words}\"\n");
     let svg = svg(&format!("{}.motion", "f".repeat(500)), &text);
@@ -282,7 +282,7 @@ fn each_robot_has_a_band_of_its_own() {
 }
 
 #[test]
-fn what_xml_forbids_is_escaped() {
+fn characters_that_xml_forbids_are_escaped() {
     let path = file("noncharacters.motion");
     fs::write(&path, "say \"a\u{FFFE}b\u{FFFF}\"\nservo 1 1500\nwait 1s\n").unwrap();
     let name = path.to_str().unwrap();

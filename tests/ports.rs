@@ -22,7 +22,7 @@ fn is_exclusive(path: &str) -> bool {
 }
 
 #[test]
-fn a_port_is_for_others_again_however_a_run_ends() {
+fn the_port_is_free_after_every_end_of_a_run() {
     let short = script("exclusive", "servo 1 1500\n");
     let long = script("exclusive-long", "rocker x=10\nwait 1h\n");
     let pty = Pty::open().unwrap();
@@ -137,7 +137,7 @@ fn a_report_from_before_the_run_makes_no_expect_hold() {
 }
 
 #[test]
-fn the_end_of_a_pseudo_terminal_where_the_board_would_be_is_no_port() {
+fn the_board_end_of_a_pseudo_terminal_is_refused() {
     let output = run(&["play", "scripts/hello.motion", "--port", "/dev/ptmx"]);
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     assert!(stderr(&output).contains("nobody is at its other end"), "{}", stderr(&output));

@@ -128,7 +128,10 @@ fn soup() -> impl Strategy<Value = String> {
         "raw",
     ]);
     prop::collection::vec((word, prop::bool::ANY), 0..60).prop_map(|words| {
-        words.into_iter().map(|(word, blank)| if blank { format!("{word} ") } else { word.to_owned() }).collect()
+        words
+            .into_iter()
+            .map(|(word, has_space)| if has_space { format!("{word} ") } else { word.to_owned() })
+            .collect()
     })
 }
 
@@ -193,7 +196,7 @@ proptest! {
 
     /// Nothing panics, and every message has a place in the text and a help.
     #[test]
-    fn any_text_gets_an_answer(text in soup()) {
+    fn every_text_gets_an_answer(text in soup()) {
         let result = compiled(&text);
         prop_assert_eq!(result.timeline.is_none(), result.diagnostics.has_errors());
         for diagnostic in &result.diagnostics {

@@ -44,7 +44,7 @@ stop
 ";
 
 #[test]
-fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
+fn a_clip_from_any_time_restores_the_state_of_the_whole_run() {
     let whole = timeline(SHOW);
     for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
         let cut = clip(&whole, &Clip::new(from, None, Micros::SECOND), &State::default());
@@ -67,9 +67,9 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
                 command.is_drive() && new.is_drive() || is_buzzer(command) && is_buzzer(new)
             })
         };
-        let told: Vec<Command> = state.commands(board()).cloned().collect();
+        let restored: Vec<Command> = state.commands(board()).cloned().collect();
         let wanted: Vec<Command> = there.commands(board()).filter(|command| !is_anew(command)).cloned().collect();
-        assert_eq!(told, wanted, "{from}");
+        assert_eq!(restored, wanted, "{from}");
         // The servos come first and get the lead-in; the drive starts when they have arrived.
         let drives = cut.events[..count].iter().find(|event| event.command.is_drive());
         assert!(drives.is_none_or(|event| event.at == Micros::SECOND && event.at == cut.end - (whole.end - from)));
@@ -87,7 +87,7 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
 }
 
 #[test]
-fn wherever_it_is_cut_off_nothing_is_left_running() {
+fn a_clip_to_any_time_leaves_nothing_running() {
     let whole = timeline(SHOW);
     for to in (1..whole.end.0).step_by(53_000).map(Micros) {
         let cut = clip(&whole, &Clip::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
@@ -99,7 +99,7 @@ fn wherever_it_is_cut_off_nothing_is_left_running() {
 }
 
 #[test]
-fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
+fn a_servo_at_another_known_position_moves_smoothly() {
     let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
     let asked = Clip::new(Micros(500_000), None, Micros(100_000));
     // The position is unknown: the command is sent once, and the servo gets the lead-in.
@@ -198,7 +198,7 @@ fn a_run_without_end_does_not_drift_and_comes_to_rest_when_it_is_ended() {
 }
 
 #[test]
-fn what_is_played_is_what_is_rendered() {
+fn the_played_frames_are_the_rendered_ones() {
     let path = script("show", SHOW);
     for options in [
         vec!["--from", "nod", "--to", "bow", "--speed", "4", "--lead-in", "50ms"],
@@ -218,7 +218,7 @@ fn what_is_played_is_what_is_rendered() {
 }
 
 #[test]
-fn times_and_marks_that_are_none_say_what_there_is() {
+fn invalid_times_and_marks_list_the_valid_ones() {
     let path = script("marks", "mark a\nrepeat 2 { mark inner\nwait 1s }\nservo 1 1500\nmark b\nwait 1s\n");
     for (options, words) in [
         (vec!["--from", "c"], "`c` is no time such as 1.5s, and no mark of the script; its marks are a, inner, b"),
@@ -248,7 +248,7 @@ fn times_and_marks_that_are_none_say_what_there_is() {
 }
 
 #[test]
-fn a_report_counts_passes_says_what_was_dropped_and_how_late_the_line_would_be() {
+fn a_report_contains_passes_dropped_frames_and_the_lateness_of_the_line() {
     let path = script("three-passes", "servo 1 1500\nwait 50ms\nservo 1 1600\nwait 50ms\n");
     let report = format!("{path}.json");
     let read = || -> serde_json::Value { serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap() };
@@ -273,7 +273,7 @@ fn a_report_counts_passes_says_what_was_dropped_and_how_late_the_line_would_be()
 }
 
 #[test]
-fn the_report_says_how_the_run_went() {
+fn the_report_describes_the_run() {
     let path = script(
         "reported",
         "servo 2 1900  # allow: no-such\nwait 300ms\nexpect voltage > 11V\nexpect voltage < 5V \"never\"\n",

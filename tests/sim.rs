@@ -68,7 +68,7 @@ fn a_displacement_goes_where_the_robot_looks_and_needs_position_mode() {
 }
 
 #[test]
-fn a_board_that_hears_nothing_stops_by_itself() {
+fn a_board_without_frames_stops_by_itself() {
     let silent = "refresh off\nrocker y=10 for 3s";
     is_near(pose(silent), 0.0, 5.0, 0.0);
     let mut settings = Settings::default();
@@ -175,12 +175,12 @@ fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
     let mut pieces = pieces.iter().peekable();
     let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
     loop {
-        let mut tell = |notice| {
+        let mut notify = |notice| {
             if let Notice::Judged(verdict) = notice {
                 verdicts.push(verdict);
             }
         };
-        let order = player.poll(now, input, &mut tell);
+        let order = player.poll(now, input, &mut notify);
         if let Some(outcome) = player.outcome() {
             return (verdicts, outcome.cause);
         }
@@ -192,7 +192,7 @@ fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
                 while let Some((_, bytes)) = pieces.next_if(|(at, _)| Micros(*at).nanos() <= now) {
                     decoder.feed(bytes, |item| {
                         if let ReportItem::Report(report) = item {
-                            player.hear(now, report, &mut tell);
+                            player.hear(now, report, &mut notify);
                         }
                     });
                 }
@@ -288,7 +288,7 @@ fn every_rehearsal_comes_to_an_end() {
 }
 
 #[test]
-fn too_many_that_wait_at_once_do_not_compile() {
+fn too_many_waiting_expects_do_not_compile() {
     let text = format!("together {{\n{}}}\n", "expect voltage > 1V within 1s\n".repeat(65));
     let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
     assert_eq!(
@@ -298,7 +298,7 @@ fn too_many_that_wait_at_once_do_not_compile() {
 }
 
 #[test]
-fn within_takes_its_time_and_the_first_report_that_fits() {
+fn within_waits_for_the_first_matching_report() {
     let script = "wait 1s\nexpect voltage in 9.5V..10V within 1s\nservo 1 1500\n";
     // An earlier report does not count, and a later one is too late.
     assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::NothingInTime]);
@@ -344,9 +344,9 @@ proptest! {
             if rest.is_empty() {
                 break;
             }
-            let (piece, behind) = rest.split_at((*cut).min(rest.len()));
+            let (piece, after) = rest.split_at((*cut).min(rest.len()));
             pieces.push((600_000, piece.to_vec()));
-            rest = behind;
+            rest = after;
         }
         prop_assert_eq!(judged(script, &pieces), judged(script, &whole));
     }

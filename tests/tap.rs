@@ -92,7 +92,7 @@ impl Tap {
 }
 
 #[test]
-fn output_that_nobody_takes_keeps_no_stop_from_the_robot() {
+fn blocked_output_delays_no_stop() {
     let stopped = Stopped::new();
     let far = FarEnd::new();
     let tap = Tap::start("blocked", &far.path, Some(&stopped));
@@ -112,7 +112,7 @@ fn output_that_nobody_takes_keeps_no_stop_from_the_robot() {
 }
 
 #[test]
-fn a_board_whose_output_nobody_takes_answers_and_ends() {
+fn a_board_with_blocked_output_answers_and_ends() {
     let stopped = Stopped::new();
     let path = link("blocked-board");
     let mut command = motionseq(&["board", "-v", "--link", path.to_str().unwrap(), "--baud", "1000000"]);
@@ -156,7 +156,7 @@ fn fails(signal: Signal, name: &str) {
 }
 
 #[test]
-fn a_tap_that_is_killed_leaves_a_robot_that_stands() {
+fn a_killed_tap_leaves_a_stopped_robot() {
     fails(Signal::KILL, "killed-tap");
 }
 
@@ -208,19 +208,19 @@ fn frame(function: u8, payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_not_known_as_a_stop_counts_as_driving() {
+fn unknown_frames_count_as_driving() {
     let cases: [(&str, Vec<u8>, bool); 13] = [
         ("a speed out of range", frame(3, &[1, 0, 30, 0, 0, 0, 0, 1]), false),
-        ("a direction that none has", frame(3, &[1, 0, 0, 0, 0, 0, 0, 9]), false),
+        ("an unused direction bit", frame(3, &[1, 0, 0, 0, 0, 0, 0, 9]), false),
         ("an unknown kind", frame(3, &[7, 0, 0, 0, 0, 0, 0, 1]), false),
-        ("a kind that is none", frame(3, &[0, 0, 0, 0, 0, 0, 0, 1]), false),
+        ("a kind of zero", frame(3, &[0, 0, 0, 0, 0, 0, 0, 1]), false),
         ("a move that runs", say("move", &[50, 0, 0]).to_frame(), false),
         ("wheels that turn", frame(3, &[2, 9, 9, 9, 9, 0, 0, 0]), false),
         ("a wheel out of range", frame(3, &[2, 99, 0, 0, 0, 0, 0, 0]), false),
         ("a buzzer that is 2", frame(4, &[2]), false),
         ("half a frame", rocker(20)[..9].to_vec(), false),
         ("a stop", STOP.to_vec(), true),
-        ("wheels that stand", frame(3, &[2, 0, 0, 0, 0, 0, 0, 0]), true),
+        ("stopped wheels", frame(3, &[2, 0, 0, 0, 0, 0, 0, 0]), true),
         ("a servo", frame(2, &[1, 5, 220]), true),
         ("a frame of another function", frame(0x40, &[3, 8, 1]), true),
     ];
@@ -262,7 +262,7 @@ fn a_tap_whose_guard_is_lost_stops_the_robot() {
 }
 
 #[test]
-fn what_a_program_had_written_when_the_end_came_is_recorded() {
+fn bytes_written_before_the_end_are_recorded() {
     let script = link("late.motion");
     let mut host = Host::start_at("record", link("late"), &["-o", script.to_str().unwrap(), "--exact"]);
     let mut port = host.open();
@@ -287,7 +287,7 @@ fn what_a_program_had_written_when_the_end_came_is_recorded() {
 }
 
 #[test]
-fn programs_that_write_and_go_at_once_lose_no_frame() {
+fn programs_that_write_and_exit_at_once_lose_no_frame() {
     let host = Host::start("quick", &["--baud", "4000000"]);
     let (rounds, path) = (if std::env::var_os("STRESS").is_some() { 16_000 } else { 2_000 }, host.path.clone());
     for at in 0..rounds {
@@ -326,7 +326,7 @@ fn a_player_killed_at_any_moment_of_its_end_says_that_nothing_was_sent() {
 }
 
 #[test]
-fn a_report_that_nobody_takes_hides_no_closing_line() {
+fn a_blocked_report_hides_no_closing_line() {
     let long = crate::support::script("stuck-report", "rocker x=10\nwait 1h\n");
     let pipe = link("stuck-report");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());

@@ -39,7 +39,7 @@ impl Drop for Folder {
 const PHRASES: &str = "let far = 1000us\ndef look(to = far) { servo 1 to }\n";
 
 #[test]
-fn names_of_another_file_are_taken_over() {
+fn names_of_a_used_file_are_available() {
     let folder = Folder::new(
         "plain",
         &[
@@ -54,7 +54,7 @@ fn names_of_another_file_are_taken_over() {
 }
 
 #[test]
-fn a_file_is_named_from_the_file_that_says_so_and_counts_once() {
+fn a_file_name_is_relative_to_its_user_and_counts_once() {
     // A diamond: both a and b use phrases, which is next to them.
     let folder = Folder::new(
         "diamond",
@@ -115,7 +115,7 @@ fn nothing_outside_of_the_folder_is_read() {
 }
 
 #[test]
-fn a_file_that_cannot_be_used_says_why() {
+fn unusable_files_are_refused_with_a_reason() {
     let folder = Folder::new(
         "wrong",
         &[
@@ -284,7 +284,7 @@ impl Files for Editor {
 }
 
 #[test]
-fn texts_of_others_are_used_from_where_they_are() {
+fn texts_of_an_editor_are_used() {
     let compiled = |texts: &[(&str, &str)]| {
         let editor = Editor(texts.iter().copied().collect());
         let sources = Sources::read(Path::new("show/a.motion"), editor).unwrap();

@@ -62,7 +62,7 @@ fn blessed(name: &str) -> Repository {
 }
 
 #[test]
-fn the_scripts_that_are_shipped_do_what_their_snapshots_say() {
+fn the_shipped_scripts_match_their_snapshots() {
     let output = crate::support::run(&["test", "--play", "scripts"]);
     assert_eq!(code(&output), 0, "{}", stdout(&output));
     assert_eq!(stderr(&output), "14 scripts: 14 passed, 0 failed\n");
@@ -111,7 +111,7 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
 }
 
 #[test]
-fn every_form_tells_the_same() {
+fn every_format_reports_the_same() {
     let repository = blessed("forms");
     repository.file("dance.motion", &DANCE.replace("200us", "250us")).file("worse.motion", "servo 1 3000\n");
     let output = repository.run(&["test", "--format", "json"]);
@@ -151,7 +151,7 @@ fn a_used_file_is_named_from_the_folder_of_the_script() {
 }
 
 #[test]
-fn what_is_missing_orphaned_or_broken_says_what_to_do() {
+fn missing_orphaned_and_broken_snapshots_are_reported_with_a_fix() {
     let repository = blessed("broken");
     fs::remove_file(repository.0.join("dance.motion.frames")).unwrap();
     repository
@@ -178,7 +178,7 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
     assert!(!stdout(&repository.run(&["test", "-q"])).contains("gone.motion.frames"));
     let github = stdout(&repository.run(&["test", "--format", "github"]));
     assert!(github.contains("::warning file=gone.motion.frames,title=orphan::"), "{github}");
-    // `--bless` fixes both, and leaves nothing else behind.
+    // `--bless` fixes both, and creates nothing else.
     assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
     let names = |folder: &Path| {
         let mut names: Vec<_> =
@@ -190,14 +190,15 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
     // A newer snapshot than this program knows is not overwritten.
     repository.file("more/bow.motion.frames", "# motionseq frames 9\n");
     assert!(
-        stdout(&repository.run(&["test"])).contains("version 9 is too new: this motionseq reads versions up to 2, so update it\n")
+        stdout(&repository.run(&["test"]))
+            .contains("version 9 is too new: this motionseq reads versions up to 2, so update it\n")
     );
     assert_eq!(code(&repository.run(&["test", "--bless"])), 1);
     assert_eq!(repository.read("more/bow.motion.frames"), "# motionseq frames 9\n");
 }
 
 #[test]
-fn a_script_that_must_not_compile_is_held_to_its_word() {
+fn a_script_that_expects_an_error_must_have_it() {
     let repository = Repository::new("expected");
     for (text, words) in [
         ("# expect-error: out-of-range\nservo 1 1500\n", "it should fail with `out-of-range`, and it compiles"),
@@ -213,7 +214,7 @@ fn a_script_that_must_not_compile_is_held_to_its_word() {
 }
 
 #[test]
-fn links_that_go_round_and_folders_without_scripts_are_told() {
+fn link_cycles_and_folders_without_scripts_are_reported() {
     let repository = blessed("links");
     std::os::unix::fs::symlink("..", repository.0.join("more/round")).unwrap();
     let output = repository.run(&["test"]);
@@ -257,7 +258,7 @@ fn a_bless_that_cannot_write_leaves_what_was_there() {
 }
 
 #[test]
-fn ten_thousand_scripts_are_no_burden() {
+fn ten_thousand_scripts_pass() {
     let repository = Repository::new("many");
     for number in 0..10_000 {
         repository.file(&format!("{}/{number}.motion", number / 1_000), "servo 1 1500\n");
@@ -270,7 +271,7 @@ fn ten_thousand_scripts_are_no_burden() {
 const CHECKUP: &str = "# rehearse: unplug@1s\non abort { servo 1 1500 }\nservo 1 1500\nwait 1500ms\nexpect voltage > 10V \"charge it\"\nservo 1 1900\n";
 
 #[test]
-fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
+fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     let repository = Repository::new("played");
     repository.file("checkup.motion", CHECKUP).file("dance.motion", "servo 1 1500\nrocker y=10 for 1s\n");
     assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
@@ -361,7 +362,7 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
 }
 
 #[test]
-fn check_tells_other_programs_what_it_tells_people() {
+fn check_reports_the_same_in_every_format() {
     let repository = Repository::new("check");
     repository.file("sub dir/x.motion", "servo 1 3000\nlet ä = 1\nservo 2 1900\n").file("ok.motion", "servo 1 1500\n");
     let args = ["check", "ok.motion", "sub dir/x.motion", "--format"];
@@ -397,7 +398,7 @@ fn check_tells_other_programs_what_it_tells_people() {
     let rules = sarif["runs"][0]["tool"]["driver"]["rules"].as_array().unwrap();
     assert!(rules.iter().any(|rule| rule["id"] == "left-running") && rules.len() > 30);
     assert_eq!(code(&repository.run(&["check", "ok.motion", "--format", "sarif"])), 0);
-    // A folder stands for every script in it, except those that expect an error.
+    // A folder means every script in it, except those that expect an error.
     repository
         .file("never.motion", "# expect-error: clash\nservo 1 1000\nservo 1 2000\n")
         .file("lib/p.motion", "def bow() { stop }\n");
@@ -552,7 +553,7 @@ fn warnings_and_orphans_fail_where_they_are_denied() {
 }
 
 #[test]
-fn every_form_says_how_a_change_is_blessed() {
+fn every_format_explains_how_to_bless_a_change() {
     let repository = blessed("hint");
     repository.file("dance.motion", &DANCE.replace("200us", "250us"));
     let hint = "if that is meant: motionseq test --bless dance.motion";

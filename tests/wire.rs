@@ -91,7 +91,7 @@ fn together(count: usize) -> String {
 }
 
 #[test]
-fn the_bounds_are_five_and_fifty_milliseconds() {
+fn late_frames_are_reported_from_five_and_fifty_milliseconds() {
     let codes =
         |text: &str| -> Vec<Code> { compiled(text).diagnostics.iter().map(|diagnostic| diagnostic.code).collect() };
     // The n-th of them leaves (n - 1) · 1.12847 ms late: the fifth 4.514 ms, the sixth 5.642 ms,
@@ -117,7 +117,7 @@ fn the_bounds_are_five_and_fifty_milliseconds() {
 }
 
 #[test]
-fn lateness_that_is_allowed_on_a_line_leaves_that_of_others() {
+fn allowing_lateness_on_a_line_does_not_hide_that_of_others() {
     let six = |last: &str| format!("{}{last}wait 1s\n", together(5));
     let late = six("raw 0x40 1  # allow: raw-frame\n");
     let allowed = six("raw 0x40 1  # allow: raw-frame, wire-late\n");

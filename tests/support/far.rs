@@ -88,7 +88,7 @@ pub(crate) fn assert_at_rest(received: &[u8]) {
 pub(crate) fn assert_stopped(received: &[u8]) {
     assert!(received.ends_with(&[&STOP[..], &STOP, &STOP, &BUZZER_OFF].concat()), "{received:02X?}");
     let commands = commands(received);
-    let mut behind = commands.iter().skip_while(|command| **command != stop());
-    assert!(!behind.any(OnBoard::keeps_driving), "{received:02X?}");
+    let mut after = commands.iter().skip_while(|command| **command != stop());
+    assert!(!after.any(OnBoard::keeps_driving), "{received:02X?}");
     assert_at_rest(received);
 }
