@@ -151,8 +151,7 @@ impl Nanos {
         Micros(self.0.div_ceil(1_000))
     }
 
-    /// Parses seconds with any number of decimals, `0.02` or `12`; digits below a nanosecond are
-    /// truncated. `None` for any other text.
+    /// Parses seconds such as `0.02` or `12`, truncated to nanoseconds; `None` for other text.
     pub(crate) fn from_seconds(text: &str) -> Option<Nanos> {
         let (seconds, decimals) = text.split_once('.').unwrap_or((text, ""));
         if seconds.is_empty() || !text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.') {
@@ -287,8 +286,7 @@ pub enum Measure {
     Frequency,
 }
 
-/// Every unit, those of time from the longest to the shortest. The grammar also lists those of
-/// time; a test compares the lists.
+/// Every unit, those of time from long to short. A test compares these with the grammar.
 pub const UNITS: [Unit; 10] = [
     Unit { name: "h", meaning: "hours", of: Measure::Time(Nanos::from_millis(3_600_000)) },
     Unit { name: "min", meaning: "minutes", of: Measure::Time(Nanos::from_millis(60_000)) },
@@ -308,8 +306,7 @@ impl Unit {
         UNITS.iter().find(|unit| unit.name == name)
     }
 
-    /// Whether this word is a unit even when no number precedes it. `m`, for example, may be a
-    /// name.
+    /// Whether this word is a unit even without a number. `m`, for example, may be a name.
     pub(crate) fn is_unmistakable(&self) -> bool {
         self.name != "m"
     }
@@ -387,8 +384,7 @@ fn number_in_parts(number: &str) -> Result<u128, NotATime> {
 /// The bits that a byte takes on the line: a start bit, eight data bits, a stop bit (8N1).
 pub(crate) const BITS_A_BYTE: u64 = 10;
 
-/// The time of one byte on a line of `baud` bits per second, truncated to whole nanoseconds.
-/// Multiply it for more bytes.
+/// The time of one byte at `baud` bits per second, truncated to whole nanoseconds.
 pub const fn byte_time(baud: u32) -> Nanos {
     // A line of 0 baud carries nothing; treat it as 1 baud.
     let baud = if baud == 0 { 1 } else { baud as u64 };
