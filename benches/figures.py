@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Prints the figures of the program, each beside a peer's, from one run. Build first: cargo build --release.
+"""Measures start-up and hostile input, and compares them with peers. Build first: cargo build --release.
 
     pip install pyserial
     python3 benches/figures.py [PROGRAM]
 
-Start-up: wall time of `check` on a ten-line script beside /bin/true and `python3 -c "import serial"`, in turns.
+Start-up: wall time of `check` on a ten-line script compared with /bin/true and
+`python3 -c "import serial"`, in turns.
 Hostile input: wall time and peak memory of files that must be refused quickly.
 """
 import os

@@ -1,8 +1,10 @@
-//! How late frames are at write(2): plays a script over a pty and prints percentiles, in nanoseconds.
+//! The lateness of frames at write(2): plays a script over a pty and prints percentiles in
+//! nanoseconds.
 //!
 //!     lateness [--frames N] [--step-us N] [--realtime] [--no-guard]
 //!
-//! `benches/playback.py` runs it beside its peers. A link of its own stamps each write at its entry.
+//! `benches/playback.py` compares it with its peers. Its own link takes a timestamp at the start of
+//! each write.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::expect_used)]
 
 use std::fmt::Write as _;
@@ -17,15 +19,15 @@ use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::units::Nanos;
 
-/// The word that makes this program the guard.
+/// The argument that makes this program the guard.
 const GUARD: &str = "guard";
 const MAX_LATE: Nanos = Nanos::from_millis(1_000);
 
 /// Bytes of the frame of one servo.
 const FRAME: usize = 8;
 
-/// Writes down when the write of each frame began: after a stall one write is several frames. The room for that is there
-/// before the first.
+/// Records when the write of each frame began. After a stall, one write contains several frames.
+/// Memory is allocated before the first.
 struct Stamped {
     port: Serial,
     stamps: Vec<Nanos>,
@@ -86,7 +88,7 @@ fn main() {
     let player = Player::new(&timeline, MAX_LATE);
     let mut session = Session::new(player, link, Signals::catch().unwrap(), Lines::of(&sources));
     (session.guard, session.realtime) = (guard, realtime);
-    // Not in the future: the session sends the first frame at once.
+    // Not in the future: the session sends the first frame immediately.
     let start = now();
     let outcome = session.play(start, |_| {});
     let Session { link: Stamped { port, stamps }, guard, .. } = session;

@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
-"""Prints how exactly and how safely scripts are played, each figure beside a peer's, from one run. Needs root, for the peers.
+"""Measures how precisely and how safely scripts are played, and compares that with peers. The peers
+need root.
 
     apt install rt-tests bsdutils && pip install pyserial
     cargo build --release && cargo bench --bench lateness --no-run
     sudo python3 benches/playback.py [--short]
 
-Lateness: when write(2) is called, against when the frame is due, beside `cyclictest`, in turns; medians of the runs. Ours
-looks at the clock before a deadline, cyclictest only sleeps: the ratio is of what owners get, not of how fast a thread wakes.
-Drift: the last frame at the far end of a pty, beside a Python time.sleep loop over pyserial and `scriptreplay`.
-Guard: from a SIGKILL, or a SIGSTOP, of the player to the stop frame at the far end.
+Lateness: the time of write(2) relative to the due time of the frame, compared with `cyclictest`, in
+turns; medians of the runs. Ours polls the clock before a deadline, cyclictest only sleeps: the ratio
+compares what users get, not how fast a thread wakes.
+Drift: the last frame at the far end of a pty, compared with a Python time.sleep loop over pyserial
+and with `scriptreplay`.
+Guard: from a SIGKILL or SIGSTOP of the player to the stop frame at the far end.
 """
 import ctypes
 import glob
@@ -31,17 +34,17 @@ FOLDER = tempfile.mkdtemp(prefix="motionseq-playback-")
 RUNS = 3 if SHORT else 5
 FRAMES = 1000 if SHORT else 5000
 BUSY_FRAMES = 1000 if SHORT else 2000
-# Longer than 2 ms, or the player has no time to look at the port and to beat for the guard, and that is not measured.
+# Longer than 2 ms, so that the player has time to poll the port and to send heartbeats to the guard.
 STEP_US = 2500
-# How exactly the far end tells times, in milliseconds: what is less counts as this much in a ratio.
+# The precision of times at the far end, in milliseconds. Smaller values count as this much in a ratio.
 FAR_END = 0.1
-# An ordinary user. cyclictest wants to be allowed real-time priority before it runs at all, also where it does not take it.
+# An ordinary user. cyclictest needs the permission for real-time priority, even if it does not use it.
 USER = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
 MAY_RUN_BEFORE_OTHERS = USER + ["--inh-caps=+sys_nice", "--ambient-caps=+sys_nice"]
 
 
 def bench():
-    """A copy of the lateness program that anybody may run."""
+    """A copy of the lateness program that every user may run."""
     built = max((p for p in glob.glob("target/release/deps/lateness-*") if not p.endswith(".d")), key=os.path.getmtime)
     os.chmod(FOLDER, 0o755)
     return shutil.copy(built, os.path.join(FOLDER, "lateness"))
@@ -55,7 +58,7 @@ def lateness(program, *options, user=True, frames=FRAMES):
 
 
 def cyclictest(*options, before=(), frames=FRAMES, exact=False):
-    """p50 and p99 of cyclictest's histogram, in nanoseconds. `exact` gives it the timer slack that the player gives itself.
+    """p50 and p99 of cyclictest's histogram, in nanoseconds. `exact` sets the timer slack of the player.
 
     It tries real-time priority, and giving that back restores the slack of its parent; so a shell in between has it.
     """
@@ -65,7 +68,7 @@ def cyclictest(*options, before=(), frames=FRAMES, exact=False):
         command = ["sh", "-c", '"$@"; exit $?', "sh", *command]
         slack = lambda: ctypes.CDLL(None).prctl(29, 1)  # PR_SET_TIMERSLACK
     out = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=True, preexec_fn=slack).stdout
-    # What is beyond the histogram is at least as late as its end.
+    # Values beyond the histogram are at least as late as its end.
     found, seen = {"p50": 1000000, "p99": 1000000}, 0
     for value, count in (map(int, line.split()) for line in out.splitlines() if line[:1].isdigit()):
         for name, part in (("p50", 0.5), ("p99", 0.99)):
@@ -127,7 +130,7 @@ def exactness():
 
 
 class Port:
-    """A pty whose far end notes when bytes come."""
+    """A pty whose far end records when bytes arrive."""
 
     def __init__(self):
         self.far, self.near = pty.openpty()
@@ -135,7 +138,7 @@ class Port:
         self.path = os.ttyname(self.near)
 
     def read(self, timeout=5):
-        """What came and when; nothing at a hang-up or after so many seconds."""
+        """The next bytes and their time; nothing after a hang-up or a timeout in seconds."""
         if not select.select([self.far], [], [], timeout)[0]:
             return b"", 0
         now = time.monotonic()
@@ -145,7 +148,7 @@ class Port:
             return b"", now
 
     def close(self, near_only=False):
-        """The near end is held until the program has the port: a pty that nobody holds is one that has hung up."""
+        """Keeps the near end open until the program has the port: a pty that no process has open is hung up."""
         if self.near is not None:
             os.close(self.near)
             self.near = None
@@ -154,7 +157,7 @@ class Port:
 
 
 def last_frame(start, frames, step_us, expected):
-    """How late the last frame comes at the far end, against the one that came most in time, in milliseconds.
+    """The lateness of the last frame at the far end, relative to the most punctual one, in milliseconds.
 
     Against the first, a reader that was late for that one would hide as much of what comes after.
     """
@@ -173,7 +176,7 @@ def last_frame(start, frames, step_us, expected):
         child.kill()
         child.wait()
         port.close()
-    # One that lost frames would seem to be in time. scriptreplay adds the end of a line.
+    # A run that lost frames would seem punctual. scriptreplay adds a line end.
     if not received.startswith(expected):
         sys.exit(f"the far end got {len(received)} bytes of {len(expected)}, or wrong ones")
     return (last - origin) * 1e3
@@ -215,7 +218,7 @@ def drift(frames, step_us=5000):
 
 
 def until_stop(send, options=()):
-    """Milliseconds from a signal to the stop frame at the far end; None where none came."""
+    """Milliseconds from a signal to the stop frame at the far end; None if it did not arrive."""
     script = os.path.join(FOLDER, "long.motion")
     with open(script, "w") as out:
         out.write("rocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n")
@@ -243,7 +246,7 @@ def until_stop(send, options=()):
     finally:
         child.kill()
         child.wait()
-        # The guard ends when it has stopped the robot, and with it the port.
+        # The guard ends after it has stopped the robot, which closes the port.
         while port.read(2)[0]:
             pass
         port.close()
@@ -265,7 +268,7 @@ def guard():
 
 
 if __name__ == "__main__":
-    # What was started is ended, whatever ends this; a busy loop would stay for ever.
+    # End the child processes however this one ends: busy loops would run forever.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:

@@ -1,12 +1,14 @@
-"""How true a recording is, and what a tap costs. Needs pyserial and a release build.
+"""Measures the precision of recordings and the cost of a tap. Needs pyserial and a release build.
 
     python3 benches/record.py              1 and 2
-    python3 benches/record.py --soak 600   3, for so many seconds
+    python3 benches/record.py --soak 600   3, for this many seconds
 
-1. A routine of ten seconds is sent to a virtual board and recorded with --exact; the script is played to another virtual board. The frames
-   must be the same, in the same order; printed is by how much their times differ.
-2. A request goes to a virtual board and its report comes back, a thousand times, straight and through `record --port`, turn by turn.
-3. A line that is always busy, to `board` and `record`, both with a log: how much memory they take as time passes.
+1. A routine of ten seconds is sent to a virtual board and recorded with --exact; the script is played
+   to another virtual board. The frames must be the same, in the same order; the differences of their
+   times are printed.
+2. A request goes to a virtual board and its report comes back, a thousand times, directly and through
+   `record --port`, in turns.
+3. A saturated line to `board` and `record`, both with a log: their memory over time.
 """
 import json
 import math
@@ -48,7 +50,7 @@ def end(child):
 
 
 def routine(path):
-    """Ten seconds of an ordinary program: a servo swings, the drive is fed every 10 ms, another servo jumps now and then."""
+    """Ten seconds of a typical program: a servo swings, drive frames every 10 ms, another servo jumps."""
     port = serial.Serial(path, 115200)
     began = time.monotonic()
     step = 0
@@ -121,7 +123,7 @@ def latency(folder):
 
 
 def memory(child):
-    """Resident, in MiB."""
+    """Resident memory in MiB."""
     status = open(f"/proc/{child.pid}/status").read()
     return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
@@ -135,12 +137,12 @@ def soak(folder, seconds):
         children[command] = start(command, "--link", link, "--log", log, *more, stdout=subprocess.DEVNULL)
         ports.append(serial.Serial(link, 115200, timeout=0))
     frames = [servo(1 + step % 4, 500 + step * 7 % 1500) for step in range(3000)]
-    began, sent, told = time.monotonic(), 0, 0
+    began, sent, next_print = time.monotonic(), 0, 0
     while (now := time.monotonic() - began) < seconds:
-        if now >= told:
-            told += max(1, seconds / 10)
+        if now >= next_print:
+            next_print += max(1, seconds / 10)
             print(f"{now:5.0f} s: " + ", ".join(f"{name} {memory(child):.1f} MiB" for name, child in children.items()), flush=True)
-        # 11,520 bytes a second are 1,440 of these frames.
+        # 11,520 bytes per second are 1,440 of these frames.
         while sent < now * 1440:
             for port in ports:
                 port.write(frames[sent % len(frames)])

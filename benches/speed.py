@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Prints how fast long scripts are read, checked, rendered and decoded, beside serde_json reading the same events, from one run.
+"""Measures how fast long scripts are parsed, checked, rendered and decoded, compared with serde_json
+reading the same events.
 
     cargo build --release && cargo bench --bench speed --no-run
     python3 benches/speed.py            # a few minutes
 
-Every figure is a median of runs that take turns; the spread of a whole process is printed with it. `events/s` of `render` and `decode` are
-those of whole processes, compiling included.
+Every figure is a median of runs that take turns, printed with the spread of a whole process.
+`events/s` of `render` and `decode` are those of whole processes, including compilation.
 """
 import glob
 import os
@@ -58,7 +59,7 @@ def million():
     print("| a million lines or events | measured | at most or at least |")
     print("|---|---|---|")
     ours, theirs = map(float, subprocess.run([BENCH, "parse", FOLDER], capture_output=True, check=True, text=True).stdout.split())
-    row("parse alone, one core, beside serde_json", f"{ours / theirs:.2f}x ({ours * 1e3:.0f} and {theirs * 1e3:.0f} ms)", "2x")
+    row("parse alone, one core, compared with serde_json", f"{ours / theirs:.2f}x ({ours * 1e3:.0f} and {theirs * 1e3:.0f} ms)", "2x")
     runs = {
         "check": [PROGRAM, "check", script],
         "peer": [BENCH, "peer", json],
@@ -70,9 +71,9 @@ def million():
     times = in_turns(runs, 15)
     check, low, high, memory = times["check"]
     peer = times["peer"][0]
-    row("`check`, whole process, beside the peer's", f"{check / peer:.2f}x ({check * 1e3:.0f} ms, {low * 1e3:.0f} to {high * 1e3:.0f}; peer {peer * 1e3:.0f})", "3x")
+    row("`check`, whole process, compared with the peer", f"{check / peer:.2f}x ({check * 1e3:.0f} ms, {low * 1e3:.0f} to {high * 1e3:.0f}; peer {peer * 1e3:.0f})", "3x")
     row("`check`, peak memory above the script", f"{(memory - os.path.getsize(script)) / MILLION:.0f} bytes an event", "160")
-    row("`check` of 20 lines that unroll to as many, beside the flat one", f"{times['nested'][0] / check:.2f}x ({times['nested'][0] * 1e3:.0f} ms)", "0.3x")
+    row("`check` of 20 lines that unroll to the same number, compared with the flat one", f"{times['nested'][0] / check:.2f}x ({times['nested'][0] * 1e3:.0f} ms)", "0.3x")
     for name, what, bound in [
         ("bin", "`render --format bin`", 2),
         ("listing", "`render`, a listing", 1),

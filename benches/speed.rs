@@ -1,8 +1,8 @@
-//! The peers of `benches/speed.py`, and what it measures inside one process.
+//! The peers of `benches/speed.py`, and measurements inside one process.
 //!
-//!     speed scripts FOLDER    writes the scripts, and the same events as JSON, for all of the benchmark
-//!     speed parse FOLDER      reading a million lines, beside serde_json reading the same events
-//!     speed peer FILE         reads a file of JSON, as a process of its own
+//!     speed scripts FOLDER    writes the scripts of the benchmark, and the same events as JSON
+//!     speed parse FOLDER      parses a million lines, compared with serde_json on the same events
+//!     speed peer FILE         parses a JSON file in its own process
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::expect_used, clippy::panic)]
 
 use std::fmt::Write as _;
@@ -16,7 +16,7 @@ use motionseq::source::{Disk, Files as _};
 use motionseq::syntax;
 use serde::Deserialize;
 
-/// What the peer reads: one event, plain.
+/// What the peer reads: one plain event.
 #[derive(Deserialize)]
 #[allow(dead_code, reason = "filled, as a program would, and dropped")]
 struct Event {
@@ -35,7 +35,7 @@ enum Kind {
     Buzzer,
 }
 
-/// Passes of each side of a comparison; the medians are printed.
+/// The passes of each side of a comparison; the medians are printed.
 const PASSES: usize = 9;
 
 fn main() {
@@ -56,8 +56,8 @@ fn peer(json: &[u8]) -> Vec<Event> {
     serde_json::from_slice(json).unwrap()
 }
 
-/// Lines of one command each, a third each servo, rocker and buzzer, a fifth of them with a comment, and the same events as
-/// JSON.
+/// Lines of one command each, a third each servo, rocker and buzzer, a fifth of them with a
+/// comment, and the same events as JSON.
 fn flat(count: u64) -> (String, String) {
     let (mut script, mut json) = (String::new(), String::from("["));
     for at in 0..count {
@@ -65,7 +65,7 @@ fn flat(count: u64) -> (String, String) {
         write!(script, "at {}.{:02}s ", ms / 1_000, ms % 1_000 / 10).unwrap();
         let turn = i32::try_from(at / 3 % 40).unwrap();
         let (kind, a, b, c) = match at % 3 {
-            // Nothing turns so far that a servo could not follow, and the last three end what was begun.
+            // No servo is moved too fast, and the last three end what was begun.
             0 => ("servo", 1 + turn % 4, 1_500 + turn, 0),
             1 if at + 3 >= count => ("rocker", 0, 0, 0),
             1 => ("rocker", turn - 20, 10 - turn % 20, turn),
@@ -84,7 +84,7 @@ fn flat(count: u64) -> (String, String) {
     (script, json)
 }
 
-/// Twenty lines of blocks inside each other that unroll to so many events, and a stop.
+/// Twenty lines of nested blocks that unroll to this many events, and a stop.
 fn nested(events: u64) -> String {
     let outer = events / 1_000;
     format!(

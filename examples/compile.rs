@@ -1,4 +1,5 @@
-//! Compiles a script and the file that it uses, both in memory, as an editor or a web page does: `cargo run --example compile`.
+//! Compiles a script and the file that it uses, both in memory, as an editor or a web page does:
+//! `cargo run --example compile`.
 
 use std::error::Error;
 use std::io;
@@ -19,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sources = Sources::read(Path::new("show.motion"), files)?;
     let compiled = motionseq::compile(&sources, &Options::default());
 
-    // Lines and columns as editors count them: from 0, in code units of UTF-16.
+    // Lines and columns as editors count them: from 0, in UTF-16 code units.
     let lines = Lines::of(&sources);
     for diagnostic in &compiled.diagnostics {
         let file = sources.file(diagnostic.span).name();

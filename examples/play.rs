@@ -1,10 +1,11 @@
-//! Plays a script on a robot, stops it at Ctrl-C, and has it stopped if this program is killed:
+//! Plays a script on a robot, stops the robot at Ctrl-C, and has it stopped if this program is
+//! killed:
 //!
 //! ```text
 //! cargo run --example play -- scripts/hello.motion /dev/serial0
 //! ```
 //!
-//! Without a robot, `motionseq board --link /tmp/board` is one at `/tmp/board`.
+//! Without a robot, `motionseq board --link /tmp/board` provides a virtual one at `/tmp/board`.
 
 #[cfg(target_os = "linux")]
 fn main() -> std::process::ExitCode {
@@ -35,7 +36,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
         && word == "guard"
     {
         if let Some(guarded) = guard(rest)? {
-            eprintln!("the player was lost at {} s; {:?}", guarded.at, guarded.stop);
+            eprintln!("the player was lost at {} s; stop: {:?}", guarded.at, guarded.stop);
         }
         return Ok(());
     }
@@ -56,20 +57,20 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     let mut session = Session::new(player, Serial::open(Path::new(port), timeline.baud)?, Signals::catch()?, lines);
     let timeline = &timeline;
     let outcome = thread::scope(|scope| {
-        // A terminal may take nothing for a while: the motion does not wait for it.
-        let (tell, told) = mpsc::sync_channel::<usize>(1_024);
+        // A terminal may block for a while: motion does not wait for it.
+        let (sender, receiver) = mpsc::sync_channel::<usize>(1_024);
         scope.spawn(move || {
-            for event in told.iter().filter_map(|event| timeline.events.get(event)) {
+            for event in receiver.iter().filter_map(|event| timeline.events.get(event)) {
                 println!("{:.3} s: {}", event.at, timeline.board.show(&event.command));
             }
         });
         let mut program = Command::new(std::env::current_exe()?);
         program.arg("guard");
-        // The last of all: from here on the player must give signs of life.
+        // Last of all: from now on the player must send heartbeats.
         session.guard = Some(Guard::start(program, session.link.descriptor(), &ward)?);
         let outcome = session.play(now(), |notice| {
             if let Notice::Sent { event, .. } = notice {
-                let _ = tell.try_send(event);
+                let _ = sender.try_send(event);
             }
         });
         if let Some(guard) = session.guard.take() {

@@ -1,13 +1,14 @@
-//! The compiler as a WebAssembly module, for web pages and Node. Texts go in as JSON, frames and messages come out as JSON:
+//! The compiler as a WebAssembly module, for web pages and Node. Its input is JSON with scripts,
+//! its output JSON with frames and messages:
 //!
 //! ```text
 //! {"main": "show.motion", "files": {"show.motion": "use \"bow.motion\"\n…", "bow.motion": "…"}}
 //! {"frames": "0.500000\tFF FE …\tservo 1 1500\n…", "findings": [{"file": "show.motion", "line": 1, …}]}
 //! ```
 //!
-//! `frames` is `null` where the script has errors. Build it with
-//! `cargo build --release --example wasm --target wasm32-unknown-unknown --no-default-features`; `tests/wasm/compile.mjs` shows how
-//! JavaScript calls it. `.cargo/config.toml` has it optimised for size: 0.8 MB.
+//! `frames` is `null` if the script has errors. Build it with `cargo build --release --example wasm
+//! --target wasm32-unknown-unknown --no-default-features`; `tests/wasm/compile.mjs` shows how to
+//! call it from JavaScript. `.cargo/config.toml` has it optimised for size: 0.8 MB.
 #![expect(unsafe_code, reason = "memory is shared with the caller, who is not Rust")]
 
 use std::collections::BTreeMap;
@@ -43,7 +44,7 @@ fn compile_json(input: &[u8]) -> String {
             let compiled = motionseq::compile(&sources, &Options::default());
             let frames = compiled.timeline.map(|timeline| {
                 let mut text = Vec::new();
-                // Nothing can fail that is written to a vector.
+                // Writing to a vector cannot fail.
                 let _ = write_listing(&timeline.board, &timeline.events, &mut text);
                 String::from_utf8_lossy(&text).into_owned()
             });
@@ -62,24 +63,25 @@ fn compile_json(input: &[u8]) -> String {
     serde_json::to_string(&output).unwrap_or_default()
 }
 
-/// Memory for `length` bytes, which the caller fills and passes to [`compile`], or to [`release`].
+/// Allocates `length` bytes, which the caller fills and passes to [`compile`] or [`release`].
 #[unsafe(no_mangle)]
 pub extern "C" fn allocate(length: usize) -> *mut u8 {
     Box::into_raw(vec![0_u8; length].into_boxed_slice()).cast()
 }
 
-/// Gives memory back.
+/// Frees memory.
 ///
 /// # Safety
-/// `at` is from [`allocate`] or [`compile`], with the length that it was made with, and is not used again.
+/// `at` is from [`allocate`] or [`compile`], with its original length, and is not used again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn release(at: *mut u8, length: usize) {
     // SAFETY: as above.
     drop(unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(at, length)) });
 }
 
-/// Compiles the JSON in memory from [`allocate`], which is given back. Returns the address of the result: its length as four bytes,
-/// lowest first, then that many bytes of JSON. The caller gives all of it to [`release`].
+/// Compiles the JSON in memory from [`allocate`], and frees that memory. Returns the address of the
+/// result: its length as four bytes in little-endian order, then that many bytes of JSON. The
+/// caller frees all of it with [`release`].
 ///
 /// # Safety
 /// As for [`release`].

@@ -1,6 +1,6 @@
-//! Random numbers that are the same everywhere, for scripts and for rehearsals.
+//! Random numbers that are the same on every machine, for scripts and rehearsals.
 
-/// Random numbers that are the same on every machine: `SplitMix64` (Steele, Lea and Flood, 2014).
+/// The generator `SplitMix64` (Steele, Lea and Flood, 2014).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SplitMix(pub(crate) u64);
 
@@ -20,7 +20,7 @@ mod tests {
 
     #[test]
     fn random_numbers_are_those_of_splitmix64() {
-        // The first outputs of the reference implementation for seed 0 and seed 1234567.
+        // The first outputs of the reference implementation for the seeds 0 and 1234567.
         let mut zero = SplitMix(0);
         assert_eq!([zero.next(), zero.next()], [0xE220_A839_7B1D_CDAF, 0x6E78_9E6A_A1B9_65F4]);
         let mut other = SplitMix(1_234_567);

@@ -1,6 +1,8 @@
-//! Times as types: microseconds and nanoseconds, how they are shown, how they are read, and how long a byte takes on a line.
+//! Times as types: microseconds and nanoseconds, how they are formatted and parsed, and how long a
+//! byte takes on a line.
 //!
-//! A moment is a time since a start (of the script, of the computer), so a moment and a duration are the same type.
+//! A moment is the time since a start (of the script, of the computer), so moments and durations
+//! have the same type.
 
 use std::fmt;
 use std::ops::{Add, AddAssign, Mul, Sub};
@@ -10,8 +12,8 @@ use serde::Serialize;
 
 /// A time in whole microseconds, up to 584,000 years.
 ///
-/// Operators and `saturating_*` stop at [`Micros::ZERO`] and [`Micros::MAX`] and never panic. `Display` shows seconds, see
-/// [`Nanos`].
+/// Operators and `saturating_*` stop at [`Micros::ZERO`] and [`Micros::MAX`] and never panic.
+/// `Display` shows seconds, as for [`Nanos`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(transparent)]
 pub struct Micros(pub u64);
@@ -20,24 +22,25 @@ pub struct Micros(pub u64);
 ///
 /// Operators and `saturating_*` stop at [`Nanos::ZERO`] and [`Nanos::MAX`] and never panic.
 ///
-/// `Display` shows seconds without a unit: with a precision exactly so many decimals, without one as few as the time needs.
-/// Digits are cut off, not rounded, so that no time is shown before it is reached. Width and fill are ignored.
+/// `Display` shows seconds without a unit: with a precision exactly that many decimals, otherwise
+/// as few as the time needs. Digits are truncated, not rounded, so that no time is shown before it
+/// is reached. Width and fill are ignored.
 ///
 /// ```
 /// use motionseq::units::{Micros, Nanos};
 ///
-/// assert_eq!(format!("{:.6} {:.3} {}", Micros(500_000), Micros(1_999_999), Micros(500_000)), "0.500000 1.999 0.5");
-/// assert_eq!(Nanos(1_234).to_string(), "0.000001234");
+/// assert_eq!(format!("{:.6} {:.3} {}", Micros(500_000), Micros(1_999_999), Micros(500_000)),
+/// "0.500000 1.999 0.5"); assert_eq!(Nanos(1_234).to_string(), "0.000001234");
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(transparent)]
 pub struct Nanos(pub u64);
 
-/// What both units of time can do.
+/// The operations that both units of time share.
 macro_rules! arithmetic {
     ($time:ident) => {
         impl $time {
-            /// No time, or the start.
+            /// Zero duration, or the start.
             pub const ZERO: $time = $time(0);
             /// The longest time, or never.
             pub const MAX: $time = $time(u64::MAX);
@@ -48,20 +51,20 @@ macro_rules! arithmetic {
                 $time(self.0.saturating_add(other.0))
             }
 
-            /// The difference, zero where `other` is longer.
+            /// The difference; zero if `other` is longer.
             #[must_use]
             pub const fn saturating_sub(self, other: $time) -> $time {
                 $time(self.0.saturating_sub(other.0))
             }
 
-            /// This time `factor` times, at most [`MAX`](Self::MAX).
+            /// This time multiplied by `factor`, at most [`MAX`](Self::MAX).
             #[must_use]
             pub const fn saturating_mul(self, factor: u64) -> $time {
                 $time(self.0.saturating_mul(factor))
             }
         }
 
-        /// Saturates.
+        /// Saturates at [`MAX`](Self::MAX).
         impl Add for $time {
             type Output = $time;
 
@@ -70,7 +73,7 @@ macro_rules! arithmetic {
             }
         }
 
-        /// Saturates.
+        /// Saturates at [`MAX`](Self::MAX).
         impl AddAssign for $time {
             fn add_assign(&mut self, other: $time) {
                 *self = self.saturating_add(other);
@@ -86,7 +89,7 @@ macro_rules! arithmetic {
             }
         }
 
-        /// Saturates.
+        /// Saturates at [`MAX`](Self::MAX).
         impl Mul<u64> for $time {
             type Output = $time;
 
@@ -101,12 +104,12 @@ arithmetic!(Micros);
 arithmetic!(Nanos);
 
 impl Micros {
-    /// A second.
+    /// One second.
     pub const SECOND: Micros = Micros(1_000_000);
-    /// The longest script: 24 hours.
+    /// The maximum length of a script: 24 hours.
     pub const DAY: Micros = Micros::SECOND.saturating_mul(24 * 60 * 60);
 
-    /// Whole milliseconds.
+    /// A time in whole milliseconds.
     pub const fn from_millis(millis: u64) -> Micros {
         Micros(millis.saturating_mul(1_000))
     }
@@ -116,29 +119,29 @@ impl Micros {
         Nanos(self.0.saturating_mul(1_000))
     }
 
-    /// The difference; `None` where `other` is longer.
+    /// The difference; `None` if `other` is longer.
     pub fn checked_sub(self, other: Micros) -> Option<Micros> {
         self.0.checked_sub(other.0).map(Micros)
     }
 
-    /// `1.5 s`, `12.3 ms` or `850 µs`.
+    /// Displays the time with a unit: `1.5 s`, `12.3 ms` or `850 µs`.
     pub fn short(self) -> Short {
         self.nanos().short()
     }
 
-    /// In milliseconds, otherwise as it is shown in seconds.
+    /// Displays the time in milliseconds, without a unit.
     pub fn in_millis(self) -> InMillis {
         self.nanos().in_millis()
     }
 }
 
 impl Nanos {
-    /// Whole milliseconds.
+    /// A time in whole milliseconds.
     pub const fn from_millis(millis: u64) -> Nanos {
         Micros::from_millis(millis).nanos()
     }
 
-    /// Whole microseconds, cut off.
+    /// Whole microseconds, truncated.
     pub const fn micros(self) -> Micros {
         Micros(self.0 / 1_000)
     }
@@ -148,7 +151,7 @@ impl Nanos {
         Micros(self.0.div_ceil(1_000))
     }
 
-    /// Seconds with any number of decimals, `0.02` or `12`; what is finer than a nanosecond is cut off. `None` for anything else.
+    /// Parses seconds such as `0.02` or `12`, truncated to nanoseconds; `None` for other text.
     pub(crate) fn from_seconds(text: &str) -> Option<Nanos> {
         let (seconds, decimals) = text.split_once('.').unwrap_or((text, ""));
         if seconds.is_empty() || !text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.') {
@@ -158,32 +161,32 @@ impl Nanos {
         seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?.checked_add(decimals.parse().ok()?).map(Nanos)
     }
 
-    /// `1.5 s`, `12.3 ms`, `850 µs` or `8.5 µs`.
+    /// Displays the time with a unit: `1.5 s`, `12.3 ms`, `850 µs` or `8.5 µs`.
     pub fn short(self) -> Short {
         Short(self)
     }
 
-    /// In milliseconds, otherwise as it is shown in seconds.
+    /// Displays the time in milliseconds, without a unit.
     pub fn in_millis(self) -> InMillis {
         InMillis(self)
     }
 }
 
-/// In seconds, as [`Nanos`] says.
+/// Shows seconds, as for [`Nanos`].
 impl fmt::Display for Micros {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         decimal(self.0, 6, f)
     }
 }
 
-/// In seconds.
+/// Shows seconds.
 impl fmt::Display for Nanos {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         decimal(self.0, 9, f)
     }
 }
 
-/// A time that is shown in milliseconds: [`Nanos::in_millis`].
+/// Displays a time in milliseconds: see [`Nanos::in_millis`].
 #[derive(Clone, Copy, Debug)]
 pub struct InMillis(Nanos);
 
@@ -193,7 +196,7 @@ impl fmt::Display for InMillis {
     }
 }
 
-/// A time that is shown with its unit, for messages: [`Nanos::short`].
+/// Displays a time with its unit, for messages: see [`Nanos::short`].
 #[derive(Clone, Copy, Debug)]
 pub struct Short(Nanos);
 
@@ -210,7 +213,7 @@ impl fmt::Display for Short {
     }
 }
 
-/// A number of parts, of which 10 to this power are one.
+/// A number of parts and a power of ten: 10 to this power parts are one.
 struct Decimal(u64, u32);
 
 impl fmt::Display for Decimal {
@@ -219,8 +222,8 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// The one way in which times are written as decimals: `parts` of 10^-`digits` (at most 9), cut to the precision, or without
-/// trailing zeros where there is none.
+/// The only function that writes times as decimals: `parts` of 10^-`digits` (at most 9), truncated
+/// to the precision, or without trailing zeros if there is none.
 fn decimal(parts: u64, digits: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let scale = 10_u64.pow(digits);
     let (whole, mut part) = (parts / scale, parts % scale);
@@ -241,14 +244,14 @@ fn decimal(parts: u64, digits: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     Ok(())
 }
 
-/// Why a text is not a duration.
+/// Why a string is not a duration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotATime {
-    /// It is not numbers with units of time.
+    /// It is not a sequence of numbers with units of time.
     #[error("write a time such as 500ms, 1.5s or 1m30s")]
     Malformed,
-    /// Its units do not go from long to short, each at most once.
+    /// Its units are not in order from long to short, or one is repeated.
     #[error("write the units of a time from long to short, each once, such as 1m30s")]
     Order,
     /// It is longer than 292 years.
@@ -259,11 +262,11 @@ pub enum NotATime {
 /// A unit of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unit {
-    /// How it is written, right after the number.
+    /// Its name, written directly after the number.
     pub name: &'static str,
-    /// What it is, in words.
+    /// Its meaning in words.
     pub meaning: &'static str,
-    /// What it measures.
+    /// The quantity that it measures.
     pub of: Measure,
 }
 
@@ -271,7 +274,7 @@ pub struct Unit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Measure {
-    /// A time; how long one is.
+    /// A time, with the length of the unit.
     Time(Nanos),
     /// An angle.
     Angle,
@@ -283,7 +286,7 @@ pub enum Measure {
     Frequency,
 }
 
-/// Every unit, those of time from the longest to the shortest. The grammar names those of time, too: a test compares them.
+/// Every unit, those of time from long to short. A test compares these with the grammar.
 pub const UNITS: [Unit; 10] = [
     Unit { name: "h", meaning: "hours", of: Measure::Time(Nanos::from_millis(3_600_000)) },
     Unit { name: "min", meaning: "minutes", of: Measure::Time(Nanos::from_millis(60_000)) },
@@ -303,13 +306,13 @@ impl Unit {
         UNITS.iter().find(|unit| unit.name == name)
     }
 
-    /// Whether a word that is not next to a number is this unit, and not the name of something: `m` may well be one.
+    /// Whether this word is a unit even without a number. `m`, for example, may be a name.
     pub(crate) fn is_unmistakable(&self) -> bool {
         self.name != "m"
     }
 }
 
-/// How long a unit of time is; `None` for other words.
+/// The length of a unit of time; `None` for other words.
 pub(crate) fn time_unit(name: &str) -> Option<Nanos> {
     match Unit::named(name)?.of {
         Measure::Time(length) => Some(length),
@@ -319,12 +322,13 @@ pub(crate) fn time_unit(name: &str) -> Option<Nanos> {
 
 /// The most digits before and after the point of a number, as in the grammar.
 const MAX_DIGITS: usize = 15;
-/// Parts of a nanosecond: every duration that can be written is a whole number of them.
+/// Parts per nanosecond. Every duration that a script can contain is a whole number of parts.
 const PARTS: u128 = 1_000_000_000_000_000;
 /// The longest duration, in nanoseconds: 292 years.
 const LONGEST: u128 = (1 << 63) - 1;
 
-/// Reads a duration as scripts and options write it, such as `0.5s`, `250ms` or `1m30s`; rounds half a microsecond up.
+/// Parses a duration as scripts and options write it, such as `0.5s`, `250ms` or `1m30s`. Half a
+/// microsecond is rounded up.
 impl FromStr for Micros {
     type Err = NotATime;
 
@@ -334,18 +338,18 @@ impl FromStr for Micros {
     }
 }
 
-/// Reads a duration exactly: nanoseconds, and what they are divided by.
+/// Parses a duration exactly: a numerator in nanoseconds, and a denominator.
 pub(crate) fn fraction(text: &str) -> Result<(i128, i128), NotATime> {
     let whole = |number: u128| i128::try_from(number).map_err(|_| NotATime::TooLong);
     Ok((whole(parts(text)?)?, whole(PARTS)?))
 }
 
-/// Reads a duration, in [`PARTS`] of a nanosecond.
+/// Parses a duration in [`PARTS`] of a nanosecond.
 fn parts(text: &str) -> Result<u128, NotATime> {
     let (mut rest, mut sum, mut last) = (text, 0_u128, u64::MAX);
     loop {
-        let (number, behind) = split(rest, |byte| byte.is_ascii_digit() || byte == b'.');
-        let (name, next) = split(behind, |byte| byte.is_ascii_alphabetic());
+        let (number, tail) = split(rest, |byte| byte.is_ascii_digit() || byte == b'.');
+        let (name, next) = split(tail, |byte| byte.is_ascii_alphabetic());
         let Nanos(nanos) = time_unit(name).ok_or(NotATime::Malformed)?;
         if nanos >= last {
             return Err(NotATime::Order);
@@ -360,13 +364,13 @@ fn parts(text: &str) -> Result<u128, NotATime> {
     }
 }
 
-/// Splits a text after its first bytes of a kind.
+/// Splits a string after its longest prefix of matching bytes.
 fn split(text: &str, is_one: impl Fn(u8) -> bool) -> (&str, &str) {
     let end = text.bytes().position(|byte| !is_one(byte)).unwrap_or(text.len());
     text.split_at_checked(end).unwrap_or((text, ""))
 }
 
-/// A decimal number, multiplied by [`PARTS`]; below 10³⁰.
+/// Parses a decimal number times [`PARTS`]; below 10³⁰.
 fn number_in_parts(number: &str) -> Result<u128, NotATime> {
     let (whole, fraction) = number.split_once('.').unwrap_or((number, "0"));
     if [whole, fraction].iter().any(|digits| !(1..=MAX_DIGITS).contains(&digits.len())) {
@@ -377,12 +381,12 @@ fn number_in_parts(number: &str) -> Result<u128, NotATime> {
     Ok(digits(whole)? * PARTS + decimals)
 }
 
-/// Bits that a byte takes on the line: a start bit, eight data bits, a stop bit (8N1).
+/// The bits that a byte takes on the line: a start bit, eight data bits, a stop bit (8N1).
 pub(crate) const BITS_A_BYTE: u64 = 10;
 
-/// How long a byte takes on a line of `baud` bits a second, cut to whole nanoseconds; for more bytes, multiply.
+/// The time of one byte at `baud` bits per second, truncated to whole nanoseconds.
 pub const fn byte_time(baud: u32) -> Nanos {
-    // No line of 0 baud carries anything.
+    // A line of 0 baud carries nothing; treat it as 1 baud.
     let baud = if baud == 0 { 1 } else { baud as u64 };
     Nanos(BITS_A_BYTE * 1_000_000_000 / baud)
 }
@@ -515,7 +519,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 5_000, ..ProptestConfig::default() })]
 
-        /// What humantime reads of these is read the same; it refuses what is finer than a nanosecond.
+        /// Durations that humantime accepts have the same value here; it refuses digits below a
+        /// nanosecond.
         #[test]
         fn durations_are_those_of_humantime(
             text in "([0-9]{1,6}(\\.[0-9]{1,10})?h)?([0-9]{1,6}m)?([0-9]{1,7}(\\.[0-9]{1,10})?(s|ms|us))?",
@@ -526,13 +531,13 @@ mod tests {
             }
         }
 
-        /// No text makes it panic.
+        /// No string causes a panic.
         #[test]
         fn any_text_is_read_or_refused(text in "([0-9.]{0,18}(h|min|m|s|ms|us|x|µ)?){0,4}") {
             let _ = (text.parse::<Micros>(), Nanos::from_seconds(&text));
         }
 
-        /// Each decimal is the beginning of the exact one.
+        /// Each shorter decimal is a prefix of the exact one.
         #[test]
         fn decimals_are_cut_off(nanos: u64, places in 0_usize..12) {
             let (exact, cut) = (format!("{:.12}", Nanos(nanos)), format!("{:.places$}", Nanos(nanos)));

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Runs the tests of ports as an ordinary user. Needs root, to become one. Cargo gives the name of the test binary.
+# Runs the tests of ports as an ordinary user. Needs root to switch users. Cargo gives the name of the test binary.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 binary=$(cargo test --no-run --test tests 2>&1 | sed -n 's/.*(\(.*\))$/\1/p')
-# That user may not be able to read this folder: it gets a copy of what the tests read, and the program at its place.
+# That user may not be able to read this folder: it gets a copy of what the tests read, and of the program.
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 root=$PWD
@@ -17,7 +17,7 @@ unshare --mount bash -euc '
     mount --bind "$1/root$2" "$2"
     cd "$2"
     mkdir -m 777 -p "$1/tmp"
-    # Without CI, what this user cannot see of what root has installed is skipped.
+    # Without CI, tests are skipped if this user cannot see what root has installed.
     exec setpriv --reuid=65534 --regid=65534 --clear-groups env -u CI TMPDIR="$1/tmp" HOME="$1/tmp" RUST_TEST_THREADS=4 \
         ./tests-binary ports:: tap:: host:: play:: faults:: record:: desk::
 ' - "$work" "$root"

@@ -1,4 +1,4 @@
-//! The wire: what the vendor's driver sends, both ways, and what a damaged stream still gives.
+//! The wire protocol: frames of the vendor's driver in both directions, and damaged streams.
 
 use crate::support::board::{OnBoard, board, decoded as read};
 use motionseq::board::{
@@ -8,7 +8,7 @@ use motionseq::program::Options;
 use motionseq::source::Source;
 use proptest::prelude::*;
 
-/// The vendor's frames: one command and its bytes a line.
+/// The vendor's frames: one command and its bytes per line.
 fn vectors() -> Vec<(&'static str, Vec<u8>)> {
     include_str!("vectors/raspblock.tsv")
         .lines()
@@ -24,7 +24,8 @@ fn hex(text: &str) -> Vec<u8> {
     text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
-/// The command as a script of its own. A move needs its mode first, and servo 2 a limit as wide as the board takes.
+/// Compiles a command as a script. A move needs position mode first, and servo 2 the board's full
+/// range.
 fn compiled(command: &str) -> Command {
     let mode = if command.starts_with("move") { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
     let source = Source::new("vector", format!("limit servo 2 500..2500\n{mode}{command}\n"));
@@ -41,15 +42,15 @@ fn every_vector_passes_both_ways() {
         let frame = Frame::new(board(), &bytes).unwrap();
         let decoded = board().decode(frame.bytes()).unwrap();
         assert_eq!(decoded.to_frame(), bytes, "{text} encodes");
-        // The canonical notation calls an all-zero rocker `stop`.
+        // In the canonical notation, an all-zero rocker is `stop`.
         let notation = if text == "rocker x=0 y=0 z=0" { "stop" } else { text };
         assert_eq!(decoded.said(), notation, "the frame decodes");
         assert_eq!(compiled(text), decoded, "{text} compiles");
     }
 }
 
-/// `rocker x=10 z=50`, from the protocol table by hand: X 10 = 00 0A, Z 50 = 00 32, Z not negative sets bit 0;
-/// 03 + 08 + 01 + 0A + 32 + 01 = 49.
+/// `rocker x=10 z=50`, computed by hand from the protocol table: X 10 = 00 0A, Z 50 = 00 32, bit 0
+/// is set because Z is not negative; 03 + 08 + 01 + 0A + 32 + 01 = 49.
 static ROCKER: [u8; 13] = [0xFF, 0xFE, 0x03, 0x08, 0x01, 0x00, 0x0A, 0x00, 0x00, 0x00, 0x32, 0x01, 0x49];
 
 #[test]
@@ -65,7 +66,7 @@ fn a_frame_is_put_together() {
 }
 
 #[test]
-fn a_frame_that_is_none_says_why() {
+fn bytes_that_are_not_a_frame_are_refused_with_a_reason() {
     let mut wrong = ROCKER;
     wrong[12] = 0x48;
     assert_eq!(Frame::new(board(), &wrong), Err(FrameError::Checksum { expected: 0x49, found: 0x48 }));
@@ -75,7 +76,7 @@ fn a_frame_that_is_none_says_why() {
     assert_eq!(Frame::new(board(), &[]), Err(FrameError::NoHeader));
 }
 
-/// A frame around a payload, with the right checksum.
+/// Adds the envelope and the right checksum to a payload.
 fn framed(function: u8, payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![0xFF, 0xFE, function, u8::try_from(payload.len()).unwrap()];
     frame.extend_from_slice(payload);
@@ -85,16 +86,16 @@ fn framed(function: u8, payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_no_correct_client_sends_is_refused() {
+fn invalid_commands_are_refused() {
     let decode = |function, payload: &[u8]| board().decode(&framed(function, payload));
     // Out of range: a servo at 499, a tilt at 1951, a wheel at 26.
     assert!(matches!(decode(0x02, &[1, 0x01, 0xF3]), Err(NotACommand::OutOfRange(_))));
     assert!(matches!(decode(0x02, &[0x05, 0xDC, 0x07, 0x9F]), Err(NotACommand::OutOfRange(_))));
     assert!(matches!(decode(0x03, &[2, 26, 0, 0, 0, 0, 0, 0]), Err(NotACommand::OutOfRange(_))));
-    // A direction byte that the driver never sets: zero and negative, or bits that mean nothing.
+    // A direction byte that the driver never sets: a negative zero, or unused bits.
     assert_eq!(decode(0x03, &[1, 0, 0, 0, 0, 0, 0, 0b101]), Err(NotACommand::Inconsistent));
     assert_eq!(decode(0x03, &[1, 0, 1, 0, 0, 0, 0, 0x81]), Err(NotACommand::Inconsistent));
-    // Yaw hold has no z.
+    // A yaw hold has no z.
     assert_eq!(decode(0x03, &[3, 0, 1, 0, 0, 0, 7, 0]), Err(NotACommand::Inconsistent));
     // Unknown kinds, modes, requests and functions.
     assert_eq!(decode(0x03, &[5, 0, 0, 0, 0, 0, 0, 1]), Err(NotACommand::Unknown));
@@ -104,7 +105,7 @@ fn what_no_correct_client_sends_is_refused() {
     assert_eq!(decode(0x09, &[]), Err(NotACommand::Unknown));
 }
 
-/// Everything a decoder says of a stream, however it is cut: frames as hex, skipped bytes with their place.
+/// Everything that a decoder finds in a stream: frames as hex, skipped bytes with their positions.
 fn decoded(chunks: &[&[u8]]) -> Vec<String> {
     let mut found = Vec::new();
     let mut decoder = Decoder::new(board());
@@ -125,7 +126,7 @@ fn decoded(chunks: &[&[u8]]) -> Vec<String> {
 const ROCKER_HEX: &str = "FF FE 03 08 01 00 0A 00 00 00 32 01 49";
 
 #[test]
-fn the_decoder_goes_on_after_noise() {
+fn the_decoder_continues_after_noise() {
     let stream = [&[0x00, 0xFF, 0x13][..], &ROCKER, &[0xFE], &ROCKER].concat();
     assert_eq!(
         decoded(&[&stream]),
@@ -134,22 +135,22 @@ fn the_decoder_goes_on_after_noise() {
 }
 
 #[test]
-fn the_decoder_finds_the_frame_behind_a_cut_one() {
-    // The cut frame claims the first bytes of the whole one; its checksum tells.
+fn the_decoder_finds_the_frame_after_a_truncated_one() {
+    // The truncated frame claims the first bytes of the next one, but its checksum is wrong.
     let stream = [&ROCKER[..7], &ROCKER].concat();
     let found = decoded(&[&stream]);
     assert_eq!(found, ["7 at 0: checksum 0x00 instead of 0x1F", ROCKER_HEX]);
 }
 
 #[test]
-fn the_decoder_finds_the_frame_behind_a_bad_checksum() {
+fn the_decoder_finds_the_frame_after_a_bad_checksum() {
     let mut bad = ROCKER;
     bad[12] = 0;
     assert_eq!(decoded(&[&bad, &ROCKER]), ["13 at 0: checksum 0x00 instead of 0x49", ROCKER_HEX]);
 }
 
 #[test]
-fn a_length_that_no_command_has_holds_nothing_up() {
+fn an_implausible_length_delays_no_frame() {
     // A stop must not wait for 255 bytes that never come.
     let stream = [&[0xFF, 0xFE, 0x03, 0xFF][..], &ROCKER].concat();
     let mut decoder = Decoder::new(board());
@@ -162,12 +163,12 @@ fn a_length_that_no_command_has_holds_nothing_up() {
 #[test]
 fn a_stream_that_ends_inside_a_frame_is_cut() {
     assert_eq!(decoded(&[&ROCKER, &ROCKER[..5]]), [ROCKER_HEX, "5 at 13: the stream ends inside a frame"]);
-    // A whole frame inside what looked like a longer one is not lost.
+    // A complete frame inside one with an implausible length is found.
     let stream = [&[0xFF, 0xFE, 0x40, 0xF0][..], &ROCKER].concat();
-    assert_eq!(decoded(&[&stream]), ["4 at 0: a frame was cut here: another one starts inside it", ROCKER_HEX]);
+    assert_eq!(decoded(&[&stream]), ["4 at 0: truncated frame: another frame starts inside it", ROCKER_HEX]);
 }
 
-/// The frames of a stream, and the places of every byte that was skipped.
+/// The frames of a stream, and the positions of all skipped bytes.
 fn found(chunks: &[&[u8]]) -> (Vec<Vec<u8>>, Vec<u64>) {
     let (mut frames, mut skipped) = (Vec::new(), Vec::new());
     let mut decoder = Decoder::new(board());
@@ -186,7 +187,7 @@ fn found(chunks: &[&[u8]]) -> (Vec<Vec<u8>>, Vec<u64>) {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// However a stream of frames and noise is cut into reads, what is found is the same, and every byte is accounted for.
+    /// The result does not depend on how a stream is split into reads, and covers every byte.
     #[test]
     fn reads_do_not_matter(parts in prop::collection::vec((0..295_usize, prop::collection::vec(any::<u8>(), 0..6)), 1..12), cut in 1..40_usize) {
         let vectors = vectors();
@@ -198,7 +199,7 @@ proptest! {
         prop_assert_eq!(frames + whole.1.len(), stream.len());
     }
 
-    /// Any whole frame either decodes to a command that encodes to the same bytes, or is refused.
+    /// Every complete frame is refused or decodes to a command that encodes to the same bytes.
     #[test]
     fn decoding_loses_nothing(function in 0..7_u8, payload in prop::collection::vec(any::<u8>(), 0..10)) {
         let bytes = framed(function, &payload);
@@ -210,7 +211,7 @@ proptest! {
     }
 }
 
-/// Every report in a stream, and how many were malformed.
+/// The reports in a stream, and the number of malformed ones.
 fn reports(chunks: &[&[u8]]) -> (Vec<Report>, usize) {
     let (mut found, mut malformed) = (Vec::new(), 0);
     let mut decoder = ReportDecoder::new(board().codec.replies);
@@ -230,7 +231,7 @@ fn report() -> Report {
 }
 
 #[test]
-fn a_report_is_read_however_it_comes() {
+fn a_report_is_read_in_any_pieces() {
     let line = b"{A-120:35:9000:1187}#";
     assert_eq!(board().report_line(&report()).as_bytes(), line);
     assert_eq!(reports(&[line]), (vec![report()], 0));
@@ -244,7 +245,7 @@ fn a_report_is_read_however_it_comes() {
 }
 
 #[test]
-fn a_malformed_report_is_none() {
+fn a_malformed_report_is_skipped() {
     for line in [
         "{A1:2:3}#",
         "{A1:2:3:4:5}#",
@@ -259,7 +260,7 @@ fn a_malformed_report_is_none() {
     ] {
         assert_eq!(reports(&[line.as_bytes()]), (vec![], 1), "{line}");
     }
-    // One that was cut gives way to the next; one without an end holds nothing up.
+    // A truncated report ends where the next one starts, and one without an end delays nothing.
     assert_eq!(reports(&[b"{A1:2:{A-120:35:9000:1187}#"]), (vec![report()], 1));
     let endless = [b"{A".as_slice(), &[b'1'; 1000], b"{A-120:35:9000:1187}#"].concat();
     assert_eq!(reports(&[&endless]), (vec![report()], 1));
@@ -267,8 +268,8 @@ fn a_malformed_report_is_none() {
 
 #[test]
 fn a_header_inside_a_length_that_no_command_has_begins_a_frame() {
-    // What is left of a frame that was cut behind its header, or behind the function of a raw one, claims the next header as its own
-    // function and length; and noise may claim any length at all.
+    // A frame that was truncated after its header, or after the function of a raw frame, claims the
+    // next header as its function and length. Noise may claim any length.
     for torn in [&[0xFF, 0xFE][..], &[0xFF, 0xFE, 0x40], &[0xFF, 0xFE, 0x77, 200], &[0xFF, 0xFE, 0x77, 255, 1, 2, 3]] {
         let mut decoder = Decoder::new(board());
         let mut found = Vec::new();
@@ -279,19 +280,19 @@ fn a_header_inside_a_length_that_no_command_has_begins_a_frame() {
                 }
             });
         }
-        // At once, and not when as many bytes have come as were claimed.
+        // Immediately, not after as many bytes as were claimed.
         assert_eq!(found, [ROCKER.to_vec()], "{torn:02X?}");
         assert_eq!(decoded(&[torn, &ROCKER]).last().unwrap(), ROCKER_HEX);
     }
-    // A frame of an unknown function that is no longer than those of commands is what it says.
+    // A frame of an unknown function with a plausible length is read as it is.
     let raw = [&[0xFF, 0xFE, 0x40, 13][..], &ROCKER].concat();
     let sum = raw[2..].iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
     assert_eq!(decoded(&[&raw, &[sum]]).len(), 1);
 }
 
 #[test]
-fn the_zeros_of_a_stop_are_no_fault() {
-    let zeros = |count: usize, at: usize| format!("{count} at {at}: zeros that bring a receiver back in step");
+fn the_zeros_of_a_stop_are_not_a_fault() {
+    let zeros = |count: usize, at: usize| format!("{count} at {at}: zeros that resynchronize a receiver");
     let hex = || ROCKER_HEX.to_owned();
     let expected =
         [hex(), zeros(12, 13), hex(), zeros(257, 38), hex(), "2 at 308: no frame starts here".to_owned(), hex()];

@@ -1,5 +1,5 @@
-//! Scripts of very many names and mistakes: what is looked up is found without going through all of them. With a search through all,
-//! each of these would take minutes.
+//! Scripts with very many names and mistakes: lookups must not search everything. With linear
+//! searches, each of these tests would take minutes.
 
 use std::fmt::Write as _;
 use std::process::Command;
@@ -8,7 +8,7 @@ use motionseq::diagnostic::Code;
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 
-/// The codes of a script's errors and warnings, each once, and how many errors there are.
+/// The codes of a script's errors and warnings, each once, and the number of errors.
 fn check(text: String) -> (Vec<Code>, usize) {
     let compiled = motionseq::compile(&Sources::from(Source::new("x.motion", text)), &Options::default());
     let mut codes: Vec<Code> = compiled.diagnostics.iter().map(|diagnostic| diagnostic.code).collect();
@@ -17,13 +17,13 @@ fn check(text: String) -> (Vec<Code>, usize) {
     (codes, compiled.diagnostics.errors())
 }
 
-/// A text of so many parts, with something around them.
-fn parts(before: &str, count: usize, part: impl Fn(usize) -> String, behind: &str) -> String {
+/// A text of `count` parts with a prefix and a suffix.
+fn parts(before: &str, count: usize, part: impl Fn(usize) -> String, after: &str) -> String {
     let mut text = before.to_owned();
     for at in 0..count {
         let _ = write!(text, "{}", part(at));
     }
-    text + behind
+    text + after
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn names_of_one_block() {
 }
 
 #[test]
-fn names_that_nothing_is_called() {
+fn unknown_names() {
     const MANY: usize = 20_000;
     let lets = parts("", MANY, |at| format!("let name_{at} = {at}\n"), "");
     let defs = parts("", MANY, |at| format!("def name_{at}() {{ stop }}\n"), "");
@@ -89,14 +89,14 @@ fn holds_that_end_at_one_moment() {
     assert_eq!(check(text), (vec![Code::Clash], MANY));
 }
 
-/// A move that stays where it is sends nothing, so it counts by itself.
+/// A move to the current value sends nothing, but still counts.
 #[test]
 fn moves_that_send_nothing() {
     for passes in ["33000000", "(33000 * 1000)"] {
         let text = format!("repeat {passes} {{ servo 1 1500 -> 1500 over 1us }}\n");
         assert_eq!(check(text), (vec![Code::TooManyEvents], 1));
     }
-    // What takes no time is no move, and a frame each.
+    // A command without duration is one frame, not a move.
     let text = "repeat 1200000 { servo 1 1500\nwait 5ms }\nrepeat 400000 { rocker x=1 for 5ms\nwait 5ms }\n";
     assert_eq!(check(text.to_owned()), (vec![], 0));
 }
@@ -106,10 +106,10 @@ fn moves_that_send_nothing() {
 fn memory_of_the_lines_of_a_block() {
     const PAIRS: usize = 250_000;
     const LINE: usize = 200;
-    // The program, its stacks, and what the allocator sets aside for a thread.
+    // The program, its stacks, and what the allocator reserves for a thread.
     const ITSELF: usize = 256 << 20;
-    let lines = |before: &str, behind: &str| {
-        parts(before, PAIRS, |at| format!("servo 1 {}\nwait 1ms  # {at}\n", 1_000 + at % 1_000), behind)
+    let lines = |before: &str, after: &str| {
+        parts(before, PAIRS, |at| format!("servo 1 {}\nwait 1ms  # {at}\n", 1_000 + at % 1_000), after)
     };
     for (name, text) in [
         ("repeat", lines("repeat 2 {\n", "}\n")),

@@ -1,10 +1,11 @@
-//! `decode`: streams of bytes and hex digits as a listing, whatever is wrong with them; and the smaller commands.
+//! `decode`: streams of bytes and hex digits as a listing, despite any errors in them; and smaller
+//! commands.
 
 use std::io::{self, Read, Write};
 use std::process::Stdio;
 
 use crate::support::{motionseq, rendered, run, stderr, stdout};
-use motionseq::capture::{DecodeError, Decoded, NoTiming, Reading, Timing, decode};
+use motionseq::capture::{DecodeError, Decoded, Reading, Timing, TimingError, decode};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
     let mut out = Vec::new();
@@ -26,8 +27,8 @@ fn the_bytes_of_a_script_are_its_commands_again() {
 }
 
 #[test]
-fn what_is_no_frame_is_shown_and_skipped() {
-    // Noise; a checksum that is wrong; a frame that no row knows; one out of range; half a frame.
+fn bytes_outside_of_frames_are_shown_and_skipped() {
+    // Noise; a wrong checksum; an unknown frame; one out of range; half a frame.
     let bytes = [
         &[0x00, 0x11][..],
         &[0xFF, 0xFE, 0x04, 0x01, 0x01, 0x07],
@@ -49,14 +50,14 @@ fn what_is_no_frame_is_shown_and_skipped() {
 }
 
 #[test]
-fn hex_digits_are_read_however_they_are_set() {
+fn hex_digits_are_read_in_every_layout() {
     let frames = "0\tFF FE 04 01 01 06\tbuzzer on\n6\tFF FE 04 01 00 05\tbuzzer off\n";
     for text in [
         "FF FE 04 01 01 06 FF FE 04 01 00 05",
         "fffe04010106\nfffe04010005\n",
         "\r\n FFF E04 0101\t06 FFFE04010005\r\n",
         "0xFF, 0xFE,0x4,0x1,0x01,0x6 \n \\xff\\xfe\\x04\\x01\\x00\\x05",
-        // What this command prints.
+        // The output of this command.
         frames,
         "FF FE 4 1 1 6\nFF FE 4 1 0 5\n",
         "00000000: fffe 0401 0106 fffe 0401 0005            ............\n",
@@ -66,11 +67,11 @@ fn hex_digits_are_read_however_they_are_set() {
     }
     let frames = "0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\n";
     for text in [
-        // What `render` and `board` print, and a snapshot.
+        // The output of `render` and `board`, and a snapshot.
         "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
         "# motionseq frames 1\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n0.900000\tFF FE 04 01 00 05\tbuzzer off\tclosing\n",
         "{\"t_us\":500000,\"frame\":\"FFFE04010106\"}\n{\"t_us\":900000,\"frame\":\"FFFE04010005\",\"line\":3}\n",
-        // What candump and its like log.
+        // Logs of candump and similar programs.
         "(0.500000) ttyUSB0 FF FE 04 01 01 06\n(0.9) ttyUSB0 FF FE 04 01 00 05\n",
         " (0.500000)  can0  123   [6]  FF FE 04 01 01 06\n (0.900000)  can0  123   [6]  FF FE 04 01 00 05\n",
         "(0.500000) can0 123#FFFE0401\n(0.600000) can0 123#0106\n(0.9) can0 00000123##1FFFE04010005\n",
@@ -81,14 +82,14 @@ fn hex_digits_are_read_however_they_are_set() {
     // Times since 1970 count from the first one.
     let log = "(1436509052.249713) can0 123#FFFE04010106\n(1436509052.749713) can0 123#FFFE04010005\n";
     assert_eq!(listing(log.as_bytes()).0, frames.replace("0.5", "0.0").replace("0.9", "0.5"));
-    // A run of noise that a listing shortens is still a line of one.
+    // A run of noise that a listing shortens is read as a line of a listing.
     let noise = "0.500000\t00 11 …\t\tskipped 20: no frame starts here\n0.600000\tFF FE 04 01 01 06\tbuzzer on\n";
     assert_eq!(
         listing(noise.as_bytes()).1,
         Decoded { bytes: 8, frames: 1, skipped: 2, is_timed: true, ..Decoded::default() }
     );
     assert!(listing(b"FF FE 04 01 01 06F").1.half_byte);
-    // Rows that are the same stand there once.
+    // Repeated rows are dumped once.
     let row = "ff fe 04 01 01 06 ff fe  04 01 01 06 00 00 00 00";
     let dump = format!("00000000  {row}  |................|\n*\n00000030\n");
     assert_eq!(listing(dump.as_bytes()).1, Decoded { bytes: 48, frames: 6, skipped: 12, ..Decoded::default() });
@@ -96,7 +97,7 @@ fn hex_digits_are_read_however_they_are_set() {
     assert_eq!(listing(b""), (String::new(), Decoded::default()));
 }
 
-/// A stream that comes in pieces of one size, and never ends before it must.
+/// A reader that returns the bytes in pieces of one size.
 struct Pieces<'b>(&'b [u8], usize);
 
 impl Read for Pieces<'_> {
@@ -119,21 +120,21 @@ fn a_file_of_times_says_when_bytes_came() {
         text.lines().map(|line| line.split('\t').next().unwrap().to_owned()).collect::<Vec<_>>()
     };
     assert_eq!(shown(times("0.5 6\n0.25 6\n", None).unwrap(), &bytes), ["0.500000", "0.750000"]);
-    // A frame that comes in two reads began with the first; what is behind the last line counts to it.
+    // A frame of two reads starts with the first; bytes after the last line belong to it.
     assert_eq!(shown(times("0.5 2\n0.25 6\n", None).unwrap(), &bytes), ["0.500000", "0.750000"]);
     assert_eq!(shown(times("", None).unwrap(), &bytes), ["0.000000", "0.000000"]);
-    // The line that `script` writes before them does not count.
+    // The header line of `script` does not count.
     let with_head = [b"Script started on 2026-11-24 12:00:00+00:00 [COMMAND=\"cat\"]\n", &bytes[..]].concat();
     assert_eq!(shown(times("0.5 6\n0.25 6\n", None).unwrap(), &with_head), ["0.500000", "0.750000"]);
-    // Both ways in one file: those that add up to the capture.
+    // A file with both directions: the one whose counts add up to the size of the capture.
     let both = "H 0.0 START_TIME 2026\nO 0.5 6\nI 0.1 3\nO 0.4 6\nS 0.5 SIGWINCH\n";
     assert_eq!(shown(times(both, Some(12)).unwrap(), &bytes), ["0.500000", "1.000000"]);
-    assert_eq!(times("0.5 6\nsoon 6\n", None), Err(NoTiming(2)));
-    assert_eq!(times("0.5\n", None), Err(NoTiming(1)));
+    assert_eq!(times("0.5 6\nsoon 6\n", None), Err(TimingError(2)));
+    assert_eq!(times("0.5\n", None), Err(TimingError(1)));
 }
 
 #[test]
-fn however_a_stream_is_cut_into_reads_it_says_the_same() {
+fn the_result_does_not_depend_on_reads() {
     let mut bytes = rendered("scripts/hello.motion");
     let noise = (0..3_000u32).map(|n| u8::try_from(n.wrapping_mul(2_654_435_761) >> 24).unwrap());
     bytes.extend(noise);
@@ -147,7 +148,7 @@ fn however_a_stream_is_cut_into_reads_it_says_the_same() {
 }
 
 #[test]
-fn a_text_is_a_text_however_little_the_first_read_gives() {
+fn text_is_recognized_after_a_short_first_read() {
     let texts = [
         "0.500000\tFF FE 04 01 01 06\n0.900000\tFF FE 04 01 00 05\n",
         "# motionseq frames 2\n# x\n0.500000\tFF FE 04 01 01 06\tbuzzer on\n# end\t0.500000\tframes\t1\tbaud\t9600\n",
@@ -185,7 +186,7 @@ fn a_listing_that_cannot_be_written_ends_at_once() {
             Ok(())
         }
     }
-    // A stream that never ends.
+    // A stream without end.
     struct Endless([u8; 6], usize);
     impl Read for Endless {
         fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
@@ -238,14 +239,14 @@ fn jsonl_names_the_line_of_every_frame() {
         assert_eq!(object["robot"], serde_json::Value::Null);
         let file = std::fs::read_to_string(object["file"].as_str().unwrap()).unwrap();
         let at = usize::try_from(object["line"].as_u64().unwrap()).unwrap();
-        // The line does something, in the script or in the file that it uses.
+        // The line contains a command, in the script or in the file that it uses.
         assert!(!file.lines().nth(at - 1).unwrap().trim_start().starts_with('#'), "{object}");
     }
     assert!(text.contains("scripts/lib/phrases.motion"));
 }
 
 #[test]
-fn shells_and_man_are_told_every_command_but_the_hidden_one() {
+fn completions_and_man_pages_list_every_command_but_the_hidden_one() {
     for shell in ["bash", "zsh", "fish"] {
         let text = stdout(&run(&["completions", shell]));
         assert!(text.contains("render") && text.contains("max-late") && !text.contains("guard-a-player"), "{shell}");
@@ -257,7 +258,7 @@ fn shells_and_man_are_told_every_command_but_the_hidden_one() {
     let output = run(&["man", "guard-a-player"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("there is no command `guard-a-player`; there are check, render, play"));
-    // A closed pipe is no reason to panic.
+    // A closed pipe must not cause a panic.
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
     let output = motionseq(&["completions", "bash"]).stdout(full).stderr(Stdio::piped()).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
@@ -275,8 +276,9 @@ fn ports_lists_what_is_there() {
 }
 
 #[test]
-fn a_move_of_an_older_driver_is_told_and_read_as_asked_for() {
-    // Bits 0, 1 and 2 where x, y and z are not negative: 10 0 0; 300 1000 0; -5 5 -45; and 0 0 0 with a bit too many.
+fn a_move_of_an_older_driver_is_reported_and_read_on_request() {
+    // Bits 0, 1 and 2 are set if x, y and z are not negative: 10 0 0; 300 1000 0; -5 5 -45; and 0 0
+    // 0 with an extra bit.
     let frames = [
         "FF FE 03 08 04 00 0A 00 00 00 00 07 20",
         "FF FE 03 08 04 01 2C 03 E8 00 00 07 2E",
@@ -290,15 +292,18 @@ fn a_move_of_an_older_driver_is_told_and_read_as_asked_for() {
     let commands =
         |text: &str| text.lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect::<Vec<_>>();
     let listing = stdout(&output);
-    assert!(listing.lines().next().unwrap().contains("a move, as older copies of the driver pack it"), "{listing}");
-    // These could be of either, and are read as the newest packs them: mirrored.
+    assert!(
+        listing.lines().next().unwrap().contains("a `move` with the direction bits of older driver versions"),
+        "{listing}"
+    );
+    // These are valid in both versions, and are read as the newest writes them: mirrored.
     assert_eq!(commands(&listing)[1..3], ["move x=-300 y=-1000 z=0", "move x=5 y=-5 z=-45"]);
     assert_eq!(stderr(&output).matches("cannot always be told apart").count(), 1, "{}", stderr(&output));
     let output = run(&["decode", path, "--older-move"]);
     let listing = stdout(&output);
     assert_eq!(commands(&listing)[..3], ["move x=10 y=0 z=0", "move x=300 y=1000 z=0", "move x=-5 y=5 z=-45"]);
     assert!(listing.lines().nth(3).unwrap().contains("unknown"), "{listing}");
-    // A script sends what was meant, as the newest driver packs it.
+    // A script sends what was intended, with the direction bits of the newest driver.
     let script = format!("{path}.motion");
     let output = run(&["decode", path, "--older-move", "-o", &script]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

@@ -1,4 +1,4 @@
-//! The program, run as a user runs it: `check`, `render`, and every file that is no script.
+//! The program as a user runs it: `check`, `render`, and files that are not scripts.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 
 use crate::support::{motionseq, run, stderr, stdout};
 
-/// A folder of its own for one test, removed at the end.
+/// A temporary folder for one test, removed at the end.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -86,7 +86,7 @@ fn check_counts_what_it_found() {
     assert_eq!(stdout(&good), "");
     let warning = scratch.file("warning.motion", b"rocker x=1\nwait 1s\n");
     let bad = scratch.file("bad.motion", b"servoo 1 1500\nservo 1 9999\nrocker x=1\n");
-    // Every file is checked, whatever is wrong with one before it.
+    // Every file is checked, even if an earlier one has errors.
     let all = run(&["check", &bad, &warning, HELLO]);
     let text = stderr(&all);
     assert_eq!(code(&all), 1);
@@ -103,7 +103,7 @@ fn check_counts_what_it_found() {
     assert_eq!(code(&denied), 1);
     assert!(stderr(&denied).contains("warnings are denied"));
     assert!(stderr(&run(&["check", "-q", "--deny", "warnings", &warning])).contains("left-running"));
-    // Quiet keeps warnings back, but never errors.
+    // `-q` hides warnings, but never errors.
     assert_eq!(stderr(&run(&["check", "-q", &warning])), "");
     assert!(stderr(&run(&["check", "-q", &bad])).contains("servoo"));
 }
@@ -152,7 +152,7 @@ fn help_shows_an_example_of_every_command() {
 }
 
 #[test]
-fn what_is_no_script_is_refused_and_says_why() {
+fn files_that_are_not_scripts_are_refused_with_a_reason() {
     let scratch = Scratch::new("bad-files");
     let fifo = scratch.path("fifo.motion");
     assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
@@ -173,7 +173,7 @@ fn what_is_no_script_is_refused_and_says_why() {
     ];
     for (file, words) in cases {
         for command in ["check", "render", "play"] {
-            // `check` takes folders, and tells of each script in them.
+            // `check` accepts folders, and checks each script in them.
             let words = if command == "check" && words == "it is a folder" { "not a regular file" } else { words };
             let output = run_small(&[command, &file]);
             let text = stderr(&output);
@@ -215,7 +215,7 @@ fn hostile_scripts_stay_small() {
 }
 
 #[test]
-fn more_events_than_allowed_are_counted_before_they_are_laid() {
+fn too_many_events_are_counted_before_they_are_added() {
     let scratch = Scratch::new("events");
     let day = scratch.file("day.motion", b"refresh 10ms\nrocker x=1 for 24h\n");
     let output = run_small(&["check", "--max-events", "1000000", &day]);
@@ -230,14 +230,14 @@ fn more_events_than_allowed_are_counted_before_they_are_laid() {
 fn only_frames_that_are_sent_count_as_events() {
     let scratch = Scratch::new("sent-events");
     for (text, sent) in [
-        // A move that stays where it is, and samples that would repeat the last one.
+        // A move to the current value, and samples that would repeat the last one.
         ("servo 1 1500\nservo 1 1500 over 10s\nrepeat 50 { servo 1 1500 over 10ms }\n", 1),
         ("servo 1 1500 -> 1503 over 10s\n", 4),
-        // The last refresh would be due with the end, which is sent.
+        // The last refresh would be due at the end, which is sent anyway.
         ("rocker x=1 for 1s\n", 1 + 19 + 1),
-        // What is shown and expected is not sent; the start and the end of reports are.
+        // `say` and `expect` are not sent; the requests that start and stop reports are.
         ("servo 1 1500\nrepeat 5 { say \"a\" }\nexpect voltage > 9V\n", 3),
-        // What is sent on abort has its own bound.
+        // `on abort` has its own limit.
         ("repeat 4 as i { servo 1 (1500 + i)\nwait 10ms }\non abort { servo 1 1500\nwait 10ms\nservo 1 1000 }\n", 4),
     ] {
         let file = scratch.file("sent.motion", text.as_bytes());
@@ -277,10 +277,10 @@ fn times_of_options_are_read_as_those_of_scripts() {
     }
 }
 
-/// What a pass may leave behind besides frames, each far more often or longer than there is memory for; counted before it is unrolled
-/// where its number is written, and while it is unrolled where it is computed.
+/// Results of a pass besides frames, each in quantities beyond any memory. They are counted before
+/// the loop runs if the number of passes is a literal, and while it runs if the number is computed.
 #[test]
-fn what_a_pass_leaves_behind_is_bounded() {
+fn the_results_of_a_pass_are_bounded() {
     let scratch = Scratch::new("left-behind");
     let long = "x".repeat(60_000);
     for line in [
@@ -307,7 +307,7 @@ fn what_a_pass_leaves_behind_is_bounded() {
 }
 
 #[test]
-fn a_result_that_cannot_be_written_is_told() {
+fn a_result_that_cannot_be_written_is_reported() {
     let full = || File::options().write(true).open("/dev/full").unwrap();
     let output = motionseq(&["render", HELLO])
         .stdout(full())
@@ -318,7 +318,7 @@ fn a_result_that_cannot_be_written_is_told() {
         .unwrap();
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("cannot write standard output"));
-    // Nobody is there to read the messages: no panic, and the same exit code.
+    // The messages have no reader: no panic, and the same exit code.
     let status = motionseq(&["check", HELLO]).stderr(full()).status().unwrap();
     assert_eq!(status.code(), Some(0));
     let output = run(&["render", HELLO, "-o", "/no/such/folder/x"]);
@@ -337,7 +337,7 @@ fn a_file_name_does_not_draw_on_the_terminal() {
 }
 
 #[test]
-fn whoever_reads_a_listing_may_stop_early() {
+fn a_reader_of_a_listing_may_stop_early() {
     let shell = format!("{} render scripts/wheels.motion | head -1", env!("CARGO_BIN_EXE_motionseq"));
     let output = Command::new("sh").args(["-c", &shell]).current_dir(env!("CARGO_MANIFEST_DIR")).output().unwrap();
     assert_eq!(stdout(&output).lines().count(), 1);
@@ -356,20 +356,20 @@ fn warnings_are_summed_up_by_code() {
     assert_eq!((code(&output), full("raw-frame", &shown), full("wait-in-together", &shown)), (0, 3, 2), "{shown}");
     assert!(shown.contains("\nand 297 more `raw-frame` warnings; `--all` shows them\n"), "{shown}");
     assert!(shown.contains("many.motion: 302 warnings"), "{shown}");
-    // Also for what compiles a script on its way.
+    // The same for commands that compile a script as a first step.
     let shown = stderr(&run(&["render", &many, "-o", "/dev/null"]));
     assert!(full("raw-frame", &shown) == 3 && shown.contains("and 297 more"), "{shown}");
     let shown = stderr(&run(&["check", "--all", &many]));
     assert!(full("raw-frame", &shown) == 300 && !shown.contains(" more "), "{shown}");
     let shown = stderr(&run(&["check", "-q", &many]));
     assert_eq!(shown, "");
-    // A run shows one line for all of them, and plays.
+    // A run shows one line for all warnings, and plays.
     let output = run(&["play", &many, "--speed", "10"]);
     let shown = stderr(&output);
     assert_eq!((code(&output), full("raw-frame", &shown)), (0, 0), "{shown}");
     let line = "many.motion: 302 warnings (2 wait-in-together, 300 raw-frame); `--all` shows them\n";
     assert!(shown.starts_with("warning: ") && shown.contains(line), "{shown}");
-    // Errors are shown, all of them.
+    // Errors are always shown, all of them.
     let wrong = scratch.file("wrong.motion", [raw.as_bytes(), &b"servo 1 1\n".repeat(20)].concat().as_slice());
     let shown = stderr(&run(&["play", &wrong]));
     assert_eq!((full("out-of-range", &shown), full("raw-frame", &shown)), (20, 0), "{shown}");
@@ -377,7 +377,7 @@ fn warnings_are_summed_up_by_code() {
 }
 
 #[test]
-fn what_must_end_offers_no_loop_without_an_end() {
+fn commands_that_must_end_offer_no_endless_loop() {
     for command in ["render", "plot"] {
         let output = run(&[command, "--help"]);
         assert!(!stdout(&output).contains("forever"), "{}", stdout(&output));

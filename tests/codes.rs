@@ -1,4 +1,5 @@
-//! Every code: its example of wrong has it and nothing else, its example of right has nothing; and what `explain` prints.
+//! Every code: its wrong example has exactly this error, its right example has none; and the output
+//! of `explain`.
 
 use std::fs;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,7 +9,7 @@ use motionseq::diagnostic::{Code, Diagnostic, Severity};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Files as _, Sources};
 
-/// The codes of a script that stands in a folder beside a file of phrases.
+/// The codes of a script in a folder with a file of phrases.
 fn codes(text: &[u8]) -> Vec<Code> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -37,7 +38,7 @@ fn examples_are_wrong_and_right_as_they_say() {
     let mut strange = Vec::new();
     for &code in Code::ALL {
         let (wrong, right) = code.example();
-        // What does not fit on a page.
+        // Examples too long for a page.
         let more = if code == Code::SourceTooLarge { (64 << 20) + 1 } else { 70_000 };
         let wrong = wrong.replace('…', &"x".repeat(more)).into_bytes();
         let wrong = match wrong.windows(2).position(|bytes| bytes == br"\x") {
@@ -82,7 +83,7 @@ fn explain_prints_the_table_and_each_row() {
 fn a_comment_allows_every_warning_on_its_line_and_no_other() {
     for &code in Code::ALL.iter().filter(|code| code.severity() == Severity::Warning && **code != Code::Allow) {
         let (wrong, _) = code.example();
-        // The comment at each line in turn: at one of them it allows the warning.
+        // Put the comment on each line in turn: on one of them it allows the warning.
         let lines: Vec<&str> = wrong.lines().collect();
         let allowed = (0..lines.len()).filter(|&at| {
             let mut lines: Vec<String> = lines.iter().map(|line| (*line).to_owned()).collect();
@@ -91,7 +92,7 @@ fn a_comment_allows_every_warning_on_its_line_and_no_other() {
         });
         assert_eq!(allowed.count(), 1, "{code}");
     }
-    // Such a script passes where warnings are denied, also with more warnings than are kept.
+    // Such a script passes even if warnings are denied, and even with more warnings than are kept.
     let many = script("allowed", &"raw 0x40 1  # allow: raw-frame\nwait 10ms\n".repeat(2_000));
     assert_eq!(run(&["check", "--deny", "warnings", &many]).status.code(), Some(0));
     for (comment, message) in [
@@ -126,7 +127,8 @@ fn compiled(text: &str) -> motionseq::Compiled {
 
 #[test]
 fn the_limit_that_servo_speed_suggests_silences_it() {
-    // Commands alone, a chain of them, moves (which may arrive late though they last long enough), two servos at once.
+    // Single commands, a chain of them, moves (which may arrive late although they last long
+    // enough), two servos at once.
     let chain: String = (0..40).map(|at| format!("servo 1 {}\nwait 90ms\n", 1_500 + (at * 37 % 11 - 5) * 90)).collect();
     let moves: String = (0..6)
         .map(|at| format!("servo 3 {} over 150ms ease in-expo\n", if at % 2 == 0 { 2_300 } else { 700 }))

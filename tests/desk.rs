@@ -1,16 +1,16 @@
-//! A show at a terminal: keys, what is shown, and that the terminal is left as it was, whatever happens.
+//! Playing at a terminal: keys, the display, and that the terminal is always restored.
 
 use std::fs;
 use std::process::Command;
 
 use crate::support::{run, script, stderr};
 
-/// Plays in a terminal so many columns wide; gives what is printed of it.
+/// Plays in a terminal with this many columns, and returns the output.
 fn at_terminal(columns: &str, steps: &[&str], args: &[&str]) -> String {
     in_terminal("xterm", columns, steps, &[args, &["--max-late", "5s"]].concat())
 }
 
-/// Runs the program in a terminal that calls itself `term`.
+/// Runs the program in a terminal whose TERM is `term`.
 fn in_terminal(term: &str, columns: &str, steps: &[&str], args: &[&str]) -> String {
     let output = Command::new("python3")
         .arg("tests/support/terminal.py")
@@ -31,7 +31,7 @@ fn show() -> String {
 }
 
 #[test]
-fn space_pauses_and_goes_on_s_steps_and_q_ends() {
+fn space_pauses_and_continues_s_steps_and_q_ends() {
     let steps = [
         "wait:rocker x=0 y=10 z=20",
         "key: ",
@@ -47,12 +47,12 @@ fn space_pauses_and_goes_on_s_steps_and_q_ends() {
     ];
     let text = at_terminal("120", &steps[..10], &["play", &show()]);
     assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
-    // The step was the stop, which the pause had sent already; what is left is the servo.
-    assert!(text.contains("servo 1 at 1000") && text.contains("the drive stands"), "{text}");
+    // The step was the stop, which the pause had already sent; the servo remains.
+    assert!(text.contains("servo 1 at 1000") && text.contains("the drive is stopped"), "{text}");
     let text = at_terminal("120", &["wait:rocker x=0", "key:xq"], &["play", &show()]);
     assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
     assert!(text.contains("ended by q at") || text.contains("never"), "{text}");
-    // Of a run without end all passes count.
+    // For an endless run, the frames of all passes count.
     let short = script("short-pass", "servo 2 1500\nwait 400ms\n");
     let text = at_terminal("120", &["wait:pass 3", "key:q"], &["play", &short, "--loop", "forever"]);
     let (frames, rest) = text.split_once("sent ").unwrap().1.split_once(" frames in ").unwrap();
@@ -61,7 +61,7 @@ fn space_pauses_and_goes_on_s_steps_and_q_ends() {
 }
 
 #[test]
-fn the_terminal_is_left_as_it_was_whatever_happens() {
+fn the_terminal_is_always_restored() {
     let show = show();
     for (steps, code) in [
         (vec!["wait:rocker x=0", "kill"], "exit -9"),
@@ -72,7 +72,7 @@ fn the_terminal_is_left_as_it_was_whatever_happens() {
         let text = at_terminal("100", &steps, &["play", &show]);
         assert!(text.starts_with(&format!("{code}\nicanon True\necho True\n")), "{steps:?}: {text}");
         if code == "exit -9" {
-            assert!(text.contains("motionseq was killed at"), "the guard tells: {text}");
+            assert!(text.contains("motionseq was killed at"), "the guard reports: {text}");
         }
     }
 }
@@ -105,7 +105,7 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
     let lines = stderr(&output).lines().filter(|line| line.contains(" / 2.500 s")).count();
     assert!((1..=3).contains(&lines), "{}", stderr(&output));
     assert!(!stderr(&output).contains(['\r', '\u{1b}']));
-    // A terminal that grows narrow while the show runs, and one that cannot draw over a line.
+    // A terminal that becomes narrow during the run, and one that cannot redraw a line.
     let steps = ["wait:rocker x=0 y=10 z=20  servo", "resize:30"];
     let text = at_terminal("120", &steps, &["play", &short, "--speed", "0.2"]);
     let drawn: Vec<&str> = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n')).collect();
@@ -114,7 +114,8 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
     let text = in_terminal("dumb", "80", &[], &["play", &long, "--max-late", "5s"]);
     assert!(text.starts_with("exit 0\n") && text.contains("sent ") && !text.contains('\u{1b}'), "{text}");
     assert!(text.contains(" / 2.500 s"), "{text}");
-    // A line that is too long is broken between words, and one that is drawn over never fills a very narrow terminal.
+    // A line that is too long is broken between words, and a redrawn one never fills a very narrow
+    // terminal.
     let text = at_terminal("50", &[], &["play", &short]);
     let shown = text.split_once("\necho True\n").unwrap().1;
     let lines: Vec<&str> = shown.split(['\n', '\r']).collect();
@@ -124,13 +125,13 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
     let drawn = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n'));
     assert!(drawn.into_iter().all(|line| line.chars().count() < 12), "{text:?}");
     assert!(text.contains("space pauses, q stops"), "{text}");
-    // Without a terminal there is no line that is drawn over, and no key.
+    // Without a terminal there is no redrawn line, and keys do nothing.
     let output = run(&["play", &short]);
     assert!(!stderr(&output).contains(['\r', '\u{1b}']));
 }
 
 #[test]
-fn long_work_shows_how_far_it_is_on_a_terminal_only() {
+fn long_work_shows_progress_on_a_terminal_only() {
     let folder = std::env::temp_dir().join(format!("motionseq-bar-{}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     for number in 0..31 {
@@ -151,8 +152,8 @@ fn long_work_shows_how_far_it_is_on_a_terminal_only() {
 }
 
 #[test]
-fn keys_count_however_fast_frames_follow_each_other_and_whatever_was_typed_before() {
-    // A frame each half millisecond for a minute.
+fn keys_work_at_any_frame_rate_and_after_earlier_input() {
+    // A frame every half millisecond for a minute.
     let fast = script(
         "fast-keys",
         "baud 4000000\nrocker y=10\nrepeat 120000 { servo 1 1500; servo 3 1600\nwait 500us }\nstop\n",
@@ -162,7 +163,7 @@ fn keys_count_however_fast_frames_follow_each_other_and_whatever_was_typed_befor
     assert!(text.starts_with("exit 0\nicanon True\n") && text.contains("ended by q"), "{text}");
     let text = at_terminal("120", &["wait:rocker x=0", "key: ", "wait:paused; space", "key:q"], &play);
     assert!(text.starts_with("exit 0\nicanon True\n"), "{text}");
-    // Escape, and an arrow, and then q.
+    // Escape, or an arrow, and then q.
     for typed in ["key:\u{1b}q", "key:\u{1b}[Aq", "key:\u{1b}[1;5Cq", "key:\u{1b}OAq"] {
         let text = at_terminal("120", &["wait:rocker x=0", typed], &["play", &show()]);
         assert!(text.starts_with("exit 0\n") && text.contains("ended by q"), "{typed:?}: {text}");
@@ -170,12 +171,12 @@ fn keys_count_however_fast_frames_follow_each_other_and_whatever_was_typed_befor
 }
 
 #[test]
-fn a_terminal_of_somebody_else_is_left_alone() {
-    // The terminal that it was started from is no port.
+fn the_terminal_of_another_program_is_left_alone() {
+    // The terminal that it was started from is not a port.
     let text = at_terminal("120", &[], &["play", &show(), "--port", "/dev/tty"]);
     assert!(text.starts_with("exit 3\nicanon True\necho True\n"), "{text}");
     assert!(text.contains("it is the terminal of this program"), "{text}");
-    // A player in the background is killed while another program has set the terminal up for itself.
+    // A player in the background is killed while another program has changed the terminal's modes.
     let output = Command::new("python3")
         .args(["tests/support/background.py", env!("CARGO_BIN_EXE_motionseq"), "play", &show(), "--max-late", "5s"])
         .output()
@@ -195,7 +196,7 @@ fn a_pause_says_where_in_the_script_it_is() {
     let at: f64 = at.rsplit(|c: char| c != '.' && !c.is_ascii_digit()).next().unwrap().parse().unwrap();
     let script: f64 = script.split(' ').next().unwrap().parse().unwrap();
     assert!((at - 2.0 * script).abs() < 0.01, "{text}");
-    // Passes are no lines of their own.
+    // Passes do not get lines of their own.
     let short = script_of_passes();
     let text = at_terminal("120", &["wait:pass 3", "key:q"], &["play", &short, "--loop", "forever"]);
     assert!(

@@ -1,4 +1,4 @@
-//! What `diff` says of an edit, and what it makes of snapshots.
+//! What `diff` prints for an edit, and which snapshots it accepts.
 
 use std::fs;
 
@@ -11,7 +11,7 @@ use motionseq::timeline::{Moment, Snapshot, Timeline, is_snapshot, read_snapshot
 use motionseq::units::Micros;
 use proptest::prelude::*;
 
-/// The words for an edit, each with its place as `diff` chooses it.
+/// The output for an edit, each change with its place as `diff` chooses it.
 fn words(old: &str, new: &str) -> String {
     let side = |text: &str| {
         let sources = Sources::from(Source::new("x.motion", text));
@@ -36,7 +36,7 @@ fn words(old: &str, new: &str) -> String {
 }
 
 #[test]
-fn every_edit_is_said_in_the_words_of_the_script() {
+fn every_edit_is_described_in_the_notation_of_the_script() {
     let _alone = crate::support::one_glob_at_a_time();
     insta::with_settings!({ snapshot_path => "diffs", prepend_module_to_snapshot => false, omit_expression => true }, {
         insta::glob!("diffs/*.txt", |path| {
@@ -58,10 +58,10 @@ fn a_script_and_its_snapshot_are_the_same() {
         assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 2\n# scripts/"));
         let sent = Snapshot::of(&timeline);
         assert_eq!(read_snapshot(board(), &snapshot).unwrap(), sent);
-        // Line ends as another system writes them.
+        // Line ends of another system.
         let other = String::from_utf8(snapshot.clone()).unwrap().replace('\n', "\r\n");
         assert_eq!(read_snapshot(board(), other.as_bytes()).unwrap(), sent);
-        // The first version was the listing alone.
+        // Version 1 was the listing alone.
         let first = String::from_utf8(snapshot).unwrap().replace("frames 2\n", "frames 1\n");
         let first = first.split("# on abort").next().unwrap().to_owned();
         let first = read_snapshot(board(), first.as_bytes()).unwrap();
@@ -70,52 +70,49 @@ fn a_script_and_its_snapshot_are_the_same() {
 }
 
 #[test]
-fn what_is_no_snapshot_says_where_and_why() {
+fn invalid_snapshots_are_refused_with_line_and_reason() {
     let head = "# motionseq frames 2\n# x.motion\n";
     let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
     let end = "# end\t0.000000\tframes\t1\tbaud\t115200\n";
     assert!(read_snapshot(board(), format!("{head}{good}{end}").as_bytes()).is_ok());
     let step = good.replace("1500\n", "1500\tsample\n");
     for (text, message) in [
-        (String::new(), "line 1: it does not begin with `# motionseq frames 2`"),
-        ("servo 1 1500\n".into(), "line 1: it does not begin with `# motionseq frames 2`"),
-        ("# motionseq frames 3\n".into(), "line 1: it is of version 3; this motionseq reads up to 2, so update it"),
-        ("# motionseq frames x\n".into(), "line 1: there is no version `x`"),
+        (String::new(), "line 1: expected `# motionseq frames 2`"),
+        ("servo 1 1500\n".into(), "line 1: expected `# motionseq frames 2`"),
+        (
+            "# motionseq frames 3\n".into(),
+            "line 1: version 3 is too new: this motionseq reads versions up to 2, so update it",
+        ),
+        ("# motionseq frames x\n".into(), "line 1: unknown version `x`"),
         (format!("{head}{good}{}", &good[..20]), "line 4: the command is missing"),
         (format!("{head}{}", good.trim_end()), "line 3: the file ends inside this line"),
-        (format!("{head}{good}"), "line 3: the file is cut off: its last line is missing"),
-        (format!("{head}{good}{good}{end}"), "line 5: there are 2 frames, not 1"),
-        (format!("{head}{good}{end}{good}"), "line 5: something stands behind the end"),
+        (format!("{head}{good}"), "line 3: the file is truncated: its last line is missing"),
+        (format!("{head}{good}{good}{end}"), "line 5: found 2 frames instead of 1"),
+        (format!("{head}{good}{end}{good}"), "line 5: there is a line after the end"),
         (
             format!("{head}{good}# end\t0.0\tframes\t1\n"),
-            "line 4: it does not say when the script ends, how many frames there are, and the speed of the line",
+            "line 4: the last line needs the end of the script, the number of frames and the speed of the line",
         ),
-        (format!("{head}0.5\tFF\tstop\n"), "line 3: `0.5` is no time with six decimals"),
+        (format!("{head}0.5\tFF\tstop\n"), "line 3: `0.5` is not a time with six decimals"),
         (format!("{head}{}", good.replace("DC", "DD")), "line 3: checksum E7 instead of E8"),
-        (
-            format!("{head}{}", good.replace("1500", "1501")),
-            "line 3: the frame is `servo 1 1500`, and not `servo 1 1501`",
-        ),
-        (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: `odd` is no kind of frame"),
+        (format!("{head}{}", good.replace("1500", "1501")), "line 3: the frame is `servo 1 1500`, not `servo 1 1501`"),
+        (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: unknown kind of frame `odd`"),
         (format!("{head}{step}{end}"), "line 4: the step at 0.000000 s belongs to no move"),
-        (
-            format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{step}{end}"),
-            "line 5: there is a move whose steps are not all there",
-        ),
+        (format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{step}{end}"), "line 5: a move has too few steps"),
         (
             format!("{head}# move\t0.000000\t1.000000\tlinaer\t2\n"),
-            "line 3: it does not say of a move its start, its end, its easing and its number of steps",
+            "line 3: a move needs its start, its end, its easing and its number of steps",
         ),
         (
             format!("{head}{}{good}", good.replace("0.000000", "1.000000")),
-            "line 4: its time is before that of the line above",
+            "line 4: its time is earlier than in the line above",
         ),
     ] {
         assert_eq!(read_snapshot(board(), text.as_bytes()).unwrap_err().to_string(), message, "{text:?}");
     }
     assert_eq!(
         read_snapshot(board(), b"# motionseq frames 1\n\xFF\n").unwrap_err().to_string(),
-        "line 2: it is not UTF-8 text"
+        "line 2: not UTF-8 text"
     );
 }
 
@@ -142,7 +139,7 @@ fn the_command_compares_scripts_and_snapshots() {
     assert_eq!(output.status.code(), Some(1));
     assert!(stderr(&output).contains("is no snapshot: line 2: the frame is missing"), "{}", stderr(&output));
     assert_eq!(run(&["diff", &old, "/no/such/file"]).status.code(), Some(1));
-    // What is named like a snapshot is one, also where nothing is left of it.
+    // A file named like a snapshot counts as one, even if it is empty.
     let empty = format!("{broken}.frames");
     fs::write(&empty, b"\0\xFF").unwrap();
     let output = run(&["diff", &empty, &new]);
@@ -157,7 +154,7 @@ fn the_command_compares_scripts_and_snapshots() {
 }
 
 proptest! {
-    /// Whatever is edited: the same is the same, and what differs is never said to be the same.
+    /// Equal scripts are reported as equal, and different ones never are.
     #[test]
     fn a_difference_is_never_silent(
         old in prop::collection::vec((0u64..4, 1u8..4, 0u16..4, 0u64..3), 0..12),
@@ -180,13 +177,13 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever moves in time: what is said of each command is by how much it has moved.
+    /// Shifted commands: the reported shift of each command is the real one.
     #[test]
-    fn every_time_that_is_said_is_true(
+    fn reported_times_are_true(
         commands in prop::collection::vec((1u64..8, 1u64..5, prop::sample::select(vec![0i64, 0, 0, 0, 100, 250, -50])), 1..25),
         one_lane in prop::bool::ANY,
     ) {
-        // Each command has a pulse width of its own, and none overtakes another.
+        // Each command has its own pulse width, and their order never changes.
         let (mut old_us, mut new_us) = (0, 0);
         let (mut before, mut after, mut moved) = (String::new(), String::new(), Vec::new());
         for (at, (gap, servo, later)) in commands.iter().enumerate() {

@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
 """Differential and metamorphic tests of the compiler.
 
-An evaluator of the motion language, written from its specification and without any code of the program, computes the frames
-of random scripts. They must be the frames of `motionseq render`: the same microseconds, bytes, kinds and lines. A script that one
-of the two refuses must be refused by the other. Further checks need no evaluator: a script that was rewritten without a change of
-meaning (a call inlined, a comment added, formatted, played at another speed, cut in two) must send what it sent before.
+An evaluator of the motion language, written from its specification without any code of the program,
+computes the frames of random scripts. `motionseq render` must print the same microseconds, bytes,
+kinds and lines. A script that one of them refuses must be refused by the other. More checks need no
+evaluator: a script that was rewritten without a change of meaning (a call inlined, a comment added,
+formatted, played at another speed, cut in two) must send the same frames.
 
-A script whose frames depend on the last bit of a sine, a power of two or a bounce (a sample halfway between two whole numbers) is
-skipped.
+A script is skipped if its frames depend on the last bit of a sine, a power of two or a bounce (a
+sample halfway between two whole numbers).
 
 Not covered: several robots, gates (`wait until`, `wait go`), boards other than the Raspblock, and the text of messages.
 
-If a fault of the program is known, name it here and let the random scripts avoid it until it is fixed.
+If the program has a known bug, name it here and make the random scripts avoid it until it is fixed.
 """
 
 import argparse
@@ -35,7 +36,7 @@ from reference.scripts import random_script
 
 
 class Program:
-    """The program under test, with a folder of its own."""
+    """The program under test, with its own folder."""
 
     def __init__(self, path, folder):
         self.path, self.folder, self.rendered = path, folder, {}
@@ -66,20 +67,20 @@ class Program:
 
 
 class Broken(Exception):
-    """The program crashed or did what no script may lead to."""
+    """The program crashed or did something that no script may cause."""
 
 
 def difference(wanted, found):
-    """How two results of `render` differ; None where they do not."""
+    """How two results of `render` differ; None if they are equal."""
     if isinstance(wanted, str) or isinstance(found, str):
         shown = [result if isinstance(result, str) else f"{len(result)} frames" for result in (wanted, found)]
         both = isinstance(wanted, str) and isinstance(found, str)
-        return None if both else f"one is refused: wanted {shown[0]}, found {shown[1]}"
+        return None if both else f"one is refused: expected {shown[0]}, found {shown[1]}"
     for place, (first, second) in enumerate(zip(wanted, found)):
         if first != second:
-            return f"frames differ: number {place + 1}, wanted {first}, found {second}"
+            return f"frames differ: number {place + 1}, expected {first}, found {second}"
     if len(wanted) != len(found):
-        return f"frames differ: wanted {len(wanted)}, found {len(found)}; {max(wanted, found, key=len)[min(len(wanted), len(found))]}"
+        return f"frames differ: expected {len(wanted)}, found {len(found)}; {max(wanted, found, key=len)[min(len(wanted), len(found))]}"
     return None
 
 
@@ -96,7 +97,7 @@ def evaluated(text, speed=1):
 
 
 def blocks_of(lines):
-    """The blocks of several lines, as pairs of the numbers of their first and last line, in order of their last lines."""
+    """The blocks of several lines: the numbers of their first and last lines, sorted by the last."""
     opened, blocks = [], []
     for number, line in enumerate(lines):
         if line.strip().startswith(("}", "]")) and opened:
@@ -123,13 +124,13 @@ def check_evaluator(program, text, _):
 
 
 def check_speed(program, text, dice):
-    """At another speed, too: refreshes and samples keep their real time."""
+    """Also at another speed: refreshes and samples keep their real time."""
     speed = dice.choice(["2", "0.5", "0.3", "1.25", "10", "0.1"])
     return difference(evaluated(text, Fraction(speed)), program.render(text, "--speed", speed))
 
 
 def check_fmt(program, text, _):
-    """Formatted twice is formatted once, and sends the same."""
+    """Formatting is idempotent and does not change the frames."""
     is_fine, once, errors = program.run("fmt", "-", text=text)
     if not is_fine:
         return None if isinstance(program.render(text), str) else f"not formatted: {errors[:200]}"
@@ -139,7 +140,7 @@ def check_fmt(program, text, _):
 
 
 def check_spaces(program, text, dice):
-    """Other spaces send the same, on the same lines."""
+    """Other spaces change neither frames nor lines."""
 
     def respaced(line):
         if '"' in line:
@@ -155,7 +156,7 @@ def check_spaces(program, text, dice):
 
 
 def check_comment(program, text, dice):
-    """Comments, empty lines, other line ends and a byte order mark change nothing but the numbers of lines."""
+    """Comments, empty lines, other line ends and a byte order mark change only line numbers."""
     lines = text.splitlines()
     place = dice.randint(0, len(lines))
     lines.insert(place, dice.choice(["", "# a comment { (", "  ", "\t# servo 1 1500"]))
@@ -168,7 +169,7 @@ def check_comment(program, text, dice):
 
 
 def check_inline(program, text, _):
-    """A call inlined as a pass of its own, with its arguments as `let`s, sends the same."""
+    """A call that is inlined as a separate pass, with its arguments as `let`s, sends the same."""
     lines = text.splitlines()
     bodies, result = {}, []
     for first, last in blocks_of(lines):
@@ -185,7 +186,7 @@ def check_inline(program, text, _):
         for place, given in enumerate(split(call[3])):
             name, value = given.split(" = ", 1) if re.match(r"\w+ = ", given) else (list(values)[place], given)
             values[name] = value
-        # Arguments come before defaults, as their random numbers do.
+        # Arguments come before defaults, and so do their random numbers.
         given = [
             part.split(" = ")[0] if re.match(r"\w+ = ", part) else list(values)[place]
             for place, part in enumerate(split(call[3]))
@@ -197,7 +198,7 @@ def check_inline(program, text, _):
 
 
 def split(arguments):
-    """Arguments at the commas outside of parentheses."""
+    """Splits arguments at the commas outside of parentheses."""
     parts, depth = [""], 0
     for sign in arguments:
         depth += (sign == "(") - (sign == ")")
@@ -209,7 +210,7 @@ def split(arguments):
 
 
 def check_unroll(program, text, _):
-    """The passes of a `repeat`, written one after the other, send the same."""
+    """The passes of a `repeat`, written out, send the same."""
     lines = text.splitlines()
     for first, last in blocks_of(lines):
         head = re.match(r"(\s*)repeat ([1-9]) (?:as (\w+) )?\{$", lines[first])
@@ -226,7 +227,7 @@ def check_unroll(program, text, _):
 
 
 def wrapped(text, head, foot):
-    """The script with everything behind its settings and phrases between two lines; None where that is not possible."""
+    """The script with everything after its settings and phrases between two lines; None if impossible."""
     lines = text.splitlines()
     top = [number for number, line in enumerate(lines) if line.startswith(("def ", "on ", *SETTINGS))]
     ends = {first: last for first, last in blocks_of(lines)}
@@ -237,7 +238,7 @@ def wrapped(text, head, foot):
 
 
 def check_wrapped(program, text, dice):
-    """Everything behind the settings in a block that changes nothing sends the same."""
+    """Putting everything after the settings in a block that changes nothing sends the same."""
     changed = wrapped(
         text,
         *dice.choice(
@@ -255,7 +256,7 @@ def check_wrapped(program, text, dice):
 
 
 def check_use(program, text, dice):
-    """The `let`s and `def`s that a script begins with may be in a used file."""
+    """The `let`s and `def`s at the start of a script may be in a used file."""
     lines = text.splitlines()
     ends = {first: last for first, last in blocks_of(lines)}
     begin = next((number for number, line in enumerate(lines) if not line.startswith(tuple(SETTINGS))), 0)
@@ -274,7 +275,7 @@ def check_use(program, text, dice):
 
 
 def check_set(program, text, dice):
-    """`--set` does what an edit of the `let` does."""
+    """`--set` is equivalent to an edit of the `let`."""
     lets = re.findall(r"^let (v\d+) = ([\w.]+)$", text, re.MULTILINE)
     if not lets:
         return None
@@ -285,7 +286,7 @@ def check_set(program, text, dice):
 
 
 def check_parts(program, text, dice):
-    """Cut in two, a script sends the frames before the cut and those from it on, at the same distances."""
+    """The two parts of a script send the frames before and after the cut, at the same distances."""
     whole = program.render(text)
     moments = [] if isinstance(whole, str) else [sent[0] for sent in whole]
     if not any(moments):
@@ -310,7 +311,7 @@ def check_parts(program, text, dice):
 
 
 def check_loop(program, text, _):
-    """Two passes are one and the same one again; they are refused only where two passes of a `repeat` are."""
+    """Two passes are one pass repeated; they are refused only if two passes of a `repeat` are."""
     once, twice = program.render(text), program.render(text, "--loop", "2")
     if isinstance(once, str) or not once:
         return None
@@ -326,7 +327,7 @@ def check_loop(program, text, _):
 
 
 def check_parentheses(program, text, _):
-    """A number in parentheses is the same number, however the line is read."""
+    """A number in parentheses is the same number."""
     changed = [
         re.sub(r"(?<= )(\d{3,4})(?= |;|$)", r"(\1)", line) if line.strip().startswith("servo") else line
         for line in text.splitlines()
@@ -341,7 +342,7 @@ def check_breaks(program, text, _):
 
 
 def check_formats(program, text, _):
-    """All formats say the same, `check` agrees with `render`, and `decode` reads what was sent."""
+    """All formats agree, `check` agrees with `render`, and `decode` reads what was sent."""
     wanted = program.render(text)
     if program.run("check", "-q", "-", text=text)[0] == isinstance(wanted, str):
         return "check and render disagree"
@@ -369,7 +370,7 @@ ALWAYS, OFTEN = ["evaluator"], 3  # checks for every script, and how many of the
 
 
 def outcome(program, check, text, seed):
-    """What a check finds wrong with a script; None if nothing."""
+    """The fault that a check finds in a script; None if there is none."""
     try:
         return CHECKS[check](program, text, random.Random(seed))
     except Undecided:
@@ -379,7 +380,7 @@ def outcome(program, check, text, seed):
 
 
 def reduced(text, is_failing):
-    """The script with as many lines and blocks left out as possible."""
+    """The script with as many lines and blocks removed as possible."""
     lines = text.splitlines()
     found = True
     while found:
@@ -401,7 +402,7 @@ def reduced(text, is_failing):
 
 
 def run_seed(path, seed):
-    """All checks of one script: which passed, and what failed."""
+    """Runs all checks on one script: which passed, and what failed."""
     dice = random.Random(seed)
     text = random_script(dice)
     failures, skipped = [], False
@@ -425,10 +426,10 @@ def main():
     parser = argparse.ArgumentParser(description="Compare motionseq with an independent evaluator, on random scripts.")
     parser.add_argument("--program", default="target/debug/motionseq", help="the program under test")
     parser.add_argument(
-        "--seed", type=int, default=None, help="of the first script; each further one has the next number"
+        "--seed", type=int, default=None, help="the seed of the first script; each later one has the next number"
     )
     parser.add_argument("--seconds", type=float, help="start no script after this time")
-    parser.add_argument("--programs", type=int, help="how many scripts")
+    parser.add_argument("--programs", type=int, help="the number of scripts")
     parser.add_argument("--keep", metavar="DIR", help="write the scripts that fail to this folder")
     options = parser.parse_args()
     seed = options.seed if options.seed is not None else int(time.time())
@@ -457,7 +458,7 @@ def main():
                         os.makedirs(options.keep, exist_ok=True)
                         with open(os.path.join(options.keep, f"{of}-{check}.motion"), "w", encoding="utf-8") as file:
                             file.write(text)
-    print(f"skipped by the evaluator, which cannot decide: {skipped}")
+    print(f"skipped because the evaluator cannot decide: {skipped}")
     print(f"differential: {passed} passed, {failed} failed")
     return 1 if failed else 0
 

@@ -1,4 +1,4 @@
-//! What the documents say is so: every example in them runs, and every list is complete.
+//! The documents are true: every example runs, and every list is complete.
 
 use std::fs;
 use std::process::Command;
@@ -10,7 +10,7 @@ use motionseq::program::{Row, SETTINGS, Signature, signatures};
 use motionseq::source::Source;
 use motionseq::units::UNITS;
 
-/// The fenced blocks of a document: the words after the fence, the line it starts at, and the text.
+/// The fenced blocks of a document: the text after the fence, the first line, and the content.
 fn blocks(document: &str) -> Vec<(String, usize, String)> {
     let text = fs::read_to_string(document).unwrap();
     let mut found = Vec::new();
@@ -59,7 +59,7 @@ fn prose(document: &str) -> String {
 }
 
 #[test]
-fn every_script_in_the_documents_compiles_as_it_says() {
+fn every_script_in_the_documents_compiles_as_described() {
     let mut seen = 0;
     for document in &documents() {
         for (kind, line, text) in blocks(document) {
@@ -172,7 +172,7 @@ fn the_programs_in_python_print_what_the_page_shows() {
 fn the_readme_has_the_two_first_commands() {
     let first = "cargo run --release -- play scripts/hello.motion\ncargo test\n";
     assert!(blocks("README.md").iter().any(|(kind, _, text)| kind == "sh" && text == first));
-    // The gate runs the very same test command.
+    // The gate runs the same test command.
     assert!(fs::read_to_string(".ci/run").unwrap().lines().any(|line| line == "cargo test"));
 }
 
@@ -428,7 +428,7 @@ fn the_first_script_is_the_one_in_the_folder() {
 }
 
 #[test]
-fn the_pictures_are_what_the_commands_beside_them_draw() {
+fn the_pictures_are_current() {
     let page = "docs/pictures.md";
     let text = fs::read_to_string(page).unwrap();
     let commands: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("motionseq plot ")).collect();
@@ -494,7 +494,7 @@ fn every_crate_and_its_licence_is_listed() {
 /// What the board does when frames stop is unknown. Every page that mentions it has the same sentence, and the program has the
 /// same first half.
 #[test]
-fn what_the_board_does_on_silence_is_said_in_one_sentence() {
+fn every_document_uses_one_sentence_for_silence() {
     let plain = |path: &str| fs::read_to_string(path).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
     let unknown = "hat the board does when frames stop is unknown; ";
     let how = "to find out, play `scripts/silence.motion` as in [Test your board](";
@@ -524,7 +524,7 @@ fn what_the_board_does_on_silence_is_said_in_one_sentence() {
         for claim in
             ["board stops by itself", "board may stop by itself", "stops by itself where", "real robot drives on"]
         {
-            // The test in safety.md says what each outcome would mean.
+            // The test in safety.md describes each possible outcome.
             let is_outcome = path == "docs/safety.md" && claim == "board stops by itself";
             assert!(is_outcome || !text.contains(claim), "{path} says `{claim}`");
         }

@@ -1,4 +1,4 @@
-//! The examples of the library do what they say.
+//! The examples of the library work as described.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use crate::support::far::{FarEnd, assert_stopped, bytes};
 use crate::support::{run, stderr, stdout};
 
-/// An example, built as these tests are.
+/// The path of an example, built with these tests.
 fn example(name: &str) -> PathBuf {
     let built = Command::new(env!("CARGO")).args(["build", "--quiet", "--example", name]).status().unwrap();
     assert!(built.success());
@@ -25,7 +25,7 @@ fn a_script_and_the_file_that_it_uses_are_compiled_in_memory() {
 }
 
 #[test]
-fn a_player_of_ones_own_sends_what_render_says() {
+fn the_play_example_sends_what_render_prints() {
     let far = FarEnd::new();
     let output = Command::new(example("play")).args(["scripts/hello.motion", &far.path]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
@@ -39,7 +39,7 @@ fn a_player_of_ones_own_sends_what_render_says() {
 }
 
 #[test]
-fn the_guard_of_ones_own_stops_the_robot() {
+fn the_guard_of_the_play_example_stops_the_robot() {
     let far = FarEnd::new();
     let mut player = Command::new(example("play"))
         .args(["scripts/square.motion", &far.path])
@@ -54,7 +54,7 @@ fn the_guard_of_ones_own_stops_the_robot() {
 }
 
 #[test]
-fn a_player_of_ones_own_refuses_what_is_not_there() {
+fn the_play_example_refuses_a_missing_port() {
     let play = example("play");
     let run = |arguments: &[&str]| stderr(&Command::new(&play).args(arguments).output().unwrap());
     assert_eq!(run(&[]), "error: usage: play SCRIPT PORT\n");

@@ -1,5 +1,6 @@
-//! A family of boards that nobody sells: three lamps that fade, a fan, and a chime. Its table is made at run time, its frames are text, and
-//! it does not drive. Whatever the program does with a board, it does with this one, and no file but this knows its words.
+//! A made-up family of boards: three lamps that fade, a fan, and a chime. Its table is created at
+//! run time, its frames are text, and it does not drive. Everything that the program does with a
+//! board works with this one, and only this file contains its words.
 
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use motionseq::board::{
     Activity, Axis, Board, Codec, Command, Frame, FrameError, Front, NotACommand, OutOfRange, Quantity, Report,
     ReportLine, Resource, Sets, Simulation, Skip, State, Takes, Text, Unit, Verb, VerbId,
 };
-use motionseq::capture::{Reading, Scribe, TimedDecoder, decode};
+use motionseq::capture::{Reading, ScriptWriter, TimedDecoder, decode};
 use motionseq::diagnostic::Code;
 use motionseq::diff::diff;
 use motionseq::faults::{Faults, Faulty};
@@ -16,7 +17,7 @@ use motionseq::plot::{Shows, plot};
 use motionseq::program::Options;
 use motionseq::sim::{Device, Settings};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Kind, Part, Snapshot, Timeline, part, read_snapshot, write_listing, write_snapshot};
+use motionseq::timeline::{Clip, Kind, Snapshot, Timeline, clip, read_snapshot, write_listing, write_snapshot};
 use motionseq::units::{Micros, Nanos};
 use motionseq::verify::rehearse;
 
@@ -26,7 +27,7 @@ const LAMP: VerbId = VerbId(0);
 const FAN: VerbId = VerbId(1);
 const CHIME: VerbId = VerbId(2);
 
-/// `<L 2 500>`: a letter for the verb, and its values.
+/// The format is `<L 2 500>`: a letter for the verb, and its values.
 fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
     let letter = ['L', 'F', 'C'][command.verb().row()];
     let values: String = command.values().iter().map(|value| format!(" {value}")).collect();
@@ -113,13 +114,13 @@ fn resource(name: &str, key: &str) -> Resource {
         rest,
         activity,
         idle,
-        is_fed: false,
+        needs_refresh: false,
         is_exclusive: true,
         speed,
     }
 }
 
-/// The table, made anew.
+/// The table of the family, created anew.
 fn lamps() -> Arc<Board> {
     let fan = |on| {
         Takes::Word([("on", 1), ("off", 0)].map(|(word, value)| (owned(word), value)).into_iter().take(on).collect())
@@ -164,7 +165,7 @@ fn lamps() -> Arc<Board> {
         })],
         reporting: None,
         stop: Vec::new(),
-        doubt: None,
+        ambiguity: None,
         foreign: vec![(owned("blink"), owned("lamp 1 0 -> 1000 over 1s"))],
         picture: None,
         simulation: Simulation::State,
@@ -181,7 +182,7 @@ fn lamps() -> Arc<Board> {
             replies: ReportLine { bounds: (b'(', b')'), read: |_| None, write: |_: &Report| String::new() },
         },
     };
-    let off = board.say("fan", &[0]).unwrap();
+    let off = board.command_named("fan", &[0]).unwrap();
     let mut board = Board { stop: vec![off.clone()], ..board };
     let fan = &mut board.resources[3];
     (fan.rest, fan.activity, fan.idle) = (Some(off), owned("on"), owned("is off"));
@@ -194,7 +195,7 @@ fn compiled(text: &str) -> Timeline {
     compiled.timeline.unwrap_or_else(|| panic!("{}", messages(&sources, &compiled.diagnostics)))
 }
 
-/// What is wrong with a script: codes and messages.
+/// The errors of a script: codes and messages.
 fn wrong(text: &str) -> Vec<(Code, String)> {
     let compiled =
         motionseq::compile(&Source::new("lamps.motion", text).into(), &Options::default().with_board(lamps()));
@@ -218,7 +219,8 @@ lamp 1 205
 
 #[test]
 fn it_is_compiled_and_rendered() {
-    // `<L 1 200>` and so on, by hand: every 20 ms a step, half of the way in the middle.
+    // `<L 1 200>` and so on, computed by hand: a step every 20 ms, half of the distance in the
+    // middle.
     assert_eq!(
         listing(&compiled(SHOW)),
         "0.000000\t3C 4C 20 31 20 32 30 30 3E\tlamp 1 200\n\
@@ -234,9 +236,9 @@ fn it_is_compiled_and_rendered() {
 }
 
 #[test]
-fn what_is_wrong_with_it_is_said_in_its_words() {
+fn its_errors_use_its_words() {
     let first = |text: &str| wrong(text).into_iter().next().unwrap();
-    assert_eq!(first("fan on; fan off\n"), (Code::Clash, "the fan is told two things at 0.000000 s".to_owned()));
+    assert_eq!(first("fan on; fan off\n"), (Code::Clash, "the fan gets two commands at 0.000000 s".to_owned()));
     let (code, message) = first("lamp 2 0 -> 9 over 1s; lamp 2 5\n");
     assert!(code == Code::Clash && message.starts_with("lamp 2 is busy until 1.000000 s"), "{message}");
     let message = "a level is from 0 to 1000, and 1001 is outside".to_owned();
@@ -248,21 +250,21 @@ fn what_is_wrong_with_it_is_said_in_its_words() {
     assert_eq!(first("chime loud\n").1, "`chime` does not know `loud`");
     let compiled = motionseq::compile(&Source::new("x", "blink\n").into(), &Options::default().with_board(lamps()));
     assert_eq!(compiled.diagnostics.iter().next().unwrap().help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
-    // Words of another family are none of this one.
+    // Words of another family are unknown.
     for line in ["servo 1 1500\n", "stop\n", "raw 4 1\n"] {
         assert_eq!(first(line).0, Code::UnknownWord, "{line}");
     }
-    // It reports warmth, and nothing that another board does.
+    // It reports warmth, and no quantity of another board.
     assert_eq!(first("expect voltage > 3V\n").0, Code::Arguments);
     assert!(wrong("expect warmth > 3 within 1s\n").is_empty());
 }
 
 #[test]
-fn what_it_leaves_running_is_ended_and_a_part_of_it_begins_where_the_whole_would_be() {
+fn what_it_leaves_running_is_ended_and_its_clips_restore_its_state() {
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
     let closing = whole.events.last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
-    let cut = part(&whole, &Part::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
+    let cut = clip(&whole, &Clip::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
     let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
     assert_eq!(lines, ["lamp 1 200", "fan on", "lamp 1 300", "fan off"]);
 }
@@ -272,9 +274,9 @@ fn it_is_played_and_simulated_and_stopped() {
     let timeline = compiled(SHOW);
     let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
     assert!(rehearsal.is_complete(&timeline) && rehearsal.is_at_rest(&timeline), "{rehearsal:?}");
-    let told = rehearsal.received.state.told(0).unwrap();
-    assert_eq!(timeline.board.show(told).to_string(), "lamp 1 205");
-    // Something ends it early: its own stop goes out, once, and nothing else.
+    let last = rehearsal.received.state.last(0).unwrap();
+    assert_eq!(timeline.board.show(last).to_string(), "lamp 1 205");
+    // If something ends it early, only its own stop is sent, once.
     let mut player = Player::new(&timeline, Nanos::from_millis(50));
     let mut sent = Vec::new();
     let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
@@ -295,7 +297,7 @@ fn it_is_played_and_simulated_and_stopped() {
     let outcome = player.outcome().unwrap();
     assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(2), Stop::Sent));
     assert_eq!(sent, ["<L 1 200><L 2 100>", "<L 2 200>", "<F 0>"]);
-    // A board takes what it is sent however it is cut, and passes over the rest.
+    // A board reads frames in any pieces, and skips everything else.
     let mut board = Faulty::new(Device::new(lamps(), Settings::default()), Faults::default());
     for byte in b"x<L 3 7><Z><F 1" {
         board.receive(Micros::ZERO, &[*byte]);
@@ -312,18 +314,18 @@ fn it_is_decoded_and_folded() {
         String::from_utf8(out).unwrap(),
         "0\t3C 4C 20 31 20 35 3E\tlamp 1 5\n\
          7\t3F\t\tskipped 1: no frame starts here\n\
-         8\t3C 4C 20 31 20 35 30 30 30 3E\t\tunknown: 5000 is outside 0 to 1000\n\
+         8\t3C 4C 20 31 20 35 30 30 30 3E\t\tunknown: 5000 is out of range (0 to 1000)\n\
          18\t3C 43 20 32 3E\tchime high\n"
     );
     let board = lamps();
     let played = compiled("lamp 2 0\nwait 500ms\nlamp 2 1000 over 1s\nfan on\nwait 300ms\nfan off\n");
-    let mut scribe = Scribe::new(Arc::clone(&board), false, board.baud);
+    let mut writer = ScriptWriter::new(Arc::clone(&board), false, board.baud);
     let mut decoder = TimedDecoder::of_times(&board);
     for event in &played.events {
-        decoder.feed(event.at.nanos(), &board.to_frame(&event.command), |at, item| scribe.take(at, item));
+        decoder.feed(event.at.nanos(), &board.to_frame(&event.command), |at, item| writer.take(at, item));
     }
-    scribe.finish(Micros(2_000_000));
-    let text = scribe.settled();
+    writer.finish(Micros(2_000_000));
+    let text = writer.settled();
     let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(lines, ["at 0s lamp 2 0", "at 0.5s lamp 2 1000 over 1s", "at 1.5s fan on", "at 1.8s fan off"], "{text}");
     assert_eq!(compiled(&text).events.len(), played.events.len());
@@ -352,7 +354,8 @@ fn it_is_pinned_compared_and_drawn() {
     assert!(picture.to_svg(motionseq::plot::Theme::Auto).contains(">fan<"));
 }
 
-/// The values of a verb at every corner of its ranges; a list that may be longer is empty, and full.
+/// The values of a verb at every corner of its ranges; a list of variable length is once empty and
+/// once full.
 fn corners(verb: &Verb) -> Vec<Vec<i32>> {
     let mut all = vec![Vec::new()];
     for axis in &verb.axes {
@@ -368,25 +371,27 @@ fn corners(verb: &Verb) -> Vec<Vec<i32>> {
     all
 }
 
-/// What every family must keep: a frame that a verb sends is read back as the same bytes, and a value outside is refused.
+/// Required of every family: the frame of a command is read back as the same bytes, and a value out
+/// of range is refused.
 #[test]
 fn every_corner_of_every_verb_passes_both_ways() {
     for board in [lamps(), motionseq::board::raspblock::board(), motionseq::board::raspblock::with_older_move()] {
-        let is_older = board.doubt.as_ref().is_some_and(|doubt| doubt.note.starts_with("it is read as older"));
+        let is_older = board.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.note.starts_with("it is read with"));
         for (id, verb) in board.verbs() {
             for values in corners(verb) {
                 let command = board.command(id, &values).unwrap();
                 let frame = board.to_frame(&command);
                 assert_eq!(frame.len(), board.frame_length(&command));
                 assert!(Frame::new(&board, &frame).is_ok());
-                // The older way to read a displacement is not the way that we send it.
-                if is_older && board.is_doubtful(&command) {
+                // Displacements are written with the direction bits of the newest driver version,
+                // not with the older ones.
+                if is_older && board.is_ambiguous(&command) {
                     continue;
                 }
                 let read = board.decode_or_raw(&frame).unwrap();
                 assert_eq!(board.to_frame(&read), frame, "{}", board.show(&command));
                 assert!(board.is_opaque(&command) || read == command, "{}", board.show(&command));
-                // Its notation says the same, and each value one further out is refused.
+                // Its notation is right, and each value one beyond its range is refused.
                 assert!(
                     board.show(&read).to_string().starts_with(&*board.verb(read.verb()).unwrap().word)
                         || read.is_zero()

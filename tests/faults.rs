@@ -1,5 +1,5 @@
-//! What a run does when things fail around it, with the built program over a pty: the robot stops, or the message says that
-//! it did not.
+//! The built program over a pty while things around it fail: the robot stops, or the message says
+//! that it did not.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
@@ -15,10 +15,10 @@ use motionseq::link::{Link, Pty, Serial};
 use motionseq::playback::{Guard, Ward};
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Something of everything, a frame every 10 ms and less, and longer than any test lets it live.
+/// A script that uses everything, sends a frame at least every 10 ms, and outlasts every test.
 const DRIVING: &str = "refresh 10ms\nrocker x=10; buzzer on; servo 1 1000 -> 2000 over 1h\nstop; buzzer off\n";
 
-/// Runs cases on several threads: most of their time passes waiting.
+/// Runs cases on several threads, because they mostly wait.
 fn at_once(cases: usize, case: impl Fn(usize) + Sync) {
     let next = AtomicUsize::new(0);
     thread::scope(|scope| {
@@ -36,7 +36,7 @@ fn at_once(cases: usize, case: impl Fn(usize) + Sync) {
     });
 }
 
-/// Starts a run and waits until it has sent so many times, which is a random phase of it for a test.
+/// Starts a run and waits until it has sent this many writes: a random phase of the run.
 fn start_and_wait(far: &FarEnd, args: &[&str], sent: usize) -> (Child, Vec<u8>) {
     let child = start(args);
     let mut received = Vec::new();
@@ -49,13 +49,13 @@ fn start_and_wait(far: &FarEnd, args: &[&str], sent: usize) -> (Child, Vec<u8>) 
     (child, received)
 }
 
-/// Waits for a child that a signal ends, and what was said.
+/// Waits for a child that a signal ends, and returns its messages.
 fn killed(child: Child) -> (Option<i32>, String) {
     let output = child.wait_with_output().unwrap();
     (output.status.signal(), stderr(&output))
 }
 
-/// The only line that begins like an error.
+/// The only line that starts like an error.
 fn closing_line(text: &str) -> &str {
     let mut lines = text.lines().filter(|line| line.starts_with("error: "));
     let line = lines.next().unwrap_or_else(|| panic!("no closing line: {text}"));
@@ -63,9 +63,9 @@ fn closing_line(text: &str) -> &str {
     line
 }
 
-/// A container that was entered from outside knows neither the session nor the group of what runs in it.
+/// A container that was entered from outside does not know the session and the process group.
 #[test]
-fn a_player_whose_session_nobody_knows_still_has_its_guard() {
+fn a_player_in_an_unknown_session_still_has_its_guard() {
     let in_a_namespace = ["--pid", "--fork", "--mount-proc", "--kill-child"];
     if !Command::new("unshare").args(in_a_namespace).arg("true").output().is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: namespaces may not be made here");
@@ -94,7 +94,7 @@ fn two_hundred_killed_players_leave_two_hundred_robots_stopped() {
         assert_stopped(&received);
         let line = closing_line(&text);
         assert!(line.starts_with("error: motionseq was killed") && line.ends_with("; stop: sent"), "{line}");
-        // The first beat follows the first frame.
+        // The first heartbeat follows the first frame.
         assert!(case % 13 == 0 || line.contains(&format!(" at {long}:2, 0.")), "{line}");
     });
 }
@@ -109,7 +109,7 @@ fn a_player_that_hangs_is_killed_and_its_robot_stopped() {
         kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
         let (signal, text) = killed(child);
         received.extend(bytes(&far.rest()));
-        // The exit code that a shell shows is 137.
+        // A shell shows exit code 137.
         assert_eq!(signal, Some(9));
         assert_stopped(&received);
         let line = closing_line(&text);
@@ -119,7 +119,8 @@ fn a_player_that_hangs_is_killed_and_its_robot_stopped() {
 
 #[test]
 fn a_player_that_sleeps_for_less_than_the_guard_waits_is_late_by_itself() {
-    // Its own limit has passed, its guard's of twice as much has not: whoever is first, the robot stands.
+    // Its own limit has passed, the guard's limit of twice as much has not. In both cases the robot
+    // stops.
     let long = script("nap", DRIVING);
     at_once(8, |case| {
         let far = FarEnd::new();
@@ -140,7 +141,7 @@ fn a_player_that_sleeps_for_less_than_the_guard_waits_is_late_by_itself() {
 }
 
 #[test]
-fn a_program_that_is_frozen_stops_no_robot_without_its_guard_and_says_so_before() {
+fn a_frozen_program_without_a_guard_stops_no_robot_and_warns_before() {
     let long = script("unguarded", DRIVING);
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path, "--no-guard"]);
@@ -160,7 +161,7 @@ fn signals_at_random_phases_stop_the_robot() {
         let (signal, code) = signals[case % signals.len()];
         let far = FarEnd::new();
         let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], case % 11);
-        // A second and a third one skip nothing.
+        // A second and a third signal skip nothing.
         for _ in 0..=case % 3 {
             kill_process(Pid::from_child(&child), signal).unwrap();
         }
@@ -172,7 +173,7 @@ fn signals_at_random_phases_stop_the_robot() {
     });
 }
 
-/// The process number of a process's only child: a player's guard, say.
+/// The process ID of a process's only child, such as a player's guard.
 fn child_of(child: &Child) -> Pid {
     let children = format!("/proc/{0}/task/{0}/children", child.id());
     Pid::from_raw(std::fs::read_to_string(children).unwrap().trim().parse().unwrap()).unwrap()
@@ -183,7 +184,7 @@ fn a_player_whose_guard_no_longer_listens_stops_the_robot_itself() {
     let long = script("guard-hung", DRIVING);
     let far = FarEnd::new();
     let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], 0);
-    // Beats pile up until the pipe takes no more.
+    // Heartbeats pile up until the pipe is full.
     kill_process(child_of(&child), Signal::STOP).unwrap();
     let (code, text) = end(child);
     received.extend(bytes(&far.rest()));
@@ -193,7 +194,7 @@ fn a_player_whose_guard_no_longer_listens_stops_the_robot_itself() {
 }
 
 #[test]
-fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
+fn a_blocked_port_is_reported_as_not_stopped() {
     let long = script("held", DRIVING);
     for kill in [false, true] {
         let pty = Pty::open().unwrap();
@@ -201,7 +202,7 @@ fn a_port_that_takes_nothing_any_more_is_not_stopped_and_says_so() {
         let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
         let child = start(&["play", &long, "--port", pty.path().to_str().unwrap(), "--max-late", "300ms"]);
         assert!(pty.read(&mut [0; 64]).unwrap() > 0);
-        // As a line does whose other end says XOFF: also behind a flush nothing leaves.
+        // Like a line whose other end sent XOFF: nothing leaves, even after a flush.
         rustix::termios::tcflow(&port, rustix::termios::Action::OOff).unwrap();
         drop(port);
         if kill {
@@ -225,13 +226,14 @@ fn a_run_whose_guard_does_not_start_does_not_start() {
 }
 
 #[test]
-fn realtime_plays_the_same_bytes_and_says_what_is_not_allowed() {
+fn realtime_plays_the_same_bytes_and_reports_missing_permissions() {
     let short = script("realtime", "servo 1 1500\nwait 50ms\nservo 1 1600\n");
     std::fs::set_permissions(&short, std::os::unix::fs::PermissionsExt::from_mode(0o644)).unwrap();
     let far = FarEnd::new();
     let (code, text) = end(start(&["play", &short, "--realtime", "--port", &far.path]));
     assert_eq!((code, bytes(&far.rest())), (0, rendered(&short)), "{text}");
-    // Somebody who may do neither, on the virtual board, with a copy of the program that anybody may run.
+    // A user without either permission, on the virtual board, with a copy of the program that
+    // anybody may run.
     let copy = std::env::temp_dir().join(format!("motionseq-realtime-{}", std::process::id()));
     crate::support::copy_program(&copy);
     let mut command = Command::new("sh");
@@ -264,7 +266,7 @@ fn a_player_whose_guard_is_killed_stops_the_robot_itself() {
 }
 
 #[test]
-fn the_guard_of_the_virtual_board_asks_nobody_to_cut_the_power() {
+fn the_guard_of_the_virtual_board_does_not_ask_to_cut_the_power() {
     let long = script("virtual-killed", "say \"on\"\nrocker x=10\nwait 1h\nstop\n");
     let mut child = start(&["play", &long]);
     let mut pipe = BufReader::new(child.stderr.take().unwrap());
@@ -279,7 +281,7 @@ fn the_guard_of_the_virtual_board_asks_nobody_to_cut_the_power() {
 }
 
 #[test]
-fn a_guard_that_cannot_say_what_it_did_holds_no_port() {
+fn a_guard_that_cannot_report_closes_the_port() {
     let long = script("mute", DRIVING);
     let (reader, mut full) = std::io::pipe().unwrap();
     rustix::fs::fcntl_setfl(&full, rustix::fs::OFlags::NONBLOCK).unwrap();
@@ -289,7 +291,7 @@ fn a_guard_that_cannot_say_what_it_did_holds_no_port() {
     let mut child = motionseq(&["play", "-q", &long, "--port", &far.path]).stderr(full).spawn().unwrap();
     let mut received = far.first();
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
-    // It ends only when nobody has the port any more.
+    // It ends only after every process has closed the port.
     received.extend(bytes(&far.rest()));
     assert_stopped(&received);
     child.wait().unwrap();
@@ -315,11 +317,12 @@ fn the_recording_of_a_killed_run_holds_what_was_sent() {
 }
 
 #[test]
-fn a_ctrl_c_beside_a_ctrl_z_is_not_lost() {
+fn a_ctrl_c_together_with_a_ctrl_z_is_not_lost() {
     let long = script("both", DRIVING);
     for _ in 0..5 {
         let far = FarEnd::new();
-        // On a terminal a Ctrl-Z alone would pause it; in a session of its own it ends it with another code.
+        // On a terminal, a Ctrl-Z alone would pause the run; in a session of its own it ends it
+        // with another code.
         let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], 0);
         kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
         kill_process(Pid::from_child(&child), Signal::TSTP).unwrap();
@@ -344,7 +347,7 @@ fn a_guard_ignores_what_ends_other_programs() {
     for signal in signals {
         kill_process(guard, signal).unwrap();
     }
-    // It still does its work.
+    // It still works.
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
     killed(child);
     received.extend(bytes(&far.rest()));
@@ -377,8 +380,8 @@ fn a_port_that_hangs_up_at_any_phase_is_lost() {
     });
 }
 
-/// Takes a run's bytes at most `chunk` at a time with a pause behind each, until it has ended. Gives them, its exit code and
-/// what it said.
+/// Reads the bytes of a run, at most `chunk` at a time with a pause after each read, until the run
+/// ends. Returns them, the exit code and the messages.
 fn take_slowly(child: Child, pty: &Pty, chunk: usize, pause: Duration) -> (Vec<u8>, i32, String) {
     let mut received = Vec::new();
     let mut buffer = vec![0; chunk];
@@ -392,7 +395,7 @@ fn take_slowly(child: Child, pty: &Pty, chunk: usize, pause: Duration) -> (Vec<u
                 Ok(count @ 1..) => received.extend_from_slice(&buffer[..count]),
                 _ => break,
             }
-            // A slow reader is the fault that is injected here.
+            // The slow reader is the injected fault.
             thread::park_timeout(pause);
         } else if is_over {
             break;
@@ -404,7 +407,8 @@ fn take_slowly(child: Child, pty: &Pty, chunk: usize, pause: Duration) -> (Vec<u
 
 #[test]
 fn a_reader_slower_than_the_script_ends_the_run_and_gets_the_stop() {
-    // 400 frames of 260 bytes, one a millisecond: 260,000 bytes a second, for a reader that takes a tenth of that.
+    // 400 frames of 260 bytes, one per millisecond: 260,000 bytes per second, for a reader that
+    // reads a tenth of that.
     let raw = format!("raw 0x40 {}\nwait 1ms\n", "0 ".repeat(255));
     let flood = script("slow", &format!("baud 4000000\nrocker x=10\n{}stop\n", raw.repeat(400)));
     let pty = Pty::open().unwrap();
@@ -413,14 +417,14 @@ fn a_reader_slower_than_the_script_ends_the_run_and_gets_the_stop() {
     let (received, code, text) = take_slowly(child, &pty, 26, Duration::from_millis(1));
     assert_eq!(code, 6, "{text}");
     assert!(closing_line(&text).ends_with("; stop: sent"), "{text}");
-    // The flush may have cut a frame and with it the first stop, but not all three.
+    // The flush may have truncated a frame, and with it the first stop, but not all three.
     assert!(received.ends_with(&[&STOP[..], &STOP, &BUZZER_OFF].concat()), "{:02X?}", &received[received.len() - 80..]);
     assert_at_rest(&received);
 }
 
 #[test]
 fn a_reader_as_fast_as_the_line_gets_every_byte_through_short_writes() {
-    // 60 frames at once are 15,600 bytes: the port takes them in pieces.
+    // 60 frames at once are 15,600 bytes: the port accepts them in pieces.
     let raw = format!("raw 0x40 {}\n", "0 ".repeat(255));
     let burst = script("burst", &format!("baud 4000000\n{}wait 2s\nservo 1 1500\n", raw.repeat(60)));
     let pty = Pty::open().unwrap();
@@ -433,7 +437,7 @@ fn a_reader_as_fast_as_the_line_gets_every_byte_through_short_writes() {
 
 #[test]
 fn of_two_players_that_race_a_hundred_times_exactly_one_wins() {
-    // Nothing that may be dropped on a machine that stalls.
+    // A script without frames that may be dropped on a machine that stalls.
     let short = script("race", "refresh off\nrocker x=10 for 300ms\n");
     at_once(100, |_| {
         let far = FarEnd::new();
@@ -446,7 +450,7 @@ fn of_two_players_that_race_a_hundred_times_exactly_one_wins() {
 }
 
 #[test]
-fn whatever_the_board_sends_changes_no_byte_of_the_run() {
+fn telemetry_changes_no_byte_of_the_run() {
     let asking = script("telemetry", "refresh off\nrequest report-start\nrocker x=10 for 300ms\nrequest report-stop\n");
     let cut = b"{A-120:35:9000:11".to_vec();
     let joined = b"{A-120:35:9000:1187}#{A-121:35:9000:1187}#".to_vec();
@@ -468,7 +472,7 @@ fn whatever_the_board_sends_changes_no_byte_of_the_run() {
         let count = pty.read(&mut received).unwrap();
         received.truncate(count);
         for chunk in chunks {
-            // What does not fit is lost, as on a line that nobody reads.
+            // What does not fit is lost, as on a line without a reader.
             let _ = rustix::fs::fcntl_setfl(&pty, rustix::fs::OFlags::NONBLOCK);
             let _ = rustix::io::write(&pty, chunk);
         }
@@ -483,8 +487,8 @@ fn whatever_the_board_sends_changes_no_byte_of_the_run() {
 }
 
 #[test]
-fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_goes_on() {
-    // Without a shell nobody could wake a process that sleeps, so it does not.
+fn ctrl_z_on_a_terminal_stops_the_robot_and_enter_continues() {
+    // Without a shell, nothing could continue a suspended process, so it does not suspend.
     for with_shell in [true, false] {
         pause_and_resume(with_shell);
     }
@@ -494,7 +498,8 @@ fn pause_and_resume(with_shell: bool) {
     let long = script("terminal", "refresh off\nrocker x=10; buzzer on\nwait 400ms\nstop; buzzer off\n");
     let far = FarEnd::new();
     let terminal = Pty::open().unwrap();
-    // A session whose terminal this is, with something like a shell; but the test continues the player itself.
+    // A session on this terminal, with a process like a shell; the test itself continues the
+    // player.
     let mut python = Command::new("python3");
     let child = python
         .args(["-c", IN_A_TERMINAL, terminal.path().to_str().unwrap(), if with_shell { "shell" } else { "" }])
@@ -519,7 +524,8 @@ fn pause_and_resume(with_shell: bool) {
         }
         kill_process(player, Signal::CONT).unwrap();
     }
-    // Whatever was typed before is forgotten; what is typed from now on may come before it is heard, so until it goes on.
+    // Earlier input is discarded. Later input may come before it is read, so send it until the run
+    // continues.
     let (sender, heard) = std::sync::mpsc::channel();
     let enter = thread::spawn(move || {
         while heard.try_recv().is_err() {
@@ -546,12 +552,13 @@ fn pause_and_resume(with_shell: bool) {
             && text.contains("s: goes on\n"),
         "{text}"
     );
-    // Everything that the script says was sent, with the stop and what held between.
+    // The whole script was sent, with the stop and the restored state in between.
     let all = commands(&received).len();
     assert_eq!(all, commands(&rendered(&long)).len() + 4 + 2);
 }
 
-/// Runs a program in the foreground of a terminal, as a shell does, but with its own standard error.
+/// Runs a program in the foreground of a terminal, as a shell does, but with its own standard
+/// error.
 const IN_A_TERMINAL: &str = "import fcntl, os, signal, sys, termios
 os.setsid()
 terminal = os.open(sys.argv[1], os.O_RDWR)

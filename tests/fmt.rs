@@ -1,4 +1,4 @@
-//! `fmt`: what it changes, and what it never does.
+//! `fmt`: what it changes, and what it never changes.
 
 use std::fs;
 use std::io::Write;
@@ -17,7 +17,7 @@ fn formatted(source: &Source) -> Option<String> {
     syntax::format(source, &mut Diagnostics::default())
 }
 
-/// What a script is to anybody but its author: frames and what is said, or its errors without their places.
+/// The meaning of a script: its frames and texts, or its errors without their places.
 fn meaning(source: Source) -> String {
     let compiled = motionseq::compile(&Sources::from(source), &Options::default());
     match compiled.timeline {
@@ -38,9 +38,9 @@ fn meaning(source: Source) -> String {
     }
 }
 
-/// Every comment, in order, and every line that is more than blanks.
+/// Every comment, in order, and the number of lines that are not empty.
 fn comments_and_lines(text: &str) -> (Vec<String>, usize) {
-    // A `#` in a string counts too, on both sides, with whatever blanks stand behind the string.
+    // A `#` in a string counts too, on both sides, with all spaces after it.
     let comments = text.lines().filter_map(|line| Some(line.split_once('#')?.1));
     let comments = comments.map(|comment| comment.split_whitespace().collect::<Vec<_>>().join(" "));
     (comments.collect(), text.lines().filter(|line| !line.trim_start_matches('\u{FEFF}').trim().is_empty()).count())
@@ -66,7 +66,7 @@ fn formatted_scripts_look_like_this() {
     });
 }
 
-/// Every script of the project that can be read.
+/// Every readable script of the project.
 fn scripts() -> Vec<PathBuf> {
     let folders = ["scripts", "scripts/lib", "tests/frames", "tests/trees", "tests/fmt"];
     let files =
@@ -75,7 +75,7 @@ fn scripts() -> Vec<PathBuf> {
 }
 
 #[test]
-fn nothing_that_a_script_sends_ever_changes() {
+fn formatting_never_changes_what_a_script_sends() {
     let mut count = 0;
     for path in scripts() {
         let Ok(source) = Disk.read(&path) else { continue };
@@ -112,7 +112,7 @@ fn files_are_replaced_whole_and_keep_their_mode_and_links() {
     assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
     assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
     assert_eq!(run(&["fmt", "--check", &link]).status.code(), Some(0));
-    // One that cannot be read is left as it is, and its errors are shown; the others are formatted.
+    // An unreadable script stays unchanged, and its errors are shown; the others are formatted.
     let broken = script("fmt-broken", "servo   1 1500\n{\n");
     let other = script("fmt-other", "stop;stop\n");
     let output = run(&["fmt", &broken, &other]);
@@ -135,7 +135,7 @@ fn standard_input_goes_to_standard_output() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever blanks, comments and empty lines are put into a script, the same comes out.
+    /// Adding spaces, comments and empty lines to a script does not change the result.
     #[test]
     fn blanks_and_comments_change_nothing(which in 0..1_000_usize, seed in prop::collection::vec(0..8_u8, 1..200)) {
         let scripts = scripts();

@@ -1,4 +1,5 @@
-//! Each script in `tests/frames` compiles to the frames and messages beside it. Files named `err_*` do not compile.
+//! Each script in `tests/frames` compiles to the frames and messages of its snapshot. Files named
+//! `err_*` do not compile.
 
 use std::cell::RefCell;
 

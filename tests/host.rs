@@ -25,17 +25,17 @@ fn an_owners_program_is_shown_frame_by_frame_and_may_come_again() {
     let (listing, said) = host.end();
     assert_eq!(frames(&listing), sent);
     assert_eq!(listing.matches("\twheels 8 -8 8 -8\n").count(), 2_000);
-    assert!(said.contains("the drive stands") && !said.contains("could not use"), "{said}");
+    assert!(said.contains("the drive is stopped") && !said.contains("could not use"), "{said}");
 }
 
 #[test]
-fn what_no_correct_program_sends_is_told() {
+fn invalid_bytes_are_reported() {
     let mut host = Host::start("wrong", &[]);
     let mut port = host.open();
     let noise: &[u8] = &[0x00, 0x11, 0xFF, 0xFE, 2, 3, 1, 5, 0xDC, 0x00];
     let out_of_range: &[u8] = &[0xFF, 0xFE, 2, 3, 1, 0xFF, 0xFF, 0x04];
     let unknown: &[u8] = &[0xFF, 0xFE, 0x40, 2, 1, 2, 0x45];
-    // Cut in the middle of a frame, and the rest of it later.
+    // Truncated in the middle of a frame, and the rest of it later.
     for part in [noise, out_of_range, unknown, &rocker(5)[..6], &rocker(5)[6..], &stop()[..4]] {
         port.write_all(part).unwrap();
     }
@@ -52,7 +52,7 @@ fn what_no_correct_program_sends_is_told() {
         [
             "00 11\t\tskipped 2: no frame starts here",
             "FF FE 02 03 01 05 DC 00\t\tskipped 8: checksum 0x00 instead of 0xE7",
-            "FF FE 02 03 01 FF FF 04\traw 0x02 0x01 0xFF 0xFF\tunknown: 65535 is outside 500 to 2500",
+            "FF FE 02 03 01 FF FF 04\traw 0x02 0x01 0xFF 0xFF\tunknown: 65535 is out of range (500 to 2500)",
             "FF FE 40 02 01 02 45\traw 0x40 0x01 0x02\tunknown: no command has this function and length",
             "FF FE 03 08 01 00 05 00 00 00 00 01 12\trocker x=5 y=0 z=0",
             "FF FE 03 08\t\tskipped 4: checksum 0x00 instead of 0x14",
@@ -63,7 +63,7 @@ fn what_no_correct_program_sends_is_told() {
 }
 
 #[test]
-fn more_than_the_line_carries_is_told_and_a_drive_that_is_left_on_too() {
+fn an_overloaded_line_and_a_running_drive_are_reported() {
     let mut host = Host::start("fast", &["--baud", "9600"]);
     let mut port = host.open();
     for _ in 0..20 {
@@ -79,7 +79,7 @@ fn more_than_the_line_carries_is_told_and_a_drive_that_is_left_on_too() {
 #[test]
 fn a_program_that_never_reads_and_a_second_one_stop_nothing() {
     let mut host = Host::start("deaf", &["--baud", "1000000"]);
-    // The one that asks for the port alone comes second.
+    // The second program requests exclusive access to the port.
     let mut second = fs::File::options().write(true).open(&host.path).unwrap();
     let mut first = host.open();
     let voltage = request(5);
@@ -89,7 +89,7 @@ fn a_program_that_never_reads_and_a_second_one_stop_nothing() {
     }
     drop((first, second));
     host.says("the port is closed");
-    // What nobody has read is not there for the next one.
+    // Unread bytes are discarded when the next program opens the port.
     let mut port = host.open();
     port.write_all(&request(8)).unwrap();
     let mut reply = [0; 14];
@@ -98,7 +98,7 @@ fn a_program_that_never_reads_and_a_second_one_stop_nothing() {
     host.end();
 }
 
-/// The resident memory of a process, in bytes.
+/// The resident memory of a process in bytes.
 fn memory(pid: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
     let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap();
@@ -106,12 +106,12 @@ fn memory(pid: u32) -> u64 {
 }
 
 #[test]
-fn frames_without_end_take_no_memory() {
+fn endless_frames_take_no_memory() {
     let mut host = Host::start("long", &["--baud", "4000000"]);
     let mut port = host.open();
     let some = rocker(5).repeat(1_000);
     let mut send = |times| (0..times).for_each(|_| port.write_all(&some).unwrap());
-    // What it keeps has its room by then.
+    // Its buffers have their final size by then.
     send(20);
     let before = memory(host.child.id());
     send(40);
@@ -139,7 +139,7 @@ fn json_lines_say_the_same() {
 }
 
 #[test]
-fn a_link_is_never_put_over_what_is_not_one_of_ours() {
+fn a_link_replaces_only_links_of_motionseq() {
     let path = link("file");
     fs::write(&path, "mine").unwrap();
     let output = run(&["board", "--link", path.to_str().unwrap()]);
@@ -167,7 +167,7 @@ fn the_link_of_one_that_was_killed_is_replaced_and_that_of_a_living_one_is_not()
 }
 
 #[test]
-fn a_program_that_sets_its_line_up_otherwise_is_told_of_once() {
+fn wrong_line_settings_are_reported_once() {
     let mut host = Host::start("settings", &[]);
     if !has("serial") {
         return;
@@ -193,8 +193,8 @@ fn a_program_that_sets_its_line_up_otherwise_is_told_of_once() {
 }
 
 #[test]
-fn what_is_wrong_counts_as_often_as_it_is_listed() {
-    // Three things, the last of which comes in many pieces.
+fn the_count_of_faults_equals_the_listed_ones() {
+    // Three faults, the last of which comes in many pieces.
     let host = Host::start("counted", &["--baud", "1000000"]);
     let mut port = host.open();
     port.write_all(&[&[1, 2, 3], stop().as_slice(), &[0xFF, 0xFE, 9, 0, 9], stop().as_slice(), &[7; 200]].concat())
@@ -207,13 +207,13 @@ fn what_is_wrong_counts_as_often_as_it_is_listed() {
 }
 
 #[test]
-fn reports_come_as_often_as_asked_for() {
+fn reports_come_at_the_requested_interval() {
     let host = Host::start("often", &["--report-every", "20ms"]);
     let mut port = host.open();
     port.write_all(&request(0)).unwrap();
     let begun = std::time::Instant::now();
     port.read_exact(&mut [0; 14 * 25]).unwrap();
-    // 25 of them in half a second, where it would be two and a half.
+    // 25 reports in half a second instead of two and a half.
     let took = begun.elapsed();
     assert!(took.as_millis() < 2_000 && took.as_millis() > 400, "{took:?}");
     drop(port);
@@ -223,15 +223,15 @@ fn reports_come_as_often_as_asked_for() {
 }
 
 #[test]
-fn a_board_reads_a_move_as_it_is_told_to() {
+fn a_board_reads_a_move_in_the_requested_version() {
     for (more, way) in [(&[][..], "3.0 cm to the left"), (&["--older-move"], "3.0 cm to the right")] {
         let mut host = Host::start("older", more);
         let mut port = host.open();
         port.write_all(&[0xFF, 0xFE, 1, 9, 1, 200, 150, 20, 0, 20, 12, 2, 5, 0xA4]).unwrap();
-        // 3 to the right and 4 forward, in the older packing.
+        // 3 to the right and 4 forward, with the direction bits of older driver versions.
         port.write_all(&[0xFF, 0xFE, 3, 8, 4, 0, 3, 0, 4, 0, 0, 7, 0x1D]).unwrap();
         host.says("cannot always be told apart");
-        // A nominal move takes its time: twelve reports of the board.
+        // A nominal move takes twelve report intervals.
         port.write_all(&request(0)).unwrap();
         port.read_exact(&mut [0; 14 * 12]).unwrap();
         drop(port);

@@ -1,10 +1,12 @@
-//! The house holds: each room imports only what it may, and nothing leaves the room it belongs to.
+//! The structure of the source: each module imports only what it may, and nothing leaves its
+//! module.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Every room and the rooms that it may import, in the order of the flow. ARCHITECTURE.md says why.
+/// Every module and the modules that it may import, in the order of the data flow. ARCHITECTURE.md
+/// gives the reasons.
 const ROOMS: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("source", &[]),
@@ -23,7 +25,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("serve", &["units", "board", "clock", "link", "playback", "sim", "faults"]),
     ("capture", &["units", "board", "program", "timeline"]),
     ("plot", &["units", "source", "diagnostic", "program", "timeline", "board", "sim"]),
-    // `compile` stands in the library's root.
+    // `compile` is in the root of the library.
     (
         "verify",
         &[
@@ -43,13 +45,13 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("report", &["units", "source", "diagnostic", "verify"]),
 ];
 
-/// Words that stay in one place, and that place.
+/// Words that are allowed in only one place, and that place.
 const AT_HOME: &[(&str, &str)] = &[
     ("pest", "src/syntax"),
     ("serialport::", "src/link/serial.rs"),
     ("mcap::", "src/cli/log/book.rs"),
     ("resvg::", "src/plot/png.rs"),
-    ("svg::node", "src/plot/sheet.rs src/plot/svg.rs"),
+    ("svg::node", "src/plot/canvas.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
     ("humantime::", "src/units.rs"),
     ("rtrb::", "src/link/recorder.rs"),
@@ -68,7 +70,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("print!", ""),
 ];
 
-/// The files of a folder and of those inside it.
+/// The Rust files of a folder and its subfolders.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -83,7 +85,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// The room of a file of the library; `None` for lib.rs and for the binary.
+/// The module of a file of the library; `None` for lib.rs and the binary.
 fn room(path: &Path) -> Option<String> {
     let inside = path.strip_prefix("src").unwrap();
     let first = inside.components().next().unwrap().as_os_str().to_str().unwrap();
@@ -91,13 +93,13 @@ fn room(path: &Path) -> Option<String> {
     (!["lib", "main", "cli"].contains(&name.as_str())).then_some(name)
 }
 
-/// The code of a file, without comments.
+/// The code of a file without comments.
 fn code(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     text.lines().map(|line| line.split("//").next().unwrap()).collect::<Vec<_>>().join("\n")
 }
 
-/// Every room that a file names as `crate::ROOM`, also inside `use crate::{…}`.
+/// Every module that a file imports as `crate::MODULE`, also inside `use crate::{…}`.
 fn imports(code: &str) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for rest in code.split("crate::").skip(1) {
@@ -113,7 +115,7 @@ fn imports(code: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn rooms_import_only_what_they_may() {
+fn modules_import_only_what_they_may() {
     let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for path in files(Path::new("src")) {
         let Some(room) = room(&path) else { continue };
@@ -133,12 +135,12 @@ fn rooms_import_only_what_they_may() {
     for (room, may) in ROOMS {
         let used = used.get(*room).unwrap_or_else(|| panic!("the room {room} is empty"));
         for import in *may {
-            assert!(used.contains(*import), "{room} may import {import}, and does not: take that out of the table");
+            assert!(used.contains(*import), "{room} may import {import} but does not: remove that from the table");
         }
     }
 }
 
-/// The modules of the library and of the binary: the path of each, and its code without what only tests need.
+/// The modules of the library and of the binary: the path of each, and its code without tests.
 struct Modules(BTreeMap<Vec<String>, String>);
 
 impl Modules {
@@ -146,14 +148,14 @@ impl Modules {
         Modules(files(Path::new("src")).iter().map(|path| (module(path), of_modules(&code(path)))).collect())
     }
 
-    /// What a module re-exports: each name, and the path behind it.
+    /// The re-exports of a module: each name, and its original path.
     fn exports(&self, module: &[String]) -> BTreeMap<String, Vec<String>> {
         let code = self.0.get(module).map_or("", String::as_str);
         let paths = uses(code).filter(|(is_export, ..)| *is_export).flat_map(|(_, _, paths)| paths);
         paths.filter_map(|path| Some((path.last()?.clone(), path))).collect()
     }
 
-    /// The module that a path leads to from another one. What a module only re-exports leads to where it is.
+    /// The module that a path refers to from another one. Re-exports are followed.
     fn target(&self, from: &[String], path: &[String]) -> Vec<String> {
         let mut at = if path.first().is_some_and(|first| first == "crate") { Vec::new() } else { from.to_vec() };
         let mut rest = path.iter().skip_while(|part| ["crate", "self"].contains(&part.as_str())).peekable();
@@ -164,12 +166,12 @@ impl Modules {
             at.push(part.clone());
         }
         match rest.next().and_then(|name| self.exports(&at).remove(name)) {
-            Some(behind) if self.target(&at, &behind) != at => self.target(&at, &behind),
+            Some(original) if self.target(&at, &original) != at => self.target(&at, &original),
             _ => at,
         }
     }
 
-    /// The modules of the same room that a module imports. Its own parts do not count: a module may use what is inside it.
+    /// The modules of the same top-level module that a module imports. Its submodules do not count.
     fn imports(&self, module: &[String]) -> BTreeSet<Vec<String>> {
         let code = &self.0[module];
         let own: Vec<(usize, usize)> =
@@ -188,20 +190,20 @@ impl Modules {
     }
 }
 
-/// The path of a file's module: `["program", "unroll"]` of `src/program/unroll/mod.rs`.
+/// The path of a file's module: `["program", "unroll"]` for `src/program/unroll/mod.rs`.
 fn module(path: &Path) -> Vec<String> {
     let inside = path.strip_prefix("src").unwrap().with_extension("");
     let parts = inside.components().map(|part| part.as_os_str().to_str().unwrap().to_owned());
     parts.filter(|part| !["mod", "lib", "main"].contains(&part.as_str())).collect()
 }
 
-/// Code without its tests and without what is in quotes.
+/// Code without tests and string literals.
 fn of_modules(code: &str) -> String {
     let code = code.split("#[cfg(test)]\nmod ").next().unwrap().replace("\\\"", "");
     code.split('"').step_by(2).collect::<Vec<_>>().join("\"\"")
 }
 
-/// Every `use` that is one for others too, or not, where it is, and the paths that it names.
+/// Every `use`, whether it is public, its position, and the paths that it names.
 fn uses(code: &str) -> impl Iterator<Item = (bool, (usize, usize), Vec<Vec<String>>)> {
     code.match_indices("use ").filter_map(|(at, word)| {
         let line = code[..at].rsplit('\n').next().unwrap();
@@ -213,7 +215,7 @@ fn uses(code: &str) -> impl Iterator<Item = (bool, (usize, usize), Vec<Vec<Strin
     })
 }
 
-/// The paths that begin at a place, `a::{b, c::d}` being two, and where they end.
+/// The paths that start at a position (`a::{b, c::d}` are two), and their end.
 fn paths(code: &str, mut at: usize) -> (Vec<Vec<String>>, usize) {
     let space = |at: usize| at + code[at..].len() - code[at..].trim_start().len();
     let mut path = Vec::new();
@@ -225,7 +227,7 @@ fn paths(code: &str, mut at: usize) -> (Vec<Vec<String>>, usize) {
             while !code[at..].starts_with('}') {
                 let (inner, end) = paths(code, at);
                 found.extend(inner.into_iter().map(|rest| [&path[..], &rest[..]].concat()));
-                // What stands behind `as` is another name of the same.
+                // The name after `as` is an alias.
                 at = space(end + code[end..].find([',', '}']).unwrap());
                 at = space(at + usize::from(code[at..].starts_with(',')));
             }
@@ -241,7 +243,7 @@ fn paths(code: &str, mut at: usize) -> (Vec<Vec<String>>, usize) {
     }
 }
 
-/// The circles of a graph: for each of them, all that are on it.
+/// The cycles of a graph, each with all its nodes.
 fn circles(graph: &BTreeMap<Vec<String>, BTreeSet<Vec<String>>>) -> BTreeSet<Vec<String>> {
     let reach = |from: &Vec<String>| {
         let (mut seen, mut next) = (BTreeSet::new(), vec![from]);
@@ -259,7 +261,7 @@ fn circles(graph: &BTreeMap<Vec<String>, BTreeSet<Vec<String>>>) -> BTreeSet<Vec
 }
 
 #[test]
-fn files_of_a_room_import_each_other_in_no_circle() {
+fn files_of_a_module_have_no_import_cycle() {
     let modules = Modules::read();
     let graph = modules.0.keys().map(|module| (module.clone(), modules.imports(module))).collect();
     assert_eq!(circles(&graph), BTreeSet::new());
@@ -307,7 +309,7 @@ fn the_language_half_needs_little() {
 }
 
 #[test]
-fn words_stay_at_home() {
+fn restricted_words_stay_in_their_files() {
     for path in files(Path::new("src")).into_iter().filter(|path| room(path).is_some()) {
         let code = code(&path);
         for (word, home) in AT_HOME {
@@ -317,14 +319,16 @@ fn words_stay_at_home() {
     }
 }
 
-/// Words of the Raspblock, and numbers of its protocol: only its table, its device, and the examples of codes know them.
+/// Words and numbers of the Raspblock's protocol: only its table, its device and the examples of
+/// codes may contain them.
 const OF_THE_RASPBLOCK: &[&str] =
     &["rocker", "wheels", "yawhold", "yaw_hold", "buzzer", "servos", "pid", "0xfe", "1950", "115200"];
 const AT_HOME_THERE: &[&str] = &["src/board/raspblock", "src/diagnostic/codes.rs"];
-/// Where a word means something else: the number of a process, and that of a product on USB.
+/// Places where a word means something else: a process ID, and a USB product ID.
 const MEANS_ANOTHER: &[(&str, &str)] = &[("pid", "src/playback/os.rs"), ("pid", "src/link/serial.rs")];
 
-/// The words in code, without those in comments and in prose, which is any string with a blank in it. `OneWord` is two.
+/// The words in code, without those in comments and in prose, which is any string with a space in
+/// it. `OneWord` counts as two.
 fn words_of_code(text: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     let mut add = |line: usize, code: &str| {
@@ -362,7 +366,7 @@ fn words_of_code(text: &str) -> Vec<(usize, String)> {
                 line += string.matches('\n').count();
                 (end + 1).min(inner.len())
             }
-            // A character, and no lifetime.
+            // A character literal, not a lifetime.
             "'" if inner.starts_with('\\') => inner[2..].find('\'').map_or(0, |end| end + 3),
             "'" if inner.chars().nth(1) == Some('\'') => inner.chars().next().map_or(0, char::len_utf8) + 1,
             _ => 0,
@@ -387,7 +391,7 @@ fn words_of_a_family_stay_in_its_folder() {
             let is_known = OF_THE_RASPBLOCK.contains(&word) && !is_another;
             assert!(!is_known, "{}:{line}: `{word}` is of the Raspblock", path.display());
         }
-        // `115_200`, `yaw_hold`.
+        // Also `115_200` and `yaw_hold`.
         for pair in words.windows(2) {
             let [first, second] = [&pair[0].1, &pair[1].1];
             let joined = [format!("{first}{second}"), format!("{first}_{second}")];

@@ -1,5 +1,5 @@
-//! A session inside the test's own process. Signals and the allocator belong to the whole process, so these tests share it with
-//! no others, and run one after another.
+//! Sessions inside the test process. Signals and the allocator belong to the whole process, so
+//! these tests are separate from all others, and run one after another.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod support;
@@ -19,10 +19,10 @@ use motionseq::units::Nanos;
 use rustix::process::{Signal, getpid, kill_process};
 use support::far::{assert_stopped, commands};
 
-/// Held by the one test that runs.
+/// Locked by the test that runs.
 static PROCESS: Mutex<()> = Mutex::new(());
 
-/// Something of everything; the far end answers with reports, and ends the run by a signal when it has seen enough.
+/// A script that uses everything. The far end answers with reports, and ends the run with a signal.
 const SCRIPT: &str = "refresh 10ms
 say \"go\"
 rocker x=10; servo 1 1000 -> 2000 over 1h; buzzer on
@@ -34,7 +34,7 @@ on abort { servo 1 1000 -> 1500 over 100ms; buzzer on for 50ms }
 
 #[test]
 fn the_thread_that_sends_allocates_nothing() {
-    // Not even in the stop: an allocator's lock could make it late.
+    // Not even during the stop: an allocator's lock could delay it.
     let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
     let sources = Sources::from(Source::new("test", SCRIPT));
     let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
@@ -87,7 +87,7 @@ fn the_thread_that_sends_allocates_nothing() {
     assert_eq!(written, received);
     assert!(commands(&received).iter().any(|command| support::board::OnBoard::said(command) == "servo 1 1500"));
     assert_eq!(counted.count_total, 0, "{counted:?}");
-    // The counter counts.
+    // The counter works.
     assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1)))).count_total, 1);
 }
 

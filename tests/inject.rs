@@ -1,7 +1,9 @@
-//! Faults put between the program and the system, one after the other: whatever fails, it ends, and the robot stands.
+//! Faults injected between the program and the system, one at a time: the program always ends, and
+//! the robot is stopped.
 //!
-//! strace lets the Nth call of a thread fail, the player's and the guard's; a loaded library storms them with signals, another
-//! one sets the clock; the shell takes away output and descriptors. Asserted is what a board and a user notice.
+//! strace makes the Nth call of a thread fail, in the player and in the guard; a preloaded library
+//! sends many signals, another one sets the clock; the shell removes output and descriptors. The
+//! tests check what a board and a user notice.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -23,21 +25,22 @@ use motionseq::link::Pty;
 use rustix::fs::OFlags;
 use rustix::process::{Pid, Signal, kill_process};
 
-/// How long any run may take. The program promises much less, but not under strace on a shared machine.
+/// The maximum duration of a run. The program promises much less, but not under strace on a shared
+/// machine.
 const LIMIT: Duration = Duration::from_secs(20);
-/// How many runs there are at once: they mostly sleep.
+/// The number of parallel runs: they mostly sleep.
 const WORKERS: usize = 4;
-/// No thread makes so many calls of one kind in so short a run.
+/// More than the calls of one kind that a thread makes in such a short run.
 const BOUND: usize = 100;
-/// 220 ms with a drive that is refreshed, a servo and the buzzer; ends at rest.
+/// 220 ms with a refreshed drive, a servo and the buzzer; ends at rest.
 const SCRIPT: &str = "\
     rocker x=10; servo 1 1500; buzzer on\nwait 60ms\nrocker x=11\nwait 20ms\nrocker x=12\nwait 70ms\nservo 1 1600\n\
     wait 50ms\nstop; buzzer off\nwait 20ms\n";
-/// 19 kB to record and 50 kB to say with `-v`; no frame of it may be left out.
+/// 19 kB to record, and 50 kB of output with `-v`; no frame may be dropped.
 const LOUD: &str = "\
     baud 4000000\nbuzzer on\nrepeat 600 {\nservo 1 1500; servo 2 1000; servo 3 1500; servo 4 2000\nwait 500us\n}\nbuzzer off\n";
 
-/// A folder that goes away with its owner.
+/// A temporary folder, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -72,7 +75,7 @@ impl Drop for Folder {
     }
 }
 
-/// Whether a test must be left out because a tool is not there. Where tests must be complete it fails instead.
+/// Whether a test must be skipped because a tool is missing. In CI, it fails instead.
 fn is_missing(tool: &str, is_there: bool) -> bool {
     assert!(is_there || std::env::var_os("CI").is_none(), "{tool} is not installed, or may not be used here");
     if !is_there {
@@ -86,17 +89,17 @@ fn works(command: &mut Command) -> bool {
     silent.status().is_ok_and(|status| status.success())
 }
 
-/// Opens a file, a pipe or a port without waiting for anybody.
+/// Opens a file, a pipe or a port without blocking.
 fn open(path: &str, write: bool) -> File {
     let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits().cast_signed();
     File::options().read(true).write(write).custom_flags(flags).open(path).unwrap()
 }
 
-/// A port whose far end writes down what comes, and answers, so that there is something to read.
+/// A port whose far end records what it receives, and answers, so that there is something to read.
 struct Port {
     path: String,
     reads: Receiver<Vec<u8>>,
-    /// Keeps the far end from ending before a player has come, and the port's name from coming to mean another one.
+    /// Keeps the far end open before a player starts, and reserves the name of the port.
     held: File,
 }
 
@@ -118,7 +121,7 @@ impl Port {
         Port { path, reads, held }
     }
 
-    /// All that came. It ends when player and guard have both closed the port, and not sooner.
+    /// Everything received until player and guard have both closed the port.
     fn received(self) -> Result<Vec<u8>, String> {
         drop(self.held);
         let mut all = Vec::new();
@@ -126,7 +129,7 @@ impl Port {
             match self.reads.recv_timeout(LIMIT) {
                 Ok(read) => all.extend(read),
                 Err(RecvTimeoutError::Disconnected) => return Ok(all),
-                Err(RecvTimeoutError::Timeout) => return Err("somebody still holds the port".into()),
+                Err(RecvTimeoutError::Timeout) => return Err("a process still holds the port".into()),
             }
         }
     }
@@ -136,7 +139,8 @@ fn finish(command: &mut Command) -> Result<Output, String> {
     end_of(command.stdin(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
 }
 
-/// Waits for the end of a child, and of all that hold its standard error. If it hangs, it and what it traces are killed.
+/// Waits for the end of a child, and of all processes that have its standard error open. If it
+/// hangs, kills it and what it traces.
 fn end_of(child: Child) -> Result<Output, String> {
     let id = Pid::from_child(&child);
     let (sender, output) = mpsc::channel();
@@ -158,35 +162,35 @@ fn tracees(tracer: Pid) -> Vec<Pid> {
         .collect()
 }
 
-/// The exit code as a shell gives it.
+/// The exit code as a shell reports it.
 fn code(output: &Output) -> i32 {
     output.status.code().unwrap_or_else(|| 128 + output.status.signal().unwrap())
 }
 
-/// Whether docs/cli.md says what this exit code means; 137 is that of a player that its guard has killed.
+/// Whether docs/cli.md documents this exit code; 137 is that of a player that its guard has killed.
 fn is_documented(code: i32) -> bool {
     let page = fs::read_to_string("docs/cli.md").unwrap();
     code == 137 || page.lines().any(|row| row.starts_with(&format!("| {code} |")))
 }
 
-/// The words behind `… s into the run; stop: `, for each line of this kind.
+/// The text after `… s into the run; stop: ` of each such line.
 fn closing_lines(text: &str) -> Vec<&str> {
     text.lines().filter_map(|line| line.split_once(" s into the run; stop: ")).map(|(_, stop)| stop).collect()
 }
 
-/// How often it is said that the recording is not complete.
+/// The number of warnings that the recording is not complete.
 fn warnings(text: &str) -> usize {
     text.matches("the recording is not complete").count()
 }
 
-/// Whether these commands are some of those, in their order.
+/// Whether `some` is a subsequence of `all`.
 fn is_part(some: &[motionseq::board::Command], all: &[motionseq::board::Command]) -> bool {
     let mut rest = all.iter();
     some.iter().all(|command| rest.any(|other| other == command))
 }
 
-/// Whether a run was played whole: its bytes are the rendered ones. A refresh that came so late that the next frame had
-/// overtaken it is left out, and said so (where something can be said).
+/// Whether a run was complete: its bytes are the rendered ones. A refresh that was superseded by
+/// the next frame is left out, and reported if possible.
 fn is_whole(received: &[u8], rendered: &[u8], text: Option<&str>) -> bool {
     let (came, planned) = (commands(received), commands(rendered));
     let missing = planned.len().saturating_sub(came.len());
@@ -194,26 +198,28 @@ fn is_whole(received: &[u8], rendered: &[u8], text: Option<&str>) -> bool {
     received == rendered || is_said && is_part(&came, &planned)
 }
 
-/// What a fault is put into.
+/// The target of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum To {
     Port,
     Recording,
 }
 
-/// One fault after the other: in the first call of every thread, in the second, and so on until no thread makes so many.
+/// One fault at a time: in the first call of every thread, in the second, and so on until no thread
+/// makes as many calls.
 #[derive(Clone, Copy, Debug)]
 struct Plan<'p> {
-    /// The call; a `?` stands before one that not every system makes.
+    /// The call; with a `?` if not every system has it.
     call: &'p str,
     error: &'p str,
-    /// What stands behind the N of strace's `when=`: nothing (once), `+` (and always from then on), `+3` (and every third).
+    /// The suffix after N in strace's `when=`: empty (once), `+` (from then on), or `+3` (every
+    /// third).
     then: &'p str,
-    /// Only calls for this.
+    /// Only calls on this.
     to: Option<To>,
 }
 
-/// What came of one run.
+/// The result of a run.
 struct Run {
     output: Output,
     received: Vec<u8>,
@@ -227,7 +233,7 @@ impl Plan<'_> {
     fn run(&self, n: usize, script: &str) -> Result<Run, String> {
         let (port, folder) = (Port::new(), Folder::new());
         let (trace, recording) = (folder.path("trace"), folder.path("recording"));
-        // Slow is not late here. What fails for ever may end as late, too, and does so sooner.
+        // Slow is not late here. A permanent failure may also end as late, and then ends sooner.
         let max_late = if self.then.is_empty() { "2s" } else { "500ms" };
         let player = motionseq(&["play", script, "--max-late", max_late, "--port", &port.path, "--record", &recording]);
         let mut strace = Command::new("strace");
@@ -237,7 +243,7 @@ impl Plan<'_> {
             strace.args(["-P", if to == To::Port { &port.path } else { &recording }]);
         }
         strace.arg(player.get_program()).args(player.get_args()).current_dir(env!("CARGO_MANIFEST_DIR"));
-        // Cargo sets it, and the loader would look for every library in every folder of it.
+        // Cargo sets it, and the loader would search every folder of it for every library.
         let outcome = finish(strace.env_remove("LD_LIBRARY_PATH"));
         let trace = fs::read_to_string(trace).unwrap_or_default();
         let hangs = |error| format!("{self:?} {n}: {error}\n{}", tail(&trace));
@@ -246,7 +252,7 @@ impl Plan<'_> {
         Ok(Run { output, received, recording, injected: injected(&trace), trace })
     }
 
-    /// Runs it for every N; gives how many runs these were, and what was wrong with them.
+    /// Runs it for every N. Returns the number of runs, and the failures.
     fn sweep(&self, script: &str) -> (usize, Vec<String>) {
         let (rendered, mut wrong) = (rendered(script), Vec::new());
         for n in 1..=BOUND {
@@ -259,29 +265,30 @@ impl Plan<'_> {
             }
             if run.injected.is_empty() {
                 if n == 1 && !self.call.starts_with('?') {
-                    wrong.push(format!("{self:?}: nobody makes this call, so nothing was tested"));
+                    wrong.push(format!("{self:?}: no thread makes this call, so nothing was tested"));
                 }
                 return (n, wrong);
             }
         }
-        wrong.push(format!("{self:?}: there is no end to these calls"));
+        wrong.push(format!("{self:?}: the number of calls has no bound"));
         (BOUND, wrong)
     }
 
-    /// Holds a run against the promise of the program; says what is wrong.
+    /// Checks a run against the promises of the program. Returns the broken one.
     fn check(&self, run: &Run, rendered: &[u8]) -> Result<(), &'static str> {
         let (code, text, is_once) = (code(&run.output), stderr(&run.output), self.then.is_empty());
         let closing = closing_lines(&text);
         match closing[..] {
             [] if code == 0 || code == 2 && !run.received.is_empty() => run.check_whole(rendered, code == 0, &text),
-            _ if code == 0 => Err("a closing line behind a whole run"),
-            // A program that a signal kills says nothing; here that is the loader, or the runtime before `main`.
+            _ if code == 0 => Err("a closing line after a complete run"),
+            // A program that a signal kills prints nothing; here that is the loader, or the runtime
+            // before `main`.
             [] if run.received.is_empty()
                 && text.is_empty()
                 && !run.is_mute()
                 && run.output.status.signal().is_none() =>
             {
-                Err("refused without a word")
+                Err("refused without a message")
             }
             [] if run.received.is_empty() => Ok(()),
             _ if self.error == "EINTR" && is_once => Err("an interrupted call ends the run"),
@@ -296,30 +303,30 @@ impl Plan<'_> {
 }
 
 impl Run {
-    /// Whether it could not say everything: nobody can be told what cannot be written.
+    /// Whether messages could not be written.
     fn is_mute(&self) -> bool {
         self.injected.iter().any(|call| call.starts_with("write(2,"))
     }
 
-    /// A run that was played to its end, with exit 0 where its recording is complete, too.
+    /// A complete run, with exit 0 if its recording is also complete.
     fn check_whole(&self, rendered: &[u8], is_fine: bool, text: &str) -> Result<(), &'static str> {
         let is_complete = self.recording == self.received;
         match warnings(text) {
             _ if !is_whole(&self.received, rendered, (!self.is_mute()).then_some(text)) => {
-                Err("half a run with exit 0")
+                Err("an incomplete run with exit 0")
             }
             _ if !self.received.starts_with(&self.recording) => Err("the recording holds what was not sent"),
-            0 if !is_complete && !self.is_mute() => Err("nobody says that the recording is not complete"),
-            0 if !is_fine && !self.is_mute() => Err("exit 2 without a word"),
+            0 if !is_complete && !self.is_mute() => Err("no message that the recording is not complete"),
+            0 if !is_fine && !self.is_mute() => Err("exit 2 without a message"),
             1 if is_fine => Err("exit 0 with a recording that is not complete"),
             0 => Ok(()),
             // It may have become complete after the fault.
             1 if !self.injected.is_empty() => Ok(()),
-            _ => Err("a warning too many about the recording"),
+            _ => Err("an extra warning about the recording"),
         }
     }
 
-    /// The robot stands, and did nothing else from the first stop on.
+    /// The robot is stopped, and does nothing else after the first stop.
     fn check_stopped(&self, rendered: &[u8]) -> Result<(), &'static str> {
         let came = commands(&self.received);
         let at = came.iter().position(|command| *command == stop()).unwrap_or(came.len());
@@ -331,7 +338,7 @@ impl Run {
         }
     }
 
-    /// All that is known of it.
+    /// Everything known about the run.
     fn evidence(&self) -> String {
         let frames: Vec<String> = commands(&self.received).iter().map(OnBoard::said).collect();
         let injected = &self.injected[..self.injected.len().min(3)];
@@ -345,7 +352,7 @@ fn tail(trace: &str) -> String {
     lines[lines.len().saturating_sub(15)..].join("\n")
 }
 
-/// The calls that strace let fail. One during which another thread ran stands on two lines.
+/// The calls that strace made fail. A call during which another thread ran takes two lines.
 fn injected(trace: &str) -> Vec<String> {
     let (mut begun, mut found) = (HashMap::new(), Vec::new());
     for (thread, line) in trace.lines().filter_map(|line| line.split_once(' ')) {
@@ -361,10 +368,10 @@ fn injected(trace: &str) -> Vec<String> {
     found
 }
 
-/// Calls, errors, what stands behind N, and for what: every call gets every error in every way.
+/// Calls, errors, suffixes of N, and targets: every combination is tested.
 type Rows<'r> = &'r [(&'r [&'r str], &'r [&'r str], &'r [&'r str], Option<To>)];
 
-/// Goes through all of them, several runs at once.
+/// Tests all combinations, several runs at once.
 fn sweep(rows: Rows<'_>) {
     if is_missing("strace", works(Command::new("strace").args(["-o", "/dev/null", "true"]))) {
         return;
@@ -418,7 +425,7 @@ fn the_port_may_fail_again_while_it_gets_the_stop() {
 }
 
 #[test]
-fn what_fails_for_ever_is_no_hang() {
+fn a_permanent_failure_does_not_hang() {
     let errors = ["EIO", "EINTR", "EAGAIN"];
     sweep(&[
         (&["ppoll", "clock_nanosleep", "sendto", "recvfrom"], &errors, &["+"], None),
@@ -432,7 +439,7 @@ fn a_recording_that_fails_changes_no_motion() {
 }
 
 #[test]
-fn what_the_system_cannot_give_is_refused_before_the_first_frame_or_not_needed() {
+fn missing_resources_are_refused_before_the_first_frame_or_not_needed() {
     sweep(&[
         (&["?clone3", "?clone", "execve", "mmap", "mlockall"], &["ENOMEM"], &[""], None),
         (&["socketpair", "fcntl", "pidfd_open", "?dup2", "setsockopt"], &["EMFILE"], &[""], None),
@@ -440,7 +447,7 @@ fn what_the_system_cannot_give_is_refused_before_the_first_frame_or_not_needed()
     ]);
 }
 
-/// Plays the script with something loaded into the program; the run is whole.
+/// Plays the script with a library loaded into the program; the run must be complete.
 fn assert_whole_with(port: Port, variables: &[(&str, &str)]) {
     let folder = Folder::new();
     let script = folder.script(SCRIPT);
@@ -460,7 +467,7 @@ fn a_storm_of_signals_changes_nothing() {
     let folder = Folder::new();
     let (storm, log) = (folder.path("storm.so"), folder.path("log"));
     assert!(works(Command::new("cc").args(["-shared", "-fPIC", "-o", &storm, "tests/inject/storm.c"])));
-    // A storm hits another place each time.
+    // Signals hit another place each time.
     for every in ["1000", "200"].repeat(5) {
         assert_whole_with(Port::new(), &[("LD_PRELOAD", &storm), ("STORM_US", every), ("STORM_LOG", &log)]);
         let counts = fs::read_to_string(&log).unwrap();
@@ -478,7 +485,7 @@ fn a_clock_that_is_set_changes_nothing() {
     }
     let folder = Folder::new();
     let (file, next) = (folder.path("time"), folder.path("next"));
-    // The wall clock may be set; the monotonic one can be set by nobody.
+    // The wall clock can be set; the monotonic clock cannot.
     let mut all = vec![("LD_PRELOAD", found.lines().next().unwrap()), ("FAKETIME_NO_CACHE", "1")];
     all.extend([("FAKETIME_DONT_FAKE_MONOTONIC", "1"), ("DONT_FAKE_MONOTONIC", "1")]);
     let date = Command::new("date").arg("+%Y").envs(all.clone()).env("FAKETIME", "2001-01-01 00:00:00").output();
@@ -489,7 +496,7 @@ fn a_clock_that_is_set_changes_nothing() {
         let (sender, reads) = mpsc::channel();
         let came = std::mem::replace(&mut port.reads, reads);
         thread::scope(|scope| {
-            // Whenever a frame has come, the clock is set.
+            // Set the clock whenever a frame has arrived.
             scope.spawn(|| {
                 for (read, offset) in came.into_iter().zip(["+5h", "-9h", "+0", "-400d", "+9000h"].iter().cycle()) {
                     fs::write(&next, offset).unwrap();
@@ -500,12 +507,12 @@ fn a_clock_that_is_set_changes_nothing() {
             });
             let begin = Instant::now();
             assert_whole_with(port, &[&all[..], &[how]].concat());
-            assert!(begin.elapsed() >= Duration::from_millis(220), "it is over before its time");
+            assert!(begin.elapsed() >= Duration::from_millis(220), "it ended too early");
         });
     }
 }
 
-/// A file system of 16 kB; `None` where none may be made.
+/// A file system of 16 kB; `None` if none can be created.
 struct SmallDisk(Folder);
 
 impl SmallDisk {
@@ -522,24 +529,25 @@ impl Drop for SmallDisk {
     }
 }
 
-/// Runs this through a shell, with something before or behind it.
-fn in_shell(before: &str, player: &Command, behind: &str) -> Output {
+/// Runs the program in a shell, with text before and after it.
+fn in_shell(before: &str, player: &Command, after: &str) -> Output {
     let mut shell = Command::new("sh");
-    shell.args(["-c", &format!("{before} exec \"$@\" {behind}"), "sh"]);
+    shell.args(["-c", &format!("{before} exec \"$@\" {after}"), "sh"]);
     finish(shell.arg(player.get_program()).args(player.get_args())).unwrap()
 }
 
-/// Plays with its output where the shell puts it, and the recording in a file; gives what it said, if that can be read.
+/// Plays with its output redirected, and a recording to a file. Returns the output, if it can be
+/// read.
 fn output_to(place: &str, record: &str) -> String {
     result_to(place, "--record", record, 0)
 }
 
-/// The same where the recording cannot be complete.
+/// The same when the recording cannot be complete.
 fn no_output_to(place: &str, record: &str) -> String {
     result_to(place, "--record", record, 2)
 }
 
-/// The same with another result, and exit code.
+/// The same with another result file and exit code.
 fn result_to(place: &str, option: &str, record: &str, exit: i32) -> String {
     let (port, folder) = (Port::new(), Folder::new());
     let path = folder.script(LOUD);
@@ -547,7 +555,7 @@ fn result_to(place: &str, option: &str, record: &str, exit: i32) -> String {
     let output = in_shell("", &player, place);
     let text = stderr(&output);
     assert_eq!((code(&output), closing_lines(&text)), (exit, vec![]), "{place} {record}: {text}");
-    assert!(port.received().unwrap() == rendered(&path), "{place} {record}: the motion is another one");
+    assert!(port.received().unwrap() == rendered(&path), "{place} {record}: the motion differs");
     text
 }
 
@@ -583,8 +591,8 @@ fn readers_that_go_away_change_no_motion() {
     // The recording is not complete.
     assert_eq!(code(&end_of(child).unwrap()), 2);
     all.extend(port.received().unwrap());
-    assert!(all == rendered(&path), "the motion is another one");
-    // One that is gone before it begins, or a descriptor that is not open, is refused.
+    assert!(all == rendered(&path), "the motion differs");
+    // A pipe whose reader is gone before the start, and a closed descriptor, are refused.
     for record in [pipe.as_str(), "/dev/fd/9"] {
         let port = Port::new();
         let output = in_shell("exec 9>&-;", &motionseq(&["play", &path, "--port", &port.path, "--record", record]), "");
@@ -598,7 +606,7 @@ fn a_recording_or_a_log_that_hangs_hides_no_closing_line() {
     for option in ["--record", "--log"] {
         let (port, folder) = (Port::new(), Folder::new());
         let (path, pipe) = (folder.script("rocker x=10\nwait 1h\nstop\n"), folder.pipe());
-        // A pipe that is full, and whose reader does not read.
+        // A full pipe whose reader does not read.
         let mut full = open(&pipe, true);
         while full.write(&[0; 4096]).is_ok() {}
         let mut player = motionseq(&["play", &path, "--port", &port.path, option, &pipe]);

@@ -1,4 +1,4 @@
-//! `--log`: what happens, as a file that other tools read.
+//! `--log`: the events of a run, as a file that other tools read.
 #![cfg(feature = "mcap")]
 
 use std::fs;
@@ -13,10 +13,10 @@ use mcap::records::Record;
 use rustix::process::Signal;
 use serde_json::Value;
 
-/// A message: its topic, when it was, in nanoseconds since 1970, and what it says.
+/// A message: its topic, its time in nanoseconds since 1970, and its content.
 type Message = (String, u64, Value);
 
-/// Reads a log to where it was cut, if it was.
+/// Reads a log up to where it was truncated.
 fn messages(path: &Path) -> Vec<Message> {
     let bytes = fs::read(path).unwrap();
     let mut topics = std::collections::BTreeMap::new();
@@ -37,7 +37,7 @@ fn messages(path: &Path) -> Vec<Message> {
                 mcap::read::ChunkReader::new(header, &data).unwrap().map(Result::unwrap).for_each(&mut take);
             }
             Ok(record) => take(record),
-            // A piece that was not written whole.
+            // An incomplete record.
             Err(_) => break,
         }
     }
@@ -52,12 +52,12 @@ fn texts<'m>(messages: &'m [Message], topic: &str, field: &str) -> Vec<&'m str> 
     of(messages, topic).into_iter().filter_map(|message| message[field].as_str()).collect()
 }
 
-/// A file of its own.
+/// The path of a temporary file.
 fn file(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("motionseq-log-{}-{name}", std::process::id()))
 }
 
-/// A script, played with a log.
+/// Plays a script with a log.
 fn played(name: &str, script: &str, more: &[&str]) -> (Vec<Message>, String, Option<i32>) {
     let (script_path, log) = (file(&format!("{name}.motion")), file(&format!("{name}.mcap")));
     fs::write(&script_path, script).unwrap();
@@ -76,7 +76,7 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
     let (messages, said, code) = played("run", SCRIPT, &[]);
     assert_eq!(code, Some(0), "{said}");
 
-    // What the listing says is sent was sent, in that order and at those times.
+    // The frames of the listing were sent, in the same order and at the same times.
     let script = file("listing.motion");
     fs::write(&script, SCRIPT).unwrap();
     let listing = stdout(&run(&["render", script.to_str().unwrap()]));
@@ -97,12 +97,12 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
     let (first, last) = (&late[1], &late[late.len() - 1]);
     assert_eq!((&first["line"], &last["line"]), (&Value::from(4), &Value::from(7)));
 
-    // The state follows, with what a plot needs.
+    // The state follows, with the values that a plot needs.
     let board = of(&messages, "/board");
-    let pulses: Vec<i64> = board.iter().filter_map(|told| told["servo_1"].as_i64()).collect();
+    let pulses: Vec<i64> = board.iter().filter_map(|state| state["servo_1"].as_i64()).collect();
     assert_eq!((pulses[0], pulses[pulses.len() - 1]), (1000, 2000));
     assert!(pulses.is_sorted());
-    let driving = board.iter().find(|told| told["x"] == 20).unwrap();
+    let driving = board.iter().find(|state| state["x"] == 20).unwrap();
     assert_eq!((&driving["z"], &driving["drive"]), (&Value::from(-5), &Value::from("rocker x=20 y=0 z=-5")));
     assert_eq!((&board[board.len() - 1]["x"], &board[board.len() - 1]["wheel_a"]), (&Value::from(0), &Value::from(0)));
 
@@ -113,7 +113,7 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
     let reports = of(&messages, "/telemetry");
     assert!(reports.len() > 3 && reports.iter().all(|report| report["voltage_v"].as_f64().unwrap() > 10.0));
 
-    // One clock for all: the mark is when the move begins, by the time of the log, too.
+    // All topics use one clock: the mark is at the start of the move, also by the time of the log.
     let time = |topic: &str, at: usize| messages.iter().filter(|(of, ..)| of == topic).nth(at).unwrap().1;
     assert!(time("/marks", 0) <= time("/frames", 1));
     assert_eq!(time("/marks", 1) - time("/marks", 0), 600_000_000);
@@ -130,7 +130,7 @@ fn a_run_that_ends_early_has_its_stop_and_its_reason_in_the_log() {
     let [.., judged, reason] = &log[..] else { panic!("{log:?}") };
     assert!(judged["message"].as_str().unwrap().starts_with("expect voltage > 90V:"), "{judged}");
     assert_eq!((&judged["level"], &judged["line"]), (&Value::from(4), &Value::from(5)));
-    // It never got to the other one, though the stop took longer.
+    // The other mark was not reached, although the stop took longer.
     assert_eq!(texts(&messages, "/marks", "name"), ["go"]);
     assert!(said.contains(reason["message"].as_str().unwrap()) && reason["level"] == 4, "{reason} {said}");
 }
@@ -144,7 +144,7 @@ fn each_pass_of_a_loop_is_in_the_log() {
     assert_eq!(texts(&messages, "/marks", "name").len(), 2);
 }
 
-/// What a program sends to a board, right and wrong, ends up in the log of `board` and of `record`.
+/// What a program sends to a board, right and wrong, is in the log of `board` and of `record`.
 fn logged(what: &str) -> Vec<Message> {
     let log = file(&format!("{what}.mcap"));
     let script = file(&format!("{what}-result.motion"));
@@ -155,7 +155,7 @@ fn logged(what: &str) -> Vec<Message> {
     port.write_all(&[0xFF, 0xFE, 5, 1, 0, 6]).unwrap();
     port.write_all(&rocker(20)).unwrap();
     port.write_all(&[0xFF, 0xFE, 4, 1, 1, 9]).unwrap();
-    // The answer comes when the board has read all that.
+    // The answer comes after the board has read everything.
     port.read_exact(&mut [0; 4]).unwrap();
     port.write_all(&stop()).unwrap();
     drop(port);
@@ -250,7 +250,7 @@ fn a_log_can_be_read_when_its_program_was_killed() {
     drop((port, host));
     let messages = messages(&log);
     assert_eq!(texts(&messages, "/frames", "command"), ["rocker x=20 y=0 z=0"]);
-    // Any reader takes it for whole.
+    // Every reader accepts it as complete.
     let bytes = fs::read(&log).unwrap();
     assert_eq!(mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap).count(), messages.len());
     if has("mcap") && has("jsonschema") {
@@ -261,7 +261,7 @@ fn a_log_can_be_read_when_its_program_was_killed() {
 }
 
 #[test]
-fn a_full_disk_is_said_and_changes_nothing_else() {
+fn a_full_disk_is_reported_and_changes_nothing_else() {
     let output = run(&["play", "scripts/hello.motion", "--log", "/dev/full", "--progress", "none"]);
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
@@ -287,7 +287,7 @@ fn a_log_is_never_another_file_of_the_run() {
 }
 
 #[test]
-fn pythons_reader_reads_it_and_every_message_is_as_its_schema_says() {
+fn pythons_reader_reads_it_and_every_message_matches_its_schema() {
     if !(has("mcap") && has("jsonschema")) {
         return;
     }

@@ -1,5 +1,5 @@
-//! The integration tests, in one binary: linking is what makes `cargo test` slow. What needs a process of its own is in
-//! `in_process.rs`.
+//! All integration tests in one binary, because linking is what makes `cargo test` slow. Tests that
+//! need their own process are in `in_process.rs`.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

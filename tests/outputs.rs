@@ -1,4 +1,4 @@
-//! Results and where they go: none destroys what a run reads, or what it did not make.
+//! Output files: none overwrites what a run reads, or what it did not create.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -34,7 +34,7 @@ impl Folder {
         motionseq(args).current_dir(&self.0).output().unwrap()
     }
 
-    /// What is in every file.
+    /// The content of every file.
     fn texts(&self) -> Vec<(PathBuf, Vec<u8>)> {
         let entries = fs::read_dir(&self.0).unwrap().map(|entry| entry.unwrap().path());
         let mut texts: Vec<_> = entries.map(|path| (path.clone(), fs::read(&path).unwrap())).collect();
@@ -50,7 +50,7 @@ impl Drop for Folder {
 }
 
 #[test]
-fn no_result_is_written_over_what_the_run_reads() {
+fn no_result_overwrites_an_input_of_the_run() {
     let folder = Folder::new("reads");
     symlink("lib.motion", folder.0.join("alias")).unwrap();
     fs::hard_link(folder.0.join("a.motion"), folder.0.join("twin.txt")).unwrap();
@@ -77,7 +77,7 @@ fn no_result_is_written_over_what_the_run_reads() {
 }
 
 #[test]
-fn a_script_or_a_snapshot_that_others_wrote_is_written_over_by_force_only() {
+fn only_force_overwrites_scripts_and_snapshots_of_others() {
     let folder = Folder::new("force");
     fs::write(folder.0.join("other.frames"), "mine\n").unwrap();
     for args in [
@@ -96,7 +96,7 @@ fn a_script_or_a_snapshot_that_others_wrote_is_written_over_by_force_only() {
         assert!(folder.texts() != before, "{args:?}");
         fs::write(folder.0.join("b.motion"), "servo 1 1600\n").unwrap();
     }
-    // What motionseq wrote before, and what is empty, needs none.
+    // Files that motionseq wrote before, and empty files, need no `--force`.
     for name in ["new.motion", "new.motion"] {
         assert_eq!(folder.run(&["decode", "a.motion.frames", "-o", name]).status.code(), Some(0));
     }
@@ -105,12 +105,12 @@ fn a_script_or_a_snapshot_that_others_wrote_is_written_over_by_force_only() {
 }
 
 #[test]
-fn a_refused_recording_removes_nothing_that_it_did_not_make() {
+fn a_refused_recording_removes_only_its_own_files() {
     let folder = Folder::new("refused");
     File::create(folder.0.join("empty")).unwrap();
     symlink("empty", folder.0.join("to-empty")).unwrap();
     assert!(Command::new("mkfifo").arg(folder.0.join("pipe")).status().unwrap().success());
-    // A pipe without a reader is refused, too.
+    // A pipe without a reader is also refused.
     let mut reader = File::options().read(true).write(true).open(folder.0.join("pipe")).unwrap();
     for place in ["empty", "to-empty", "pipe", "/dev/null", "new"] {
         let link = folder.0.join("board");
@@ -134,7 +134,7 @@ fn an_older_log_stays_and_a_run_that_is_killed_leaves_no_empty_report() {
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(stderr(&output).contains("it is there already"), "{}", stderr(&output));
     assert!(folder.texts() == before);
-    // A script that ends at once would be done before it is killed.
+    // A short script would be done before it is killed.
     fs::write(folder.0.join("long.motion"), "say \"on\"\nwait 1h\nservo 1 1500\n").unwrap();
     let mut player = motionseq(&["play", "long.motion", "--report", "run.json", "--max-late", "5s"]);
     let mut child = player.current_dir(&folder.0).stderr(std::process::Stdio::piped()).spawn().unwrap();

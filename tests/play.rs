@@ -1,4 +1,5 @@
-//! `play` over a pty, with the built program: the bytes that arrive, when, and how a run ends.
+//! `play` over a pty, with the built program: the bytes that arrive, their times, and how a run
+//! ends.
 
 use std::fs::{self, File, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -24,7 +25,8 @@ fn code(output: &Output) -> i32 {
     output.status.code().expect("it ended by itself")
 }
 
-/// A script of which nothing may be left out, however the machine stalls: no refreshes and no samples.
+/// A script without frames that may be dropped on a machine that stalls: no refreshes and no
+/// samples.
 fn steady() -> &'static str {
     static PATH: OnceLock<String> = OnceLock::new();
     let steps = "rocker x=10 for 40ms; servo 1 900\nwait 10ms\nbuzzer on for 20ms; servo 1 2000\n";
@@ -42,8 +44,9 @@ fn the_bytes_that_arrive_are_the_rendered_ones_and_none_is_early() {
     let reads = far.rest();
     assert_eq!(bytes(&reads), rendered(steady));
 
-    // Time 0 of the script was at `begin` or later, so no frame may arrive sooner after it than it is due. (What came
-    // together was due together: the far end takes every byte at once.)
+    // Time 0 of the script was at `begin` or later, so no frame may arrive earlier after it than it
+    // is due. (Bytes that arrived together were due together: the far end reads every byte
+    // immediately.)
     let hex = String::from_utf8(run(&["render", steady, "--format", "hex"]).stdout).unwrap();
     let due: Vec<(f64, usize)> = hex
         .lines()
@@ -65,7 +68,7 @@ fn the_bytes_that_arrive_are_the_rendered_ones_and_none_is_early() {
 }
 
 #[test]
-fn the_built_in_board_receives_what_the_recording_holds() {
+fn the_built_in_board_receives_what_is_recorded() {
     let record = std::env::temp_dir().join(format!("motionseq-record-{}.bin", std::process::id()));
     let output = run(&["play", "scripts/hello.motion", "--record", record.to_str().unwrap()]);
     let text = stderr(&output);
@@ -77,11 +80,11 @@ fn the_built_in_board_receives_what_the_recording_holds() {
     assert!(lines[1].starts_with("sent 22 frames in 1.5"), "{text}");
     assert_eq!(
         lines[2],
-        "the virtual board received 22 frames (281 bytes); the drive stands, the buzzer is off, servo 1 at 1500 µs"
+        "the virtual board received 22 frames (281 bytes); the drive is stopped, the buzzer is off, servo 1 at 1500 µs"
     );
     assert!(lines[3].starts_with("in its nominal units the robot has moved "), "{text}");
     assert_eq!(lines.len(), 4);
-    // Nothing of the progress line in a pipe.
+    // No part of the progress line in a pipe.
     assert!(!text.contains(['\r', '\u{1b}']));
 }
 
@@ -108,7 +111,7 @@ fn every_signal_stops_the_robot() {
         (Signal::TSTP, 20, "SIGTSTP"),
     ] {
         let far = FarEnd::new();
-        // In a session of its own, so that there is no terminal on which somebody could end a pause.
+        // In its own session, so that there is no terminal on which a pause could be ended.
         let mut command = std::process::Command::new("setsid");
         command.args([crate::support::program(), "play", &long, "--max-late", "5s", "--port", &far.path]);
         let child = command.stdin(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -123,14 +126,14 @@ fn every_signal_stops_the_robot() {
 }
 
 #[test]
-fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
+fn a_gap_in_the_run_is_late_even_if_it_contains_only_refreshes() {
     let long = script("hole", "rocker x=10\nwait 1h\nstop\n");
     let far = FarEnd::new();
-    // With a guard the player would not live to see it.
+    // A guard would kill the player first.
     let child = start(&["play", &long, "--port", &far.path, "--max-late", "50ms", "--no-guard"]);
     let mut received = far.first();
     kill_process(Pid::from_child(&child), Signal::STOP).unwrap();
-    // Asleep for longer than is allowed: until nothing has come for half a second.
+    // Suspended for longer than allowed: until nothing has arrived for half a second.
     while let Ok((_, read)) = far.reads.recv_timeout(Duration::from_millis(500)) {
         received.extend(read);
     }
@@ -143,12 +146,12 @@ fn a_hole_in_the_run_is_late_even_if_only_refreshes_fell_into_it() {
 }
 
 #[test]
-fn a_recording_that_may_grow_no_further_does_not_stop_motion() {
+fn a_recording_at_the_size_limit_does_not_stop_motion() {
     let steady = steady();
     let record = std::env::temp_dir().join(format!("motionseq-limit-{}.bin", std::process::id()));
     let _ = fs::remove_file(&record);
     let far = FarEnd::new();
-    // 1 block of 512 bytes; without care the system kills whoever writes more.
+    // 1 block of 512 bytes. By default, the system kills a process that writes more.
     let shell = format!(
         "ulimit -f 1; exec {} play {steady} --max-late 5s --port {} --record {}",
         env!("CARGO_BIN_EXE_motionseq"),
@@ -179,8 +182,8 @@ fn a_recording_never_overwrites_the_script_and_a_refused_port_no_recording() {
 }
 
 #[test]
-fn a_screen_that_takes_nothing_does_not_keep_the_program_alive() {
-    // 4,000 lines are more than a pipe holds, and nobody reads it.
+fn a_blocked_terminal_does_not_keep_the_program_alive() {
+    // 4,000 lines are more than an unread pipe holds.
     let chatty = script("chatty", &"say \"a line that is long enough to fill a pipe sooner or later\"\n".repeat(4_000));
     let far = FarEnd::new();
     let mut child = start(&["play", "-v", &chatty, "--port", &far.path]);
@@ -205,7 +208,7 @@ fn a_report_of_the_board_is_shown() {
 fn a_signal_stops_the_built_in_board_too() {
     let long = script("signal-virtual", "say \"on\"\nrocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n");
     let mut child = start(&["play", &long]);
-    // It has begun when it says so.
+    // The message says that it has started.
     let mut pipe = std::io::BufReader::new(child.stderr.take().unwrap());
     let mut said = String::new();
     while !said.contains("s: on") {
@@ -214,7 +217,7 @@ fn a_signal_stops_the_built_in_board_too() {
     kill_process(Pid::from_child(&child), Signal::INT).unwrap();
     std::io::Read::read_to_string(&mut pipe, &mut said).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert!(said.contains("the drive stands, the buzzer is off"), "{said}");
+    assert!(said.contains("the drive is stopped, the buzzer is off"), "{said}");
     assert!(said.contains("stop: sent"), "{said}");
 }
 
@@ -245,7 +248,7 @@ fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
     while let Ok(count @ 1..) = pty.read(&mut buffer) {
         received.extend_from_slice(&buffer[..count]);
     }
-    // What was queued was thrown away; the flush may have cut a frame, but not all three stops.
+    // The queue was discarded. The flush may have truncated a frame, but not all three stops.
     assert!(received.ends_with(&[&STOP[..], &STOP, &BUZZER_OFF].concat()));
     assert_at_rest(&received);
 }
@@ -278,10 +281,10 @@ fn the_library_holds_its_port_alone() {
 }
 
 #[test]
-fn a_pty_is_raw_before_anybody_sets_it_up() {
+fn a_pty_is_raw_from_the_start() {
     let pty = Pty::open().unwrap();
     let mut port = File::options().read(true).write(true).open(pty.path()).unwrap();
-    // End-of-file, line ends and interrupt would all be changed or swallowed by a terminal.
+    // A terminal would change or swallow end-of-file, line ends and interrupt.
     let all = [0x04, b'\r', b'\n', 0x03, 0xFF, 0x00];
     std::io::Write::write_all(&mut port, &all).unwrap();
     let mut buffer = [0; 64];
@@ -310,7 +313,8 @@ fn a_port_that_cannot_be_opened_says_what_to_do() {
 fn a_port_that_only_its_owner_may_open_says_so() {
     let pty = Pty::open().unwrap();
     fs::set_permissions(pty.path(), Permissions::from_mode(0o000)).unwrap();
-    // Root may open anything, so somebody else tries, with a copy of the program that anybody may run.
+    // Root may open anything, so another user tries, with a copy of the program that anybody may
+    // run.
     let folder = PathBuf::from(format!("/tmp/motionseq-forbidden-{}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     let program = folder.join("motionseq");
@@ -341,7 +345,7 @@ fn the_port_may_come_from_the_environment() {
 }
 
 #[test]
-fn output_that_goes_nowhere_does_not_stop_motion() {
+fn output_without_a_reader_does_not_stop_motion() {
     let steady = steady();
     let far = FarEnd::new();
     let full = || File::options().write(true).open("/dev/full").unwrap();
@@ -350,7 +354,7 @@ fn output_that_goes_nowhere_does_not_stop_motion() {
         .stdout(full())
         .status()
         .unwrap();
-    // What was asked for is not whole.
+    // The requested output is not complete.
     assert_eq!(status.code(), Some(2));
     assert_eq!(bytes(&far.rest()), rendered(steady));
 }
@@ -364,7 +368,7 @@ fn a_script_that_does_not_compile_sends_nothing() {
     assert!(far.reads.try_recv().is_err());
 }
 
-/// The verdicts that a run on the virtual board tells, and the bytes that it gave the port.
+/// The verdicts of a run on the virtual board, and the bytes that it wrote to the port.
 #[test]
 fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     let text = "servo 1 1500\nwait 300ms\nexpect voltage > 11V\nrocker y=10 z=90 for 1s\nexpect yaw in 80deg..100deg within 500ms\nexpect voltage < 5V\nservo 1 900\n";
@@ -387,7 +391,7 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     for event in timeline.events.iter().take(rehearsal.given) {
         expected.extend(event.command.to_frame());
     }
-    // What brings a receiver back in step behind a flush.
+    // The zeros that resynchronize a receiver after a flush.
     expected.extend([0; 12]);
     for moment in &rehearsal.aborted {
         expected.extend(moment.command.to_frame());
@@ -407,7 +411,7 @@ fn faults_of_the_virtual_board_end_a_run_as_real_ones_do() {
         assert_eq!(output.status.code(), Some(code), "{fault}: {}", crate::support::stderr(&output));
         assert!(crate::support::stderr(&output).contains(words), "{fault}: {}", crate::support::stderr(&output));
     }
-    // More than a port holds, and a board that takes nothing any more.
+    // More than a port holds, and a board that stopped reading.
     let flood = format!(
         "baud 4000000\n{}",
         "raw 0x40 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0 0\nwait 200us\n".repeat(4_000)

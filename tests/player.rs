@@ -1,4 +1,4 @@
-//! The player under a clock that jumps: what is sent when, and that every early end is a stop.
+//! The player with a simulated clock: what is sent when, and that every early end is a stop.
 
 use crate::support::board::{OnBoard, board, say, state, stop};
 use crate::support::far::commands;
@@ -16,10 +16,10 @@ fn timeline(script: &str) -> Timeline {
     motionseq::compile(&Source::new("test", script).into(), &Options::default()).timeline.expect("the script compiles")
 }
 
-/// A script that is shipped, with the files that it uses.
+/// A shipped script with the files that it uses.
 fn shipped(path: &std::path::Path) -> Timeline {
     let compiled = motionseq::compile(&Sources::read(path, Disk).unwrap(), &Options::default());
-    // No board reports in these tests; tests/sim.rs judges what is expected.
+    // No board reports in these tests; tests/sim.rs tests `expect`.
     Timeline { expects: Vec::new(), ..compiled.timeline.expect("the script compiles") }
 }
 
@@ -29,13 +29,13 @@ fn rendered(timeline: &Timeline) -> Vec<u8> {
     bytes
 }
 
-/// What a world without time and port does to a player.
+/// A simulated environment of a player.
 struct World<F> {
     now: Nanos,
-    /// What the port was given, with the time; `None` where it was flushed.
+    /// What was written to the port, with the time; `None` for a flush.
     given: Vec<(Nanos, Vec<u8>)>,
     notices: Vec<Notice>,
-    /// Asked at every order: what happens instead of what was ordered.
+    /// Called at every order; returns what happens instead of it.
     meddle: F,
 }
 
@@ -72,7 +72,7 @@ impl<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>> World<F> {
                     Input::Tick
                 }
                 Order::Discard | Order::Done | Order::Suspend => Input::Tick,
-                other => panic!("nobody is there to end {other:?}"),
+                other => panic!("nothing can end {other:?}"),
             };
         }
         panic!("the player never ends");
@@ -102,7 +102,7 @@ fn frames_due_together_are_one_write_at_their_time() {
 }
 
 #[test]
-fn a_port_that_takes_little_at_once_gets_every_byte_in_order() {
+fn a_port_that_accepts_few_bytes_at_once_gets_all_in_order() {
     let timeline = timeline(SCRIPT);
     let mut full = false;
     let meddle = |now, order, _| match order {
@@ -127,14 +127,14 @@ fn assert_stopped<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>>(world
     let end = &world.given[before..];
     let frames: Vec<String> = end.iter().flat_map(|(_, bytes)| commands(bytes)).map(|command| command.said()).collect();
     assert_eq!(frames[..4], ["stop", "stop", "stop", "buzzer off"]);
-    // Behind it only what the script's `on abort` says, which is never for the drive.
+    // Afterwards only `on abort`, which never drives.
     assert!(frames[4..].iter().all(|frame| frame.starts_with("servo") || frame.starts_with("buzzer")), "{frames:?}");
     assert_eq!(end[1].0 - end[0].0, MS * 20);
     assert_eq!(end[2].0 - end[1].0, MS * 20);
     assert!(state(&commands(&world.bytes())).at_rest(board()));
 }
 
-/// Everything that can end a run early but a port that takes nothing, and the cause that it becomes.
+/// Every cause of an early end except a blocked port, and the reported cause.
 const ENDS: [(Input, Cause); 6] = [
     (Input::Signal(2), Cause::Signal(2)),
     (Input::HungUp, Cause::Lost(None)),
@@ -144,7 +144,7 @@ const ENDS: [(Input, Cause); 6] = [
     (Input::Signal(15), Cause::Signal(15)),
 ];
 
-/// Does something to a run once, when the port was given so many writes.
+/// Injects one input after this many writes.
 fn once(cut: usize, input: Input) -> impl FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)> {
     let mut done = false;
     move |now, order, given| {
@@ -156,7 +156,7 @@ fn once(cut: usize, input: Input) -> impl FnMut(Nanos, Order, usize) -> Option<(
     }
 }
 
-/// The scripts that are shipped.
+/// The shipped scripts.
 fn scripts() -> impl Iterator<Item = std::path::PathBuf> {
     std::fs::read_dir("scripts")
         .unwrap()
@@ -170,7 +170,7 @@ fn every_script_cut_at_every_frame_leaves_the_board_at_rest() {
         let timeline = shipped(&path);
         let (all, _) = World::run(|_, _, _| None, &timeline);
         for cut in 0..all.given.len() {
-            // Every cause at every frame of the short script below; here they take turns.
+            // The short script below has every cause at every frame; here they take turns.
             let (input, cause) = ENDS[cut % ENDS.len()];
             let (world, outcome) = World::run(once(cut, input), &timeline);
             assert_eq!((outcome.cause, outcome.stop), (cause, Stop::Sent), "{} cut at {cut}", path.display());
@@ -214,7 +214,8 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
                 path.display()
             );
             assert_eq!(outcome.at, timeline.end);
-            // What was given before, the stop, what brings the board back to its state, and the rest of the script.
+            // The earlier writes, the stop, the commands that restore the state, and the rest of
+            // the script.
             let mut state = State::default();
             let mut expected: Vec<Vec<u8>> = Vec::new();
             for (_, bytes) in &all.given[..cut] {
@@ -225,14 +226,14 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
             }
             let stops = [stop(), stop(), stop(), say("buzzer", &[0])];
             expected.extend(stops.iter().map(OnBoard::to_frame));
-            // What brings a receiver back in step behind a flush.
+            // The zeros that resynchronize a receiver after a flush.
             expected[cut].splice(0..0, [0; 12]);
             let restored: Vec<u8> = state.commands(board()).flat_map(OnBoard::to_frame).collect();
             expected.extend((!restored.is_empty()).then_some(restored));
             expected.extend(all.given[cut..].iter().map(|(_, bytes)| bytes.clone()));
             let given: Vec<Vec<u8>> = world.given.iter().map(|(_, bytes)| bytes.clone()).collect();
             assert_eq!(given, expected, "{} at {cut}", path.display());
-            // Every frame of the rest comes later by the same time.
+            // All remaining frames are delayed by the same time.
             let rest = world.given.iter().rev().zip(all.given.iter().rev()).take(all.given.len() - cut);
             let shifts: Vec<Nanos> = rest.map(|((at, _), (due, _))| *at - *due).collect();
             assert!(shifts.windows(2).all(|pair| pair[0] == pair[1]), "{shifts:?}");
@@ -241,7 +242,7 @@ fn a_pause_at_every_frame_of_every_script_changes_nothing_but_the_time() {
 }
 
 #[test]
-fn what_held_at_a_pause_holds_again_behind_it() {
+fn the_state_at_a_pause_is_restored_afterwards() {
     let timeline = timeline(
         "pid speed speed=1,2 position=3,4,5 yaw=6,7,8\nservos 1400 1600\nbuzzer on\nrocker x=10 for 1s\nbuzzer off",
     );
@@ -251,7 +252,7 @@ fn what_held_at_a_pause_holds_again_behind_it() {
         _ => suspend(now, order, given),
     };
     let (world, _) = World::run(meddle, &timeline);
-    // The write behind the four of the stop.
+    // The write after the four of the stop.
     let again: Vec<String> = commands(&world.given[7].1).iter().map(OnBoard::said).collect();
     let expected = [
         "pid speed speed=1,2 position=3,4,5 yaw=6,7,8",
@@ -265,10 +266,10 @@ fn what_held_at_a_pause_holds_again_behind_it() {
 }
 
 #[test]
-fn whatever_ends_a_run_ends_it_at_a_pause_too() {
+fn every_end_of_a_run_also_ends_a_pause() {
     let timeline = timeline(SCRIPT);
     for (input, cause) in ENDS {
-        // While the robot is being stopped for the pause, and while it stands.
+        // During the stop of the pause, and afterwards.
         for at_stop in [true, false] {
             let mut suspend = once(2, Input::Suspend);
             let meddle = |now, order, given| match order {
@@ -326,7 +327,7 @@ fn a_second_signal_skips_nothing() {
 }
 
 #[test]
-fn what_is_queued_is_thrown_away_before_the_stop() {
+fn the_queue_is_discarded_before_the_stop() {
     let timeline = timeline(SCRIPT);
     let mut orders = Vec::new();
     let meddle = |now, order, given| {
@@ -341,7 +342,7 @@ fn what_is_queued_is_thrown_away_before_the_stop() {
 #[test]
 fn a_frame_that_is_too_late_is_not_sent() {
     let timeline = timeline("servo 1 1500\nat 100ms servo 1 1600\nat 101ms servo 1 1700");
-    // The machine sleeps through the second frame and most of the patience.
+    // The machine is suspended during the second frame and most of the allowed lateness.
     let meddle = |now, order, _| {
         matches!(order, Order::Wait { until, .. } if until == MS * 100 && now < until)
             .then_some((MS * 151, Input::Tick))
@@ -355,9 +356,9 @@ fn a_frame_that_is_too_late_is_not_sent() {
 }
 
 #[test]
-fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
+fn a_superseded_refresh_is_dropped_and_reported() {
     let timeline = timeline("refresh 10ms\nrocker x=10 for 60ms");
-    // 45 ms late at the first refresh: four of them are due at once, and only the newest is sent.
+    // 45 ms late at the first refresh: four are due at once, and only the newest is sent.
     let meddle = |now, order, given| {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 45, Input::Tick))
     };
@@ -372,14 +373,14 @@ fn a_refresh_that_a_newer_drive_frame_has_overtaken_is_dropped_and_told() {
         .collect();
     assert_eq!(dropped, [10, 20, 30]);
     assert_eq!((outcome.cause, outcome.dropped, outcome.sent), (Cause::Finished, 3, 4));
-    // What was given, with what was dropped, is what was rendered.
+    // The written and the dropped frames together are the rendered ones.
     assert_eq!(world.bytes().len() + 3 * 13, rendered(&timeline).len());
 }
 
 #[test]
-fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
+fn of_several_due_samples_of_a_resource_only_the_newest_is_sent() {
     let timeline = timeline("together {\nservo 1 1000 -> 2000 over 100ms\nservo 3 1000 -> 2000 over 100ms\n}");
-    // Asleep until 70 ms: of each servo the samples at 20, 40 and 60 ms are due.
+    // Suspended until 70 ms: the samples at 20, 40 and 60 ms of each servo are due.
     let meddle = |now, order, given| {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 70, Input::Tick))
     };
@@ -392,7 +393,7 @@ fn of_the_samples_of_a_thing_that_are_due_together_only_the_newest_is_sent() {
 }
 
 #[test]
-fn samples_of_one_servo_are_overtaken_by_both_in_one_frame() {
+fn samples_of_one_servo_are_superseded_by_both_in_one_frame() {
     let timeline = timeline("servo 2 1500 -> 1600 over 50ms\nwait 1ms\nservos 900 900\nservo 3 900");
     let meddle = |now, order, given| {
         (given == 1 && matches!(order, Order::Wait { .. }) && now == Nanos::ZERO).then_some((MS * 70, Input::Tick))
@@ -421,7 +422,7 @@ fn a_port_that_stops_taking_bytes_ends_the_run() {
     let meddle = |now, order, given| (given >= 1 && order == Order::Write).then_some((now, Input::Blocked));
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((outcome.cause, outcome.stop, outcome.sent), (Cause::Stalled, Stop::NotSent, 3));
-    // It is given up: the stop has half a second.
+    // The player gives up: the stop has half a second.
     assert!(world.now < MS * 700);
 }
 
@@ -439,7 +440,7 @@ fn a_port_that_takes_bytes_again_after_the_flush_gets_the_stop() {
 }
 
 #[test]
-fn a_port_that_is_gone_is_not_stopped_and_says_so() {
+fn a_lost_port_is_reported_as_not_stopped() {
     let timeline = timeline(SCRIPT);
     let (world, outcome) = World::run(
         |now, order, given| (given >= 1 && order == Order::Write).then_some((now, Input::Failed(Some(5)))),
@@ -499,7 +500,7 @@ fn on_abort_follows_the_stop_at_its_times() {
             (240, "buzzer off"),
         ]
     );
-    // A run that ends as it should sends nothing of it.
+    // A run that ends normally sends none of it.
     let (world, _) = World::run(|_, _, _| None, &timeline);
     assert_eq!(world.bytes(), rendered(&timeline));
 }
@@ -538,13 +539,13 @@ fn a_raw_frame_in_on_abort_is_followed_by_a_stop() {
 }
 
 #[test]
-fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_holds_by_then() {
+fn steps_of_a_pause_play_all_but_the_drive_and_resuming_restores_the_current_state() {
     let timeline =
         timeline("rocker x=10\nwait 100ms\nservo 1 1000\nwait 10s\nrocker y=5\nservo 2 1200\nwait 10s\nstop");
     let mut player = Player::new(&timeline, MAX_LATE);
     let mut sent = Vec::new();
     let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
-    // Pauses after 50 ms, plays three steps at once, goes on, and quits at 19 s of the script.
+    // Pauses after 50 ms, plays three steps, resumes, and quits at 19 s of the script.
     let mut keys = [Input::Pause, Input::Step, Input::Step, Input::Resume].into_iter();
     let outcome = loop {
         let order = player.poll(now, input, &mut |_| {});
@@ -569,14 +570,15 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
     };
     let sent: Vec<(u64, &str)> = sent.iter().map(|(at, command)| (*at, command.as_str())).collect();
     let at = sent.iter().position(|(_, command)| *command == "servo 1 1000").unwrap();
-    // The stop of the pause; the two steps, at once; what held by then, with the servos first.
+    // The stop of the pause; the two steps, immediately; the current state, servos first.
     assert_eq!(sent[at - 1].1, "buzzer off");
     assert_eq!(
         sent[at..at + 5].iter().map(|(_, command)| *command).collect::<Vec<_>>(),
         ["servo 1 1000", "servo 2 1200", "servo 1 1000", "servo 2 1200", "rocker x=0 y=5 z=0"]
     );
     assert!(sent[at + 4].0 < 200, "{sent:?}");
-    // From there on the script goes on in its time: ten seconds of refreshes are left of it, nine until the end.
+    // Afterwards, the script continues on time: ten seconds of refreshes remain, nine until the
+    // end.
     let refreshes = sent[at + 5..].iter().filter(|(_, command)| *command == "rocker x=0 y=5 z=0").count();
     assert!((175..=180).contains(&refreshes), "{refreshes}");
     assert_eq!((outcome.cause, outcome.stop), (Cause::Quit, Stop::Sent));
@@ -584,7 +586,7 @@ fn steps_of_a_pause_play_everything_but_the_drive_and_resuming_restores_what_hol
     assert!(sent.ends_with(&[(sent[sent.len() - 1].0, "buzzer off")]));
 }
 
-/// A receiver that trusts every length, and looks for the next header only behind the frame that it was told of.
+/// A receiver that trusts every length, and looks for the next header only after the claimed frame.
 #[derive(Default)]
 struct Trusting {
     bytes: Vec<u8>,
@@ -610,14 +612,14 @@ impl Trusting {
 }
 
 #[test]
-fn a_receiver_that_trusts_lengths_is_back_in_step_before_the_first_stop() {
+fn a_receiver_that_trusts_lengths_is_synchronized_before_the_first_stop() {
     let raw = |length: usize| format!("raw 0x40 {}\nrocker x=10\nwait 1s\n", "0x11 ".repeat(length));
     let mut scripts =
         vec!["servo 1 1500; pid speed speed=1,2 position=3,4,5 yaw=6,7,8\nwheels 1 2 3 4\nwait 1s\n".to_owned()];
     scripts.extend([0, 1, 9, 10, 11, 100, 254, 255].map(raw));
     for script in scripts {
         let timeline = timeline(&script);
-        // Ended while it drives: what follows the flush is the stop.
+        // Ended while it drives: the stop follows the flush.
         let meddle = |now, order, given| match order {
             Order::Wait { .. } if given > 0 && now < MS * 500 => Some((MS * 500, Input::Signal(2))),
             _ => None,
@@ -632,7 +634,7 @@ fn a_receiver_that_trusts_lengths_is_back_in_step_before_the_first_stop() {
             once.take(&before[..cut]);
             once.take(&stop);
             assert_eq!(once.stops, 3, "{script} cut at {cut}");
-            // The stop of a player is cut, too, by that of its guard.
+            // The player's stop is also truncated, by that of its guard.
             for second in 0..=stop.len() {
                 let mut twice = Trusting::default();
                 twice.take(&before[..cut]);

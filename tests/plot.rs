@@ -1,4 +1,4 @@
-//! `plot`: pictures of what a script does.
+//! `plot`: pictures of scripts.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use motionseq::source::{Source, Sources};
 use motionseq::units::Micros;
 use serde_json::Value;
 
-/// What there is to see of a text that is called `name`.
+/// The plot of a text called `name`.
 fn plotted(name: &str, text: &str) -> Plot {
     let sources = Sources::from(Source::new(name, text));
     let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
@@ -31,7 +31,7 @@ fn texts(svg: &str) -> Vec<String> {
     texts.map(|node| node.text().unwrap_or_default().to_owned()).collect()
 }
 
-/// The path of the only element of a class.
+/// The paths of a class.
 fn path<'s>(svg: &'s str, class: &str) -> Vec<&'s str> {
     let begin = format!("<path class=\"{class}\" d=\"");
     svg.split(&begin).skip(1).map(|rest| rest.split('"').next().unwrap()).collect()
@@ -52,7 +52,7 @@ fn plots() {
 
 #[test]
 fn each_value_is_at_its_time_and_its_height() {
-    // A lane of a servo goes from 500 to 2500, and this one's from 128 to 1184 pixels in 4 s.
+    // The lane of a servo covers 500 to 2500, and the lanes cover 4 s between 128 and 1184 pixels.
     let svg = svg("x.motion", "servo 1 500\nat 1s servo 1 2500\nat 3s servo 1 1500\nat 4s servo 1 1500\n");
     let [curve] = path(&svg, "curve")[..] else { panic!("{svg}") };
     let lanes = path(&svg, "lane");
@@ -77,8 +77,8 @@ fn text_of_a_script_is_text_in_every_format() {
 }
 
 #[test]
-fn a_million_events_are_thinned_and_none_of_their_extremes_is_lost() {
-    // 20,000 swings, and one moment of 2499.
+fn a_million_events_are_reduced_without_losing_extremes() {
+    // 20,000 swings, and one moment at 2499.
     let text = "rate 50hz\nrepeat 10000 { servo 1 1000 -> 2000 over 1s; rocker x=20 z=30 for 1s\nservo 1 1000 over 1s\nmark a\nsay \"b\"\n}\nservo 1 2499\n+20ms servo 1 1000\nwait 2000s\n";
     let plot = plotted("x.motion", text);
     assert!(plot.tracks[0].frames > 1_000_000);
@@ -92,7 +92,7 @@ fn a_million_events_are_thinned_and_none_of_their_extremes_is_lost() {
         .filter_map(|n| n.parse().ok())
         .collect();
     let top: f64 = path(&svg, "lane")[0].strip_prefix("M128 ").unwrap().split('h').next().unwrap().parse().unwrap();
-    // 2499 of 2500, to the tenth of a pixel.
+    // 2499 of 2500, to a tenth of a pixel.
     assert!(heights.contains(&(top + 3.0)), "{curve}");
     assert!(curve.len() < 60_000);
 }
@@ -115,7 +115,7 @@ fn the_data_are_what_is_sent() {
     assert_eq!(lane("buzzer")["spans"][0]["until_us"], 2_250_000);
     assert_eq!(lanes.len(), 5, "{lanes:?}");
     assert_eq!((&data["end_us"], &data["marks"][0]["text"]), (&Value::from(2_250_000), &Value::from("go")));
-    // A second at 5 and -3 cm/s.
+    // One second at 5 and -3 cm/s.
     let end = data["tracks"][0]["path"].as_array().unwrap().last().unwrap();
     assert_eq!((end["x_cm"].as_f64().unwrap().round(), end["y_cm"].as_f64().unwrap().round()), (5.0, -3.0));
 }
@@ -125,7 +125,8 @@ fn a_late_frame_and_a_warning_are_where_they_happen() {
     let text = "baud 9600\nwait 1s\nraw 0x40 1 2 3\nservo 1 1500\nservo 3 1500\nwait 1s\n";
     let plot = plotted("x.motion", text);
     let late = &plot.tracks[0].wire.late;
-    // 8 bytes at 9600 baud take 8.3 ms, and the next ones wait for them; so do the closing frames for the 13 of the stop.
+    // 8 bytes at 9600 baud take 8.3 ms, and the next frames wait for them; the closing frames wait
+    // for the 13 bytes of the stop.
     let late: Vec<(u64, u64)> = late.iter().map(|late| (late.at.0, late.late.0)).collect();
     assert_eq!(late, [(1_000_000, 8_334), (1_000_000, 16_667), (2_000_000, 13_542)]);
     let raw = plot.warnings.iter().find(|warning| warning.code == "raw-frame").unwrap();
@@ -140,7 +141,7 @@ fn limits_of_the_script_are_in_its_lane() {
         other => panic!("{other:?}"),
     };
     assert_eq!(limits(0), (Some([900.0, 2100.0]), [500.0, 2500.0]));
-    // A tilt servo breaks beyond 1950.
+    // A tilt servo is damaged beyond 1950.
     assert_eq!(limits(1), (None, [500.0, 1950.0]));
     assert_eq!(path(&plot.to_svg(Theme::Light), "limit").len(), 2);
 }
@@ -156,12 +157,12 @@ fn bars_go_with_the_speed_and_with_a_part_of_the_script() {
     };
     assert_eq!(bars(&[]), (0, 500_000.0));
     assert_eq!(bars(&["--speed", "0.5"]), (0, 1_000_000.0));
-    // A second of lead-in, and three that are left out.
+    // A lead-in of a second, and three seconds that are left out.
     assert_eq!(bars(&["--from", "3s"]), (-2_000_000, 500_000.0));
     fs::remove_file(script).unwrap();
 }
 
-/// A file of its own.
+/// The path of a temporary file.
 fn file(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("motionseq-plot-{}-{name}", std::process::id()))
 }
@@ -196,13 +197,13 @@ fn a_png_has_its_size_its_curve_where_it_must_be_and_words() {
     let column = |pixels: &[[u8; 3]], x: usize, colour: [u8; 3]| -> Vec<usize> {
         (0..height).filter(|y| at(pixels, x, *y) == colour).collect()
     };
-    // The first half is low, and the second half 78 pixels higher.
+    // The first half is low, the second half 78 pixels higher.
     let (first, second) = (column(&light, 300, blue), column(&light, 1_000, blue));
     assert!(!first.is_empty() && !second.is_empty());
     assert_eq!(first[0] - second[0], 78);
-    // Where the value jumps, the curve is one column from top to bottom.
+    // Where the value jumps, the curve covers a column from top to bottom.
     assert!(column(&light, 656, blue).len() > 70 || column(&light, 655, blue).len() > 70);
-    // The title is written in a font that came along: dark pixels in its place.
+    // The title uses the included font: there are dark pixels in its place.
     let title = (12..32).flat_map(|y| (16..200).map(move |x| (x, y))).filter(|(x, y)| at(&light, *x, *y)[0] < 60);
     assert!(title.count() > 150);
     assert_eq!(at(&light, 1, 1), [255, 255, 255]);
@@ -216,7 +217,7 @@ fn a_png_has_its_size_its_curve_where_it_must_be_and_words() {
 }
 
 #[test]
-fn mistakes_are_said() {
+fn mistakes_are_reported() {
     for (args, why) in [
         (&["-o", "picture.gif"][..], "says no format: end it in .svg, .png, .html or .json"),
         (&["-o", "scripts/hello.motion", "--format", "svg"], "this run reads it"),
@@ -244,13 +245,13 @@ fn standard_output_takes_a_picture_and_a_page_is_one_file() {
     });
     let page = stdout(&run(&["plot", "scripts/hello.motion", "--format", "html"]));
     assert!(page.starts_with("<!doctype html>") && page.contains("<title>scripts/hello.motion</title>"));
-    // Nothing is loaded from anywhere.
+    // Nothing is loaded from elsewhere.
     assert!(!page.contains("src=") && !page.contains("href=") && !page.contains("url("), "{page}");
     assert!(Path::new("docs/pictures").is_dir());
 }
 
 #[test]
-fn huge_labels_are_cut_to_their_room() {
+fn huge_labels_are_cut_to_the_available_width() {
     let (name, words) = ("n".repeat(3_000), "wörter ".repeat(8_000));
     let text = format!("mark {name}\nsay \"{words}\"\nservo 1 1500\nwait 1s\nexpect voltage > 10V \"{words}\"\n");
     let svg = svg(&format!("{}.motion", "f".repeat(500)), &text);
@@ -271,7 +272,7 @@ fn each_robot_has_a_band_of_its_own() {
     let texts = texts(&svg);
     let count = |word: &str| texts.iter().filter(|text| *text == word).count();
     assert_eq!(
-        [count("left"), count("right <b>"), count("servo 1"), count("from above"), count("wire")],
+        [count("left"), count("right <b>"), count("servo 1"), count("top view"), count("wire")],
         [1, 1, 2, 2, 2]
     );
     // One below the other.
@@ -281,7 +282,7 @@ fn each_robot_has_a_band_of_its_own() {
 }
 
 #[test]
-fn what_xml_forbids_is_escaped() {
+fn characters_that_xml_forbids_are_escaped() {
     let path = file("noncharacters.motion");
     fs::write(&path, "say \"a\u{FFFE}b\u{FFFF}\"\nservo 1 1500\nwait 1s\n").unwrap();
     let name = path.to_str().unwrap();

@@ -1,4 +1,4 @@
-//! Ports, terminals and signals as they are found: what others have left there, and what is left for others.
+//! Ports, terminals and signals as other programs left them, and as this one leaves them.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -12,7 +12,7 @@ use crate::support::far::{FarEnd, assert_stopped, bytes, end, start};
 use crate::support::host::{Host, frames, link, rocker};
 use crate::support::{motionseq, run, script, stderr};
 
-/// Whether a terminal is one that only one program may open.
+/// Whether a terminal is in exclusive mode.
 fn is_exclusive(path: &str) -> bool {
     let code = "import fcntl,os,sys\nfd=os.open(sys.argv[1],os.O_RDWR|os.O_NOCTTY)\n\
                 print(int.from_bytes(fcntl.ioctl(fd,0x80045440,bytes(4)),'little'))";
@@ -22,7 +22,7 @@ fn is_exclusive(path: &str) -> bool {
 }
 
 #[test]
-fn a_port_is_for_others_again_however_a_run_ends() {
+fn the_port_is_free_after_every_end_of_a_run() {
     let short = script("exclusive", "servo 1 1500\n");
     let long = script("exclusive-long", "rocker x=10\nwait 1h\n");
     let pty = Pty::open().unwrap();
@@ -34,7 +34,7 @@ fn a_port_is_for_others_again_however_a_run_ends() {
     }
     for signal in [Signal::INT, Signal::KILL] {
         let far = FarEnd::new();
-        // Keeps the far end from ending with the player.
+        // Keeps the far end open after the player ends.
         let held = File::options().read(true).write(true).open(&far.path).unwrap();
         let child = start(&["play", &long, "--port", &far.path]);
         far.first();
@@ -82,7 +82,7 @@ fn a_result_never_goes_to_the_port_or_to_a_terminal() {
         let output = run(args);
         assert_eq!(output.status.code(), Some(2), "{args:?}: {}", stderr(&output));
     }
-    // What takes everything is written to in its place.
+    // A device that accepts everything is written in place.
     let output = run(&["play", &path, "--port", &far.path, "--record", "/dev/null"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert!(fs::metadata("/dev/null").is_ok_and(|meta| !meta.is_file()));
@@ -137,13 +137,13 @@ fn a_report_from_before_the_run_makes_no_expect_hold() {
 }
 
 #[test]
-fn the_end_of_a_pseudo_terminal_where_the_board_would_be_is_no_port() {
+fn the_board_end_of_a_pseudo_terminal_is_refused() {
     let output = run(&["play", "scripts/hello.motion", "--port", "/dev/ptmx"]);
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     assert!(stderr(&output).contains("nobody is at its other end"), "{}", stderr(&output));
 }
 
-/// Starts the program as another one does that has ignored or blocked some signals.
+/// Starts the program from a parent that has ignored or blocked some signals.
 fn start_from(parent: &str, args: &[&str]) -> std::process::Child {
     let code = format!(
         "import os,signal,sys\n[signal.signal(s,signal.SIG_DFL) for s in (signal.SIGHUP,signal.SIGINT,signal.SIGQUIT)]\n\
@@ -181,7 +181,7 @@ fn signals_that_were_ignored_stay_so_and_a_port_that_hangs_up_counts() {
         for signal in [Signal::HUP, Signal::INT] {
             kill_process(Pid::from_child(&child), signal).unwrap();
         }
-        // It drives on.
+        // It keeps driving.
         for _ in 0..10 {
             received.extend(far.first());
         }
@@ -209,7 +209,7 @@ fn hints_can_be_followed() {
     let output = run(&["test", "no-such-folder"]);
     let text = crate::support::stdout(&output) + &stderr(&output);
     assert!(text.contains("no-such-folder") && text.contains("there is nothing with this name"), "{text}");
-    // A name like an option's is written so that the line can be run.
+    // A name that looks like an option is shown so that the command line works.
     let folder = link("hints");
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join("-x.motion"), "servo 1 1500\n").unwrap();
@@ -226,7 +226,7 @@ fn a_forbidden_port_names_the_group_of_its_node() {
     let path = pty.path();
     let is_root = rustix::process::geteuid().is_root();
     if !is_root {
-        // The owner could open it whatever its mode says; nobody else has made one here.
+        // The owner could open it in any mode, and there is no other user.
         return;
     }
     let group = |gid| {

@@ -1,4 +1,4 @@
-//! What holds for every script, whatever is in it.
+//! Properties of all scripts.
 
 use crate::support::board::{OnBoard, board};
 use motionseq::board::State;
@@ -12,7 +12,7 @@ fn compiled(text: &str) -> Compiled {
     compile(&Source::new("test", text).into(), &Options::default())
 }
 
-/// A line that compiles by itself.
+/// A line that compiles on its own.
 fn line() -> impl Strategy<Value = String> {
     let time = prop_oneof![Just(0), 1..2_000_u32].prop_map(|ms| format!("{ms}ms"));
     let command = prop_oneof![
@@ -29,7 +29,7 @@ fn line() -> impl Strategy<Value = String> {
         Just("say \"hello\"".to_owned()),
         (500..=2500, 500..=2500, 1..800, prop::sample::select(motionseq::program::Ease::names())).prop_map(
             |(from, to, ms, ease)| {
-                // Far from the ends, so that no easing overshoots them.
+                // Far from the ends of the range, so that no easing overshoots it.
                 let inside = |pulse: i32| 1100 + (pulse - 500) / 3;
                 format!("servo 1 {} -> {} over {ms}ms ease {ease}", inside(from), inside(to))
             }
@@ -48,7 +48,7 @@ fn line() -> impl Strategy<Value = String> {
     (start, command).prop_map(|(start, command)| format!("{start}{command}\n"))
 }
 
-/// A line that does something else each time it is run.
+/// A line that does something else each time it runs.
 fn varying() -> impl Strategy<Value = String> {
     prop::sample::select(vec![
         "wait (pass * 100ms)\n",
@@ -68,7 +68,7 @@ fn varying() -> impl Strategy<Value = String> {
     .prop_map(str::to_owned)
 }
 
-/// Text made of what the language is made of, mostly in the wrong order.
+/// Tokens of the language, mostly in the wrong order.
 fn soup() -> impl Strategy<Value = String> {
     let word = prop::sample::select(vec![
         "servo",
@@ -128,11 +128,14 @@ fn soup() -> impl Strategy<Value = String> {
         "raw",
     ]);
     prop::collection::vec((word, prop::bool::ANY), 0..60).prop_map(|words| {
-        words.into_iter().map(|(word, blank)| if blank { format!("{word} ") } else { word.to_owned() }).collect()
+        words
+            .into_iter()
+            .map(|(word, has_space)| if has_space { format!("{word} ") } else { word.to_owned() })
+            .collect()
     })
 }
 
-/// Moves every span of a result.
+/// Shifts every span of a result.
 fn moved(span: Span, by: u32) -> Span {
     if span == Span::default() { span } else { Span { start: span.start + by, end: span.end + by } }
 }
@@ -140,7 +143,7 @@ fn moved(span: Span, by: u32) -> Span {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever compiles is sorted, in range, refreshed only while it drives, and ends at rest.
+    /// A timeline is sorted, in range, refreshed only while it drives, and ends at rest.
     #[test]
     fn timelines_are_sound(lines in prop::collection::vec(line(), 1..20)) {
         let text = format!("seed 3\ndef wait_a(time) {{ wait time }}\n{}", lines.concat());
@@ -170,7 +173,7 @@ proptest! {
         }
     }
 
-    /// What a line does in each pass of a `repeat` may be worked out once; nobody can tell from the frames.
+    /// Lines of a `repeat` may be evaluated only once; the frames must not differ.
     #[test]
     fn a_repeat_is_its_lines_written_out(
         lines in prop::collection::vec(prop_oneof![4 => line(), 1 => varying()], 1..6),
@@ -191,9 +194,9 @@ proptest! {
         prop_assert_eq!(sent(&repeated), sent(&written));
     }
 
-    /// Nothing panics, and every message points into the text and helps.
+    /// Nothing panics, and every message has a place in the text and a help.
     #[test]
-    fn any_text_gets_an_answer(text in soup()) {
+    fn every_text_gets_an_answer(text in soup()) {
         let result = compiled(&text);
         prop_assert_eq!(result.timeline.is_none(), result.diagnostics.has_errors());
         for diagnostic in &result.diagnostics {
@@ -203,7 +206,8 @@ proptest! {
         }
     }
 
-    /// A long script is read in pieces, which nobody notices: behind a long comment everything is the same, further down.
+    /// A long script is read in pieces. After a long comment, the result is the same, at later
+    /// lines.
     #[test]
     fn where_a_script_is_cut_does_not_matter(text in soup(), length in 4_000..4_600_usize) {
         prop_assume!(!text.starts_with('\r'));

@@ -1,4 +1,4 @@
-//! `record`, and `decode` into a script: what a program sent, as a script that sends it again.
+//! `record`, and `decode` into a script: a script that repeats what a program sent.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -10,7 +10,7 @@ use crate::support::board::{OnBoard, board, say};
 use crate::support::host::{Host, frames, has, link, rocker, stop};
 use crate::support::{messages, run, stderr};
 use motionseq::board::Command;
-use motionseq::capture::{Decoded, Reading, Scribe, TimedDecoder, decode, transcribe};
+use motionseq::capture::{Decoded, Reading, ScriptWriter, TimedDecoder, decode, decode_to_script};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
@@ -19,53 +19,53 @@ use proptest::prelude::*;
 use rustix::process::Signal;
 
 const BAUD: u32 = 115_200;
-/// How far a folded recording may be from what was held.
+/// The maximum deviation of a folded recording from the sent values.
 const SERVO_TOLERANCE: i32 = 5;
 const DRIVE_TOLERANCE: i32 = 1;
 
-/// A script, compiled; errors are shown.
+/// Compiles a script; errors are shown.
 fn compiled(text: &str) -> Timeline {
     let sources = Sources::from(Source::new("test.motion", text));
     let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
     compiled.timeline.unwrap_or_else(|| panic!("{}\n{text}", messages(&sources, &compiled.diagnostics)))
 }
 
-/// Frames at times in microseconds, as a recording; settled every 300 ms, as `record` does it.
+/// Records frames at times in microseconds, settled every 300 ms, as `record` does.
 fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
-    let mut scribe = Scribe::new(Arc::clone(board()), exact, BAUD);
+    let mut writer = ScriptWriter::new(Arc::clone(board()), exact, BAUD);
     let mut decoder = TimedDecoder::new(board(), BAUD);
     let (mut text, mut settled, mut last) = (String::new(), 0, 0);
     for (at, frame) in frames {
         while settled + 300_000 < *at {
             settled += 300_000;
-            scribe.settle(Micros(settled));
-            text += &scribe.settled();
-            amend(&mut scribe, &mut text);
-            if scribe.frames() > 0 {
-                // At any time, the script could end here.
-                compiled(&(text.clone() + &scribe.tail()));
+            writer.settle(Micros(settled));
+            text += &writer.settled();
+            amend(&mut writer, &mut text);
+            if writer.frames() > 0 {
+                // The script must be valid if it ends here.
+                compiled(&(text.clone() + &writer.tail()));
             }
         }
-        decoder.feed(Micros(*at).nanos(), frame, |at, item| scribe.take(at, item));
+        decoder.feed(Micros(*at).nanos(), frame, |at, item| writer.take(at, item));
         last = *at;
     }
-    scribe.finish(Micros(last + 2_000));
-    text += &scribe.settled();
-    amend(&mut scribe, &mut text);
+    writer.finish(Micros(last + 2_000));
+    text += &writer.settled();
+    amend(&mut writer, &mut text);
     text
 }
 
-/// The same frames without their times, as `decode -o` writes them.
-fn transcribed(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
+/// The same frames without times, as `decode -o` writes them.
+fn decoded_script(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
     let bytes: Vec<u8> = frames.iter().flat_map(|(_, frame)| frame.clone()).collect();
     let mut out = Vec::new();
-    transcribe(&bytes[..], Reading::default(), exact, &mut out).unwrap();
+    decode_to_script(&bytes[..], Reading::default(), exact, &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
-/// Replaces what the head of a recording said before, as `record` does it in its file.
-fn amend(scribe: &mut Scribe, text: &mut String) {
-    if let Some((at, new)) = scribe.amendment() {
+/// Replaces the note in the header of a recording, as `record` does in its file.
+fn amend(writer: &mut ScriptWriter, text: &mut String) {
+    if let Some((at, new)) = writer.amendment() {
         text.replace_range(at..at + new.len(), new);
     }
 }
@@ -74,7 +74,7 @@ fn sent(timeline: &Timeline) -> Vec<(u64, Vec<u8>)> {
     timeline.events.iter().map(|event| (event.at.0, event.command.to_frame())).collect()
 }
 
-/// When each frame begins on the line, and what it is.
+/// When each frame starts on the line, and its bytes.
 fn on_the_line(frames: &[(u64, Vec<u8>)]) -> Vec<(u64, Vec<u8>)> {
     let mut free = 0.0_f64;
     let begin = |(at, frame): &(u64, Vec<u8>)| {
@@ -128,7 +128,7 @@ together {
 rocker x=5 y=5 for 1s";
     let text = recorded(false, &sent(&compiled(script)));
     let lines: Vec<&str> = text.lines().skip(1).collect();
-    // Times are those of the line; what was said at one time stands behind each other there.
+    // Times are those of the line; simultaneous commands follow each other there.
     assert_eq!(
         lines,
         [
@@ -146,7 +146,7 @@ rocker x=5 y=5 for 1s";
     );
 }
 
-/// A thing and its values.
+/// A channel and its values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Lane {
     Servo(i32),
@@ -163,7 +163,7 @@ impl Lane {
         }
     }
 
-    /// Values inside what it takes, of three numbers from 0 to 1; room is left for easings that overshoot.
+    /// Values in range, from three numbers from 0 to 1, with room for easings that overshoot.
     fn values(self, parts: [f64; 3]) -> [i32; 3] {
         let [a, b, c] = parts;
         let at = |least: f64, most: f64, part: f64| (least + (most - least) * part).round() as i32;
@@ -175,12 +175,12 @@ impl Lane {
     }
 }
 
-/// What a program does for a while.
+/// A phase of a program.
 #[derive(Clone, Debug)]
 struct Act {
     lane: Lane,
     to: [f64; 3],
-    /// How it gets there: by an easing, at once, or at random.
+    /// By an easing; `None` for a jump or random values.
     how: Option<Ease>,
     steps: u64,
     step: u64,
@@ -201,7 +201,7 @@ fn act() -> impl Strategy<Value = Act> {
     )
 }
 
-/// The frames of a program that does all this, one act after another, with the values that it sent.
+/// The frames of a program with these phases, and the values that it sent.
 fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
     let (mut frames, mut now) = (Vec::new(), 0);
     let mut last: Vec<(Lane, [i32; 3])> = Vec::new();
@@ -233,7 +233,7 @@ fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
     frames
 }
 
-/// What a command gives a lane.
+/// The values that a command sends to a lane.
 fn given(command: &Command, lane: Lane) -> Option<[i32; 3]> {
     let values = command.values();
     match (command.said().split(' ').next()?, lane) {
@@ -247,7 +247,7 @@ fn given(command: &Command, lane: Lane) -> Option<[i32; 3]> {
 /// Microseconds between two samples of a move.
 const SAMPLE: u64 = 20_000;
 
-/// The least and the most of each value that was held from a time to another.
+/// The minimum and maximum of each value between two times.
 fn held(values: &[(u64, [i32; 3])], from: u64, to: u64) -> Option<([i32; 3], [i32; 3])> {
     let first = values.partition_point(|(at, _)| *at <= from).saturating_sub(1);
     let end = values.partition_point(|(at, _)| *at <= to);
@@ -307,14 +307,14 @@ proptest! {
     }
 }
 
-/// A recording under way, and the file that it goes to.
+/// A recording in progress, and its file.
 fn recording(name: &str, more: &[&str]) -> (Host, PathBuf) {
     let path = link(&format!("{name}.motion"));
     let host = Host::start_at("record", link(name), &[&["-o", path.to_str().unwrap()], more].concat());
     (host, path)
 }
 
-/// What stands in a recording that has ended.
+/// The content of a completed recording.
 fn text_of(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     fs::remove_file(path).unwrap();
@@ -369,7 +369,8 @@ fn a_folded_recording_of_an_owners_program_is_short() {
     host.end();
     let text = text_of(&path);
     let found = commands(&text);
-    // A thousand wheel frames are one hold, and twenty servo frames that stand back to back a move or some of them.
+    // A thousand wheel frames are one hold, and twenty successive servo frames are one move or
+    // some.
     assert_eq!(found.iter().filter(|command| command.starts_with("wheels")).collect::<Vec<_>>(), [&"wheels 8 -8 8 -8"]);
     assert!(found.contains(&"request report-start") && found.contains(&"request report-stop"), "{text}");
     assert!(found.contains(&"buzzer on") && found.contains(&"buzzer off") && found.contains(&"stop"), "{text}");
@@ -378,13 +379,13 @@ fn a_folded_recording_of_an_owners_program_is_short() {
 }
 
 #[test]
-fn a_kill_leaves_a_script_of_what_came_before() {
+fn a_kill_leaves_a_script_of_the_earlier_frames() {
     let (mut host, path) = recording("killed", &[]);
     let mut port = host.open();
     for x in 1..20 {
         port.write_all(&rocker(x)).unwrap();
     }
-    // It is written while it goes on.
+    // It is written while it continues.
     while !fs::read_to_string(&path).unwrap_or_default().contains("x=19") {}
     host.signal(Signal::KILL);
     host.child.wait().unwrap();
@@ -409,7 +410,7 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
     port.write_all(&rocker(7)).unwrap();
     drop(port);
     tap.says("has not stopped the robot");
-    // Nobody else can stop the robot then.
+    // Nothing else can stop the robot then.
     let (_, said) = tap.end();
     assert!(said.contains("stop: sent"), "{said}");
     board.says("the port is closed");
@@ -426,7 +427,7 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
 }
 
 #[test]
-fn the_board_of_a_tap_that_goes_is_told() {
+fn the_loss_of_a_taps_board_is_reported() {
     let board = Host::start("gone", &[]);
     let (mut tap, path) = recording("told", &["--port", board.path.to_str().unwrap()]);
     let mut port = tap.open();
@@ -440,7 +441,7 @@ fn the_board_of_a_tap_that_goes_is_told() {
 }
 
 #[test]
-fn a_recording_is_never_put_over_anything() {
+fn a_recording_never_overwrites_a_file() {
     let path = link("there.motion");
     fs::write(&path, "stop\n").unwrap();
     let board = link("over");
@@ -448,7 +449,7 @@ fn a_recording_is_never_put_over_anything() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("it is there already"), "{}", stderr(&output));
     assert_eq!(text_of(&path), "stop\n");
-    // And where nothing is recorded, no file is left.
+    // If nothing is recorded, no file is left.
     let output = run(&["record", "--link", board.to_str().unwrap(), "-o", path.to_str().unwrap(), "--port", "/dev/no"]);
     assert_eq!((output.status.code(), path.exists()), (Some(3), false), "{}", stderr(&output));
 }
@@ -459,9 +460,9 @@ fn folded(sent: &[(u64, Command)]) -> String {
 }
 
 #[test]
-fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
+fn a_drive_without_frames_stops_as_on_a_board() {
     let drive = Lane::Rocker.command([5, 0, 0]);
-    // Fed for a second, then silence, then a servo.
+    // Refreshed for a second, then silence, then a servo.
     let mut sent: Vec<(u64, Command)> = (0..10).map(|time| (time * 100_000, drive.clone())).collect();
     sent.push((3_000_000, Lane::Servo(1).command([1500, 0, 0])));
     sent.push((3_500_000, drive));
@@ -471,7 +472,7 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
         lines,
         [
             "at 0s rocker x=5 y=0 z=0",
-            "at 1.4s stop  # no drive frame came for 0.5s",
+            "at 1.4s stop  # no drive frame for 0.5s",
             "at 3s servo 1 1500",
             "at 3.5s rocker x=5 y=0 z=0",
             "at 3.502s stop  # the recording ends here",
@@ -480,22 +481,22 @@ fn a_drive_that_nobody_feeds_stops_as_a_board_does() {
 }
 
 #[test]
-fn what_would_harm_or_mislead_is_left_out_and_said() {
-    let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
+fn harmful_frames_are_left_out_and_noted() {
+    let mut writer = ScriptWriter::new(Arc::clone(board()), false, BAUD);
     let mut decoder = TimedDecoder::new(board(), BAUD);
     let tilt = [0xFF, 0xFE, 2, 4, 0x05, 0xDC, 0x09, 0xC4, 0xB4];
     let unknown = [0xFF, 0xFE, 0x40, 1, 5, 0x46];
     let moves = say("move", &[5, 0, 0]);
     for part in [&tilt[..], &[1, 2, 3], &unknown, &moves.to_frame(), &stop()] {
-        decoder.feed(Nanos::ZERO, part, |at, item| scribe.take(at, item));
+        decoder.feed(Nanos::ZERO, part, |at, item| writer.take(at, item));
     }
-    scribe.finish(Micros::SECOND);
-    let text = scribe.settled();
+    writer.finish(Micros::SECOND);
+    let text = writer.settled();
     let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(
         lines,
         [
-            "# 0s: left out, FF FE 02 04 05 DC 09 C4 B4: 2500 is outside 500 to 1950",
+            "# 0s: left out, FF FE 02 04 05 DC 09 C4 B4: 2500 is out of range (500 to 1950)",
             "# 0.000781s: skipped 3, 01 02 03: no frame starts here",
             "at 0.001041s raw 0x40 0x05  # no command has this function and length",
             "at 0.001562s raw 0x03 0x04 0x00 0x05 0x00 0x00 0x00 0x00 0x01  # move x=5 y=0 z=0, with no `pid position` before it",
@@ -508,7 +509,8 @@ fn what_would_harm_or_mislead_is_left_out_and_said() {
 #[test]
 fn a_yaw_hold_at_zero_is_recorded_as_a_hold() {
     let zero = say("yawhold", &[0, 0]);
-    // A stop, then the maker's "stabilize" for a second, a stop, and again until the recording ends.
+    // A stop, then the maker's "stabilize" for a second, a stop, and again until the recording
+    // ends.
     let mut sent = vec![(0, say("stop", &[]))];
     sent.extend((1..=100).map(|time| (time * 10_000, zero.clone())));
     sent.push((1_010_000, say("stop", &[])));
@@ -541,7 +543,7 @@ fn a_move_after_wheels_at_zero_says_where_it_starts() {
 fn a_recording_widens_the_limit_of_the_tilt_only_where_it_must() {
     let tilt = |at, pulse| (at, Lane::Servo(2).command([pulse, 0, 0]));
     for exact in [false, true] {
-        // The first is inside, and was written down long before the second comes.
+        // The first is in range, and was written long before the second comes.
         let sent = [tilt(0, 1_950), tilt(5_000_000, 1_951), tilt(9_000_000, 1_500)];
         let frames: Vec<_> = sent.iter().map(|(at, command)| (*at, command.to_frame())).collect();
         let wide = recorded(exact, &frames);
@@ -550,11 +552,11 @@ fn a_recording_widens_the_limit_of_the_tilt_only_where_it_must() {
         let narrow = recorded(exact, &frames[..1]);
         assert!(!narrow.contains("limit"), "{narrow}");
         compiled(&narrow);
-        let script = transcribed(&frames, exact);
+        let script = decoded_script(&frames, exact);
         assert_eq!(script.lines().nth(1), Some("limit servo 2 500..2500"), "{script}");
         compiled(&script);
     }
-    // An easing that would overshoot the limit is not taken.
+    // An easing that would exceed the limit is not used.
     let ease = Ease::named("out-back").unwrap();
     let way = |step: u64| 1_500.0 + 430.0 * ease.at(step as f64 / 50.0);
     let sent: Vec<_> = (0..=50).map(|step| tilt(step * 20_000, (way(step).round() as i32).min(1_950))).collect();
@@ -569,7 +571,7 @@ fn a_recording_under_way_gets_the_limit_that_it_needs() {
     let mut port = host.open();
     let servo = |index, pulse| Lane::Servo(index).command([pulse, 0, 0]).to_frame();
     port.write_all(&servo(1, 1_500)).unwrap();
-    // The first lines are written before the tilt servo is told anything.
+    // The first lines are written before the first command of the tilt servo.
     while !fs::read_to_string(&path).unwrap_or_default().contains("servo 1 1500") {}
     port.write_all(&servo(2, 2_000)).unwrap();
     drop(port);
@@ -581,14 +583,14 @@ fn a_recording_under_way_gets_the_limit_that_it_needs() {
     compiled(&text);
 }
 
-/// What a thing is given: a value at a time in microseconds.
+/// A value at a time in microseconds.
 fn servo(at: u64, pulse: i32) -> (u64, Command) {
     (at, Lane::Servo(1).command([pulse, 0, 0]))
 }
 
 #[test]
-fn a_recording_does_not_move_while_the_program_stands_still() {
-    // Out of stillness, the first value of a ramp is a jump.
+fn a_recording_does_not_move_during_a_pause_of_the_program() {
+    // After a constant value, the first value of a ramp is a jump.
     let ramp =
         |begin_us: u64, from: i32| (0..=20).map(move |step| servo(begin_us + step * 20_000, from + step as i32 * 5));
     let jump: Vec<_> = [servo(0, 1_500)].into_iter().chain(ramp(2_000_000, 1_900)).collect();
@@ -598,7 +600,7 @@ fn a_recording_does_not_move_while_the_program_stands_still() {
         let lines: Vec<&str> = text.lines().skip(1).collect();
         assert_eq!(lines, ["at 0s servo 1 1500", "at 2s servo 1 1900 -> 2000 over 0.4s"]);
     }
-    // A curve stands still for 90 ms, in its middle.
+    // A curve pauses for 90 ms in its middle.
     let pause = |step: u64| step * 20_000 + if step > 10 { 70_000 } else { 0 };
     let sent: Vec<_> = (0..=20).map(|step| servo(pause(step), 1_000 + step as i32 * 40)).collect();
     let again = compiled(&folded(&sent));
@@ -610,7 +612,8 @@ fn a_recording_does_not_move_while_the_program_stands_still() {
 
 #[test]
 fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
-    // Tens of thousands of frames as fast as the line carries them, of which the moves are looked for in blocks of thousands.
+    // Tens of thousands of frames at the speed of the line, in which moves are searched in blocks
+    // of thousands.
     let mut random = 7_u32;
     let mut random = move |most: u32| {
         random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -626,20 +629,20 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
     for shape in shapes {
         let sent: Vec<_> = (0..20_000).map(|step| servo(u64::try_from(step).unwrap() * 800, shape(step))).collect();
         let frames: Vec<_> = sent.iter().map(|(at, command)| (*at, command.to_frame())).collect();
-        let mut scribe = Scribe::new(Arc::clone(board()), false, BAUD);
+        let mut writer = ScriptWriter::new(Arc::clone(board()), false, BAUD);
         let mut decoder = TimedDecoder::new(board(), BAUD);
         for (at, frame) in &frames {
-            decoder.feed(Micros(*at).nanos(), frame, |at, item| scribe.take(at, item));
+            decoder.feed(Micros(*at).nanos(), frame, |at, item| writer.take(at, item));
         }
-        scribe.finish(Micros(20_000 * 800));
-        assert!(scribe.settled().lines().count() <= 20_001);
+        writer.finish(Micros(20_000 * 800));
+        assert!(writer.settled().lines().count() <= 20_001);
     }
 }
 
-/// A capture, as a script and what was read.
+/// A capture as a script, and the totals.
 fn script_of(capture: &[u8], exact: bool, baud: Option<u32>) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = transcribe(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
+    let decoded = decode_to_script(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 
@@ -660,7 +663,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
             compiled(&script_of(capture, false, given).0);
         }
     }
-    // One thing gets one value at one time.
+    // One resource gets one value at a time.
     let coarse =
         "0.0\tFF FE 02 03 01 05 DC E7\n0.0\tFF FE 02 03 01 05 DD E8\n0.0\tFF FE 04 01 01 06\n0.0\tFF FE 04 01 00 05\n";
     let (text, _) = script_of(coarse.as_bytes(), false, None);
@@ -668,7 +671,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
 }
 
 #[test]
-fn what_a_snapshot_sends_only_where_a_run_ends_early_is_no_part_of_a_script() {
+fn the_on_abort_part_of_a_snapshot_is_not_part_of_a_script() {
     let script = compiled("servo 1 1500\nwait 1s\nservo 1 1600\non abort { servo 1 1000; buzzer on for 100ms }");
     assert_eq!(script.abort.len(), 3);
     let mut snapshot = Vec::new();

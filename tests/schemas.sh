@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Holds what motionseq writes for other programs against their schemas. Run by .ci/run; needs npm, pip and xmllint.
+# Validates the output for other programs against their schemas. Run by .ci/run; needs npm, pip and xmllint.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 motionseq=$PWD/target/debug/motionseq

@@ -1,4 +1,4 @@
-//! Parts of a script, at other speeds, again and again: what `render` and `play` have in common.
+//! Clips of a script, other speeds, and loops: what `render` and `play` have in common.
 
 use crate::support::board::{OnBoard, board};
 use crate::support::{run, script, stderr, stdout};
@@ -6,7 +6,7 @@ use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Player};
 use motionseq::program::{Options, Speed};
 use motionseq::source::Source;
-use motionseq::timeline::{Kind, Part, Timeline, part, passes, state_after};
+use motionseq::timeline::{Clip, Kind, Timeline, clip, passes, state_after};
 use motionseq::units::{Micros, Nanos};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
@@ -44,21 +44,21 @@ stop
 ";
 
 #[test]
-fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
+fn a_clip_from_any_time_restores_the_state_of_the_whole_run() {
     let whole = timeline(SHOW);
     for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
-        let cut = part(&whole, &Part::new(from, None, Micros::SECOND), &State::default());
+        let cut = clip(&whole, &Clip::new(from, None, Micros::SECOND), &State::default());
         let mut there = State::default();
         for event in whole.events.iter().take_while(|event| event.at < from) {
             there.apply(board(), &event.command);
         }
-        // What brings it there, without what comes at that very time.
+        // The lead-in, without the commands at exactly that time.
         let count = cut.events.iter().take_while(|event| event.kind == Kind::Auto).count();
         let mut state = State::default();
         for event in &cut.events[..count] {
             state.apply(board(), &event.command);
         }
-        // What the drive and the buzzer are told anew at that very time is not told before.
+        // The lead-in does not restore what the drive and the buzzer get at exactly that time.
         let anew: Vec<&Command> =
             whole.events.iter().filter(|event| event.at == from).map(|event| &event.command).collect();
         let is_anew = |command: &Command| {
@@ -67,13 +67,13 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
                 command.is_drive() && new.is_drive() || is_buzzer(command) && is_buzzer(new)
             })
         };
-        let told: Vec<Command> = state.commands(board()).cloned().collect();
+        let restored: Vec<Command> = state.commands(board()).cloned().collect();
         let wanted: Vec<Command> = there.commands(board()).filter(|command| !is_anew(command)).cloned().collect();
-        assert_eq!(told, wanted, "{from}");
-        // The servos come first and get their time; the drive runs only when they are there.
+        assert_eq!(restored, wanted, "{from}");
+        // The servos come first and get the lead-in; the drive starts when they have arrived.
         let drives = cut.events[..count].iter().find(|event| event.command.is_drive());
         assert!(drives.is_none_or(|event| event.at == Micros::SECOND && event.at == cut.end - (whole.end - from)));
-        // Behind it, the same frames in the same distances.
+        // Afterwards, the same frames at the same distances.
         let rest: Vec<_> = whole.events.iter().filter(|event| event.at >= from).collect();
         let by = cut.end - (whole.end - from);
         assert_eq!(rest.len(), cut.events.len() - count);
@@ -87,29 +87,30 @@ fn from_every_time_the_board_is_told_what_the_whole_run_would_have_told_it() {
 }
 
 #[test]
-fn wherever_it_is_cut_off_nothing_is_left_running() {
+fn a_clip_to_any_time_leaves_nothing_running() {
     let whole = timeline(SHOW);
     for to in (1..whole.end.0).step_by(53_000).map(Micros) {
-        let cut = part(&whole, &Part::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
+        let cut = clip(&whole, &Clip::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
         assert_eq!(cut.end, to);
         assert!(state_after(&cut).at_rest(board()), "{to}");
         assert!(cut.events.is_sorted_by_key(|event| event.at) && cut.events.iter().all(|event| event.at <= to));
     }
-    assert_eq!(part(&whole, &Part::default(), &State::default()), whole);
+    assert_eq!(clip(&whole, &Clip::default(), &State::default()), whole);
 }
 
 #[test]
-fn a_servo_that_is_known_to_be_elsewhere_goes_there_gently() {
+fn a_servo_at_another_known_position_moves_smoothly() {
     let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
-    let asked = Part::new(Micros(500_000), None, Micros(100_000));
-    // Nobody knows where it is: sent at once, and given the time.
-    let first = part(&whole, &asked, &State::default());
+    let asked = Clip::new(Micros(500_000), None, Micros(100_000));
+    // The position is unknown: the command is sent once, and the servo gets the lead-in.
+    let first = clip(&whole, &asked, &State::default());
     assert_eq!(
         frames(&first)[..2],
         [(0, "servo 1 1000".into(), Kind::Auto), (600_000, "servo 1 2000".into(), Kind::Command)]
     );
-    // Behind the first pass it is at 2000: in-out-sine over 100 ms, at 20 ms 2000 - 1000 · (1 - cos(π/5)) / 2 = 1905.
-    let again = part(&whole, &asked, &state_after(&first));
+    // After the first pass it is at 2000: in-out-sine over 100 ms, at 20 ms 2000 - 1000 · (1 -
+    // cos(π/5)) / 2 = 1905.
+    let again = clip(&whole, &asked, &state_after(&first));
     let found = frames(&again);
     let steps: Vec<(u64, &str)> = found.iter().map(|(at, command, _)| (*at, command.as_str())).collect();
     assert_eq!(
@@ -152,7 +153,7 @@ fn at_another_speed_commands_and_moves_are_scaled_and_refreshes_are_not() {
     );
     assert_eq!(kind(Kind::Refresh), [250_000, 300_000, 350_000]);
     assert_eq!(kind(Kind::Command), [200_000, 400_000]);
-    // Exact: a third as fast and three times as long.
+    // Exact: a third of the speed and three times the duration.
     let third = compiled("wait 100ms\nservo 1 1000\n", Speed::of("3").unwrap());
     assert_eq!(third.events[0].at, Micros(33_333));
     for wrong in ["0.09", "10.001", "11", "", "x", "1.0000", "-1", "1e1", "0"] {
@@ -197,7 +198,7 @@ fn a_run_without_end_does_not_drift_and_comes_to_rest_when_it_is_ended() {
 }
 
 #[test]
-fn what_is_played_is_what_is_rendered() {
+fn the_played_frames_are_the_rendered_ones() {
     let path = script("show", SHOW);
     for options in [
         vec!["--from", "nod", "--to", "bow", "--speed", "4", "--lead-in", "50ms"],
@@ -208,7 +209,7 @@ fn what_is_played_is_what_is_rendered() {
         let rendered = run(&[&["render", &path, "--format", "bin"], &options[..]].concat()).stdout;
         let output = run(&[&["play", &path, "--record", &record], &options[..]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        // A stalled machine may drop steps, which it says.
+        // A stalled machine may drop steps, and reports that.
         if !stderr(&output).contains("dropped") {
             assert_eq!(std::fs::read(&record).unwrap(), rendered, "{options:?}");
         }
@@ -217,7 +218,7 @@ fn what_is_played_is_what_is_rendered() {
 }
 
 #[test]
-fn times_and_marks_that_are_none_say_what_there_is() {
+fn invalid_times_and_marks_list_the_valid_ones() {
     let path = script("marks", "mark a\nrepeat 2 { mark inner\nwait 1s }\nservo 1 1500\nmark b\nwait 1s\n");
     for (options, words) in [
         (vec!["--from", "c"], "`c` is no time such as 1.5s, and no mark of the script; its marks are a, inner, b"),
@@ -247,7 +248,7 @@ fn times_and_marks_that_are_none_say_what_there_is() {
 }
 
 #[test]
-fn a_report_counts_passes_says_what_was_dropped_and_how_late_the_line_would_be() {
+fn a_report_contains_passes_dropped_frames_and_the_lateness_of_the_line() {
     let path = script("three-passes", "servo 1 1500\nwait 50ms\nservo 1 1600\nwait 50ms\n");
     let report = format!("{path}.json");
     let read = || -> serde_json::Value { serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap() };
@@ -261,7 +262,8 @@ fn a_report_counts_passes_says_what_was_dropped_and_how_late_the_line_would_be()
     let output = run(&["play", &failing, "--report", &report, "--loop", "3"]);
     assert_eq!(output.status.code(), Some(7), "{}", stderr(&output));
     assert_eq!(read()["passes"].as_u64(), Some(1));
-    // 40 raw frames of 8 bytes at once, and behind them the closing stop of 13: `buzzer off` waits for 333 bytes of 86.8 us each.
+    // 40 raw frames of 8 bytes at once, followed by the closing stop of 13: `buzzer off` waits for
+    // 333 bytes of 86.8 us each.
     let busy = script("busy-line", &"raw 0x40 1 2 3\n".repeat(40));
     let output = run(&["play", &busy, "--report", &report]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -271,7 +273,7 @@ fn a_report_counts_passes_says_what_was_dropped_and_how_late_the_line_would_be()
 }
 
 #[test]
-fn the_report_says_how_the_run_went() {
+fn the_report_describes_the_run() {
     let path = script(
         "reported",
         "servo 2 1900  # allow: no-such\nwait 300ms\nexpect voltage > 11V\nexpect voltage < 5V \"never\"\n",
@@ -285,7 +287,8 @@ fn the_report_says_how_the_run_went() {
         (Some("expect"), Some(7), Some(4))
     );
     assert_eq!((json["stop"].as_str(), json["passes"].as_u64()), (Some("sent"), Some(1)));
-    // The start of reports and the servo, of 6 and 8 bytes; 12 zeros, three stops of 13 and the buzzer of 6.
+    // The request for reports and the servo, of 6 and 8 bytes; 12 zeros, three stops of 13 and the
+    // buzzer of 6.
     assert_eq!(
         (json["frames"]["sent"].as_u64(), json["frames"]["extra"].as_u64(), json["bytes"].as_u64()),
         (Some(2), Some(4), Some(71))
@@ -320,7 +323,7 @@ fn latency_ends_with_what_to_do() {
     assert_eq!(run(&["latency", "--for", "1ms"]).status.code(), Some(2));
 }
 
-/// As the same `repeat` would be.
+/// The same errors as in a `repeat`.
 #[test]
 fn passes_are_checked_together() {
     let flood = script("flood", &("raw 0x04 0x00  # allow: raw-frame\n".repeat(40) + "wait 10ms\n"));
@@ -328,10 +331,10 @@ fn passes_are_checked_together() {
     let two_servos = script("two-servos", "servos 1000 1500\nwait 1s\nservo 2 1600\n");
     let drives = script("drives", "stop\nwait 1s\nrocker x=1\n");
     for (path, words) in [
-        (&flood, "begins to leave"),
-        (&twice, "servo 1 is told two things at 1.000000 s"),
-        (&two_servos, "servo 2 is told two things at 1.000000 s"),
-        (&drives, "the drive is told two things at 1.000000 s"),
+        (&flood, "but leaves"),
+        (&twice, "servo 1 gets two commands at 1.000000 s"),
+        (&two_servos, "servo 2 gets two commands at 1.000000 s"),
+        (&drives, "the drive gets two commands at 1.000000 s"),
     ] {
         assert_eq!(run(&["render", path]).status.code(), Some(0), "{path}");
         let output = run(&["render", path, "--loop", "100"]);
@@ -355,7 +358,8 @@ fn passes_are_checked_together() {
     }
 }
 
-/// A command that the next pass replaces before the servo can have arrived is the same warning as in a `repeat`.
+/// A command that the next pass replaces before the servo can have arrived gives the same warning
+/// as in a `repeat`.
 #[test]
 fn servos_that_the_next_pass_sends_elsewhere() {
     let far = "servo 1 500\nwait 1s\nservo 1 2500\nwait 10ms\n";
@@ -363,11 +367,11 @@ fn servos_that_the_next_pass_sends_elsewhere() {
     let jumps = "servo 1 1000 -> 2000 over 1s\nwait 1s\nservo 1 1500\nwait 20ms\n";
     let arrives = "servo 1 500\nwait 1s\nservo 1 2500\nwait 500ms\n";
     for (name, text, words) in [
-        ("far", far, Some("servo 1 needs about 363 ms from 500 to 2500 µs, and its next command comes after 10 ms")),
+        ("far", far, Some("servo 1 needs about 363 ms from 500 to 2500 µs, but its next command comes after 10 ms")),
         (
             "jumps",
             jumps,
-            Some("servo 1 needs about 90 ms from 2000 to 1500 µs, and its next command comes after 20 ms"),
+            Some("servo 1 needs about 90 ms from 2000 to 1500 µs, but its next command comes after 20 ms"),
         ),
         ("moved", moved, None),
         ("arrives", arrives, None),
@@ -386,7 +390,7 @@ fn servos_that_the_next_pass_sends_elsewhere() {
             assert!(words.is_none_or(|words| found.contains(words)), "{args:?}: {found}");
         }
     }
-    // A move that is cut is still no jump.
+    // Part of a move is not a jump.
     let output = run(&["render", &script("cut", moved), "--loop", "10", "--from", "500ms"]);
     assert_eq!((output.status.code(), stderr(&output).contains("servo-speed")), (Some(0), false));
 }

@@ -1,4 +1,5 @@
-//! The virtual board: kinematics against closed forms, battery, reports, silence, faults; and `expect`, however reports come.
+//! The virtual board: kinematics against closed forms, battery, reports, silence, faults; and
+//! `expect` with reports in any pieces.
 
 use crate::support::board::{OnBoard, board};
 use motionseq::board::{Command, Hundredths, Report, ReportDecoder, ReportItem};
@@ -17,7 +18,7 @@ fn timeline(text: &str) -> Timeline {
     compiled.timeline.unwrap_or_else(|| panic!("{text}: {:?}", compiled.diagnostics))
 }
 
-/// Where the robot is when a script has been played.
+/// The pose of the robot after a script.
 fn pose(text: &str) -> Pose {
     rehearse(&timeline(text), Settings::default(), Faults::default()).received.pose
 }
@@ -32,16 +33,16 @@ fn lines_squares_spins_and_circles_are_what_geometry_says() {
     is_near(pose("rocker y=10 for 2s"), 0.0, 20.0, 0.0);
     is_near(pose("rocker x=-5 for 2s"), -10.0, 0.0, 0.0);
     is_near(pose("yawhold x=3 y=4 for 1s"), 3.0, 4.0, 0.0);
-    // A square of lines comes home, and so does one that turns a quarter at each corner.
+    // A square of lines ends at its start, and so does one that turns by 90° at each corner.
     is_near(pose("rocker y=10 for 1s\nrocker x=10 for 1s\nrocker y=-10 for 1s\nrocker x=-10 for 1s"), 0.0, 0.0, 0.0);
     is_near(pose("repeat 4 { rocker y=10 for 1s\n rocker z=90 for 1s }"), 0.0, 0.0, 360.0);
-    // A spin stays where it is and comes round.
+    // A spin stays in place and returns to its heading.
     is_near(pose("rocker z=120 for 3s"), 0.0, 0.0, 360.0);
     // Forward and turning right is a circle: after half of it, a diameter to the right, 2 · v / ω.
     let radius = 10.0 / (30.0_f64).to_radians();
     is_near(pose("rocker y=10 z=30 for 6s"), 2.0 * radius, 0.0, 180.0);
     is_near(pose("rocker y=10 z=30 for 3s"), radius, radius, 90.0);
-    // To the right and turning right, it goes back.
+    // Moving right and turning right, it goes back.
     is_near(pose("rocker x=10 z=30 for 3s"), radius, -radius, 90.0);
 }
 
@@ -68,7 +69,7 @@ fn a_displacement_goes_where_the_robot_looks_and_needs_position_mode() {
 }
 
 #[test]
-fn a_board_that_hears_nothing_stops_by_itself() {
+fn a_board_without_frames_stops_by_itself() {
     let silent = "refresh off\nrocker y=10 for 3s";
     is_near(pose(silent), 0.0, 5.0, 0.0);
     let mut settings = Settings::default();
@@ -76,11 +77,11 @@ fn a_board_that_hears_nothing_stops_by_itself() {
     is_near(rehearse(&timeline(silent), settings, Faults::default()).received.pose, 0.0, 30.0, 0.0);
     let mut settings = Settings::default();
     settings.silence = Some(Micros(40_000));
-    // Shorter than the refresh interval of 50 ms: four fifths of the way.
+    // Shorter than the refresh interval of 50 ms: four fifths of the distance.
     is_near(rehearse(&timeline("rocker y=10 for 1s"), settings, Faults::default()).received.pose, 0.0, 8.0, 0.0);
 }
 
-/// The reports of a board with faults that is sent these commands at these times, until a time.
+/// The reports of a board that gets these commands at these times, until a time.
 fn reports(faults: &Faults, commands: &[(u64, &str)], until: u64) -> Vec<(u64, Report)> {
     let device = Device::new(std::sync::Arc::clone(crate::support::board::board()), Settings::default());
     let mut board = Faulty::new(device, faults.clone());
@@ -109,7 +110,7 @@ fn it_reports_ten_times_a_second_between_start_and_stop_and_once_when_asked() {
     let times: Vec<u64> = found.iter().map(|(at, _)| *at).collect();
     assert_eq!(times, [150_000, 250_000, 350_000, 450_000, 550_000]);
     assert_eq!(reports(&Faults::default(), &[(20_000, "request voltage")], 500_000).len(), 1);
-    // The yaw is wrapped, the battery sags while it drives and is there again behind it.
+    // The yaw wraps around; the battery voltage drops while it drives, and recovers afterwards.
     let drive = [
         (0, "request report-start"),
         (0, "rocker z=200"),
@@ -144,11 +145,12 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
         assert!(text.parse::<Faults>().is_err(), "{text}");
     }
     let faults: Faults = "drop=20%, garble=10%, seed=3".parse().unwrap();
-    // Asked for more than once: the request may be lost, too.
+    // Requested repeatedly, because a request may be lost too.
     let start: Vec<_> = (0..10).map(|at| (at * 10_000, "request report-start")).collect();
     let (once, twice) = (reports(&faults, &start, 20_000_000), reports(&faults, &start, 20_000_000));
     assert_eq!(once, twice);
-    // Of 200 reports a fifth is dropped, and a tenth of the rest garbled; some of those are still reports.
+    // Of 200 reports a fifth is dropped, and a tenth of the rest garbled; some of those are still
+    // reports.
     assert!((110..190).contains(&once.len()), "{}", once.len());
     let silent = "silent".parse().unwrap();
     assert_eq!(reports(&silent, &start, 2_000_000), []);
@@ -156,7 +158,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
     let found = reports(&battery, &start, 2_000_000);
     assert!(found.len() > 15);
     assert!(found.iter().all(|(at, report)| (report.value(0) == Hundredths(650)) == (*at >= 1_000_000)));
-    // Frames are lost on the way to the board, too.
+    // Frames to the board are lost too.
     let lossy = "drop=50%".parse().unwrap();
     let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), Settings::default(), lossy);
     let Rehearsal { received, given, .. } = rehearsal;
@@ -164,7 +166,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
     assert!((30..70).contains(&received.lost) && received.frames + received.lost == 101, "{received:?}");
 }
 
-/// Plays a script with telemetry that comes in pieces at times; gives the verdicts, and how it ended.
+/// Plays a script with telemetry in pieces at times. Returns the verdicts, and how it ended.
 fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
     let timeline = timeline(script);
     let mut player = Player::new(&timeline, Nanos::from_millis(1_000));
@@ -173,12 +175,12 @@ fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
     let mut pieces = pieces.iter().peekable();
     let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
     loop {
-        let mut tell = |notice| {
+        let mut notify = |notice| {
             if let Notice::Judged(verdict) = notice {
                 verdicts.push(verdict);
             }
         };
-        let order = player.poll(now, input, &mut tell);
+        let order = player.poll(now, input, &mut notify);
         if let Some(outcome) = player.outcome() {
             return (verdicts, outcome.cause);
         }
@@ -190,7 +192,7 @@ fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
                 while let Some((_, bytes)) = pieces.next_if(|(at, _)| Micros(*at).nanos() <= now) {
                     decoder.feed(bytes, |item| {
                         if let ReportItem::Report(report) = item {
-                            player.hear(now, report, &mut tell);
+                            player.hear(now, report, &mut notify);
                         }
                     });
                 }
@@ -216,7 +218,7 @@ fn an_expect_judges_the_newest_report_of_the_last_half_second() {
     assert_eq!(found(script, &[(500_000, line(1_200))]), [Found::Passed(Hundredths(1_200))]);
     assert_eq!(found(script, &[(600_000, line(1_200)), (900_000, line(999))]), [Found::Failed(Hundredths(999))]);
     assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::Failed(Hundredths(1_000))]);
-    // Garbled reports are none.
+    // Garbled reports do not count.
     assert_eq!(found(script, &[(900_000, b"{A0:0:0:12x0}#{A0:0:1200}#".to_vec())]), [Found::Nothing]);
     let (verdicts, cause) =
         judged("wait 1s\nexpect voltage > 10V\nwait 1s\nexpect voltage > 10V\n", &[(900_000, line(900))]);
@@ -285,19 +287,19 @@ fn every_rehearsal_comes_to_an_end() {
 }
 
 #[test]
-fn too_many_that_wait_at_once_do_not_compile() {
+fn too_many_waiting_expects_do_not_compile() {
     let text = format!("together {{\n{}}}\n", "expect voltage > 1V within 1s\n".repeat(65));
     let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
     assert_eq!(
         compiled.diagnostics.iter().next().unwrap().message,
-        "more than 64 `expect`s wait for a report at the same time here"
+        "more than 64 `expect`s wait for a report at the same time"
     );
 }
 
 #[test]
-fn within_takes_its_time_and_the_first_report_that_fits() {
+fn within_waits_for_the_first_matching_report() {
     let script = "wait 1s\nexpect voltage in 9.5V..10V within 1s\nservo 1 1500\n";
-    // One from before does not count, one from behind is too late.
+    // An earlier report does not count, and a later one is too late.
     assert_eq!(found(script, &[(900_000, line(1_000))]), [Found::NothingInTime]);
     assert_eq!(found(script, &[(900_000, line(1_000)), (2_000_001, line(1_000))]), [Found::NothingInTime]);
     assert_eq!(
@@ -321,7 +323,7 @@ fn within_takes_its_time_and_the_first_report_that_fits() {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// However the stream of reports is cut and joined, and whatever stands between them, the verdicts are the same.
+    /// The verdicts do not depend on how the reports are split or what is between them.
     #[test]
     fn verdicts_do_not_depend_on_how_reports_are_cut(
         values in prop::collection::vec(900..1_100_i32, 1..20),
@@ -341,14 +343,14 @@ proptest! {
             if rest.is_empty() {
                 break;
             }
-            let (piece, behind) = rest.split_at((*cut).min(rest.len()));
+            let (piece, after) = rest.split_at((*cut).min(rest.len()));
             pieces.push((600_000, piece.to_vec()));
-            rest = behind;
+            rest = after;
         }
         prop_assert_eq!(judged(script, &pieces), judged(script, &whole));
     }
 
-    /// Whatever comes, nothing passes that no report says.
+    /// Noise without a report never passes.
     #[test]
     fn noise_never_passes(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let mut reports = 0;

@@ -1,4 +1,5 @@
-//! `record --port` between a program and a robot: whatever fails, the robot stops, or it is said that it did not.
+//! `record --port` between a program and a robot: whatever fails, the robot stops, or a message
+//! says that it did not.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -19,7 +20,7 @@ use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopp
 use crate::support::host::{Host, link, request, rocker};
 use crate::support::{motionseq, stderr};
 
-/// How many times what can happen at any moment is tried. `STRESS=200` is the long form.
+/// The number of attempts for events at random times. `STRESS=200` is the long form.
 fn times() -> usize {
     std::env::var("STRESS").map_or(16, |times| times.parse().unwrap())
 }
@@ -31,7 +32,7 @@ struct Tap {
     script: PathBuf,
 }
 
-/// A terminal that takes nothing, as behind Ctrl-S; kept open as long as this lives.
+/// A blocked terminal, as after Ctrl-S; open as long as this lives.
 struct Stopped {
     _far: Pty,
     near: File,
@@ -51,7 +52,7 @@ impl Stopped {
 }
 
 impl Tap {
-    /// Starts one; `blocked` is where its output goes, if anywhere but to this test.
+    /// Starts a tap; `blocked` is the destination of its output instead of this test.
     fn start(name: &str, far: &str, blocked: Option<&Stopped>) -> Self {
         let (path, script) = (link(name), link(&format!("{name}.motion")));
         let args = ["record", "--link", path.to_str().unwrap(), "--port", far, "-o", script.to_str().unwrap()];
@@ -73,14 +74,14 @@ impl Tap {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
-    /// The far end has this many drive frames, or more.
+    /// Waits until the far end has this many drive frames.
     fn drives(far: &FarEnd, received: &mut Vec<u8>, count: usize) {
         while commands(received).iter().filter(|command| command.is_drive()).count() < count {
             received.extend(far.first());
         }
     }
 
-    /// Waits for its end, and takes its files away.
+    /// Waits for its end, and removes its files.
     fn end(self) -> (i32, String) {
         let (path, script) = (self.path, self.script);
         let ended = end(self.child);
@@ -91,7 +92,7 @@ impl Tap {
 }
 
 #[test]
-fn output_that_nobody_takes_keeps_no_stop_from_the_robot() {
+fn blocked_output_delays_no_stop() {
     let stopped = Stopped::new();
     let far = FarEnd::new();
     let tap = Tap::start("blocked", &far.path, Some(&stopped));
@@ -111,7 +112,7 @@ fn output_that_nobody_takes_keeps_no_stop_from_the_robot() {
 }
 
 #[test]
-fn a_board_whose_output_nobody_takes_answers_and_ends() {
+fn a_board_with_blocked_output_answers_and_ends() {
     let stopped = Stopped::new();
     let path = link("blocked-board");
     let mut command = motionseq(&["board", "-v", "--link", path.to_str().unwrap(), "--baud", "1000000"]);
@@ -130,7 +131,7 @@ fn a_board_whose_output_nobody_takes_answers_and_ends() {
     assert!(fs::symlink_metadata(&path).is_err(), "the link is gone");
 }
 
-/// What a tap leaves behind that is killed, or hangs, at a random moment of a program that drives.
+/// Kills or suspends a tap at random times of a program that drives.
 fn fails(signal: Signal, name: &str) {
     for case in 0..times() {
         let stopped = (case % 2 == 1).then(Stopped::new);
@@ -155,7 +156,7 @@ fn fails(signal: Signal, name: &str) {
 }
 
 #[test]
-fn a_tap_that_is_killed_leaves_a_robot_that_stands() {
+fn a_killed_tap_leaves_a_stopped_robot() {
     fails(Signal::KILL, "killed-tap");
 }
 
@@ -176,10 +177,10 @@ fn bytes_that_the_port_never_took_were_not_delivered() {
         let mut received = vec![0; 13];
         pty.read(&mut received).unwrap();
         if is_held {
-            // As a line does whose other end says XOFF: also behind a flush nothing leaves.
+            // Like a line whose other end sent XOFF: nothing leaves, even after a flush.
             rustix::termios::tcflow(&held, Action::OOff).unwrap();
         }
-        // The far end reads no more, so that the stop at the end of these gets nowhere.
+        // The far end stops reading, so that the stop after these does not arrive.
         let mut frames = rocker(20).repeat(200);
         frames.extend(STOP);
         port.set_timeout(Duration::from_millis(300)).unwrap();
@@ -207,19 +208,19 @@ fn frame(function: u8, payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_not_known_as_a_stop_counts_as_driving() {
+fn unknown_frames_count_as_driving() {
     let cases: [(&str, Vec<u8>, bool); 13] = [
         ("a speed out of range", frame(3, &[1, 0, 30, 0, 0, 0, 0, 1]), false),
-        ("a direction that none has", frame(3, &[1, 0, 0, 0, 0, 0, 0, 9]), false),
+        ("an unused direction bit", frame(3, &[1, 0, 0, 0, 0, 0, 0, 9]), false),
         ("an unknown kind", frame(3, &[7, 0, 0, 0, 0, 0, 0, 1]), false),
-        ("a kind that is none", frame(3, &[0, 0, 0, 0, 0, 0, 0, 1]), false),
+        ("a kind of zero", frame(3, &[0, 0, 0, 0, 0, 0, 0, 1]), false),
         ("a move that runs", say("move", &[50, 0, 0]).to_frame(), false),
         ("wheels that turn", frame(3, &[2, 9, 9, 9, 9, 0, 0, 0]), false),
         ("a wheel out of range", frame(3, &[2, 99, 0, 0, 0, 0, 0, 0]), false),
         ("a buzzer that is 2", frame(4, &[2]), false),
         ("half a frame", rocker(20)[..9].to_vec(), false),
         ("a stop", STOP.to_vec(), true),
-        ("wheels that stand", frame(3, &[2, 0, 0, 0, 0, 0, 0, 0]), true),
+        ("stopped wheels", frame(3, &[2, 0, 0, 0, 0, 0, 0, 0]), true),
         ("a servo", frame(2, &[1, 5, 220]), true),
         ("a frame of another function", frame(0x40, &[3, 8, 1]), true),
     ];
@@ -261,7 +262,7 @@ fn a_tap_whose_guard_is_lost_stops_the_robot() {
 }
 
 #[test]
-fn what_a_program_had_written_when_the_end_came_is_recorded() {
+fn bytes_written_before_the_end_are_recorded() {
     let script = link("late.motion");
     let mut host = Host::start_at("record", link("late"), &["-o", script.to_str().unwrap(), "--exact"]);
     let mut port = host.open();
@@ -286,7 +287,7 @@ fn what_a_program_had_written_when_the_end_came_is_recorded() {
 }
 
 #[test]
-fn programs_that_write_and_go_at_once_lose_no_frame() {
+fn programs_that_write_and_exit_at_once_lose_no_frame() {
     let host = Host::start("quick", &["--baud", "4000000"]);
     let (rounds, path) = (if std::env::var_os("STRESS").is_some() { 16_000 } else { 2_000 }, host.path.clone());
     for at in 0..rounds {
@@ -309,7 +310,8 @@ fn a_player_killed_at_any_moment_of_its_end_says_that_nothing_was_sent() {
         let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
         assert!(pty.read(&mut [0; 64]).unwrap() > 0);
         rustix::termios::tcflow(&held, Action::OOff).unwrap();
-        // A random moment of the second that this takes: the stall, the stop that gets nowhere, the goodbye.
+        // A random time within the second that this takes: the stall, the stop that does not
+        // arrive, the last message.
         let until =
             std::time::Instant::now() + Duration::from_millis(u64::try_from(case).unwrap() * 900 / times() as u64);
         while std::time::Instant::now() < until && child.try_wait().unwrap().is_none() {
@@ -324,11 +326,11 @@ fn a_player_killed_at_any_moment_of_its_end_says_that_nothing_was_sent() {
 }
 
 #[test]
-fn a_report_that_nobody_takes_hides_no_closing_line() {
+fn a_blocked_report_hides_no_closing_line() {
     let long = crate::support::script("stuck-report", "rocker x=10\nwait 1h\n");
     let pipe = link("stuck-report");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    // Somebody has it open, and never reads.
+    // A process has it open, and never reads.
     let mut full = File::options().read(true).write(true).open(&pipe).unwrap();
     rustix::fs::fcntl_setfl(&full, rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::RDWR).unwrap();
     while full.write(&[0; 4096]).is_ok() {}

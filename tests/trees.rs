@@ -1,4 +1,4 @@
-//! The tree of each script in `tests/trees`, which pins how the grammar reads what is easily read wrong.
+//! The tree of each script in `tests/trees`: how the grammar reads what is easily misread.
 
 use motionseq::diagnostic::Diagnostics;
 use motionseq::source::Source;
@@ -22,7 +22,7 @@ fn trees() {
     });
 }
 
-/// One line for each line of the script, in brackets the text that it covers; parts and blocks further in.
+/// One line per line of the script, with its text in brackets; parts and blocks are indented.
 fn block(block: &Block<'_>, depth: usize, source: &Source, out: &mut String) {
     let indent = "  ".repeat(depth);
     for line in block.lines() {
@@ -125,7 +125,7 @@ fn value(value: &Value<'_>) -> String {
     }
 }
 
-/// The steps of a calculation, operands before their operator.
+/// The steps of an expression, operands before their operator.
 fn expression(expression: &Expression<'_>) -> String {
     let steps = expression.nodes.iter().map(|node| match node.kind {
         NodeKind::Number(_, text) | NodeKind::Text(text) | NodeKind::Name(text) => text.to_owned(),

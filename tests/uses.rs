@@ -1,4 +1,4 @@
-//! `use` and `--set`: what comes from outside of a script, in folders of its own.
+//! `use` and `--set`: input from outside of a script.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use motionseq::source::{Files, Memory, Source, SourceError, Sources, UseError};
 
 use crate::support::{run, stderr, stdout};
 
-/// A folder of its own for one test, removed at the end.
+/// A temporary folder for one test, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -22,7 +22,7 @@ impl Folder {
         Folder(folder)
     }
 
-    /// The listing of a script, or its messages with this folder's name taken out.
+    /// The listing of a script, or its messages without the name of this folder.
     fn render(&self, file: &str) -> String {
         let output = run(&["render", self.0.join(file).to_str().unwrap()]);
         let text = format!("{}{}", stdout(&output), stderr(&output));
@@ -39,7 +39,7 @@ impl Drop for Folder {
 const PHRASES: &str = "let far = 1000us\ndef look(to = far) { servo 1 to }\n";
 
 #[test]
-fn names_of_another_file_are_taken_over() {
+fn names_of_a_used_file_are_available() {
     let folder = Folder::new(
         "plain",
         &[
@@ -54,7 +54,7 @@ fn names_of_another_file_are_taken_over() {
 }
 
 #[test]
-fn a_file_is_named_from_the_file_that_says_so_and_counts_once() {
+fn a_file_name_is_relative_to_its_user_and_counts_once() {
     // A diamond: both a and b use phrases, which is next to them.
     let folder = Folder::new(
         "diamond",
@@ -109,13 +109,13 @@ fn nothing_outside_of_the_folder_is_read() {
     std::os::unix::fs::symlink("../secret.motion", folder.0.join("in/link.motion")).unwrap();
     let text = folder.render("in/main.motion");
     for name in ["../secret.motion", "link.motion", "/etc/hostname"] {
-        assert!(text.contains(&format!("{name} lies outside of the folder of the main script")), "{name}: {text}");
+        assert!(text.contains(&format!("{name} is outside of the main script's folder")), "{name}: {text}");
     }
     assert_eq!(text.matches("\n  × ").count(), 3, "{text}");
 }
 
 #[test]
-fn a_file_that_cannot_be_used_says_why() {
+fn unusable_files_are_refused_with_a_reason() {
     let folder = Folder::new(
         "wrong",
         &[
@@ -292,14 +292,14 @@ fn set_replaces_a_top_level_let_from_outside() {
         assert!(stderr(&output).contains(words), "{set}: {}", stderr(&output));
     }
     assert_eq!(with("to").status.code(), Some(2));
-    // What it replaces has used its names.
+    // The replaced value uses other names.
     let used = folder.0.join("used.motion");
     fs::write(&used, "let a = 1000\nlet b = a\nservo 1 b\n").unwrap();
     let output = run(&["check", "--deny", "warnings", "--set", "b=1500", used.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 }
 
-/// An editor: it only knows texts.
+/// An editor, which has only texts.
 struct Editor(Memory);
 
 impl Files for Editor {
@@ -313,7 +313,7 @@ impl Files for Editor {
 }
 
 #[test]
-fn texts_of_others_are_used_from_where_they_are() {
+fn texts_of_an_editor_are_used() {
     let compiled = |texts: &[(&str, &str)]| {
         let editor = Editor(texts.iter().copied().collect());
         let sources = Sources::read(Path::new("show/a.motion"), editor).unwrap();

@@ -1,4 +1,5 @@
-//! `test` and `check --format`: scripts against their snapshots, in folders of their own, and what other programs are told.
+//! `test` and `check --format`: scripts against their snapshots, and the reports for other
+//! programs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -61,11 +62,11 @@ fn blessed(name: &str) -> Repository {
 }
 
 #[test]
-fn the_scripts_that_are_shipped_do_what_their_snapshots_say() {
+fn the_shipped_scripts_match_their_snapshots() {
     let output = crate::support::run(&["test", "--play", "scripts"]);
     assert_eq!(code(&output), 0, "{}", stdout(&output));
     assert_eq!(stderr(&output), "14 scripts: 14 passed, 0 failed\n");
-    // Each one is worth reading, so none has a warning.
+    // The shipped scripts have no warnings.
     for entry in fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()) {
         if entry.extension().is_some_and(|extension| extension == "motion") {
             let output = crate::support::run(&["check", "--deny", "warnings", entry.to_str().unwrap()]);
@@ -81,7 +82,7 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     assert!(
         snapshot.starts_with("# motionseq frames 2\n# dance.motion\n0.000000\tFF FE 02 03 02 06 A4 B1\tservo 2 1700\n")
     );
-    // Phrases and what must not compile have none.
+    // Phrases and scripts that must not compile have no snapshots.
     assert!(!repository.0.join("lib/phrases.motion.frames").exists());
     assert!(!repository.0.join("more/never.motion.frames").exists());
     let output = repository.run(&["test"]);
@@ -103,14 +104,14 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
         report.contains("<testcase name=\"dance.motion\"") && report.contains("servo 2 1700 -&gt; 1750"),
         "{report}"
     );
-    // Nothing was changed by looking.
+    // Checking changes nothing.
     assert_eq!(repository.read("dance.motion.frames"), snapshot);
     assert_eq!(code(&repository.run(&["test", "--bless", "dance.motion"])), 0);
     assert_eq!(code(&repository.run(&["test"])), 0);
 }
 
 #[test]
-fn every_form_tells_the_same() {
+fn every_format_reports_the_same() {
     let repository = blessed("forms");
     repository.file("dance.motion", &DANCE.replace("200us", "250us")).file("worse.motion", "servo 1 3000\n");
     let output = repository.run(&["test", "--format", "json"]);
@@ -130,7 +131,7 @@ fn every_form_tells_the_same() {
     let github = stdout(&repository.run(&["test", "--format", "github"]));
     assert!(github.contains("::error file=dance.motion,line=2,title=difference::at 0.000 s"), "{github}");
     assert!(github.contains("::error file=worse.motion,line=1,title=out-of-range::"), "{github}");
-    // Whatever the number of threads, the order is the same.
+    // The order does not depend on the number of threads.
     let one = stdout(&repository.run(&["test", "--jobs", "1"]));
     let many = stdout(&repository.run(&["test", "--jobs", "8"]));
     assert_eq!(one, many);
@@ -144,13 +145,13 @@ fn a_used_file_is_named_from_the_folder_of_the_script() {
     repository.file("lib/p.motion", "def bow() { servo 2 1600 }\n");
     let output = stdout(&repository.run(&["test", "--format", "github"]));
     assert!(output.starts_with("::error file=lib/p.motion,line=1,title=difference::"), "{output}");
-    // The same on every machine, wherever the folder stands.
+    // The same on every machine and in every folder.
     let output = stdout(&repository.run(&["render", "b.motion", "--format", "jsonl"]));
     assert!(output.contains("\"file\":\"lib/p.motion\""), "{output}");
 }
 
 #[test]
-fn what_is_missing_orphaned_or_broken_says_what_to_do() {
+fn missing_orphaned_and_broken_snapshots_are_reported_with_a_fix() {
     let repository = blessed("broken");
     fs::remove_file(repository.0.join("dance.motion.frames")).unwrap();
     repository
@@ -177,7 +178,7 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
     assert!(!stdout(&repository.run(&["test", "-q"])).contains("gone.motion.frames"));
     let github = stdout(&repository.run(&["test", "--format", "github"]));
     assert!(github.contains("::warning file=gone.motion.frames,title=orphan::"), "{github}");
-    // `--bless` mends both, and leaves nothing else behind.
+    // `--bless` fixes both, and creates nothing else.
     assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
     let names = |folder: &Path| {
         let mut names: Vec<_> =
@@ -186,17 +187,18 @@ fn what_is_missing_orphaned_or_broken_says_what_to_do() {
         names
     };
     assert_eq!(names(&repository.0.join("more")), ["bow.motion", "bow.motion.frames", "never.motion"]);
-    // A newer snapshot than this program knows, which it does not write over.
+    // A newer snapshot than this program knows is not overwritten.
     repository.file("more/bow.motion.frames", "# motionseq frames 9\n");
     assert!(
-        stdout(&repository.run(&["test"])).contains("it is of version 9; this motionseq reads up to 2, so update it\n")
+        stdout(&repository.run(&["test"]))
+            .contains("version 9 is too new: this motionseq reads versions up to 2, so update it\n")
     );
     assert_eq!(code(&repository.run(&["test", "--bless"])), 1);
     assert_eq!(repository.read("more/bow.motion.frames"), "# motionseq frames 9\n");
 }
 
 #[test]
-fn a_script_that_must_not_compile_is_held_to_its_word() {
+fn a_script_that_expects_an_error_must_have_it() {
     let repository = Repository::new("expected");
     for (text, words) in [
         ("# expect-error: out-of-range\nservo 1 1500\n", "it should fail with `out-of-range`, and it compiles"),
@@ -212,7 +214,7 @@ fn a_script_that_must_not_compile_is_held_to_its_word() {
 }
 
 #[test]
-fn links_that_go_round_and_folders_without_scripts_are_told() {
+fn link_cycles_and_folders_without_scripts_are_reported() {
     let repository = blessed("links");
     std::os::unix::fs::symlink("..", repository.0.join("more/round")).unwrap();
     let output = repository.run(&["test"]);
@@ -223,7 +225,7 @@ fn links_that_go_round_and_folders_without_scripts_are_told() {
         "{}",
         stdout(&output)
     );
-    // Programs are told the same.
+    // The reports for programs contain the same.
     for (format, words) in [
         ("json", "\"verdict\": \"cannot be read\""),
         ("tap", "not ok 1 - more/round: cannot be read"),
@@ -238,7 +240,7 @@ fn links_that_go_round_and_folders_without_scripts_are_told() {
     let output = empty.run(&["test", "nothere"]);
     assert_eq!((code(&output), stderr(&output).as_str()), (1, "1 script: 0 passed, 1 failed\n"));
     assert!(stdout(&output).contains("nothere: unreadable: there is nothing with this name"), "{}", stdout(&output));
-    // What begins with a dot is not looked into.
+    // Names that start with a dot are skipped.
     let output = empty.file(".git/x.motion", "nonsense").run(&["test"]);
     assert!(stderr(&output).contains("there is no *.motion"));
 }
@@ -248,7 +250,7 @@ fn a_bless_that_cannot_write_leaves_what_was_there() {
     let repository = blessed("full");
     let before = repository.read("dance.motion.frames");
     repository.file("dance.motion", &DANCE.replace("200us", "250us"));
-    // The largest file that may be written has no byte.
+    // The maximum file size is zero.
     let shell = format!("ulimit -f 0; exec {} test --bless", env!("CARGO_BIN_EXE_motionseq"));
     let output = std::process::Command::new("sh").args(["-c", &shell]).current_dir(&repository.0).output().unwrap();
     assert_ne!(output.status.code(), Some(0));
@@ -256,7 +258,7 @@ fn a_bless_that_cannot_write_leaves_what_was_there() {
 }
 
 #[test]
-fn ten_thousand_scripts_are_no_burden() {
+fn ten_thousand_scripts_pass() {
     let repository = Repository::new("many");
     for number in 0..10_000 {
         repository.file(&format!("{}/{number}.motion", number / 1_000), "servo 1 1500\n");
@@ -269,11 +271,11 @@ fn ten_thousand_scripts_are_no_burden() {
 const CHECKUP: &str = "# rehearse: unplug@1s\non abort { servo 1 1500 }\nservo 1 1500\nwait 1500ms\nexpect voltage > 10V \"charge it\"\nservo 1 1900\n";
 
 #[test]
-fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
+fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     let repository = Repository::new("played");
     repository.file("checkup.motion", CHECKUP).file("dance.motion", "servo 1 1500\nrocker y=10 for 1s\n");
     assert_eq!(code(&repository.run(&["test", "--bless"])), 0);
-    // Without its snapshot a rehearsal fails, and says what would go out.
+    // Without its snapshot a rehearsal fails, and describes what would be sent.
     let output = repository.run(&["test", "--play"]);
     assert_eq!(code(&output), 1);
     assert!(
@@ -294,7 +296,7 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
     );
     let output = repository.run(&["test", "--play"]);
     assert_eq!((code(&output), stdout(&output).as_str()), (0, ""), "{}", stderr(&output));
-    // An empty battery: exit code 7, and a JUnit file that names line and value.
+    // An empty battery: exit code 7, and a JUnit file with the line and the value.
     let output = repository.run(&["test", "--play", "--fault", "battery=6.5V@1s", "--junit", "report.xml"]);
     assert_eq!(code(&output), 7, "{}", stdout(&output));
     let words =
@@ -302,10 +304,10 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
     assert!(repository.read("report.xml").contains(words), "{}", repository.read("report.xml"));
     let github = stdout(&repository.run(&["test", "--play", "--fault", "silent", "--format", "github"]));
     assert!(github.starts_with("::error file=checkup.motion,line=5,title=expect::"), "{github}");
-    // With differences, too, it is the 1 of a script that fails.
+    // If there are differences too, the exit code is the 1 of a failing script.
     repository.file("dance.motion", "servo 1 1600\nrocker y=10 for 1s\n");
     assert_eq!(code(&repository.run(&["test", "--play", "--fault", "battery=6.5V"])), 1);
-    // Another `on abort` is told by what goes out.
+    // Another `on abort` is described by the frames that are sent.
     repository.file("checkup.motion", &CHECKUP.replace("abort { servo 1 1500", "abort { servo 1 1700"));
     let output = repository.run(&["test", "--play", "checkup.motion"]);
     assert_eq!(code(&output), 1);
@@ -315,7 +317,8 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
         "{}",
         stdout(&output)
     );
-    // A newer form is not written over, a displacement that is under way is no rest, and a raw frame is what it says.
+    // A newer version is not overwritten, a displacement in progress is not at rest, and a raw
+    // frame is shown as it is.
     repository.file("checkup.motion.unplug@1s.frames", "# motionseq frames 9\n");
     assert_eq!(code(&repository.run(&["test", "--play", "--bless", "checkup.motion"])), 1);
     assert_eq!(repository.read("checkup.motion.unplug@1s.frames"), "# motionseq frames 9\n");
@@ -326,7 +329,8 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
     assert_eq!(code(&repository.run(&["test", "raw.motion"])), 0);
     let output = repository.run(&["test", "--play", "moving.motion"]);
     assert!(stdout(&output).contains("it does not end at rest: a `move` needs a `wait`"), "{}", stdout(&output));
-    // What only looks like a rehearsal, what rehearses nothing, and what nothing rehearses any more.
+    // A line that only resembles a rehearsal, one that rehearses nothing, and a snapshot that is no
+    // longer used.
     for (line, words) in [
         ("#Rehearse: unplug@1s", "odd.motion:1: play: write `# rehearse: unplug@4s`"),
         ("# rehearse unplug@1s", "odd.motion:1: play: write `# rehearse: unplug@4s`"),
@@ -341,24 +345,24 @@ fn what_a_script_expects_is_judged_and_what_goes_out_on_abort_is_a_snapshot() {
         assert!(stdout(&output).contains(words), "{}", stdout(&output));
     }
     std::fs::remove_file(repository.0.join("odd.motion.silent.frames")).unwrap();
-    // A pipe is no snapshot, and nobody waits for it.
+    // A pipe is not a snapshot, and is not waited for.
     assert!(
         std::process::Command::new("mkfifo").arg(repository.0.join("odd.motion.frames")).status().unwrap().success()
     );
     assert!(stdout(&repository.run(&["test", "odd.motion"])).contains("it is not a regular file"));
     std::fs::remove_file(repository.0.join("odd.motion.frames")).unwrap();
-    // What no fault is says which there are.
+    // An unknown fault lists the known ones.
     repository.file("odd.motion", "# rehearse: fire\nservo 1 1500\n");
     let output = repository.run(&["test", "--play", "odd.motion"]);
     assert!(stdout(&output).contains("odd.motion:1: play: `fire` is no fault; write drop=5%"), "{}", stdout(&output));
     assert_eq!(code(&repository.run(&["test", "--fault", "silent"])), 2);
-    // A port that is lost or stalls in the middle is told at its line.
+    // A port that is lost or stalls during a rehearsal is reported at its line.
     let output = repository.run(&["test", "--play", "--fault", "stall@500ms", "dance.motion"]);
     assert!(stdout(&output).contains("with stall@500ms: the port stopped taking bytes at"), "{}", stdout(&output));
 }
 
 #[test]
-fn check_tells_other_programs_what_it_tells_people() {
+fn check_reports_the_same_in_every_format() {
     let repository = Repository::new("check");
     repository.file("sub dir/x.motion", "servo 1 3000\nlet ä = 1\nservo 2 1900\n").file("ok.motion", "servo 1 1500\n");
     let args = ["check", "ok.motion", "sub dir/x.motion", "--format"];
@@ -394,7 +398,7 @@ fn check_tells_other_programs_what_it_tells_people() {
     let rules = sarif["runs"][0]["tool"]["driver"]["rules"].as_array().unwrap();
     assert!(rules.iter().any(|rule| rule["id"] == "left-running") && rules.len() > 30);
     assert_eq!(code(&repository.run(&["check", "ok.motion", "--format", "sarif"])), 0);
-    // A folder is every script in it, without those that say which error they have.
+    // A folder means every script in it, except those that expect an error.
     repository
         .file("never.motion", "# expect-error: clash\nservo 1 1000\nservo 1 2000\n")
         .file("lib/p.motion", "def bow() { stop }\n");
@@ -403,7 +407,7 @@ fn check_tells_other_programs_what_it_tells_people() {
     assert_eq!((code(&output), stderr(&output).matches("out-of-range\n\n").count()), (1, 1), "{}", stderr(&output));
     assert!(!stderr(&output).contains("unused") && !stderr(&output).contains("clash\n"), "{}", stderr(&output));
     assert!(stderr(&output).contains("never.motion: ok, fails with `clash` as it says"), "{}", stderr(&output));
-    // A file that is not there is no silence.
+    // A missing file is reported.
     let output = repository.run(&["check", "gone.motion", "--format", "github"]);
     assert_eq!(code(&output), 1);
     assert!(stdout(&output).starts_with("::error file=gone.motion,line=1,"), "{}", stdout(&output));
@@ -430,7 +434,7 @@ fn a_file_name_is_bytes() {
     assert!(name(b"right-\xFF.motion.frames").exists() && name(b"right-\xFF.motion.unplug@1s.frames").exists());
     fs::remove_file(name(b"wrong-\xFF.motion")).unwrap();
     assert_eq!(code(&repository.run(&["test", "--play"])), 0);
-    // What is left of a rehearsal is seen, too; and a snapshot that is named is its script's.
+    // An unused snapshot of a rehearsal is found too; naming a snapshot tests its script.
     fs::copy(name(b"right-\xFF.motion.frames"), name(b"right-\xFF.motion.silent.frames")).unwrap();
     let output = repository.run(&["test", "--play"]);
     assert!(stdout(&output).contains("right-\u{FFFD}.motion.silent.frames: orphan"), "{}", stdout(&output));
@@ -473,17 +477,17 @@ fn annotations_point_at_files_of_the_repository() {
         let github = run(&["check", "--format", "github", "../top.motion"], workspace);
         assert!(github.starts_with("::error file=top.motion,line=1,"), "{github}");
     }
-    // A workspace comes before a repository inside it.
+    // A workspace has precedence over a repository inside it.
     fs::create_dir_all(robots.join(".git")).unwrap();
     let github = run(&["check", "--format", "github", "a b.motion"], Some(root));
     assert!(github.starts_with("::error file=robots/a b.motion,"), "{github}");
-    // A missing file, too; other forms keep the names that they were given.
+    // A missing file too; other formats keep the names that they were given.
     let github = run(&["check", "--format", "github", "./gone.motion"], Some(root));
     assert!(github.starts_with("::error file=robots/gone.motion,"), "{github}");
     assert!(run(&["check", "--format", "json", "../top.motion"], None).contains("\"file\": \"../top.motion\""));
 }
 
-/// Characters that a reader cannot see, or that XML forbids, escaped as results show them.
+/// Characters that are invisible or that XML forbids, which results show escaped.
 const HIDDEN: &str = "a\u{202E}\u{1b}[1m\u{FFFE}\u{2028}z.motion";
 const SHOWN: &str = r"a\u{202e}\u{1b}[1m\u{fffe}\u{2028}z.motion";
 
@@ -542,14 +546,14 @@ fn warnings_and_orphans_fail_where_they_are_denied() {
     assert!(tap.matches("\nnot ok ").count() == 3 && !tap.contains("# SKIP"), "{tap}");
     let github = stdout(&repository.run(&["test", "--deny", "warnings", "--format", "github"]));
     assert!(github.contains("::error file=gone.motion.frames,title=orphan::"), "{github}");
-    // Written all the same.
+    // They are written all the same.
     fs::remove_file(repository.0.join("left.motion.frames")).unwrap();
     assert_eq!(code(&repository.run(&["test", "--deny", "warnings", "--bless", "left.motion"])), 1);
     assert!(repository.0.join("left.motion.frames").exists());
 }
 
 #[test]
-fn every_form_says_how_a_change_is_blessed() {
+fn every_format_explains_how_to_bless_a_change() {
     let repository = blessed("hint");
     repository.file("dance.motion", &DANCE.replace("200us", "250us"));
     let hint = "if that is meant: motionseq test --bless dance.motion";

@@ -1,4 +1,4 @@
-//! The compiler as a WebAssembly module does what the native one does.
+//! The compiler as a WebAssembly module gives the same results as the native one.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,10 +13,10 @@ use motionseq::timeline::write_listing;
 use serde_json::{Value, json};
 
 const TARGET: &str = "wasm32-unknown-unknown";
-/// The most bytes that the module may have.
+/// The maximum size of the module in bytes.
 const LARGEST: u64 = 1 << 20;
 
-/// Builds the module; `None` where the target or Node is not installed.
+/// Builds the module; `None` if the target or Node is not installed.
 fn module() -> Option<PathBuf> {
     let prints = |program: &str, arguments: &[&str], wanted: &str| {
         let output = Command::new(program).args(arguments).output();
@@ -31,7 +31,7 @@ fn module() -> Option<PathBuf> {
         eprintln!("skipped: needs node and `rustup target add {TARGET}`");
         return None;
     }
-    // In a folder of its own, as this build may run at the same time as another one.
+    // In a separate folder, because this build may run at the same time as another one.
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/wasm");
     let built = Command::new(env!("CARGO"))
         .args(["build", "--quiet", "--release", "--no-default-features", "--example", "wasm", "--target", TARGET])
@@ -44,7 +44,7 @@ fn module() -> Option<PathBuf> {
     Some(folder.join(TARGET).join("release/examples/wasm.wasm"))
 }
 
-/// What the native compiler makes of a file, in the form of the module.
+/// The native compiler's result for a file, in the format of the module.
 fn native(path: &Path) -> Value {
     let sources = Sources::read(path, Disk).unwrap();
     let compiled = motionseq::compile(&sources, &Options::default());

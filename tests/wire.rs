@@ -1,4 +1,4 @@
-//! The line's budget against a line that is simulated byte by byte, and what is said of it.
+//! The line's capacity against a line that is simulated byte by byte, and the resulting messages.
 
 use std::collections::VecDeque;
 
@@ -15,8 +15,8 @@ fn compiled(text: &str) -> Compiled {
     motionseq::compile(&Source::new("x.motion", text).into(), &Options::default())
 }
 
-/// A line that takes one byte at a time from a queue. Times are in ticks of 1/(10⁶ · baud) s. Gives, for each byte, the frame it is
-/// of, when it begins and when it has left.
+/// A line that takes one byte at a time from a queue. Times are in ticks of 1/(10⁶ · baud) s.
+/// Returns for each byte its frame, its start and its end.
 fn simulated(frames: &[(u64, usize)], baud: u64) -> Vec<(usize, u128, u128)> {
     let byte_time = 10 * 1_000_000_u128;
     let mut coming: VecDeque<(usize, u128, usize)> =
@@ -91,12 +91,12 @@ fn together(count: usize) -> String {
 }
 
 #[test]
-fn the_bounds_are_five_and_fifty_milliseconds() {
+fn late_frames_are_reported_from_five_and_fifty_milliseconds() {
     let codes =
         |text: &str| -> Vec<Code> { compiled(text).diagnostics.iter().map(|diagnostic| diagnostic.code).collect() };
-    // The n-th of them begins to leave (n - 1) · 1.12847 ms after it is due: the fifth 4.514 ms, the sixth 5.642 ms, the 45th
-    // 49.653 ms, the 46th 50.781 ms. Closing frames follow behind each script with a raw frame: the stop is one more, and
-    // the `buzzer off` the next; a pause lets the line become free for them.
+    // The n-th of them leaves (n - 1) · 1.12847 ms late: the fifth 4.514 ms, the sixth 5.642 ms,
+    // the 45th 49.653 ms, the 46th 50.781 ms. Closing frames follow each script with a raw frame:
+    // the stop is one more, and `buzzer off` the next; a pause frees the line for them.
     for (count, expected) in
         [(5, vec![]), (6, vec![Code::WireLate]), (45, vec![Code::WireLate]), (46, vec![Code::WireFull])]
     {
@@ -106,25 +106,25 @@ fn the_bounds_are_five_and_fifty_milliseconds() {
     let diagnostics = compiled.diagnostics.iter().collect::<Vec<_>>();
     assert_eq!(
         diagnostics[0].message,
-        "`raw 0x40 0x00 0x00 0x00 0x00 0x00 0x00 0x00 0x00` is due at 1.000000 s and begins to leave 7.9 ms later, because the line is busy; 2 more frames leave late, too"
+        "`raw 0x40 0x00 0x00 0x00 0x00 0x00 0x00 0x00 0x00` is due at 1.000000 s but leaves 7.9 ms late, because the line is busy; 2 more frames are late too"
     );
-    // One frame alone is never late, however slow the line.
+    // A single frame is never late, however slow the line.
     assert_eq!(codes("baud 1200\nservo 1 1500\nwait 1s\nservo 1 1600\n"), []);
-    // What `on abort` sends has a line of its own.
+    // What `on abort` sends has its own line budget.
     let abort = |count: usize| format!("on abort {{\n{}}}\nservo 1 1500\n", together(count));
     assert_eq!(codes(&abort(6)), [Code::WireLate]);
     assert_eq!(codes(&abort(46)), [Code::WireFull]);
 }
 
 #[test]
-fn lateness_that_is_allowed_on_a_line_leaves_that_of_others() {
+fn allowing_lateness_on_a_line_does_not_hide_that_of_others() {
     let six = |last: &str| format!("{}{last}wait 1s\n", together(5));
     let late = six("raw 0x40 1  # allow: raw-frame\n");
     let allowed = six("raw 0x40 1  # allow: raw-frame, wire-late\n");
     let path = |name: &str, text: &str| script(name, text);
     assert_eq!(run(&["check", "--deny", "warnings", &path("late", &late)]).status.code(), Some(1));
     assert_eq!(run(&["check", "--deny", "warnings", &path("allowed-late", &allowed)]).status.code(), Some(0));
-    // An error is not.
+    // An error cannot be allowed.
     let full = format!("{}raw 0x40 1  # allow: raw-frame, wire-full\nwait 1s\n", together(50));
     assert_eq!(run(&["check", &path("full", &full)]).status.code(), Some(1));
 }
@@ -134,8 +134,8 @@ fn check_v_shows_the_load_by_second() {
     let text = "rocker x=5 for 3s\nwait 1s\nservo 1 1000; servo 2 1500\n";
     let output = run(&["check", "-v", &script("load", text)]);
     let said = stderr(&output);
-    // Twenty frames of 13 bytes a second; the command and the stop are one each; then two of 8 bytes, the second of which waits
-    // 0.694 ms for the first.
+    // Twenty frames of 13 bytes per second; the command and the stop are one each; then two of 8
+    // bytes, the second of which waits 0.694 ms for the first.
     for line in [
         "on the wire, which carries 11520 bytes a second:",
         "          0-3 s     260 bytes/s    2 %",

@@ -2,15 +2,16 @@
 
 use smallvec::SmallVec;
 
-/// The most values that may move together in one command, and be folded into one line of a recording.
+/// The most values that can move together in one command, and that one line of a recording can
+/// hold.
 pub const MAX_MOVING: usize = 4;
 
-/// A verb, by its row in the table of its board.
+/// The row of a verb in the table of its board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct VerbId(pub u8);
 
 impl VerbId {
-    /// The row.
+    /// The row in [`Board::verbs`](super::Board::verbs).
     pub fn row(self) -> usize {
         usize::from(self.0)
     }
@@ -19,14 +20,15 @@ impl VerbId {
 /// The values of a command, in the order of its axes.
 pub type Values = SmallVec<[i32; MAX_MOVING]>;
 
-/// What is said to a board: a verb and its values, of which [`Board::command`](super::Board::command) has checked the ranges. Only together
-/// with its board it means anything.
+/// A command to a board: a verb and its values. [`Board::command`](super::Board::command) has
+/// checked the ranges. A command has a meaning only together with its board.
 ///
-/// There may be millions, so it is two words: up to four values of three bytes, or a pointer to more.
+/// A script can have millions of commands, so each takes two words: up to four values of three
+/// bytes, or a pointer to more.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Command(Packed);
 
-/// Whatever fits is [`Packed::Few`], so that equal commands are packed equally.
+/// Every command that fits is [`Packed::Few`], so that equal commands compare equal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Packed {
     Few { verb: VerbId, count: u8, values: [[u8; 3]; MAX_MOVING] },
@@ -34,7 +36,7 @@ enum Packed {
 }
 
 impl Command {
-    /// A command whose values are known to be those that its verb has, in their ranges.
+    /// Makes a command. The caller has checked the number of values and their ranges.
     pub(crate) fn new(verb: VerbId, values: &[i32]) -> Self {
         let mut few = [[0; 3]; MAX_MOVING];
         let fits = values.len() <= MAX_MOVING && few.iter_mut().zip(values).all(|(place, value)| pack(*value, place));
@@ -44,14 +46,14 @@ impl Command {
         })
     }
 
-    /// Its verb.
+    /// The verb.
     pub fn verb(&self) -> VerbId {
         match &self.0 {
             Packed::Few { verb, .. } | Packed::Many { verb, .. } => *verb,
         }
     }
 
-    /// Its values.
+    /// All values, an index first.
     pub fn values(&self) -> Values {
         match &self.0 {
             Packed::Few { count, values, .. } => {
@@ -62,7 +64,7 @@ impl Command {
         }
     }
 
-    /// How many values it has.
+    /// The number of values.
     pub fn len(&self) -> usize {
         match &self.0 {
             Packed::Few { count, .. } => usize::from(*count),
@@ -70,12 +72,12 @@ impl Command {
         }
     }
 
-    /// Whether it has no values.
+    /// Whether the command has no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// One of its values.
+    /// The value at a position; `None` beyond the last one.
     pub fn value(&self, at: usize) -> Option<i32> {
         match &self.0 {
             Packed::Few { count, values, .. } => values.get(at).filter(|_| at < usize::from(*count)).map(unpack),
@@ -83,7 +85,7 @@ impl Command {
         }
     }
 
-    /// Whether all its values are zero.
+    /// Whether all values are zero.
     pub fn is_zero(&self) -> bool {
         match &self.0 {
             Packed::Few { values, .. } => *values == [[0; 3]; MAX_MOVING],
@@ -92,7 +94,7 @@ impl Command {
     }
 }
 
-/// Puts a value into three bytes, if it fits.
+/// Packs a value into three bytes; `false` if it does not fit.
 fn pack(value: i32, place: &mut [u8; 3]) -> bool {
     let [low, middle, high, _] = value.to_le_bytes();
     *place = [low, middle, high];
@@ -100,7 +102,7 @@ fn pack(value: i32, place: &mut [u8; 3]) -> bool {
 }
 
 fn unpack([low, middle, high]: &[u8; 3]) -> i32 {
-    // The sign comes down from the highest byte.
+    // The shift extends the sign of the highest byte.
     i32::from_le_bytes([0, *low, *middle, *high]) >> 8
 }
 
@@ -109,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_kept_exactly_however_large_and_however_many() {
+    fn values_of_any_size_and_number_are_kept_exactly() {
         for values in [&[][..], &[0], &[-1, 8_388_607], &[1, 2, 3, -8_388_608], &[8_388_608], &[i32::MIN, i32::MAX]] {
             assert_eq!(Command::new(VerbId(3), values).values().as_slice(), values);
         }

@@ -1,24 +1,24 @@
-//! Frames out of a stream of bytes that may be cut, garbled or noisy.
+//! Finds frames in a stream of bytes that may be cut, damaged or noisy.
 
 use std::fmt;
 
 use super::frame::{FrameError, Front, Hex, Skip};
 use super::table::{Board, Codec};
 
-/// A checked view of one frame's bytes. It says nothing about meaning; [`Board::decode`] does.
+/// The bytes of one valid frame. [`Board::decode`] reads their meaning.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Frame<'a>(&'a [u8]);
 
 impl<'a> Frame<'a> {
-    /// Checks that `bytes` are exactly one frame for this board.
+    /// Checks that `bytes` are exactly one frame of this board.
     ///
     /// # Errors
-    /// Says why the bytes are not one frame.
+    /// Why the bytes are not one frame.
     pub fn new(board: &Board, bytes: &'a [u8]) -> Result<Self, FrameError> {
         (board.codec.check)(bytes).map(|()| Frame(bytes))
     }
 
-    /// All bytes.
+    /// All bytes of the frame.
     pub fn bytes(self) -> &'a [u8] {
         self.0
     }
@@ -30,22 +30,22 @@ impl fmt::Debug for Frame<'_> {
     }
 }
 
-/// Upper-case hex with spaces between, as the listing shows it.
+/// Upper-case hex digits separated by spaces, as in a listing.
 impl fmt::Display for Frame<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         Hex(self.0).fmt(f)
     }
 }
 
-/// What the decoder found next.
+/// The next item in the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Item<'a> {
-    /// A whole frame with the right checksum.
+    /// A complete frame with the right checksum.
     Frame(Frame<'a>),
-    /// Bytes that belong to no frame.
+    /// Bytes outside of any frame.
     Skipped {
-        /// Position of the first of them in the stream, counted from 0.
+        /// Position of the first byte in the stream, counted from 0.
         at: u64,
         /// The bytes.
         bytes: &'a [u8],
@@ -81,28 +81,29 @@ impl OwnedItem {
     }
 }
 
-/// Finds frames in a stream, however it is cut into reads.
+/// Finds frames in a stream, no matter how the stream is split into reads.
 ///
-/// After noise, a cut frame or a bad checksum it goes on with the very next byte, so a whole frame behind the damage is
-/// never lost. A frame of an unknown function that claims a length far beyond that of any command does not hold up those inside it:
-/// it is what is left of a frame that was cut. So a decoder keeps at most the bytes of the longest frame, and the frames of commands do not wait.
+/// After noise, a truncated frame or a wrong checksum, the search continues with the next byte, so
+/// the decoder finds every complete frame after the damage. A frame of an unknown function whose
+/// length is far above that of any command is the rest of a truncated frame, and does not delay the
+/// frames inside it. The decoder buffers at most the bytes of the longest frame.
 #[derive(Debug)]
 pub struct Decoder {
     codec: Codec,
     buffer: Vec<u8>,
-    /// Position of the buffer's first byte in the stream.
+    /// The position of the buffer's first byte in the stream.
     position: u64,
-    /// Whether zeros came last, as a stop sends them: more of them are more of the same.
+    /// Whether the last bytes were zeros, as a stop sends them. More zeros belong to the same run.
     in_zeros: bool,
 }
 
 impl Decoder {
-    /// A decoder at the start of a stream for a board.
+    /// A decoder at the start of a stream.
     pub fn new(board: &Board) -> Self {
         Decoder { codec: board.codec, buffer: Vec::new(), position: 0, in_zeros: false }
     }
 
-    /// Takes the next bytes and hands every item that is complete to `sink`.
+    /// Reads the next bytes and passes each complete item to `sink`.
     pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
         for chunk in bytes.chunks(self.codec.longest) {
             self.buffer.extend_from_slice(chunk);
@@ -110,12 +111,12 @@ impl Decoder {
         }
     }
 
-    /// Whether no bytes wait for the rest of a frame.
+    /// Whether the buffer holds no part of a frame.
     pub fn is_between_frames(&self) -> bool {
         self.buffer.iter().all(|byte| *byte == 0)
     }
 
-    /// Ends the stream: what is left over is handed to `sink`.
+    /// Ends the stream and passes the remaining bytes to `sink`.
     pub fn finish(&mut self, mut sink: impl FnMut(Item<'_>)) {
         self.drain(true, &mut sink);
     }
@@ -132,7 +133,7 @@ impl Decoder {
             let used = match front {
                 Front::NeedMore if !last => break,
                 Front::NeedMore => {
-                    // No more will come: a frame may still start behind the header that was cut.
+                    // No more bytes will come. A frame may still start after the truncated header.
                     let used = (self.codec.next_start)(rest);
                     let why = if rest.starts_with(&[0]) { Skip::Noise } else { Skip::Cut };
                     self.skip(done, used, why, sink);

@@ -1,16 +1,17 @@
-//! The terms that every framing shares: where a frame ends, why bytes are not a frame, and how bytes are shown.
+//! Terms that all framings share: how a frame ends, why bytes are not a frame, and how bytes are
+//! displayed.
 
 use std::fmt;
 
-/// What the bytes at the front of the buffer are.
+/// What the first bytes of the buffer are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Front {
-    /// A whole frame, with its length in bytes.
+    /// A complete frame, with its length in bytes.
     Frame(usize),
-    /// Bytes outside any frame: how many, and why they are skipped.
+    /// Bytes outside of any frame: their number, and why they are skipped.
     Skip(usize, Skip),
-    /// More bytes are needed to decide.
+    /// The decision needs more bytes.
     NeedMore,
 }
 
@@ -21,11 +22,11 @@ pub enum Skip {
     /// They do not start a frame.
     #[error("no frame starts here")]
     Noise,
-    /// Zeros between frames: whoever stops a robot sends them, so that a receiver that waits for the rest of a frame that was cut
-    /// is back in step before the stop comes.
-    #[error("zeros that bring a receiver back in step")]
+    /// Zeros between frames. They are sent before a stop, so that a receiver that waits for the
+    /// rest of a truncated frame is synchronized again when the stop arrives.
+    #[error("zeros that resynchronize a receiver")]
     Zeros,
-    /// A frame starts here, but its length is not one that its function has.
+    /// A frame starts here, but its function cannot have this length.
     #[error("function 0x{function:02X} has no payload of {length} bytes")]
     Length {
         /// The function byte.
@@ -33,10 +34,10 @@ pub enum Skip {
         /// The length byte.
         length: u8,
     },
-    /// A frame stood here, but its checksum is wrong.
+    /// A frame with a wrong checksum.
     #[error("checksum 0x{found:02X} instead of 0x{expected:02X}")]
     Checksum {
-        /// What the bytes add up to.
+        /// The checksum of the bytes.
         expected: u8,
         /// The checksum in the frame.
         found: u8,
@@ -44,27 +45,27 @@ pub enum Skip {
     /// The stream ended inside a frame.
     #[error("the stream ends inside a frame")]
     Cut,
-    /// A frame with a length that no command has, and a whole frame of a command inside it.
-    #[error("a frame was cut here: another one starts inside it")]
+    /// A frame with a length that no command has, which contains a complete frame of a command.
+    #[error("truncated frame: another frame starts inside it")]
     Torn,
 }
 
 impl Skip {
-    /// Whether something went wrong with these bytes.
+    /// Whether these bytes are a fault.
     pub fn is_wrong(self) -> bool {
         self != Skip::Zeros
     }
 }
 
-/// Bytes as upper-case hex with blanks between.
+/// Displays bytes as upper-case hex digits separated by spaces.
 #[derive(Clone, Copy, Debug)]
 pub struct Hex<'a>(pub &'a [u8]);
 
 impl fmt::Display for Hex<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (at, byte) in self.0.iter().enumerate() {
-            let blank = if at == 0 { "" } else { " " };
-            write!(f, "{blank}{byte:02X}")?;
+            let separator = if at == 0 { "" } else { " " };
+            write!(f, "{separator}{byte:02X}")?;
         }
         Ok(())
     }
@@ -74,16 +75,16 @@ impl fmt::Display for Hex<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// The bytes do not start as a frame does.
+    /// The bytes do not start with the header of a frame.
     #[error("no frame header")]
     NoHeader,
-    /// More bytes are needed, or there are more than the length says.
-    #[error("the frame is cut")]
+    /// The number of bytes does not match the length field.
+    #[error("the frame is truncated")]
     Length,
-    /// The checksum does not fit.
+    /// The checksum is wrong.
     #[error("checksum {found:02X} instead of {expected:02X}")]
     Checksum {
-        /// What the bytes add up to.
+        /// The checksum of the bytes.
         expected: u8,
         /// The checksum in the frame.
         found: u8,

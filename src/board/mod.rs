@@ -1,12 +1,15 @@
-//! What a script can say to a board, as data: a [`Board`] is a table of resources, verbs and axes, with the codec of its frames.
+//! Boards as data: a [`Board`] is a table of resources, verbs and axes, with the codec of its
+//! frames.
 //!
-//! A family of boards is such a table, in a folder of its own; nothing outside of that folder knows its words. This room knows what
-//! goes over the wire and nothing else: neither times nor ports.
+//! A family of boards is one such table in its own folder, and no code outside of that folder names
+//! its commands. This module knows which bytes go over the wire; it knows neither times nor ports.
 //!
-//! - [`Board`] says what there is; [`Verb`] is one command, [`Axis`] one value of it, [`Resource`] what it sets.
-//! - [`Command`] is a verb with its values; [`Board::encode`] and [`Board::decode`] are the two ways to its bytes.
-//! - [`Decoder`] finds frames in a stream and says what it skipped.
-//! - [`State`] is what a board was last told.
+//! - [`Board`] is the table; [`Verb`] is one command, [`Axis`] one value of it, [`Resource`] what
+//! it sets.
+//! - [`Command`] is a verb with its values; [`Board::encode`] and [`Board::decode`] convert it to
+//! bytes and back.
+//! - [`Decoder`] finds frames in a stream and reports the bytes that it skips.
+//! - [`State`] is the last command of each resource.
 
 mod command;
 mod decoder;
@@ -22,15 +25,15 @@ pub use command::{Command, MAX_MOVING, Values, VerbId};
 pub use decoder::{Decoder, Frame, Item, OwnedItem};
 pub use frame::{FrameError, Front, Hex, Skip};
 pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
-pub use rules::Said;
+pub use rules::Notation;
 pub use state::State;
 pub use table::{
-    Activity, Axis, Board, Codec, Doubt, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange, Part, Picture,
-    ProperLimit, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
+    Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange,
+    Part, Picture, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
 };
 
-/// A string of a table: that of a family which is built in, or one that was read from a file.
+/// A string of a table: static in a built-in family, owned in one that was read from a file.
 pub type Text = std::borrow::Cow<'static, str>;
 
-/// What every text says of a board that no frames reach; docs/safety.md has the test.
+/// The sentence about a board that gets no frames. docs/safety.md describes the test.
 pub const ON_SILENCE: &str = "what the board does when frames stop is unknown; docs/safety.md has a test for it";

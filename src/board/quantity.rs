@@ -1,29 +1,30 @@
-//! What a board sends back, as values of its quantities.
+//! Reports that a board sends back, as values of its quantities.
 //!
-//! Nothing here is trusted: the buffer is bounded, and a report with a missing or non-numeric field is skipped whole.
+//! Input is not trusted: the buffer is bounded, and a report with a missing or non-numeric field is
+//! skipped as a whole.
 
 use std::fmt;
 
 use super::Text;
 
-/// The most quantities that one report has.
+/// The most quantities in one report.
 pub const MAX_QUANTITIES: usize = 4;
 
-/// Something that a board reports.
+/// A quantity that a board reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Quantity {
-    /// What scripts call it.
+    /// Its name in scripts.
     pub name: Text,
-    /// What logs and JSON call it, with its unit.
+    /// Its key in logs and JSON, with the unit.
     pub key: Text,
     /// Its unit, as scripts write it.
     pub unit: Text,
-    /// How its value is shown, with `{}` for the number.
+    /// The format of a value, with `{}` for the number.
     pub shown: Text,
 }
 
 impl Quantity {
-    /// A value, as it is shown.
+    /// Formats a value.
     pub fn show(&self, value: Hundredths) -> String {
         self.shown.replace("{}", &value.to_string())
     }
@@ -34,7 +35,7 @@ impl Quantity {
 pub struct Hundredths(pub i32);
 
 impl Hundredths {
-    /// It as a number.
+    /// The number as a float.
     pub fn number(self) -> f64 {
         f64::from(self.0) / 100.0
     }
@@ -48,14 +49,15 @@ impl fmt::Display for Hundredths {
     }
 }
 
-/// One report of a board: a value for each of its quantities, in the order of its table.
+/// One report of a board: a value for each quantity, in the order of the board's table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     values: [Hundredths; MAX_QUANTITIES],
 }
 
 impl Report {
-    /// A report of these values; those that are missing are 0, and there are at most [`MAX_QUANTITIES`].
+    /// A report of these values. Missing values are 0; values after the first [`MAX_QUANTITIES`]
+    /// are dropped.
     pub fn new(values: &[Hundredths]) -> Self {
         let mut report = Report::default();
         report.values.iter_mut().zip(values).for_each(|(place, value)| *place = *value);
@@ -71,49 +73,51 @@ impl Report {
 /// How the replies of a board contain its reports.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportLine {
-    /// The byte before a report, and the byte after it.
+    /// The byte before a report and the byte after it.
     pub bounds: (u8, u8),
-    /// Reads what is between them.
+    /// Parses the bytes between the bounds.
     pub read: fn(&[u8]) -> Option<Report>,
-    /// Writes a whole one.
+    /// Formats a report, with its bounds.
     pub write: fn(&Report) -> String,
 }
 
-/// What the decoder found next.
+/// The next item in the replies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ReportItem {
-    /// A whole report.
+    /// A complete report.
     Report(Report),
-    /// Something between the bounds that is not a report.
+    /// Bytes between the bounds that are not a report.
     Malformed,
 }
 
-/// The longest report: four fields of ten digits with their signs and separators, and a little room.
+/// The longest report in bytes: four fields of ten digits with signs and separators, and some spare
+/// room.
 const MAX_REPORT: usize = 64;
 
-/// Finds reports in a stream, however it is cut into reads. Noise between reports is passed over.
+/// Finds reports in a stream, no matter how it is split into reads. It skips noise between reports.
 #[derive(Debug)]
 pub struct ReportDecoder {
     form: ReportLine,
-    /// The bytes since the last beginning, without it, and how many they are.
+    /// The bytes since the last start byte, without it, and their number.
     line: [u8; MAX_REPORT],
     length: usize,
     inside: bool,
 }
 
 impl ReportDecoder {
-    /// A decoder at the start of a stream of replies of a board, [`Codec::replies`](super::Codec::replies).
+    /// A decoder at the start of a board's replies; `form` is
+    /// [`Codec::replies`](super::Codec::replies).
     pub fn new(form: ReportLine) -> Self {
         ReportDecoder { form, line: [0; MAX_REPORT], length: 0, inside: false }
     }
 
-    /// Takes the next bytes and hands what is complete to `sink`. Allocates nothing.
+    /// Reads the next bytes and passes each complete item to `sink`. Does not allocate.
     pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(ReportItem)) {
         let (begin, end) = self.form.bounds;
         for &byte in bytes {
             match byte {
-                // A report that was cut gives way to the one that starts here.
+                // A truncated report ends where the next one starts.
                 _ if byte == begin => {
                     if self.inside {
                         sink(ReportItem::Malformed);

@@ -1,4 +1,4 @@
-//! What follows from the table of a board.
+//! Queries that the table of a board answers.
 
 use std::fmt::{self, Write as _};
 
@@ -6,17 +6,17 @@ use super::Text;
 use super::command::{Command, VerbId};
 use super::quantity::Report;
 use super::table::{
-    Activity, Axis, Board, Limited, Needs, NotACommand, OutOfRange, Part, ProperLimit, Resource, ResourceId, Sets,
+    Activity, Axis, Board, DefaultLimit, Limited, Needs, NotACommand, OutOfRange, Part, Resource, ResourceId, Sets,
     Takes, Verb,
 };
 
 impl Board {
-    /// A verb.
+    /// A verb by its row.
     pub fn verb(&self, id: VerbId) -> Option<&Verb> {
         self.verbs.get(id.row())
     }
 
-    /// All verbs, with their rows.
+    /// All verbs with their rows.
     pub fn verbs(&self) -> impl Iterator<Item = (VerbId, &Verb)> {
         (0..=u8::MAX).map(VerbId).zip(&self.verbs)
     }
@@ -27,11 +27,11 @@ impl Board {
         Some((VerbId(u8::try_from(row).ok()?), self.verbs.get(row)?))
     }
 
-    /// The command of a verb with these values, an index first.
+    /// Makes a command from a verb and its values, an index first.
     ///
     /// # Errors
-    /// [`NotACommand::OutOfRange`] for the first value that the board does not take, and [`NotACommand::Unknown`] where there are too many
-    /// or too few, or there is no such verb.
+    /// [`NotACommand::OutOfRange`] for the first value that is out of range,
+    /// [`NotACommand::Unknown`] if the number of values is wrong or the verb does not exist.
     pub fn command(&self, verb: VerbId, values: &[i32]) -> Result<Command, NotACommand> {
         let row = self.verb(verb).ok_or(NotACommand::Unknown)?;
         if let Some(is) = row.is.as_ref().filter(|_| values.is_empty()) {
@@ -54,21 +54,23 @@ impl Board {
         Ok(Command::new(verb, values))
     }
 
-    /// The command with this word and these values, an index first: `say("servo", &[1, 1500])`.
+    /// Makes a command from a word and its values, an index first: `command_named("servo", &[1,
+    /// 1500])`.
     ///
     /// # Errors
-    /// As [`command`](Self::command).
-    pub fn say(&self, word: &str, values: &[i32]) -> Result<Command, NotACommand> {
+    /// Those of [`command`](Self::command).
+    pub fn command_named(&self, word: &str, values: &[i32]) -> Result<Command, NotACommand> {
         let (verb, _) = self.find(word).ok_or(NotACommand::Unknown)?;
         self.command(verb, values)
     }
 
-    /// The resources that a command occupies, as `for` and `over` do. What is not interpreted occupies none.
+    /// The resources that a command occupies during `for` and `over`. A command that is not
+    /// interpreted occupies none.
     pub fn occupies(&self, command: &Command) -> &[ResourceId] {
         self.occupied(command.verb(), command.value(0))
     }
 
-    /// The same, of a verb and its index.
+    /// The same for a verb and its index.
     pub fn occupied(&self, verb: VerbId, index: Option<i32>) -> &[ResourceId] {
         let Some(verb) = self.verb(verb) else { return &[] };
         match &verb.sets {
@@ -82,7 +84,8 @@ impl Board {
         }
     }
 
-    /// The resources that a command may change: those that it occupies, and the one that it makes unknown.
+    /// The resources that a command can change: those that it occupies, and the one that it makes
+    /// unknown.
     pub fn touches(&self, command: &Command) -> &[ResourceId] {
         match self.verb(command.verb()).map(|verb| &verb.sets) {
             Some(Sets::Opaque(known)) => {
@@ -98,7 +101,7 @@ impl Board {
         matches!(self.verb(command.verb()), Some(Verb { sets: Sets::Opaque(_), .. }))
     }
 
-    /// A resource.
+    /// A resource by its row.
     pub fn resource(&self, id: ResourceId) -> Option<&Resource> {
         self.resources.get(id)
     }
@@ -108,22 +111,22 @@ impl Board {
         self.resource(resource)?.rest.as_ref()
     }
 
-    /// Whether a command is one that brings its resource to rest.
+    /// Whether a command brings its resource to rest.
     pub fn is_rest(&self, command: &Command) -> bool {
         self.occupies(command).iter().any(|resource| self.rest(*resource) == Some(command))
     }
 
-    /// Whether a command touches a resource that must be fed while it is active.
+    /// Whether a command can change a resource that must be refreshed while it is active.
     pub fn is_drive(&self, command: &Command) -> bool {
-        self.touches(command).iter().any(|resource| self.is_fed(*resource))
+        self.touches(command).iter().any(|resource| self.needs_refresh(*resource))
     }
 
-    /// Whether a resource must be fed while it is active.
-    pub fn is_fed(&self, resource: ResourceId) -> bool {
-        self.resource(resource).is_some_and(|resource| resource.is_fed)
+    /// Whether a resource must be refreshed while it is active.
+    pub fn needs_refresh(&self, resource: ResourceId) -> bool {
+        self.resource(resource).is_some_and(|resource| resource.needs_refresh)
     }
 
-    /// Whether the resource of a command is active until another command ends that.
+    /// Whether the resource of a command stays active until another command ends it.
     pub fn is_active(&self, command: &Command) -> bool {
         match self.verb(command.verb()).map(|verb| verb.activity) {
             Some(Activity::Always) => true,
@@ -132,39 +135,40 @@ impl Board {
         }
     }
 
-    /// Whether a command keeps a resource active that must be fed.
+    /// Whether a command activates a resource that must be refreshed.
     pub fn keeps_driving(&self, command: &Command) -> bool {
         self.is_active(command) && self.is_drive(command)
     }
 
-    /// Whether its resource is active for an unknown time, and then at rest.
+    /// Whether the resource of a command is active for an unknown time and then comes to rest.
     pub fn is_passing(&self, command: &Command) -> bool {
         matches!(self.verb(command.verb()), Some(Verb { activity: Activity::Passing, .. }))
     }
 
     /// Whether the frame of a command can be read in two ways.
-    pub fn is_doubtful(&self, command: &Command) -> bool {
-        self.doubt.as_ref().is_some_and(|doubt| doubt.verb == command.verb())
+    pub fn is_ambiguous(&self, command: &Command) -> bool {
+        self.ambiguity.as_ref().is_some_and(|ambiguity| ambiguity.verb == command.verb())
     }
 
-    /// What must come before a command.
+    /// The precondition of a command.
     pub fn needs(&self, command: &Command) -> Option<&Needs> {
         self.verb(command.verb())?.needs.as_ref()
     }
 
-    /// Whether other verbs need a verb before them.
+    /// Whether a verb sets a resource that another verb depends on.
     pub fn is_needed(&self, verb: VerbId) -> bool {
         let sets = self.occupied(verb, None);
         self.verbs.iter().filter_map(|verb| verb.needs.as_ref()).any(|needs| sets.contains(&needs.resource))
     }
 
-    /// Whether nothing is left of `older` once the board has `newer`: it touches all that the other does.
-    pub fn overtakes(&self, newer: &Command, older: &Command) -> bool {
+    /// Whether `newer` replaces `older` completely: it can change every resource that `older` can.
+    pub fn supersedes(&self, newer: &Command, older: &Command) -> bool {
         let (newer, older) = (self.touches(newer), self.touches(older));
         !older.is_empty() && older.iter().all(|resource| newer.contains(resource))
     }
 
-    /// Takes a command apart: each resource that it sets, with the command that sets it alone.
+    /// Splits a command: calls `take` for each resource that it sets, with the command that sets
+    /// only this resource.
     pub fn each_part(&self, command: &Command, mut take: impl FnMut(ResourceId, &Command)) {
         match self.verb(command.verb()).map(|verb| &verb.sets) {
             Some(Sets::Parts(parts, resources)) => {
@@ -176,7 +180,8 @@ impl Board {
         }
     }
 
-    /// The lane of a command: one for each resource, and one for each verb that sets several of them or none.
+    /// The lane of a command: one for each resource, and one for each verb that sets several
+    /// resources or none.
     pub fn lane(&self, command: &Command) -> usize {
         match self.occupies(command) {
             [resource] => *resource,
@@ -184,28 +189,28 @@ impl Board {
         }
     }
 
-    /// How many lanes there are.
+    /// The number of lanes.
     pub fn lanes(&self) -> usize {
         self.resources.len() + self.verbs.len()
     }
 
-    /// What a lane is called.
+    /// The name of a lane.
     pub fn lane_name(&self, lane: usize) -> Text {
         let verb = |lane: usize| self.verbs.get(lane - self.resources.len()).map(|verb| verb.frames.clone());
         self.resource(lane).map(|resource| resource.name.clone()).or_else(|| verb(lane)).unwrap_or_default()
     }
 
-    /// The range of what is limited, inside of which a limit lies.
+    /// The range that the board accepts for a limited value.
     pub fn range(&self, limited: Limited) -> Option<(i32, i32)> {
         Some(self.axis(limited)?.range)
     }
 
-    /// The axis of what is limited; the first one where each is.
+    /// The axis of a limit; the first one if the limit applies to all.
     pub fn axis(&self, limited: Limited) -> Option<&Axis> {
         self.verb(limited.verb)?.moving().get(limited.axis.unwrap_or(0))
     }
 
-    /// The first value of a command that a limit is for and that is outside of it.
+    /// The first value of a command that violates a limit.
     pub fn outside(&self, limited: Limited, (low, high): (f64, f64), command: &Command) -> Option<i32> {
         let verb = self.verb(command.verb())?;
         let is_outside = |value: &i32| f64::from(*value) < low || f64::from(*value) > high;
@@ -224,7 +229,7 @@ impl Board {
         command.values().into_iter().skip(offset).find(is_outside)
     }
 
-    /// What is limited, as a script writes it: `servo 2`, `rocker x`.
+    /// The subject of a limit as a script writes it: `servo 2`, `rocker x`.
     pub fn limited_name(&self, limited: Limited) -> String {
         let mut name = self.verb(limited.verb).map(|verb| verb.word.to_string()).unwrap_or_default();
         if let Some(index) = limited.index {
@@ -236,54 +241,56 @@ impl Board {
         name
     }
 
-    /// The proper limit of this, if it has one.
-    pub fn proper_limit(&self, limited: Limited) -> Option<&ProperLimit> {
+    /// The default limit of this value, if it has one.
+    pub fn default_limit(&self, limited: Limited) -> Option<&DefaultLimit> {
         self.limits.iter().find(|limit| limit.limited == limited)
     }
 
-    /// The canonical notation of a command: what a script would say to send exactly this frame.
-    pub fn show<'b>(&'b self, command: &'b Command) -> Said<'b> {
-        Said { board: self, command }
+    /// The canonical notation of a command: the line of a script that sends exactly this frame.
+    pub fn show<'b>(&'b self, command: &'b Command) -> Notation<'b> {
+        Notation { board: self, command }
     }
 
-    /// Appends the frame that carries a command.
+    /// Appends the frame of a command.
     pub fn encode(&self, command: &Command, out: &mut Vec<u8>) {
         (self.codec.encode)(self, command, out);
     }
 
-    /// How many bytes the frame of a command has.
+    /// The length of a command's frame in bytes.
     pub fn frame_length(&self, command: &Command) -> usize {
         (self.codec.length)(self, command)
     }
 
-    /// The frame that carries a command, in a vector of its own.
+    /// The frame of a command, in a new vector.
     pub fn to_frame(&self, command: &Command) -> Vec<u8> {
         let mut out = Vec::with_capacity(self.frame_length(command));
         self.encode(command, &mut out);
         out
     }
 
-    /// Reads the bytes of one frame. Strict: what it returns, [`encode`](Self::encode) gives back byte for byte.
+    /// Decodes one frame. Strict: [`encode`](Self::encode) returns the same bytes for the result.
     ///
     /// # Errors
-    /// Says why it is no command.
+    /// Why the frame is not a command.
     pub fn decode(&self, frame: &[u8]) -> Result<Command, NotACommand> {
         (self.codec.decode)(self, frame)
     }
 
-    /// Any frame, as the verb that sends any frame.
+    /// Any frame as the verb that sends raw frames; `None` if the family has none.
     pub fn raw(&self, frame: &[u8]) -> Option<Command> {
         (self.codec.raw)(self, frame)
     }
 
-    /// Reads a frame; what is no command becomes one that is not interpreted, if there is such a verb.
+    /// Decodes a frame. A frame that is not a command becomes a raw one, if the family has such a
+    /// verb.
     pub fn decode_or_raw(&self, frame: &[u8]) -> Option<Command> {
         self.decode(frame).ok().or_else(|| self.raw(frame))
     }
 
-    /// How many zeros must follow a flush of a line that carries these commands, before a stop: a flush can cut a frame, and a receiver
-    /// that waits for the rest of it would take the stop for that.
-    pub fn zeros_behind_flush<'c>(&self, commands: impl IntoIterator<Item = &'c Command>) -> usize {
+    /// The number of zeros to send between a flush and a stop, on a line that carries these
+    /// commands. A flush can truncate a frame, and a receiver that waits for the rest of it would
+    /// take the stop for that rest.
+    pub fn zeros_after_flush<'c>(&self, commands: impl IntoIterator<Item = &'c Command>) -> usize {
         commands
             .into_iter()
             .map(|command| (self.codec.resync)(Some(command)))
@@ -296,17 +303,17 @@ impl Board {
         self.stop.iter().map(|command| (self.codec.resync)(Some(command))).max().unwrap_or(0)
     }
 
-    /// How many zeros do the same for any frame at all.
+    /// The number of zeros that is enough after any frame.
     pub fn most_zeros(&self) -> usize {
         (self.codec.resync)(None)
     }
 
-    /// The first quantity of a report, as it is shown.
-    pub fn vital(&self, report: &Report) -> Option<String> {
+    /// The first quantity of a report, formatted.
+    pub fn main_quantity(&self, report: &Report) -> Option<String> {
         self.quantities.first().map(|quantity| quantity.show(report.value(0)))
     }
 
-    /// All quantities of a report, as they are shown.
+    /// All quantities of a report, formatted.
     pub fn report(&self, report: &Report) -> String {
         let all = self.quantities.iter().enumerate().map(|(row, quantity)| quantity.show(report.value(row)));
         all.clone().skip(1).chain(all.take(1)).collect::<Vec<_>>().join(", ")
@@ -318,16 +325,16 @@ impl Board {
     }
 }
 
-/// A command in the notation of scripts.
+/// Displays a command in the notation of scripts.
 #[derive(Clone, Copy, Debug)]
-pub struct Said<'b> {
+pub struct Notation<'b> {
     board: &'b Board,
     command: &'b Command,
 }
 
-impl fmt::Display for Said<'_> {
+impl fmt::Display for Notation<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Said { board, command } = self;
+        let Notation { board, command } = self;
         let Some(verb) = board.verb(command.verb()) else { return f.write_str("?") };
         let alias = verb.alias.and_then(|alias| board.verb(alias));
         if let Some(alias) = alias.filter(|alias| alias.is.as_ref() == Some(command)) {

@@ -5,103 +5,105 @@ use smallvec::SmallVec;
 use super::command::{Command, MAX_MOVING, VerbId};
 use super::table::{Board, Part, Resource, ResourceId, Sets};
 
-/// The last command of each resource, in the words of the verb that sets it alone. A frame that is not interpreted makes the resource
-/// unknown that it is for.
+/// The last command of each resource, as the verb that sets only this resource. A frame that is not
+/// interpreted makes its resource unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct State {
-    told: Vec<Told>,
+    last: Vec<LastCommand>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-struct Told {
+struct LastCommand {
     command: Option<Command>,
-    /// Whether the last frame for it was one that is not understood.
+    /// Whether the last frame for the resource was not understood.
     is_unclear: bool,
 }
 
 impl State {
-    /// That of a board that received nothing; takes no memory later.
+    /// The state of a board that has received nothing. Later changes do not allocate.
     pub fn new(board: &Board) -> Self {
-        State { told: vec![Told::default(); board.resources.len()] }
+        State { last: vec![LastCommand::default(); board.resources.len()] }
     }
 
-    /// Takes in one command.
+    /// Applies one command.
     pub fn apply(&mut self, board: &Board, command: &Command) {
         if board.is_opaque(command) {
             for resource in board.touches(command) {
-                self.set(board, *resource, Told { command: None, is_unclear: true });
+                self.set(board, *resource, LastCommand { command: None, is_unclear: true });
             }
             return;
         }
         board.each_part(command, |resource, part| {
-            self.set(board, resource, Told { command: Some(part.clone()), is_unclear: false });
+            self.set(board, resource, LastCommand { command: Some(part.clone()), is_unclear: false });
         });
     }
 
-    fn set(&mut self, board: &Board, resource: ResourceId, told: Told) {
-        if self.told.is_empty() {
-            self.told.resize(board.resources.len(), Told::default());
+    fn set(&mut self, board: &Board, resource: ResourceId, last: LastCommand) {
+        if self.last.is_empty() {
+            self.last.resize(board.resources.len(), LastCommand::default());
         }
-        if let Some(place) = self.told.get_mut(resource) {
-            *place = told;
+        if let Some(place) = self.last.get_mut(resource) {
+            *place = last;
         }
     }
 
-    /// The last command of a resource, if there was one.
-    pub fn told(&self, resource: ResourceId) -> Option<&Command> {
-        self.told.get(resource)?.command.as_ref()
+    /// The last command of a resource; `None` if there was none or it is unknown.
+    pub fn last(&self, resource: ResourceId) -> Option<&Command> {
+        self.last.get(resource)?.command.as_ref()
     }
 
-    /// Whether a command would change nothing: each resource that it sets has that value.
+    /// Whether a command would change nothing: it sets each of its resources to the value that the
+    /// resource has.
     pub fn has(&self, board: &Board, command: &Command) -> bool {
         let mut has_all = !board.occupies(command).is_empty();
-        board.each_part(command, |resource, part| has_all &= self.told(resource) == Some(part));
+        board.each_part(command, |resource, part| has_all &= self.last(resource) == Some(part));
         has_all
     }
 
-    /// The commands that bring a board to this state, in the order of its resources: first those that have no rest, then what is active.
-    /// What is at rest, or comes to rest by itself, is left out.
+    /// The commands that bring a board to this state, in the order of its resources: first those
+    /// without a rest command, then the active ones. Resources that are at rest, or come to rest by
+    /// themselves, are left out.
     pub fn commands<'s>(&'s self, board: &'s Board) -> impl Iterator<Item = &'s Command> {
-        let told = board.resources.iter().zip(&self.told).filter(|(resource, _)| resource.rest.is_none());
-        let still = told.filter_map(|(_, told)| told.command.as_ref()).filter(|command| !board.is_active(command));
+        let last = board.resources.iter().zip(&self.last).filter(|(resource, _)| resource.rest.is_none());
+        let still = last.filter_map(|(_, last)| last.command.as_ref()).filter(|command| !board.is_active(command));
         still.chain(self.active(board).map(|(_, command)| command))
     }
 
-    /// What has a rest and is active, the last first, with the command that brings it there; where `is_unknown`, because something was
-    /// sent that is not understood, all that has a rest.
+    /// The active resources with their rest commands, the last resource first. If `is_unknown`,
+    /// because a frame was sent that is not understood, all resources with a rest command.
     pub fn closing<'b>(
         &self,
         board: &'b Board,
         is_unknown: bool,
     ) -> impl Iterator<Item = (ResourceId, &'b Resource, &'b Command)> {
-        let is_active = |resource| self.told(resource).is_some_and(|told| board.is_active(told));
+        let is_active = |resource| self.last(resource).is_some_and(|last| board.is_active(last));
         let all = board.resources.iter().enumerate().rev();
         let all = all.filter_map(|(id, resource)| Some((id, resource, resource.rest.as_ref()?)));
         all.filter(move |(id, ..)| is_unknown || is_active(*id))
     }
 
-    /// The active resources, each with its last command.
+    /// The active resources with their last commands.
     pub fn active<'s>(&'s self, board: &'s Board) -> impl Iterator<Item = (ResourceId, &'s Command)> {
-        let told = self.told.iter().enumerate();
-        let told = told.filter_map(|(resource, told)| Some((resource, told.command.as_ref()?)));
-        told.filter(|(_, command)| board.is_active(command))
+        let last = self.last.iter().enumerate();
+        let last = last.filter_map(|(resource, last)| Some((resource, last.command.as_ref()?)));
+        last.filter(|(_, command)| board.is_active(command))
     }
 
-    /// Whether all that a program has sent ends in rest, however the board takes what no correct program sends: the last frame for
-    /// everything that has a rest is known as one that leaves it there.
+    /// Whether the board is at rest, even if it interprets invalid frames in an unexpected way: the
+    /// last frame of each resource with a rest command is understood and leaves it at rest.
     pub fn surely_at_rest(&self, board: &Board) -> bool {
-        let told = || board.resources.iter().zip(&self.told).filter(|(resource, _)| resource.rest.is_some());
-        let passes = |told: &Told| told.command.as_ref().is_some_and(|command| board.is_passing(command));
-        self.at_rest(board) && !told().any(|(_, told)| told.is_unclear || passes(told))
+        let last = || board.resources.iter().zip(&self.last).filter(|(resource, _)| resource.rest.is_some());
+        let passes = |last: &LastCommand| last.command.as_ref().is_some_and(|command| board.is_passing(command));
+        self.at_rest(board) && !last().any(|(_, last)| last.is_unclear || passes(last))
     }
 
-    /// Whether nothing moves and nothing sounds: no resource is kept active.
+    /// Whether no resource is active: nothing moves, nothing sounds.
     pub fn at_rest(&self, board: &Board) -> bool {
         self.active(board).next().is_none()
     }
 
-    /// The values that a verb has as far as they are known: those of the same verb, or 0 behind the command
-    /// that brings its resource to rest.
+    /// The known values of a verb: those of its last command, or 0 after the command that brings
+    /// its resource to rest.
     pub fn values(&self, board: &Board, verb: VerbId, index: Option<i32>) -> SmallVec<[Option<i32>; MAX_MOVING]> {
         let Some(row) = board.verb(verb) else { return SmallVec::new() };
         if let Sets::Parts(parts, _) = &row.sets {
@@ -109,11 +111,11 @@ impl State {
             return parts.iter().map(value).collect();
         }
         let resource = board.occupied(verb, index).first().copied();
-        let told = resource.and_then(|resource| self.told(resource));
-        let known = told.filter(|told| told.verb() == verb);
-        let is_at_rest = told.is_some_and(|told| told.is_zero() && board.is_rest(told));
+        let last = resource.and_then(|resource| self.last(resource));
+        let known = last.filter(|last| last.verb() == verb);
+        let is_at_rest = last.is_some_and(|last| last.is_zero() && board.is_rest(last));
         let offset = usize::from(row.is_indexed());
-        let value = |at: usize| known.map_or(is_at_rest.then_some(0), |told| told.value(at + offset));
+        let value = |at: usize| known.map_or(is_at_rest.then_some(0), |last| last.value(at + offset));
         (0..row.moving().len()).map(value).collect()
     }
 }

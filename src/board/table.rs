@@ -1,4 +1,4 @@
-//! The table of a board family: its resources, verbs and axes, and all that follows from them.
+//! The table of a board family: its resources, verbs, axes, and codec.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -8,94 +8,100 @@ use super::command::{Command, VerbId};
 use super::frame::{FrameError, Front};
 use super::quantity::{Quantity, ReportLine};
 
-/// A resource, by its row in the table of its board.
+/// The row of a resource in the table of its board.
 pub type ResourceId = usize;
 
 /// A family of boards.
 #[derive(Clone, Debug)]
 pub struct Board {
-    /// What it is called.
+    /// The name of the family.
     pub name: Text,
-    /// The speed of its serial line, in bits a second (8N1: ten bits a byte).
+    /// The speed of its serial line in bits per second (8N1: ten bits per byte).
     pub baud: u32,
-    /// What its verbs set, in the order in which [`State::commands`](super::State::commands) brings a board back to a state. What is still active at the end of a
-    /// script is brought to rest in the opposite order.
+    /// What its verbs set, in the order in which [`State::commands`](super::State::commands)
+    /// restores a state. The end of a script brings active resources to rest in the opposite order.
     pub resources: Vec<Resource>,
-    /// Its commands. A frame that several of them send is decoded as the first one.
+    /// Its commands. If several of them send the same frame, it is decoded as the first.
     pub verbs: Vec<Verb>,
-    /// Ranges that hold where a script sets none.
-    pub limits: Vec<ProperLimit>,
-    /// What it reports, in the order of the values of a [`Report`](super::Report). The first one is always shown, and of a whole report last.
+    /// Limits that apply unless a script sets its own.
+    pub limits: Vec<DefaultLimit>,
+    /// The quantities that it reports, in the order of the values of a [`Report`](super::Report).
+    /// The first is always displayed, and comes last in a complete report.
     pub quantities: Vec<Arc<Quantity>>,
-    /// What makes it report, and what ends that: sent at the start and at the end of a script that expects something.
+    /// The commands that start and stop reports. A script with an `expect` sends them at its start
+    /// and end.
     pub reporting: Option<[Command; 2]>,
-    /// What every early end sends. A first command that comes several times is sent at intervals.
+    /// What every early end sends. If the first command is repeated, its copies are sent at
+    /// intervals.
     pub stop: Vec<Command>,
     /// A verb whose frames can be read in two ways, if there is one.
-    pub doubt: Option<Doubt>,
-    /// What other languages call what its verbs do: the word, and a line to write instead.
+    pub ambiguity: Option<Ambiguity>,
+    /// Words of other languages for these verbs, each with the line to write instead.
     pub foreign: Vec<(Text, Text)>,
-    /// How it is drawn; `None` for a lane for each value.
+    /// How the board is drawn; `None` for one lane per value.
     pub picture: Option<Picture>,
-    /// What the virtual board does besides keeping the state.
+    /// What the virtual board does in addition to keeping the state.
     pub simulation: Simulation,
-    /// The way to bytes and back.
+    /// Encodes and decodes frames.
     pub codec: Codec,
 }
 
 /// A part of a robot that does one thing at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Resource {
-    /// What messages call it: `the drive`, `servo 1`.
+    /// Its name in messages: `the drive`, `servo 1`.
     pub name: Text,
-    /// What logs call it: `drive`, `servo_1`.
+    /// Its key in logs: `drive`, `servo_1`.
     pub key: Text,
-    /// What it is for; empty where the name says it.
+    /// What it is for; empty if the name says it.
     pub about: Text,
     /// The command that brings it to rest, ends a `for`, and closes a script that leaves it active.
     pub rest: Option<Command>,
-    /// How it is while it is active, and otherwise: `running` and `stands`, `on` and `is off`.
+    /// The word for its active state: `running`, `on`.
     pub activity: Text,
-    /// The other one.
+    /// The phrase for its state at rest: `is stopped`, `is off`.
     pub idle: Text,
-    /// Whether a command that keeps it active must be sent again and again.
-    pub is_fed: bool,
-    /// Whether two commands for it at one time are a mistake.
+    /// Whether the command that keeps it active must be repeated.
+    pub needs_refresh: bool,
+    /// Whether two commands for it at the same time are an error.
     pub is_exclusive: bool,
-    /// How fast it is taken to go where a script does not say, in the unit of its value a second; `None` for at once.
+    /// Its assumed speed unless a script sets one, in the unit of its value per second; `None` if
+    /// it reaches values immediately.
     pub speed: Option<u32>,
 }
 
 /// One command of a script.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verb {
-    /// The word that a line starts with.
+    /// The first word of the line.
     pub word: Text,
-    /// The whole line, with its arguments.
+    /// The complete line with its arguments.
     pub usage: Text,
-    /// A line that works.
+    /// A valid line.
     pub example: Text,
     /// What it does, in a few words.
     pub meaning: Text,
     /// Its values.
     pub axes: Vec<Axis>,
-    /// Which resources it sets.
+    /// The resources that it sets.
     pub sets: Sets,
     /// What stays active after it.
     pub activity: Activity,
-    /// Whether `for D` may follow it.
+    /// Whether `for D` can follow it.
     pub holds: bool,
-    /// Whether `over D` may follow it; then it has at most [`MAX_MOVING`](super::MAX_MOVING) values besides an index.
+    /// Whether `over D` can follow it. Such a verb has at most [`MAX_MOVING`](super::MAX_MOVING)
+    /// values besides an index.
     pub moves: bool,
-    /// What must come before it.
+    /// Its precondition.
     pub needs: Option<Needs>,
-    /// What its frames are called together, where they set several resources or none.
+    /// The name of the lane of its frames, if it sets several resources or none.
     pub frames: Text,
-    /// The command that it is another word for.
+    /// The command that this word is a synonym of.
     pub is: Option<Command>,
-    /// The verb that is another word for one of its commands, and is shown instead.
+    /// The verb that is displayed instead of this one for one of its commands.
     pub alias: Option<VerbId>,
-    /// How far a folded move may be from what was recorded, at any time, in the unit of its values.
+    /// The tolerance of a move in a recording: how far it may be from the recorded values at any
+    /// time, in their unit.
     pub tolerance: i32,
 }
 
@@ -104,35 +110,36 @@ pub struct Verb {
 pub struct Axis {
     /// Its name before the `=` in a script; empty for a positional value.
     pub name: Text,
-    /// What messages call it, with its article: `the speed x`.
+    /// Its name in messages, with an article: `the speed x`.
     pub what: Text,
-    /// What logs call it: `x`; empty where they name the resource.
+    /// Its key in logs: `x`; empty if the key of the resource is enough.
     pub key: Text,
-    /// The smallest and the largest value that the board takes.
+    /// The smallest and the largest value that the board accepts.
     pub range: (i32, i32),
-    /// How it is written.
+    /// How a script writes it.
     pub takes: Takes,
     /// Its unit.
     pub unit: Unit,
-    /// Why its range ends where it does, or where it is written; empty where that needs no words.
+    /// Why its range ends there, or where to write the value; empty if that needs no explanation.
     pub why: Text,
 }
 
-/// How a value is written in a script.
+/// How a script writes a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Takes {
-    /// A number, which is rounded. One with a name may be left out, and is 0 then.
+    /// A number, which is rounded. A named one may be omitted and is 0 then.
     Number,
-    /// A whole number that says which resource is meant.
+    /// A whole number that selects a resource.
     Index,
     /// A whole number from 0 to 255.
     Byte,
-    /// As many of these as there are, but no more than this: always the last axis.
+    /// Any number of bytes up to this maximum; always the last axis.
     Bytes(usize),
     /// One of these words, each with its value.
     Word(Vec<(Text, i32)>),
-    /// Several whole numbers with commas between them, which are several values: what each is called, and how many letters stand for them.
+    /// Several whole numbers separated by commas, each of which is a value: the name of one, and
+    /// the letters that represent them, separated by commas.
     List(Text, Text),
 }
 
@@ -140,19 +147,19 @@ pub enum Takes {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Unit {
-    /// None, or the board's own.
+    /// No unit, or the board's own.
     None,
-    /// A pulse width in microseconds. A script may also give the angle of a servo: what 0 and 180 degrees are.
+    /// A pulse width in microseconds. A script may also give the angle of a servo, in degrees.
     Micros {
-        /// At 0 degrees.
+        /// The pulse width at 0 degrees.
         least: i32,
-        /// At 180 degrees.
+        /// The pulse width at 180 degrees.
         most: i32,
     },
 }
 
 impl Unit {
-    /// Its symbol in messages, after a number and a space; empty for none.
+    /// Its symbol in messages, after a number and a space; empty if there is none.
     pub fn symbol(self) -> &'static str {
         match self {
             Unit::None => "",
@@ -161,23 +168,23 @@ impl Unit {
     }
 }
 
-/// Which resources a verb sets.
+/// The resources that a verb sets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Sets {
     /// None.
     Nothing,
-    /// This one.
+    /// One resource.
     One(ResourceId),
-    /// One for each value of its first axis, an index.
+    /// One resource for each value of the first axis, an index.
     Indexed(Vec<ResourceId>),
-    /// Several, each as another verb would; and these.
+    /// Several resources, each as another verb would set it.
     Parts(Vec<Part>, Vec<ResourceId>),
-    /// It is not interpreted, so its effect is unknown; certain first values make a resource unknown.
+    /// Unknown: the frame is not interpreted. These first values make a resource unknown.
     Opaque(Vec<(i32, ResourceId)>),
 }
 
-/// What one value of a verb sets, in the words of another.
+/// One value of a verb, expressed as another verb.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     /// The other verb, which has an index and one more value.
@@ -190,71 +197,71 @@ pub struct Part {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Activity {
-    /// Nothing: the value stays.
+    /// Nothing is active: the value stays.
     Still,
-    /// Its resource is active, unless every value is 0.
+    /// The resource is active unless all values are 0.
     Unless0,
-    /// Its resource is active, also where every value is 0.
+    /// The resource is active, even if all values are 0.
     Always,
-    /// Its resource is active for an unknown time, and then at rest.
+    /// The resource is active for an unknown time and then at rest.
     Passing,
 }
 
-/// What must come before a verb.
+/// The precondition of a verb.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
-    /// The resource that must have been set last,
+    /// The resource that must have been set
     pub resource: ResourceId,
-    /// with this as its first value.
+    /// to a command with this first value.
     pub value: i32,
-    /// What is wrong otherwise.
+    /// The message if it was not.
     pub message: Text,
-    /// What sets it, as short as it can be said.
+    /// The command that sets it, in short.
     pub what: Text,
     /// A line that sets it.
     pub line: Text,
 }
 
-/// What a limit is for.
+/// The subject of a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limited {
     /// The verb.
     pub verb: VerbId,
     /// The value of its index, if it has one.
     pub index: Option<i32>,
-    /// Which of its values; `None` for each of them.
+    /// The position of the value; `None` for all values.
     pub axis: Option<usize>,
 }
 
-/// A range that holds where a script sets none.
+/// A limit that applies unless a script sets its own.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ProperLimit {
-    /// What is limited.
+pub struct DefaultLimit {
+    /// The limited value.
     pub limited: Limited,
     /// The smallest and the largest value.
     pub range: (i32, i32),
-    /// Why.
+    /// The reason for it.
     pub why: Text,
-    /// When a script may widen it.
+    /// When a script may set a wider one.
     pub unless: Text,
 }
 
 /// A verb whose frames can be read in two ways.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Doubt {
+pub struct Ambiguity {
     /// The verb.
     pub verb: VerbId,
-    /// What is said where there is such a frame.
+    /// The note for such frames.
     pub note: Text,
 }
 
-/// What the virtual board does besides keeping its state.
+/// What the virtual board does in addition to keeping its state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Simulation {
     /// Nothing.
     State,
-    /// It drives on mecanum wheels, and reports where it looks and its voltage.
+    /// It drives on mecanum wheels, and reports its orientation and its voltage.
     Mecanum,
 }
 
@@ -263,16 +270,16 @@ pub enum Simulation {
 pub struct Picture {
     /// The lanes, from the top.
     pub lanes: Vec<Lane>,
-    /// What a command shows: lanes, and what becomes of each.
+    /// What a command changes in which lanes.
     pub draw: fn(&Board, &Command) -> Vec<(usize, Shown)>,
 }
 
 /// A lane of a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lane {
-    /// What it is.
+    /// Its name.
     pub name: Text,
-    /// Where on the robot, or what for; empty where the name says it.
+    /// Its place on the robot, or its purpose; empty if the name says it.
     pub about: Text,
     /// What it shows.
     pub kind: LaneKind,
@@ -286,25 +293,25 @@ pub enum LaneKind {
     Curve {
         /// Its unit.
         unit: Text,
-        /// What the values below and above zero are called.
+        /// The labels of values below and above zero.
         ends: [Text; 2],
         /// The smallest and the largest value that the board takes.
         range: (i32, i32),
-        /// What a `limit` on it is for.
+        /// The limits that apply to it.
         limited: Vec<Limited>,
-        /// Whether it is left out where it is zero all the time, and so are all of this group.
+        /// Its group. All lanes of a group are hidden if each of them is always zero.
         group: Option<u8>,
-        /// Whether it is shown nevertheless, where the script only stops the robot.
+        /// Whether the lane is shown even then, if the script only stops the robot.
         shows_rest: bool,
     },
-    /// Something that is on or off.
+    /// A state that is on or off.
     Spans {
-        /// What is said of it while it is on.
+        /// The text of the tooltip while it is on.
         text: Text,
-        /// Whether it is drawn as strongly as a command.
+        /// Whether it is drawn as prominently as a command.
         is_strong: bool,
     },
-    /// Things that happen.
+    /// Moments.
     Ticks {
         /// Whether the robot moves then.
         is_motion: bool,
@@ -315,40 +322,41 @@ pub enum LaneKind {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Shown {
-    /// A value from here on, or that it is unknown.
+    /// A value from here on; `None` if it is unknown.
     Value(Option<f64>),
-    /// It goes on or off.
+    /// The state changes to on or off.
     Switch(bool),
-    /// It happens.
+    /// Something happens at this moment.
     Tick,
 }
 
-/// The codec. It must find the frames in a stream however the stream is cut into reads.
+/// The codec. It must find the frames of a stream no matter how the stream is split into reads.
 #[derive(Clone, Copy, Debug)]
 pub struct Codec {
-    /// Appends the frame that carries a command.
+    /// Appends the frame of a command.
     pub encode: fn(&Board, &Command, &mut Vec<u8>),
-    /// How many bytes that frame has.
+    /// The length of that frame in bytes.
     pub length: fn(&Board, &Command) -> usize,
-    /// Whether bytes are exactly one frame.
+    /// Checks that bytes are exactly one frame.
     pub check: fn(&[u8]) -> Result<(), FrameError>,
-    /// Reads a frame. Strict: encoding what it returns gives the same bytes.
+    /// Decodes a frame. Strict: encoding the result gives the same bytes.
     pub decode: fn(&Board, &[u8]) -> Result<Command, NotACommand>,
-    /// Any frame, as the verb that sends any frame; `None` in a family that has none.
+    /// Any frame as the verb that sends raw frames; `None` if the family has no such verb.
     pub raw: fn(&Board, &[u8]) -> Option<Command>,
-    /// What the bytes at the front of a stream are, and whether padding came just before them.
+    /// Classifies the first bytes of a stream; the flag says whether padding came just before them.
     pub front: fn(&[u8], bool) -> Front,
-    /// How many bytes there are until the next one that can start a frame; at least one.
+    /// The number of bytes, at least one, up to the next byte that can start a frame.
     pub next_start: fn(&[u8]) -> usize,
     /// The longest frame in bytes.
     pub longest: usize,
-    /// How many zeros bring a receiver back in step that a flush has cut off inside the frame of this command; `None` for any frame at all.
+    /// The number of zeros that resynchronize a receiver after a flush truncated the frame of this
+    /// command; `None` for any frame.
     pub resync: fn(Option<&Command>) -> usize,
-    /// How reports are found in the board's replies, and read.
+    /// How to find and parse reports in the board's replies.
     pub replies: ReportLine,
 }
 
-/// A frame that is whole but says nothing that the table of the board knows.
+/// Why a valid frame is not a command in the table of the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotACommand {
@@ -358,17 +366,18 @@ pub enum NotACommand {
     /// A value is outside its range.
     #[error(transparent)]
     OutOfRange(#[from] OutOfRange),
-    /// The values are fine, but the frame is not the one that carries them (a wrong direction byte, say).
-    #[error("the bytes are not those that carry this command")]
+    /// The values are valid, but this is not their frame: it has a wrong direction byte, for
+    /// example.
+    #[error("the bytes differ from the frame of this command")]
     Inconsistent,
-    /// Only another way to read the verb in [`Board::doubt`] explains it.
+    /// The frame is valid only in the other reading of the verb in [`Board::ambiguity`].
     #[error("{0}")]
     OtherReading(&'static str),
 }
 
-/// A value that the board does not take.
+/// A value that the board does not accept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{value} is outside {min} to {max}")]
+#[error("{value} is out of range ({min} to {max})")]
 pub struct OutOfRange {
     /// The value.
     pub value: i32,
@@ -385,7 +394,7 @@ impl OutOfRange {
     }
 }
 
-/// Two boards of one name have one table.
+/// Boards with the same name and the same tables are equal.
 impl PartialEq for Board {
     fn eq(&self, other: &Self) -> bool {
         (&self.name, &self.resources, &self.verbs) == (&other.name, &other.resources, &other.verbs)
@@ -395,7 +404,7 @@ impl PartialEq for Board {
 impl Eq for Board {}
 
 impl Axis {
-    /// How many values it has in a command; those of [`Takes::Bytes`] are not counted.
+    /// The number of values that it has in a command; those of [`Takes::Bytes`] are not counted.
     pub fn count(&self) -> usize {
         match &self.takes {
             Takes::List(_, letters) => letters.split(',').count(),
@@ -406,17 +415,17 @@ impl Axis {
 }
 
 impl Verb {
-    /// The values that a move changes: all but an index.
+    /// The values that a move changes: all except an index.
     pub fn moving(&self) -> &[Axis] {
         self.axes.get(usize::from(self.is_indexed())..).unwrap_or_default()
     }
 
-    /// Whether its first value says which resource is meant.
+    /// Whether the first value selects a resource.
     pub fn is_indexed(&self) -> bool {
         matches!(self.sets, Sets::Indexed(_))
     }
 
-    /// The values of its index.
+    /// The range of its index.
     pub(crate) fn indices(&self) -> Option<RangeInclusive<i32>> {
         let (least, most) = self.axes.first().filter(|_| self.is_indexed())?.range;
         Some(least..=most)

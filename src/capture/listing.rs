@@ -1,4 +1,4 @@
-//! Frames and what lies between them, a line each.
+//! A listing of frames and the bytes between them, one per line.
 
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -10,22 +10,22 @@ use super::Decoded;
 use crate::board::{Board, Frame, Hex, Item, Skip};
 use crate::units::Micros;
 
-/// The most bytes of a run that are shown where they belong to no frame.
+/// The most bytes shown of a run that belongs to no frame.
 const SHOWN: usize = 16;
 
-/// Writes a line for each frame and for each run of bytes that belongs to none, TAB-separated: where or when it began, the bytes in
-/// hex, the command, and what is wrong with it, if anything is.
+/// Writes one TAB-separated line for each frame and for each run of bytes outside of frames: its
+/// position or time, the bytes in hex, the command, and the fault, if any.
 #[derive(Debug)]
 pub struct Listing<W> {
     out: W,
-    /// What was written so far.
+    /// The totals so far.
     pub decoded: Decoded,
     board: Arc<Board>,
     run: Option<Run>,
     failed: Option<io::Error>,
 }
 
-/// Bytes in a row that belong to no frame.
+/// A run of bytes outside of frames.
 #[derive(Debug)]
 struct Run {
     at: String,
@@ -35,12 +35,12 @@ struct Run {
 }
 
 impl<W: Write> Listing<W> {
-    /// One without any line yet.
+    /// A listing without lines.
     pub fn new(out: W, board: Arc<Board>) -> Self {
         Listing { out, decoded: Decoded::default(), board, run: None, failed: None }
     }
 
-    /// Takes what a decoder has found; `at` is what stands first in its line.
+    /// Adds an item of a decoder; `at` is the first column of its line.
     pub fn take(&mut self, at: impl Display, item: Item<'_>) {
         match item {
             Item::Frame(frame) => {
@@ -71,7 +71,7 @@ impl<W: Write> Listing<W> {
         self.decoded.frames += 1;
         let written = match self.board.decode(frame.bytes()) {
             Ok(command) => {
-                self.decoded.doubtful += u64::from(self.board.is_doubtful(&command));
+                self.decoded.ambiguous += u64::from(self.board.is_ambiguous(&command));
                 writeln!(self.out, "{at}\t{frame}\t{}", self.board.show(&command))
             }
             Err(why) => {
@@ -82,7 +82,7 @@ impl<W: Write> Listing<W> {
         self.keep(written);
     }
 
-    /// Writes the run that has not ended yet.
+    /// Writes the current run.
     pub fn end_run(&mut self) {
         let Some(Run { at, shown, count, why }) = self.run.take() else { return };
         let more = if count > SHOWN as u64 { " …" } else { "" };
@@ -91,49 +91,50 @@ impl<W: Write> Listing<W> {
         self.keep(written);
     }
 
-    /// Writes out what is held back.
+    /// Flushes the output.
     pub fn flush(&mut self) {
         let flushed = self.out.flush();
         self.keep(flushed);
     }
 
-    /// The first failure is kept: what follows it cannot be written either.
+    /// Keeps the first error: later lines cannot be written either.
     fn keep(&mut self, written: io::Result<()>) {
         if let Err(error) = written {
             self.failed.get_or_insert(error);
         }
     }
 
-    /// Whether it could be written so far.
+    /// The first error so far.
     pub fn failure(&mut self) -> io::Result<()> {
         self.failed.take().map_or(Ok(()), Err)
     }
 }
 
-/// Writes one JSON object: when, and the frame with its command, or the bytes that are none, with what is wrong.
+/// Writes one JSON object: the time, and the frame with its command, or the skipped bytes; and the
+/// fault, if any.
 pub fn write_json(board: &Board, at: Micros, item: Item<'_>, out: &mut impl Write) -> io::Result<()> {
     let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().concat();
     let object = match item {
         Item::Frame(frame) => {
             let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
-            Found { at, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
+            JsonLine { at, frame: Some(hex(frame.bytes())), command: said(board, frame), skipped: None, wrong }
         }
         Item::Skipped { bytes, why, .. } => {
-            Found { at, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
+            JsonLine { at, frame: None, command: None, skipped: Some(hex(bytes)), wrong: Some(why.to_string()) }
         }
     };
     serde_json::to_writer(&mut *out, &object)?;
     out.write_all(b"\n")
 }
 
-/// What a frame says, or what sends it though it says nothing.
+/// The command of a frame, or the raw frame that it is.
 fn said(board: &Board, frame: Frame<'_>) -> Option<String> {
     board.decode_or_raw(frame.bytes()).map(|command| board.show(&command).to_string())
 }
 
-/// One line of JSON. Fields may be added, and never change their meaning.
+/// One line of JSON. Fields may be added; existing ones never change their meaning.
 #[derive(Serialize)]
-struct Found {
+struct JsonLine {
     #[serde(rename = "t_us")]
     at: Micros,
     frame: Option<String>,

@@ -1,13 +1,14 @@
-//! Bytes that another program sent, read back: as a listing or as a script, whatever is wrong with them.
+//! Reads the bytes that another program sent, as a listing or as a script, despite any errors in
+//! them.
 
 mod curve;
-mod fold;
-mod known;
+mod hex_text;
 mod listing;
+mod move_search;
 mod rows;
-mod scribe;
-mod text;
-mod timed;
+mod script_state;
+mod script_writer;
+mod timed_decoder;
 mod timing;
 
 use std::io::{self, Read, Write};
@@ -15,67 +16,68 @@ use std::sync::Arc;
 
 use crate::board::{self, Board, Command, Decoder, Item};
 use crate::units::{Micros, Nanos};
+use hex_text::HexText;
 pub use listing::{Listing, write_json};
-pub use scribe::Scribe;
-use text::Text;
-pub use timed::TimedDecoder;
-pub use timing::{NoTiming, Timing};
+pub use script_writer::ScriptWriter;
+pub use timed_decoder::TimedDecoder;
+pub use timing::{Timing, TimingError};
 
 const CHUNK: usize = 64 * 1024;
-/// The speeds that a script may have.
+/// The speeds that a script can set, in bits per second.
 const BAUDS: std::ops::RangeInclusive<u32> = 1_200..=4_000_000;
-/// How the line begins that `script` writes before what it captures.
+/// The start of the header line of `script`.
 const STARTED: &[u8] = b"Script started on ";
 
-/// What a stream held.
+/// The totals of a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decoded {
     /// All bytes.
     pub bytes: u64,
     /// Whole frames.
     pub frames: u64,
-    /// Those of them that are no command.
+    /// Frames that are not a command.
     pub unknown: u64,
-    /// Bytes that belong to no frame.
+    /// Bytes outside of frames.
     pub skipped: u64,
-    /// Characters in a text of hex digits that are none.
+    /// Characters other than hex digits, in hex text.
     pub not_hex: u64,
-    /// Whether such a text ends with half a byte.
+    /// Whether hex text ends with half a byte.
     pub half_byte: bool,
     /// Frames of a command that can be read in two ways.
-    pub doubtful: u64,
-    /// Frames of a snapshot that are only sent where something ends a run early; they are left out.
+    pub ambiguous: u64,
+    /// Frames of a snapshot that are sent only if something ends a run early. They are left out.
     pub aborts: u64,
-    /// Whether there were times.
+    /// Whether the input contained times.
     pub is_timed: bool,
 }
 
-/// How a capture is read.
+/// How to read a capture.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Reading {
-    /// When its bytes came, where that was written down beside it.
+    /// The times of the bytes, from a separate timing file.
     pub timing: Option<Timing>,
-    /// The speed of the line, in bits a second. Otherwise it is that which a snapshot says, or that of the board.
+    /// The speed of the line in bits per second; by default that of a snapshot, or else that of the
+    /// board.
     pub baud: Option<u32>,
-    /// The board that it is for.
+    /// The board.
     pub board: Arc<Board>,
 }
 
 impl Reading {
-    /// The same with the times of its bytes.
+    /// The same with a timing file.
     #[must_use]
     pub fn with_timing(self, timing: Option<Timing>) -> Self {
         Reading { timing, ..self }
     }
 
-    /// The same at another speed of the line, in bits a second.
+    /// The same with another speed of the line, in bits per second.
     #[must_use]
     pub fn with_baud(self, baud: Option<u32>) -> Self {
         Reading { baud, ..self }
     }
 
-    /// The same of another board.
+    /// The same for another board.
     #[must_use]
     pub fn with_board(self, board: Arc<Board>) -> Self {
         Reading { board, ..self }
@@ -96,7 +98,7 @@ impl Decoded {
                 self.frames += 1;
                 let read = board.decode(frame.bytes());
                 self.unknown += u64::from(read.is_err());
-                self.doubtful += u64::from(read.is_ok_and(|command| board.is_doubtful(&command)));
+                self.ambiguous += u64::from(read.is_ok_and(|command| board.is_ambiguous(&command)));
             }
             Item::Skipped { bytes, .. } => {
                 self.bytes += bytes.len() as u64;
@@ -106,23 +108,28 @@ impl Decoded {
     }
 }
 
-/// Why a stream was not decoded to its end.
+/// Why decoding failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// It cannot be read on.
+    /// The stream cannot be read.
     #[error(transparent)]
     Read(io::Error),
-    /// The listing cannot be written.
+    /// The output cannot be written.
     #[error(transparent)]
     Write(io::Error),
 }
 
-/// Reads a stream of frames, or the same written down as hex digits (bare, in a listing, in a log with times, or in a dump), and writes a line
-/// for each frame and for each run of bytes that belongs to none: the position of the first byte, counted from 0, or its time in seconds
-/// where there are times; the bytes in hex; what they are.
+/// Decodes a stream of frames, or hex digits of one (bare, in a listing, in a log with times, or in
+/// a dump). Writes a line for each frame and for each run of bytes outside of frames: the position
+/// of its first byte, counted from 0, or its time in seconds if there are times; the bytes in hex;
+/// and the command.
 ///
-/// Nothing in the stream is fatal. Keeps one block of the input, and what the repeated rows of a dump stand for, at most 16 MiB.
+/// No input is fatal. Buffers one block of the input, and at most 16 MiB for the repeated rows of a
+/// dump.
+///
+/// # Errors
+/// If reading or writing fails.
 pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Result<Decoded, DecodeError> {
     let mut listing = Listing::new(out, Arc::clone(&reading.board));
     let mut decoder = Decoder::new(&reading.board);
@@ -131,7 +138,7 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
         match (&mut timed, at) {
             (None, None) => decoder.feed(bytes, |item| listing.take(listing.decoded.bytes, item)),
             (timed, at) => {
-                // The times that stand there, not those of the line.
+                // Use the times of the text, not those of the line.
                 let timed = timed.get_or_insert_with(|| TimedDecoder::of_times(&reading.board));
                 timed.feed(at.unwrap_or_default(), bytes, |at, item| listing.take(format_args!("{at:.6}"), item));
             }
@@ -147,11 +154,15 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
     Ok(Decoded { is_timed: timed.is_some(), ..read.joined(listing.decoded) })
 }
 
-/// Reads the same, and writes it as a script. What has no times counts as sent without a pause, as fast as the line carries it; and so do bytes
-/// of a file of times that came at once. Times in a text count as they stand there.
+/// Decodes the same input and writes it as a script. Bytes without times, and bytes that a timing
+/// file gives one time, count as sent without a pause at the speed of the line. Times in hex text
+/// are used unchanged.
 ///
-/// Keeps the script until it is whole, because its first lines depend on all of it.
-pub fn transcribe(
+/// Buffers the whole script, because its first lines depend on all of it.
+///
+/// # Errors
+/// If reading or writing fails.
+pub fn decode_to_script(
     input: impl Read,
     reading: Reading,
     exact: bool,
@@ -159,43 +170,43 @@ pub fn transcribe(
 ) -> Result<Decoded, DecodeError> {
     let Reading { timing, baud, board } = reading;
     let line = baud.unwrap_or(board.baud);
-    let mut scribe = Scribe::new(Arc::clone(&board), exact, line);
-    let is_beside = timing.is_some();
+    let mut writer = ScriptWriter::new(Arc::clone(&board), exact, line);
+    let has_timing_file = timing.is_some();
     let mut frames: Option<TimedDecoder> = None;
     let mut decoded = Decoded::default();
     let mut script = String::new();
     let mut now = Now::default();
-    let mut take = |scribe: &mut Scribe, decoded: &mut Decoded, at: Micros, item: Item<'_>| {
+    let mut take = |writer: &mut ScriptWriter, decoded: &mut Decoded, at: Micros, item: Item<'_>| {
         decoded.count(&board, item);
         let at = now.of(&board, at, item);
-        scribe.settle(at);
-        scribe.take(at, item);
+        writer.settle(at);
+        writer.take(at, item);
     };
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
         let frames = frames.get_or_insert_with(|| {
-            if at.is_none() || is_beside {
+            if at.is_none() || has_timing_file {
                 return TimedDecoder::new(&board, line);
             }
             if baud.is_none() {
-                scribe.save_line();
+                writer.save_line();
             }
             TimedDecoder::of_times(&board)
         });
-        frames.feed(at.unwrap_or_default(), bytes, |at, item| take(&mut scribe, &mut decoded, at, item));
-        script += &scribe.settled();
+        frames.feed(at.unwrap_or_default(), bytes, |at, item| take(&mut writer, &mut decoded, at, item));
+        script += &writer.settled();
         Ok(())
     })?;
     if let Some(frames) = &mut frames {
-        frames.finish(|at, item| take(&mut scribe, &mut decoded, at, item));
+        frames.finish(|at, item| take(&mut writer, &mut decoded, at, item));
     }
-    scribe.finish(now.at);
-    script += &scribe.settled();
-    if let Some((at, text)) = scribe.amendment() {
+    writer.finish(now.at);
+    script += &writer.settled();
+    if let Some((at, text)) = writer.amendment() {
         script.replace_range(at..at + text.len(), text);
     }
     if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != board.baud && BAUDS.contains(line))) {
-        // Behind the first line, which is a comment.
+        // After the first line, which is a comment.
         let (head, rest) = script.split_once('\n').unwrap_or((&script, ""));
         script = format!("{head}\nbaud {line}\n{rest}");
     }
@@ -203,7 +214,8 @@ pub fn transcribe(
     Ok(read.joined(decoded))
 }
 
-/// The time, and what was sent then. A script does not give one thing two values at one time, as texts with coarse times do.
+/// The current time, and the commands sent at that time. Texts with coarse times may set one
+/// channel twice at one time; a script must not.
 #[derive(Default)]
 struct Now {
     at: Micros,
@@ -211,13 +223,13 @@ struct Now {
 }
 
 impl Now {
-    /// The time of an item: later than a frame before it that is about the same thing.
+    /// The time of an item: later than an earlier frame for the same resource.
     fn of(&mut self, board: &Board, at: Micros, item: Item<'_>) -> Micros {
         let command = match item {
             Item::Frame(frame) => board.decode_or_raw(frame.bytes()),
             Item::Skipped { .. } => None,
         };
-        let clashes = |one: &Command, other: &Command| board.overtakes(one, other) || board.overtakes(other, one);
+        let clashes = |one: &Command, other: &Command| board.supersedes(one, other) || board.supersedes(other, one);
         let is_later = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
         let at = at.max(self.at + Micros(u64::from(is_later)));
         if at > self.at {
@@ -229,32 +241,32 @@ impl Now {
     }
 }
 
-/// What was read beside the bytes of a stream.
+/// What hex text contained in addition to its bytes.
 #[derive(Default)]
-struct Beside {
+struct TextFindings {
     not_hex: u64,
     half_byte: bool,
     aborts: u64,
     baud: Option<u32>,
 }
 
-impl Beside {
+impl TextFindings {
     fn joined(self, decoded: Decoded) -> Decoded {
-        let Beside { not_hex, half_byte, aborts, .. } = self;
+        let TextFindings { not_hex, half_byte, aborts, .. } = self;
         Decoded { not_hex, half_byte, aborts, ..decoded }
     }
 }
 
-/// Reads a capture, and hands its bytes on in pieces, each with the time at which it came, where that is known.
+/// Reads a capture and passes its bytes to `sink` in pieces, each with its time, if known.
 fn pieces(
     mut input: impl Read,
     mut timing: Option<Timing>,
     mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
-) -> Result<Beside, DecodeError> {
+) -> Result<TextFindings, DecodeError> {
     let mut buffer = vec![0; CHUNK];
     let head = head(&mut input, &mut buffer, timing.is_some())?;
     let mut block = captured(buffer.get(..head).unwrap_or_default(), timing.is_some()).unwrap_or_default();
-    let mut text = Text::of(block);
+    let mut text = HexText::of(block);
     loop {
         let mut failed = Ok(());
         let mut give = |at: Option<Nanos>, bytes: &[u8]| {
@@ -276,26 +288,28 @@ fn pieces(
         }
         block = buffer.get(..count).unwrap_or_default();
     }
-    let Some(mut text) = text else { return Ok(Beside::default()) };
+    let Some(mut text) = text else { return Ok(TextFindings::default()) };
     text.finish(&mut sink).map_err(DecodeError::Write)?;
-    let (not_hex, half_byte) = (text.strangers(), text.is_half());
-    Ok(Beside { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
+    let (not_hex, half_byte) = (text.not_hex(), text.is_half());
+    Ok(TextFindings { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
 }
 
-/// Reads until it is decided what the stream is, and says how much that is: what a pipe gives at first may be less than a line.
+/// Reads until the format of the stream is known, and returns the number of bytes. The first read
+/// of a pipe may be less than a line.
 fn head(input: &mut impl Read, buffer: &mut [u8], is_timed: bool) -> Result<usize, DecodeError> {
     let mut count = 0;
     loop {
         let more = read(input, buffer.get_mut(count..).unwrap_or_default())?;
         count += more;
         let block = buffer.get(..count).unwrap_or_default();
-        if more == 0 || captured(block, is_timed).is_some_and(Text::is_decided) {
+        if more == 0 || captured(block, is_timed).is_some_and(HexText::is_decided) {
             return Ok(count);
         }
     }
 }
 
-/// What of the first block was captured: `script` writes a line before it, which scriptreplay does not count either. `None` inside that line.
+/// The captured part of the first block. `script` writes a header line, which scriptreplay does not
+/// count. `None` inside that line.
 fn captured(block: &[u8], is_timed: bool) -> Option<&[u8]> {
     if is_timed && block.starts_with(STARTED) {
         return block.splitn(2, |byte| *byte == b'\n').nth(1);
@@ -303,7 +317,7 @@ fn captured(block: &[u8], is_timed: bool) -> Option<&[u8]> {
     (!is_timed || block.is_empty() || !STARTED.starts_with(block)).then_some(block)
 }
 
-/// Reads what there is, and nothing only at the end.
+/// Reads what is available; 0 bytes only at the end.
 fn read(input: &mut impl Read, buffer: &mut [u8]) -> Result<usize, DecodeError> {
     loop {
         match input.read(buffer) {

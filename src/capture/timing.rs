@@ -1,23 +1,27 @@
-//! When the bytes of a capture came, as `script --log-timing` writes it down for scriptreplay.
+//! Reads the timing files of `script --log-timing`, which say when the bytes of a capture came.
 
 use crate::units::Nanos;
 
-/// How many bytes came, and when, from the start.
+/// The numbers of bytes, and their times since the start.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
-    /// In the order of time.
+    /// Sorted by time.
     pieces: Vec<(Nanos, u64)>,
 }
 
-/// A line of a timing file that is none.
+/// An invalid line of a timing file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("line {0} is no time and number of bytes, such as `0.020000 13`")]
-pub struct NoTiming(pub usize);
+#[error("line {0} is not a delay and a number of bytes, such as `0.020000 13`")]
+pub struct TimingError(pub usize);
 
 impl Timing {
-    /// Reads the lines of a timing file: `DELAY COUNT`, or with the stream before it, `O DELAY COUNT` for what came out and `I` for what
-    /// went in. Of a file with both, those belong to a capture of so many bytes that add up to them; to one of another length, all.
-    pub fn read(text: &str, length: Option<u64>) -> Result<Self, NoTiming> {
+    /// Parses a timing file: lines `DELAY COUNT`, or `O DELAY COUNT` for output and `I DELAY COUNT`
+    /// for input. If a file has both, the lines of the stream whose counts add up to `length` are
+    /// used, or all lines if neither does.
+    ///
+    /// # Errors
+    /// The first invalid line.
+    pub fn read(text: &str, length: Option<u64>) -> Result<Self, TimingError> {
         let mut pieces: Vec<(Option<char>, Nanos, u64)> = Vec::new();
         let mut now = Nanos::ZERO;
         for (number, line) in (1..).zip(text.lines()) {
@@ -27,11 +31,11 @@ impl Timing {
             if stream.is_some() {
                 words.next();
             }
-            let mut next = || words.next().ok_or(NoTiming(number));
-            now += Nanos::from_seconds(next()?).ok_or(NoTiming(number))?;
+            let mut next = || words.next().ok_or(TimingError(number));
+            now += Nanos::from_seconds(next()?).ok_or(TimingError(number))?;
             // Headers and signals have no bytes.
             if stream.is_none_or(|stream| matches!(stream, 'I' | 'O')) {
-                pieces.push((stream, now, next()?.parse().map_err(|_| NoTiming(number))?));
+                pieces.push((stream, now, next()?.parse().map_err(|_| TimingError(number))?));
             }
         }
         let sum =
@@ -41,8 +45,8 @@ impl Timing {
         Ok(Timing { pieces: pieces.map(|(_, at, count)| (at, count)).collect() })
     }
 
-    /// Cuts the next bytes of the capture where the times change, and hands each piece on with its time. What comes behind the last line
-    /// counts to it.
+    /// Splits the next bytes of the capture where times change, and passes each piece to `sink`
+    /// with its time. Bytes after the last line belong to it.
     pub(super) fn cut<'b>(&mut self, mut bytes: &'b [u8], mut sink: impl FnMut(Nanos, &'b [u8])) {
         let mut done = 0;
         while !bytes.is_empty() {

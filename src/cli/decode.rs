@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, transcribe};
+use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, decode_to_script};
 
 use motionseq::board::Board;
 use motionseq::source::{Disk, Files as _};
@@ -81,15 +81,18 @@ impl Decode {
         let reading =
             capture::Reading::default().with_timing(timing).with_baud(self.baud).with_board(Arc::clone(&board));
         let mut out = BufWriter::with_capacity(64 * 1024, out);
-        let decoded =
-            if is_script { transcribe(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
+        let decoded = if is_script {
+            decode_to_script(input, reading, self.exact, &mut out)
+        } else {
+            decode(input, reading, &mut out)
+        };
         let flushed = out.flush();
         drop(out);
         let flushed = flushed.and_then(|()| file.map_or(Ok(()), Replacement::finish));
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);
-                if decoded.doubtful > 0 {
+                if decoded.ambiguous > 0 {
                     screen.note(&doubt(&board));
                 }
                 if is_script && !decoded.is_timed {
@@ -142,7 +145,7 @@ fn summary(decoded: Decoded, screen: &Screen) {
 
 /// What must be said of the first frame of a stream that can be read in two ways.
 pub(super) fn doubt(board: &Board) -> String {
-    let Some(doubt) = &board.doubt else { return String::new() };
+    let Some(doubt) = &board.ambiguity else { return String::new() };
     let word = board.verb(doubt.verb).map(|verb| &*verb.word).unwrap_or_default();
     format!(
         "a `{word}` came; {}. The two cannot always be told apart, and which one a board expects is unknown",

@@ -191,7 +191,7 @@ impl Display {
                 self.run = None;
                 self.wrong += u64::from(board.decode(frame.bytes()).is_err());
                 if let Some(command) = board.decode_or_raw(frame.bytes()) {
-                    if board.is_doubtful(&command) && !std::mem::replace(&mut self.has_doubt, true) {
+                    if board.is_ambiguous(&command) && !std::mem::replace(&mut self.has_doubt, true) {
                         self.screen.note(&doubt(board));
                     }
                     self.state.apply(board, &command);
@@ -232,7 +232,7 @@ impl Display {
             parts.push(format!("x {:.1} y {:.1} cm, {:.0}°", pose.x_cm, pose.y_cm, pose.yaw_deg));
         }
         if let Some(report) = self.seen.as_ref().map(|seen| seen.report).or(self.report) {
-            parts.extend(board.vital(&report));
+            parts.extend(board.main_quantity(&report));
         }
         parts.extend(active_words(board, state));
         parts

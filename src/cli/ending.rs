@@ -45,11 +45,11 @@ fn described(board: &Board, received: &Received) -> String {
     let state = &received.state;
     let mut words = Vec::new();
     for (id, resource) in board.resources.iter().enumerate().rev().filter(|(_, resource)| resource.rest.is_some()) {
-        let (name, told) = (&resource.name, state.told(id));
+        let (name, told) = (&resource.name, state.last(id));
         let is_active = told.is_some_and(|told| board.is_active(told));
         words.push(match told.map(|told| board.show(told)) {
-            Some(told) if resource.is_fed && received.moves => format!("{name} runs: {told}"),
-            Some(told) if resource.is_fed && is_active => {
+            Some(told) if resource.needs_refresh && received.moves => format!("{name} runs: {told}"),
+            Some(told) if resource.needs_refresh && is_active => {
                 format!("it was left at {told}, and the virtual board has stopped by itself; {ON_SILENCE}")
             }
             _ if is_active => format!("{name} is {}", resource.activity),
@@ -60,7 +60,7 @@ fn described(board: &Board, received: &Received) -> String {
         board.resources.iter().enumerate().filter(|(_, found)| found.rest.is_none() && found.is_exclusive)
     {
         let told =
-            state.told(id).and_then(|told| Some((board.verb(told.verb())?.axes.last()?, *told.values().last()?)));
+            state.last(id).and_then(|told| Some((board.verb(told.verb())?.axes.last()?, *told.values().last()?)));
         if let Some((axis, value)) = told {
             words.push(format!("{} at {value} {}", resource.name, axis.unit.symbol()).trim_end().to_owned());
         }

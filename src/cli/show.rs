@@ -8,7 +8,7 @@ use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::{Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::{Disk, Sources};
-use motionseq::timeline::{Part, Timeline, check_passes, part, passes, state_after};
+use motionseq::timeline::{Clip, Timeline, check_passes, clip, passes, state_after};
 use motionseq::units::{Micros, NotATime};
 
 use super::exit::Exit;
@@ -190,11 +190,11 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         if to.is_some_and(|to| to <= from) {
             return Err("--to is not after --from: nothing is left between them".to_owned());
         }
-        let asked = Part::new(from, to, self.lead_in);
-        let first = part(whole, &asked, &State::default());
+        let asked = Clip::new(from, to, self.lead_in);
+        let first = clip(whole, &asked, &State::default());
         let first_pass = first.end;
         // Behind a pass it is known where everything is.
-        let again = || part(whole, &asked, &state_after(&first));
+        let again = || clip(whole, &asked, &state_after(&first));
         match self.passes.into() {
             Count::Times(1) => Ok((first, None, first_pass)),
             Count::Times(times) => {

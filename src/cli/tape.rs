@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use motionseq::board::Board;
-use motionseq::capture::Scribe;
+use motionseq::capture::ScriptWriter;
 use motionseq::source::MAX_SOURCE;
 use motionseq::units::Micros;
 
@@ -49,7 +49,7 @@ impl Tape {
             None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
         };
         let out = Growing::new(file, "the recording".to_owned(), screen);
-        let mut scribe = Scribe::new(Arc::clone(board), exact, baud);
+        let mut scribe = ScriptWriter::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // What is written to a pipe cannot be amended.
             scribe.widen();
@@ -77,7 +77,7 @@ impl Tape {
 }
 
 struct Writer {
-    scribe: Scribe,
+    scribe: ScriptWriter,
     out: Growing,
     lines: u64,
     screen: Screen,

@@ -1,10 +1,10 @@
-//! Frames grouped into what a script says: a command with its refreshes, a move with its steps.
+//! Groups frames into items: a command with its refreshes, or a move with its steps.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use crate::board::Board;
 use crate::program::Ease;
-use crate::timeline::tween::{Part, Walk};
+use crate::timeline::tween::{MoveTracker, StepRole};
 use crate::timeline::{Kind, Moment, Tween};
 use crate::units::Micros;
 
@@ -12,96 +12,97 @@ use crate::units::Micros;
 #[derive(Debug)]
 pub(super) struct Item {
     pub(super) lane: usize,
-    /// How many items of its lane come before it.
+    /// Its position in its lane.
     pub(super) place: usize,
     /// When it starts.
     pub(super) at: Micros,
-    /// Its first frame.
+    /// The index of its first frame.
     pub(super) first: usize,
-    /// The command; of a move the one it arrives at.
-    pub(super) says: String,
+    /// The command; for a move, its target.
+    pub(super) notation: String,
     pub(super) moves: Option<Moves>,
     /// When its last frame before any refresh was sent.
     sent: Micros,
-    /// The time between two refreshes, if there is any.
+    /// The interval between two refreshes, if there are any.
     pub(super) refresh: Option<Micros>,
-    /// How long what it leaves behind holds, until the next item of its lane.
+    /// How long the resulting state lasts, until the next item of its lane.
     pub(super) holds: Micros,
 }
 
-/// What makes a command a move.
+/// What a move has in addition to a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Moves {
-    /// The time from its start to its end, and how it gets there; `None` where it is unknown.
+    /// The duration and the easing; `None` if unknown.
     pub(super) meant: Option<(Micros, Ease)>,
-    /// The frame that it starts with, where it sends one.
+    /// The frame at the start, if one is sent.
     start: Option<String>,
-    /// How many steps it has.
+    /// The number of steps.
     pub(super) steps: usize,
-    /// What they are, in one number.
+    /// A hash of the steps.
     pub(super) hash: u64,
 }
 
 impl Item {
     /// `servo 2 1700`, `servo 2 1700 over 500 ms`, in parts that are compared one by one.
     pub(super) fn parts(&self) -> Vec<String> {
-        let mut parts: Vec<String> = self.says.split(' ').map(str::to_owned).collect();
+        let mut parts: Vec<String> = self.notation.split(' ').map(str::to_owned).collect();
         match &self.moves {
             None => {}
             Some(Moves { meant: Some((lasts, ease)), .. }) => {
                 parts.extend([format!("over {}", super::words::span(*lasts)), format!("ease {}", ease.name())]);
-                parts.push(format!("from {}", self.start().unwrap_or_else(|| "where it was".to_owned())));
+                parts.push(format!("from {}", self.start().unwrap_or_else(|| "its last value".to_owned())));
             }
             Some(Moves { meant: None, steps, .. }) => parts.push(format!("in {steps} steps")),
         }
         parts
     }
 
-    /// The same as a script would say it.
+    /// The item in the notation of scripts.
     pub(super) fn words(&self) -> String {
         let mut parts = self.parts();
-        parts.retain(|part| super::words::is_told(part));
+        parts.retain(|role| super::words::is_always_shown(role));
         parts.join(" ")
     }
 
-    /// Where it starts, without the words that its target says, too.
+    /// The starting values, without the words that the target repeats.
     fn start(&self) -> Option<String> {
         let start = self.moves.as_ref()?.start.as_ref()?;
-        let same = start.split(' ').zip(self.says.split(' ')).take_while(|(word, other)| word == other).count();
+        let same = start.split(' ').zip(self.notation.split(' ')).take_while(|(word, other)| word == other).count();
         Some(start.split(' ').skip(same).collect::<Vec<_>>().join(" "))
     }
 
-    /// The time from its start to its end; 0 for a command.
+    /// The duration; 0 for a command.
     pub(super) fn lasts(&self) -> Micros {
         self.moves.as_ref().and_then(|moves| moves.meant).map_or(Micros::ZERO, |(lasts, _)| lasts)
     }
 }
 
-/// Groups frames. Without `tweens`, what is not divided by another command is one move.
+/// Groups frames. Without `tweens`, successive samples without another command in between form one
+/// move.
 pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut newest: Vec<Option<usize>> = vec![None; board.lanes()];
-    let mut walk = Walk::new(board, tweens.unwrap_or_default());
+    let mut tracker = MoveTracker::new(board, tweens.unwrap_or_default());
     for (first, moment) in moments.iter().enumerate() {
         let lane = board.lane(&moment.command);
         let said = || board.show(&moment.command).to_string();
-        let part = walk.take(&moment.command, moment.kind);
+        let role = tracker.take(&moment.command, moment.kind);
         let before = newest.get(lane).copied().flatten().and_then(|at| items.get_mut(at));
-        let tween = match (moment.kind, part, before) {
+        let tween = match (moment.kind, role, before) {
             (Kind::Refresh, _, Some(item)) => {
                 item.refresh.get_or_insert(moment.at - item.sent);
                 item.holds = moment.at - item.sent;
                 continue;
             }
-            (Kind::Sample, Part::Further, Some(item)) => {
+            (Kind::Sample, StepRole::Further, Some(item)) => {
                 item.extend(moment, said());
                 continue;
             }
-            (Kind::Sample, Part::Stray, Some(item)) if item.moves.is_some() && item.refresh.is_none() => {
+            (Kind::Sample, StepRole::Stray, Some(item)) if item.moves.is_some() && item.refresh.is_none() => {
                 item.extend(moment, said());
                 continue;
             }
-            (_, Part::First(tween), _) => Some(tween),
+            (_, StepRole::First(tween), _) => Some(tween),
             _ => None,
         };
         let mut place = 0;
@@ -119,7 +120,7 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
             place,
             at: tween.map_or(moment.at, |tween| tween.at),
             first,
-            says: said() + closing,
+            notation: said() + closing,
             moves: (moment.kind == Kind::Sample).then(|| {
                 let start = tween.filter(|tween| tween.at == moment.at).map(|_| said());
                 Moves { meant, start, steps: 0, hash: 0 }
@@ -137,14 +138,14 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
 }
 
 impl Item {
-    /// Takes a step into a move.
-    fn extend(&mut self, moment: &Moment, says: String) {
-        self.says = says;
+    /// Adds a step to a move.
+    fn extend(&mut self, moment: &Moment, notation: String) {
+        self.notation = notation;
         self.sent = moment.at;
         let since = moment.at.saturating_sub(self.at);
         if let Some(moves) = &mut self.moves {
             let mut hasher = DefaultHasher::new();
-            (moves.hash, since, &self.says).hash(&mut hasher);
+            (moves.hash, since, &self.notation).hash(&mut hasher);
             moves.hash = hasher.finish();
             moves.steps += 1;
         }

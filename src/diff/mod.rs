@@ -1,8 +1,9 @@
-//! What has changed between two timelines, in the words of the script: by time and thing, not line by line.
+//! Compares two timelines by time and resource, not line by line, and reports changes in the
+//! notation of scripts.
 //!
-//! Frames become items (a command with its refreshes, a move with its steps). The items of each thing are aligned by what they
-//! say, so that a later time is no other command; then the times of what stands opposite each other are compared, and
-//! what has moved together is said once.
+//! Frames are grouped into items (a command with its refreshes, a move with its steps). The items
+//! of each lane are aligned by content, so that another time does not make another command. Then
+//! the times of matched items are compared, and items that moved together are reported once.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -21,127 +22,129 @@ use items::Item;
 /// One change.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
-    /// When it is, or was where it is gone.
+    /// Its time; the old time if it was removed.
     pub at: Micros,
-    /// Whether it concerns what is sent where something ends a run early; times and frames count there.
+    /// Whether it concerns the frames that are sent if something ends a run early. Times and
+    /// indices refer to those.
     pub aborts: bool,
-    /// The first frame of it in the old timeline, if it is there.
+    /// The index of its first frame in the old timeline, if any.
     pub old: Option<usize>,
-    /// The first frame of it in the new one, if it is there.
+    /// The index of its first frame in the new timeline, if any.
     pub new: Option<usize>,
-    /// What has changed.
+    /// The change.
     pub what: What,
-    /// Where the changes of one line are put together: what there is besides.
+    /// The repetitions, if changes of one line were combined.
     pub more: Option<Again>,
 }
 
-/// The same change again, later.
+/// The repetitions of a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Again {
-    /// How often.
+    /// Their number.
     pub count: usize,
-    /// When the last time.
+    /// The time of the last one.
     pub last: Micros,
-    /// Whether it is not quite the same: other values.
+    /// Whether some of them have other values.
     pub otherwise: bool,
-    /// By how many microseconds everything is later from then on, where it is about that.
+    /// The total shift in microseconds after the last one, if the change is a shift.
     pub total_us: i64,
 }
 
-/// What has changed.
+/// The kind of a change.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum What {
-    /// From here on these things come at another time.
+    /// From here on, these lanes come at another time.
     Shifted {
-        /// The things; empty for all of them.
+        /// The names of the lanes; empty for all.
         things: Vec<String>,
-        /// By how much.
+        /// The shift.
         by: Shift,
     },
-    /// One item says something else.
+    /// One item has other content.
     Changed {
-        /// What it said, in parts.
+        /// The old content, in parts.
         from: Vec<String>,
-        /// What it says.
+        /// The new content, in parts.
         to: Vec<String>,
-        /// By how many microseconds it is later than it was, where it has moved beside the others.
+        /// Its shift in microseconds, if it moved relative to the others.
         by_us: Option<i64>,
-        /// It takes longer or shorter, and so what follows has moved: everything, or only its own thing, which is named then.
+        /// It takes longer or shorter, so later items have moved: of all lanes, or only of the
+        /// named one.
         then: Option<(Option<String>, Shift)>,
     },
-    /// One item has moved beside the others.
+    /// One item has moved relative to the others.
     Moved {
-        /// What it says.
+        /// The item.
         what: String,
-        /// By how many microseconds it is later than it was; 0 where it alone has not moved.
+        /// Its shift in microseconds; 0 if all others have moved.
         by_us: i64,
     },
-    /// It is new.
+    /// An item was added.
     Added(String),
-    /// It is gone.
+    /// An item was removed.
     Removed(String),
-    /// A move says the same, and takes other steps.
+    /// A move with equal content has other steps.
     Steps {
-        /// What it says.
+        /// The move.
         what: String,
-        /// How many steps it had.
+        /// The old number of steps.
         from: usize,
-        /// How many it has.
+        /// The new number of steps.
         to: usize,
     },
-    /// The drive is refreshed at another interval (`None`: not at all).
+    /// The interval of drive refreshes; `None` if there are none.
     Refreshed {
-        /// Before.
+        /// The old interval.
         from: Option<Micros>,
-        /// Now.
+        /// The new interval.
         to: Option<Micros>,
     },
-    /// Frames of one time are sent in another order.
+    /// Frames at one time are sent in another order.
     Reordered,
-    /// The speed of the line, in bits a second.
+    /// The speed of the line in bits per second.
     Baud {
-        /// Before.
+        /// The old speed.
         from: u32,
-        /// Now.
+        /// The new speed.
         to: u32,
     },
-    /// The script ends at another time.
+    /// The end of the script.
     Length {
-        /// Before.
+        /// The old end.
         from: Micros,
-        /// Now.
+        /// The new end.
         to: Micros,
     },
-    /// Another number of bytes, in all and in the busiest second.
+    /// The number of bytes in total and in the busiest second.
     Load {
-        /// Before.
+        /// The old numbers.
         from: (u64, u64),
-        /// Now.
+        /// The new numbers.
         to: (u64, u64),
     },
 }
 
-/// By how much something has moved, in microseconds; negative where it is earlier.
+/// A shift in microseconds; negative if earlier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Shift {
-    /// Beside what came before it.
+    /// Relative to the previous shift.
     pub step_us: i64,
-    /// Beside the old timeline.
+    /// Relative to the old timeline.
     pub total_us: i64,
 }
 
 impl What {
-    /// Whether it sums up the others, and is at no place in particular.
+    /// Whether it summarizes the run and has no place of its own.
     pub(crate) fn is_total(&self) -> bool {
         matches!(self, What::Length { .. } | What::Load { .. })
     }
 }
 
-/// Compares two timelines: the changes, sorted by time. Empty where a robot does the same.
+/// Compares two timelines. Returns the changes sorted by time, or none if the robot does the same.
 ///
-/// Changes that say the same of one line of the script, such as the passes of a `repeat`, are put together; `line` says where
-/// a change stands.
+/// Equal changes of one line of the script, such as the passes of a `repeat`, are combined; `line`
+/// returns the line of a change.
 pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change) -> Option<L>) -> Vec<Change> {
     if old.does_the_same(new) {
         return Vec::new();
@@ -170,7 +173,7 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
     changes
 }
 
-/// Compares frames, with the moves that they belong to where both sides say so.
+/// Compares frames, and their moves if both sides have them.
 fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) -> Vec<Change> {
     if old == new {
         return Vec::new();
@@ -184,13 +187,15 @@ fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween
         (before.iter().filter(is_of_lane).collect(), after.iter().filter(is_of_lane).collect())
     };
     let both: Vec<_> = (0..board.lanes()).map(of_lane).collect();
-    for align::Aligned { pairs, gone, come } in align::align(&both) {
+    for align::Aligned { pairs, removed, added } in align::align(&both) {
+        changes.extend(
+            removed.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))),
+        );
         changes
-            .extend(gone.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))));
-        changes.extend(come.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
+            .extend(added.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
         lanes.push(Lane { pairs });
     }
-    shifts::tell(board, &lanes, &mut changes);
+    shifts::find_changes(board, &lanes, &mut changes);
     refreshes(&lanes, &mut changes);
     if changes.is_empty() {
         let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
@@ -202,14 +207,14 @@ fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween
     changes
 }
 
-/// Puts changes together that say the same: those of one line of the script, and those that one setting has made.
+/// Combines equal changes of one line of the script, and those that one setting has caused.
 fn fold<L: Eq + Hash>(changes: Vec<Change>, line: impl Fn(&Change) -> Option<L>) -> Vec<Change> {
     let mut folded: Vec<Change> = Vec::new();
     let mut known = HashMap::new();
     for change in changes {
         let everywhere = matches!(change.what, What::Refreshed { .. } | What::Steps { .. });
         let line = if everywhere { None } else { line(&change) };
-        // Without a script nothing says that other values are of one line.
+        // Without a script, it is unknown whether other values come from one line.
         let key = (change.kind(line.is_some()), line);
         let first = known.get(&key).and_then(|&at: &usize| folded.get_mut(at));
         match first {
@@ -223,25 +228,26 @@ fn fold<L: Eq + Hash>(changes: Vec<Change>, line: impl Fn(&Change) -> Option<L>)
     folded
 }
 
-/// Items of one thing that stand opposite each other, in the order of time.
+/// The matched items of one lane, in the order of time.
 struct Lane<'i> {
     pairs: Vec<(&'i Item, &'i Item)>,
 }
 
-/// Other intervals of refreshes. A hold that is shorter than an interval tells nothing, and nor does another command.
+/// Finds changed refresh intervals. A hold shorter than the interval shows none, nor does another
+/// command.
 fn refreshes(lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
-    let told =
+    let is_visible =
         |item: &Item, other: Option<Micros>| item.refresh.is_some() || other.is_some_and(|other| item.holds > other);
     for (old, new) in lanes.iter().flat_map(|lane| &lane.pairs) {
         let (from, to) = (old.refresh, new.refresh);
-        let comparable = old.says == new.says || from.is_some() && to.is_some();
-        if from != to && comparable && told(old, to) && told(new, from) {
+        let comparable = old.notation == new.notation || from.is_some() && to.is_some();
+        if from != to && comparable && is_visible(old, to) && is_visible(new, from) {
             changes.push(Change::of(old, new, What::Refreshed { from, to }));
         }
     }
 }
 
-/// Bytes in all, and in the busiest second of the script.
+/// The bytes in total and in the busiest second.
 fn load(board: &Board, moments: &[Moment]) -> (u64, u64) {
     let (mut all, mut second, mut now, mut busiest) = (0, 0, 0, 0);
     for moment in moments {
@@ -262,7 +268,7 @@ impl Change {
         Change { at, aborts: false, old, new, what, more: None }
     }
 
-    /// Of an item that is on both sides, at its new time.
+    /// A change of a matched item, at its new time.
     fn of(old: &Item, new: &Item, what: What) -> Self {
         Change::new(new.at, Some(old.first), Some(new.first), what)
     }

@@ -1,85 +1,86 @@
-//! What has moved, and what says something else.
+//! Finds items that have moved or changed.
 
 use super::{Change, Item, Lane, Shift, What};
 use crate::board::Board;
 use crate::units::Micros;
 
-/// An item that is on both sides.
+/// A matched item.
 struct Pair<'i> {
     old: &'i Item,
     new: &'i Item,
-    /// The place of the next one of the same lane.
+    /// The index of the next one in the same lane.
     next: Option<usize>,
-    /// Whether the one before it in its lane is another one, or goes somewhere else now, so that this one comes from elsewhere.
+    /// Whether the previous item of its lane differs, so that a move starts from another value.
     comes_from_elsewhere: bool,
 }
 
 impl Pair<'_> {
-    /// How much later it is, in microseconds.
+    /// The shift in microseconds.
     fn delta(&self) -> i64 {
         difference(self.old.at, self.new.at)
     }
 }
 
-/// How much later the second is, in microseconds.
+/// The shift from `old` to `new` in microseconds.
 pub(super) fn difference(old: Micros, new: Micros) -> i64 {
     i64::try_from(new.0).unwrap_or(i64::MAX).saturating_sub_unsigned(old.0)
 }
 
-/// The items of all lanes in the order of time, and how far they are told.
-struct Walk<'i> {
+/// The items of all lanes in the order of time, and how far they have been compared.
+struct Scan<'i> {
     pairs: Vec<Pair<'i>>,
-    /// The places of each lane's items.
+    /// The indices of each lane's items.
     lanes: Vec<Vec<usize>>,
-    /// Of each lane, the place of the next item.
+    /// For each lane, the index of the next item.
     heads: Vec<Option<usize>>,
-    /// By how many microseconds each lane has moved so far.
+    /// The shift of each lane so far, in microseconds.
     shifted: Vec<i64>,
 }
 
-/// A move that takes longer or shorter.
+/// A move with a new duration.
 struct Longer {
-    /// The change that says so.
+    /// The index of its change.
     change: usize,
     lane: usize,
     end: Micros,
     by_us: i64,
 }
 
-/// Goes through all items in the order of time.
-pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
-    let mut walk = Walk::new(lanes);
-    // The newest move of each lane that takes longer or shorter.
+/// Compares all items in the order of time.
+pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
+    let mut scan = Scan::new(lanes);
+    // For each lane, the last move with a new duration.
     let mut longer: Vec<Option<Longer>> = lanes.iter().map(|_| None).collect();
-    for at in 0..walk.pairs.len() {
-        let Some(&Pair { old, new, next, .. }) = walk.pairs.get(at) else { continue };
+    for at in 0..scan.pairs.len() {
+        let Some(&Pair { old, new, next, .. }) = scan.pairs.get(at) else { continue };
         let total_us = difference(old.at, new.at);
-        let step_us = total_us - walk.shifted(old.lane);
-        if let Some(head) = walk.heads.get_mut(old.lane) {
+        let step_us = total_us - scan.shifted(old.lane);
+        if let Some(head) = scan.heads.get_mut(old.lane) {
             *head = next;
         }
         let moved = step_us != 0;
-        let everything = moved && walk.is_everything(at);
-        // One that goes its own way while what follows goes on as before, or whose lane ends with it, has moved alone.
-        let follower = next.and_then(|next| walk.pairs.get(next)).map(Pair::delta);
-        let is_last = at + 1 == walk.pairs.len();
+        let everything = moved && scan.is_everything(at);
+        // An item has moved alone if the items after it stay where they were, or if it is the last
+        // of its lane.
+        let follower = next.and_then(|next| scan.pairs.get(next)).map(Pair::delta);
+        let is_last = at + 1 == scan.pairs.len();
         let alone = moved && (follower == Some(total_us - step_us) || follower.is_none() && (!everything || is_last));
         let by = Shift { step_us, total_us };
-        let differs = old.says != new.says || old.moves != new.moves;
+        let differs = old.notation != new.notation || old.moves != new.moves;
         let by_us = alone.then_some(total_us);
-        let what = walk.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
+        let what = scan.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
         let is_cause =
             |cause: &&Longer| cause.end <= old.at && cause.by_us == step_us && (everything || cause.lane == old.lane);
         let cause = longer.iter().flatten().find(is_cause).filter(|_| moved && (!alone || follower.is_none()));
         let cause = cause.and_then(|cause| changes.get_mut(cause.change));
         if let Some(Change { what: What::Changed { then, .. }, .. }) = cause {
-            // What made it later was said already.
+            // The cause of the shift was already reported.
             *then = Some(((!everything).then(|| board.lane_name(old.lane).into_owned()), by));
-            walk.shift(total_us, old.lane, everything);
+            scan.shift(total_us, old.lane, everything);
         } else if moved && !alone {
             let things = if everything { Vec::new() } else { vec![board.lane_name(old.lane).into_owned()] };
             changes.push(Change::new(old.at, Some(old.first), Some(new.first), What::Shifted { things, by }));
-            walk.shift(total_us, old.lane, everything);
+            scan.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {
             changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));
         }
@@ -93,15 +94,15 @@ pub(super) fn tell(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>)
     }
 }
 
-impl<'i> Walk<'i> {
-    /// Sorts the items of all lanes by time; those that start together, in the order of sending.
+impl<'i> Scan<'i> {
+    /// Sorts the items of all lanes by time, and at the same time in the order of sending.
     fn new(lanes: &[Lane<'i>]) -> Self {
         let mut pairs: Vec<Pair<'i>> = Vec::new();
         for lane in lanes {
             let mut last: Option<(&Item, &Item)> = None;
             for (old, new) in &lane.pairs {
                 let followed = last.is_some_and(|(before, after)| {
-                    before.says == after.says && before.place + 1 == old.place && after.place + 1 == new.place
+                    before.notation == after.notation && before.place + 1 == old.place && after.place + 1 == new.place
                 });
                 let comes_from_elsewhere = !followed && (old.place, new.place) != (0, 0);
                 pairs.push(Pair { old, new, next: None, comes_from_elsewhere });
@@ -119,7 +120,7 @@ impl<'i> Walk<'i> {
                 places.push(at);
             }
         }
-        Walk { pairs, lanes: places, heads, shifted: vec![0; lanes.len()] }
+        Scan { pairs, lanes: places, heads, shifted: vec![0; lanes.len()] }
     }
 
     fn shifted(&self, lane: usize) -> i64 {
@@ -134,8 +135,8 @@ impl<'i> Walk<'i> {
         }
     }
 
-    /// Whether everything moves with the item at `at`, until further notice: of every other lane, the next item has moved as
-    /// this one or, where that is later, as this lane has by then.
+    /// Whether everything moves with the item at `at`: in every other lane, the next item has the
+    /// same shift as this one or, if it is later, the shift that this lane has by then.
     fn is_everything(&self, at: usize) -> bool {
         let Some(Pair { old: item, .. }) = self.pairs.get(at) else { return false };
         let by_us = self.pairs.get(at).map_or(0, Pair::delta);
@@ -143,7 +144,7 @@ impl<'i> Walk<'i> {
         if beside.any(|other| other.delta() != by_us) {
             return false;
         }
-        // A move that has begun already, and goes on.
+        // A move that has already begun and continues.
         let others = self.heads.iter().enumerate().filter(|(lane, _)| *lane != item.lane);
         let mut running = others.clone().filter_map(|(lane, _)| self.last_until(lane, item.at));
         let end = |item: &Item| item.at + item.lasts();
@@ -159,14 +160,14 @@ impl<'i> Walk<'i> {
         })
     }
 
-    /// The last item of a lane that starts at a time or before it.
+    /// The last item of a lane that starts at or before a time.
     fn last_until(&self, lane: usize, at: Micros) -> Option<&Pair<'i>> {
         let places = self.lanes.get(lane)?;
         let until = places.partition_point(|place| self.pairs.get(*place).is_some_and(|pair| pair.old.at <= at));
         self.pairs.get(*places.get(until.checked_sub(1)?)?)
     }
 
-    /// How much later the items of a lane are just before and just behind a time.
+    /// The shifts of a lane just before and just after a time.
     fn around(&self, lane: usize, at: Micros) -> [Option<i64>; 2] {
         let places = self.lanes.get(lane).map(Vec::as_slice).unwrap_or_default();
         let delta = |place: Option<&usize>| place.and_then(|&place| self.pairs.get(place)).map(Pair::delta);
@@ -176,7 +177,7 @@ impl<'i> Walk<'i> {
     }
 }
 
-/// What an item says that it did not say before; nothing where that only follows from the item before it.
+/// The change of an item; none if it only follows from the previous item.
 fn change(pair: &Pair<'_>, by_us: Option<i64>) -> Option<What> {
     let Pair { old, new, comes_from_elsewhere, .. } = pair;
     let (from, to) = (old.parts(), new.parts());

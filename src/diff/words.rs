@@ -1,4 +1,4 @@
-//! Changes in words.
+//! Describes changes as text.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use super::{Again, Change, What};
 use crate::units::Micros;
 
 impl Change {
-    /// The change in words, with the place in the script where that is known.
+    /// Describes the change, with its place in the script if known.
     pub fn words(&self, place: Option<&str>) -> String {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
         let when = if self.aborts { "on abort, " } else { "" };
@@ -14,25 +14,21 @@ impl Change {
         match &self.what {
             What::Shifted { things, by } => {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
-                let words = format!("{when}from {} on{place} {things} is {}", secs(self.at), Later(by.total_us));
-                words + &self.again(&format!(", and again {}", Later(by.step_us)))
+                let words = format!("{when}from {}{place}: {things} is {}", secs(self.at), Later(by.total_us));
+                words + &self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))))
             }
             What::Changed { from, to, by_us, then } => {
                 let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();
                 let words = format!("{at}{}{moved}", between(from, to));
-                let Some((thing, by)) = then else { return words + &self.again(", and so") };
+                let Some((thing, by)) = then else { return words + &self.again(", the same") };
                 let of = thing.as_ref().map(|thing| format!(" of {thing}")).unwrap_or_default();
-                format!("{words}, and what follows{of} is {}{}", Later(by.total_us), self.again(", and so"))
+                format!("{words}, so the following commands{of} are {}{}", Later(by.total_us), self.again(", the same"))
             }
-            What::Moved { what, by_us } => format!("{at}{what} is {}{}", Later(*by_us), self.again(", and so")),
-            What::Added(what) => format!("{at}{what} is new{}", self.again(", and so")),
-            What::Removed(what) => format!("{at}{what} is gone{}", self.again(", and so")),
+            What::Moved { what, by_us } => format!("{at}{what} is {}{}", Later(*by_us), self.again(", the same")),
+            What::Added(what) => format!("{at}{what} is added{}", self.again(", the same")),
+            What::Removed(what) => format!("{at}{what} is removed{}", self.again(", the same")),
             What::Steps { what, from, to } => {
-                let steps = if from == to {
-                    "gets there by other steps".into()
-                } else {
-                    format!("gets there in {from} -> {to} steps")
-                };
+                let steps = if from == to { "takes other steps".into() } else { format!("takes {from} -> {to} steps") };
                 let more = self.more.map_or(String::new(), |again| match again.count {
                     1 => ", and one more move takes other steps".into(),
                     more => format!(", and {more} more moves take other steps"),
@@ -42,17 +38,17 @@ impl Change {
             What::Refreshed { from, to } => {
                 let interval = |time: &Micros| format!("every {}", span(*time));
                 let now = match (from, to) {
-                    (Some(from), Some(to)) => format!("sent again {} -> {}", interval(from), interval(to)),
-                    (Some(from), None) => format!("not sent again any more; it was, {}", interval(from)),
-                    (None, Some(to)) => format!("sent again {}; it was not", interval(to)),
-                    (None, None) => "sent again as before".into(),
+                    (Some(from), Some(to)) => format!("{} -> {}", interval(from), interval(to)),
+                    (Some(from), None) => format!("{} -> off", interval(from)),
+                    (None, Some(to)) => format!("off -> {}", interval(to)),
+                    (None, None) => "unchanged".into(),
                 };
-                format!("while the drive holds, its frame is {now}")
+                format!("drive refresh {now}")
             }
-            What::Reordered => format!("{at}the frames of this time are sent in another order"),
-            What::Baud { from, to } => format!("in all: baud {from} -> {to}"),
+            What::Reordered => format!("{at}the frames at this time are sent in another order"),
+            What::Baud { from, to } => format!("overall: baud {from} -> {to}"),
             What::Length { from, to } => {
-                format!("in all: the script ends at {} -> {}", secs(*from), secs(*to))
+                format!("overall: the script ends at {} -> {}", secs(*from), secs(*to))
             }
             What::Load { from, to } => {
                 let all =
@@ -60,14 +56,14 @@ impl Change {
                 let busiest = if from.1 == to.1 {
                     String::new()
                 } else {
-                    format!(", in the busiest second {} -> {}", from.1, to.1)
+                    format!(", {} -> {} in the busiest second", from.1, to.1)
                 };
-                format!("in all: {all} are sent{busiest}")
+                format!("overall: {all} are sent{busiest}")
             }
         }
     }
 
-    /// How often it is besides.
+    /// Describes the repetitions.
     fn again(&self, words: &str) -> String {
         let Some(Again { count, last, otherwise, total_us }) = self.more else { return String::new() };
         let words = match &self.what {
@@ -75,13 +71,16 @@ impl Change {
                 let frames = if count == 1 { "one more command".into() } else { format!("{count} more commands") };
                 return format!(", and {frames} of this line until {}", secs(last));
             }
-            _ if otherwise => ", and to other values",
-            What::Shifted { by, .. } if by.total_us == total_us => ", and so",
+            _ if otherwise => ", with other values",
+            What::Shifted { by, .. } if by.total_us == total_us => ", the same",
             _ => words,
         };
         let then = match &self.what {
             What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } if by.total_us != total_us => {
-                format!(": then {}", Later(total_us))
+                match total_us {
+                    0 => format!(": {}", Later(0)),
+                    _ => format!(": {} in total", Later(total_us)),
+                }
             }
             _ => String::new(),
         };
@@ -91,11 +90,12 @@ impl Change {
         }
     }
 
-    /// What must be the same for two changes to be said together; `of_one_line` where both are of one line of the script.
+    /// The key by which changes are combined; `of_one_line` if both belong to one line of the
+    /// script.
     pub(super) fn kind(&self, of_one_line: bool) -> (What, bool) {
         let mut what = self.what.clone();
         match &mut what {
-            // Whether it is at its old time again is a thing of its own.
+            // Whether a lane is back at its old time is a separate change.
             What::Shifted { by, .. } => by.total_us = i64::from(by.total_us == 0),
             What::Changed { from, to, then, .. } => {
                 if let Some((_, by)) = then {
@@ -118,9 +118,9 @@ impl Change {
         (what, self.aborts)
     }
 
-    /// Takes another change of the same kind into this one.
+    /// Adds another change of the same kind.
     pub(super) fn grow(&mut self, other: &Change) {
-        let told = match (&self.what, &other.what) {
+        let differs = match (&self.what, &other.what) {
             (What::Changed { from, to, .. }, What::Changed { from: was, to: is, .. }) => from != was || to != is,
             (What::Added(one) | What::Removed(one), What::Added(two) | What::Removed(two)) => one != two,
             _ => false,
@@ -130,22 +130,23 @@ impl Change {
             _ => 0,
         };
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
-        self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || told, total_us });
+        self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || differs, total_us });
     }
 }
 
-/// Whether a part is told where it has not changed.
-pub(super) fn is_told(part: &str) -> bool {
+/// Whether a part is shown even if it has not changed.
+pub(super) fn is_always_shown(part: &str) -> bool {
     part != "ease linear" && !part.starts_with("from ")
 }
 
-/// `servo 2 1500 -> 1600 over 500 ms`: what is the same is said once.
+/// `servo 2 1500 -> 1600 over 500 ms`: unchanged words are not repeated.
 fn between(from: &[String], to: &[String]) -> String {
-    let whole = |parts: &[String]| parts.iter().filter(|part| is_told(part)).cloned().collect::<Vec<_>>().join(" ");
+    let whole =
+        |parts: &[String]| parts.iter().filter(|part| is_always_shown(part)).cloned().collect::<Vec<_>>().join(" ");
     if from.len() != to.len() || from.first() != to.first() {
         return format!("{} -> {}", whole(from), whole(to));
     }
-    let pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_told(new));
+    let pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_always_shown(new));
     let words = pairs.map(|(old, new)| {
         let (word, value) = new.split_once(' ').unwrap_or(("", new));
         match old.split_once(' ') {
@@ -157,13 +158,13 @@ fn between(from: &[String], to: &[String]) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Seconds to the millisecond, or as exactly as they are.
+/// Seconds with three decimals, or with six if needed.
 fn secs(at: Micros) -> String {
     let places = if at.0.is_multiple_of(1_000) { 3 } else { 6 };
     format!("{at:.places$} s")
 }
 
-/// A time that passes, exactly: microseconds, milliseconds or seconds, as a script would say it.
+/// A duration in microseconds, milliseconds or seconds, without rounding.
 pub(super) fn span(time: Micros) -> String {
     match time {
         Micros(us) if us < 1_000_000 && !us.is_multiple_of(1_000) => format!("{us} us"),
@@ -172,13 +173,13 @@ pub(super) fn span(time: Micros) -> String {
     }
 }
 
-/// `200 ms later`.
+/// Displays a shift: `200 ms later`.
 struct Later(i64);
 
 impl fmt::Display for Later {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            0 => f.write_str("at its old time again"),
+            0 => f.write_str("back at its old time"),
             us => write!(f, "{} {}", span(Micros(us.unsigned_abs())), if us < 0 { "earlier" } else { "later" }),
         }
     }

@@ -194,7 +194,7 @@ mod tests {
     /// Asks for a report.
     fn ask(board: &mut Faulty, now: Micros) {
         let family = raspblock::board();
-        board.receive(now, &family.to_frame(&family.say("request", &[5]).unwrap()));
+        board.receive(now, &family.to_frame(&family.command_named("request", &[5]).unwrap()));
     }
 
     #[test]

@@ -133,7 +133,7 @@ impl Record {
 pub struct Ward {
     /// A player that is silent for longer than twice this, and for 50 ms at least, is killed.
     pub max_late: Nanos,
-    /// How many zeros bring a receiver back in step behind a flush: [`zeros_behind_flush`](crate::board::Board::zeros_behind_flush).
+    /// How many zeros bring a receiver back in step behind a flush: [`zeros_after_flush`](crate::board::Board::zeros_after_flush).
     pub zeros: usize,
     /// Whether the guard runs before all ordinary programs.
     pub realtime: bool,
@@ -145,7 +145,7 @@ impl Ward {
     /// What the guard of a player of this timeline must know. A frame may be 50 ms late.
     pub fn of(timeline: &Timeline) -> Self {
         let commands = timeline.events.iter().map(|event| &event.command);
-        Ward { zeros: timeline.board.zeros_behind_flush(commands), ..Ward::of_board(&timeline.board) }
+        Ward { zeros: timeline.board.zeros_after_flush(commands), ..Ward::of_board(&timeline.board) }
     }
 
     /// What the guard of any program on a board must know.

@@ -84,7 +84,7 @@ impl<'t> Player<'t> {
             origin: 0,
             next: 0,
             next_cue: 0,
-            out: Outbox::new(board.zeros_behind_flush(commands), board.codec.longest),
+            out: Outbox::new(board.zeros_after_flush(commands), board.codec.longest),
             due: Nanos::ZERO,
             pending: 0,
             last: None,
@@ -100,7 +100,7 @@ impl<'t> Player<'t> {
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
         let commands = again.events.iter().map(|event| &event.command);
-        self.out.needs_zeros(self.board.zeros_behind_flush(commands));
+        self.out.needs_zeros(self.board.zeros_after_flush(commands));
         self.again = Some(again).filter(|again| again.end > Micros::ZERO);
         self
     }
@@ -298,9 +298,9 @@ impl<'t> Player<'t> {
                 return Some(late);
             }
             let may_drop = matches!(event.kind, Kind::Sample | Kind::Refresh);
-            // What is due at the same time overtakes nothing.
+            // What is due at the same time supersedes nothing.
             let is_newer =
-                |newer: &Event| due(newer) > due(event) && self.board.overtakes(&newer.command, &event.command);
+                |newer: &Event| due(newer) > due(event) && self.board.supersedes(&newer.command, &event.command);
             if may_drop && ready.iter().skip(at + 1).any(is_newer) {
                 self.take(event);
                 self.dropped += 1;

@@ -1,12 +1,12 @@
-//! Pictures of a timeline: what happens when, in lanes over time, and where the robot goes.
+//! Draws a timeline: what happens when, in lanes over time, and the path of the robot.
 //!
-//! [`plot`] gathers what there is to see, as data that others can draw as well; [`Plot::to_svg`] draws it.
+//! [`plot`] collects the data, which other programs can draw as well; [`Plot::to_svg`] draws it.
 
+mod canvas;
 mod lanes;
+mod path;
 #[cfg(feature = "png")]
 mod png;
-mod road;
-mod sheet;
 mod svg;
 
 use std::collections::BTreeMap;
@@ -25,122 +25,123 @@ use crate::units::Micros;
 pub use png::{PngError, png};
 pub use svg::Theme;
 
-/// How many pieces of equal length the load of the line is measured in.
+/// The number of equal intervals in which the load of the line is measured.
 const PIECES: u32 = 720;
 
-/// What there is to see of a timeline. All times count from its start; those that are written as numbers are microseconds.
+/// The data of a picture. Times count from the start of the script, and those with a suffix `_us`
+/// are in microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plot {
-    /// What the script is called.
+    /// The name of the script.
     pub script: String,
-    /// When it ends.
+    /// The end of the script.
     #[serde(rename = "end_us")]
     pub end: Micros,
-    /// How it counts in bars, if it does.
+    /// The bars of the script, if it counts in bars.
     pub bars: Option<Bars>,
-    /// Its marks.
+    /// The marks.
     pub marks: Vec<Moment>,
-    /// Its `say`s.
+    /// The texts of `say`.
     pub says: Vec<Moment>,
-    /// Its `expect`s.
+    /// The `expect`s.
     pub expects: Vec<Stretch>,
-    /// What `check` warns of, each where its command is sent first.
+    /// The warnings of `check`, each at the first frame of its command.
     pub warnings: Vec<Warning>,
-    /// One a robot.
+    /// The robots.
     pub tracks: Vec<Robot>,
 }
 
-/// Bars of one length.
+/// A grid of equal bars.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bars {
-    /// When bar 1 begins; before the start for a part of a script.
+    /// The start of bar 1 in microseconds; negative for a clip that starts later.
     pub first_us: i64,
-    /// How long a beat is.
+    /// The length of a beat in microseconds.
     pub beat_us: f64,
     /// Beats in a bar.
     pub beats: u32,
 }
 
 impl Bars {
-    /// How long a bar is.
+    /// The length of a bar in microseconds.
     fn bar_us(&self) -> f64 {
         self.beat_us * f64::from(self.beats)
     }
 
-    /// When bar 1 begins.
+    /// The start of bar 1 in microseconds.
     #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
     fn begin(&self) -> f64 {
         self.first_us as f64
     }
 }
 
-/// Something that happens at a moment.
+/// An event at a moment.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Moment {
-    /// When.
+    /// The time.
     #[serde(rename = "t_us")]
     pub at: Micros,
-    /// What.
+    /// The text.
     pub text: String,
 }
 
-/// Something that lasts.
+/// An event with a duration.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Stretch {
-    /// From when.
+    /// The start.
     #[serde(rename = "t_us")]
     pub at: Micros,
-    /// Until when.
+    /// The end.
     #[serde(rename = "until_us")]
     pub until: Micros,
-    /// What.
+    /// The text.
     pub text: String,
 }
 
 /// A warning.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Warning {
-    /// When the command is sent that it is about; `None` for one that sends nothing in this part.
+    /// The time of its command; `None` if the command sends nothing in this clip.
     #[serde(rename = "t_us")]
     pub at: Option<Micros>,
     /// Its code.
     pub code: &'static str,
-    /// What is wrong.
+    /// The message.
     pub message: String,
-    /// The file, and the line in it.
+    /// The name of the file.
     pub file: String,
     /// The line, counted from 1.
     pub line: usize,
 }
 
-/// What one robot does.
+/// The data of one robot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Robot {
     /// Its name; `None` where the script names no robots.
     pub robot: Option<String>,
-    /// How many frames it is sent.
+    /// The number of its frames.
     pub frames: usize,
-    /// What it does, thing by thing; what is never used is not there.
+    /// Its lanes; unused ones are left out.
     pub lanes: Vec<Lane>,
-    /// How busy its line is.
+    /// The load of its line.
     pub wire: Load,
-    /// Where the virtual board goes, in its nominal units. Empty where it goes nowhere.
+    /// The path of the virtual board in nominal units; empty if it does not move.
     pub path: Vec<Place>,
 }
 
-/// One thing over time.
+/// One value or state over time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lane {
-    /// What it is.
+    /// Its name.
     pub name: Text,
-    /// Where on the robot, or what for; empty where the name says it.
+    /// Its place on the robot, or its purpose; empty if the name says it.
     pub about: Text,
-    /// What it shows.
+    /// Its data.
     #[serde(flatten)]
     pub shows: Shows,
 }
 
-/// What a lane shows.
+/// The data of a lane.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 #[non_exhaustive]
@@ -149,40 +150,40 @@ pub enum Shows {
     Curve {
         /// Its unit.
         unit: Text,
-        /// What the values below and above zero, or the least and the largest, are called.
+        /// The labels of values below and above zero, or of the smallest and the largest.
         ends: [Text; 2],
         /// The smallest and the largest value that the board takes.
         range: [f64; 2],
-        /// The same as the script narrows it, if it does.
+        /// The range that the script sets with `limit`, if it does.
         limits: Option<[f64; 2]>,
-        /// Times and values; `null` from where it is not known.
+        /// Times and values; `null` where the value is unknown.
         points: Vec<(Micros, Option<f64>)>,
     },
-    /// Something that is on or off.
+    /// A state that is on or off.
     Spans {
-        /// When it is on.
+        /// The times when it is on.
         spans: Vec<Stretch>,
-        /// Whether it is drawn as strongly as a command.
+        /// Whether it is drawn as prominently as a command.
         #[serde(skip)]
         is_strong: bool,
     },
-    /// Things that happen.
+    /// Moments.
     Ticks {
-        /// When.
+        /// The moments.
         ticks: Vec<Moment>,
     },
 }
 
-/// How busy the line is.
+/// The load of the line.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Load {
-    /// Its speed in bits a second.
+    /// Its speed in bits per second.
     pub baud: u32,
-    /// How long a piece of time is.
+    /// The length of an interval in microseconds.
     pub piece_us: f64,
-    /// How much of what it carries leaves in each piece, in percent.
+    /// The share of the capacity that is used in each interval, in percent.
     pub percent: Vec<f64>,
-    /// Frames that leave more than 5 ms after they are due.
+    /// Frames that leave more than 5 ms late.
     pub late: Vec<Late>,
 }
 
@@ -192,34 +193,34 @@ pub struct Late {
     /// When it is due.
     #[serde(rename = "t_us")]
     pub at: Micros,
-    /// By how much.
+    /// Its delay.
     #[serde(rename = "late_us")]
     pub late: Micros,
 }
 
-/// Where the robot is, from where it started.
+/// A pose of the robot, relative to its start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Place {
-    /// When.
+    /// The time.
     #[serde(rename = "t_us")]
     pub at: Micros,
     /// To the right, in cm.
     pub x_cm: f64,
     /// Forward, in cm.
     pub y_cm: f64,
-    /// Turned clockwise, in degrees.
+    /// The rotation, clockwise in degrees.
     pub yaw_deg: f64,
 }
 
 impl Place {
     fn new(at: Micros, pose: Pose) -> Self {
-        // A micrometre more or less says nothing.
+        // Round to a micrometre, so that noise does not appear in the data.
         let [x_cm, y_cm, yaw_deg] = [pose.x_cm, pose.y_cm, pose.yaw_deg].map(|value| libm::round(value * 1e4) / 1e4);
         Place { at, x_cm, y_cm, yaw_deg }
     }
 }
 
-/// Gathers what there is to see of a timeline.
+/// Collects the data of a picture.
 pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Plot {
     let moment = |at: Micros, text: &str| Moment { at, text: escaped(text) };
     let bars = timeline.bars.map(|bars| Bars {
@@ -244,16 +245,17 @@ pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
 }
 
 impl Robot {
-    /// Whether it ever leaves the place where it starts, turning aside.
+    /// Whether the robot leaves its starting position; rotation does not count.
     fn goes_away(&self) -> bool {
         self.path.iter().any(|place| libm::hypot(place.x_cm, place.y_cm) > 1.0)
     }
 }
 
 impl Plot {
-    /// The same as JSON, on one line. Fields may be added, and never change their meaning.
+    /// The data as JSON, on one line. Fields may be added; existing ones never change their
+    /// meaning.
     pub fn to_json(&self) -> String {
-        // Numbers and texts cannot fail.
+        // Serializing numbers and strings cannot fail.
         serde_json::to_string(self).unwrap_or_default() + "\n"
     }
 }
@@ -264,11 +266,11 @@ fn robot(timeline: &Timeline) -> Robot {
         frames: timeline.events.len(),
         lanes: lanes::lanes(timeline),
         wire: load(timeline),
-        path: road::road(timeline),
+        path: path::path(timeline),
     }
 }
 
-/// Warnings, each where the first frame is that comes from its place in the script.
+/// The warnings, each with the time of the first frame of its command.
 fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Vec<Warning> {
     let mut places: BTreeMap<u32, Option<Micros>> = diagnostics.iter().map(|found| (found.span.start, None)).collect();
     let mut meet = |at: Micros, span: Span| {
@@ -295,7 +297,7 @@ fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
     diagnostics.iter().filter(|found| !found.is_error()).map(warning).collect()
 }
 
-/// How busy the line is.
+/// The load of the line.
 fn load(timeline: &Timeline) -> Load {
     let line = Wire::new(timeline.baud);
     #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
@@ -308,7 +310,8 @@ fn load(timeline: &Timeline) -> Load {
         }
         let [mut from, until] = [departure.begins, departure.left].map(|ticks| line.in_micros(ticks) / piece_us);
         while from < until {
-            // Ends where the piece ends, or the frame; what leaves behind the end counts for the last piece.
+            // The interval ends, or the frame does. Frames after the end count for the last
+            // interval.
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held in range")]
             let piece = from.clamp(0.0, f64::from(PIECES - 1)) as u32;
             let end = if piece + 1 == PIECES { until } else { until.min(f64::from(piece) + 1.0) };
@@ -322,7 +325,7 @@ fn load(timeline: &Timeline) -> Load {
     Load { baud: timeline.baud, piece_us, percent, late }
 }
 
-/// How much time a picture shows: something, also of a script that takes none or next to none.
+/// The time that a picture covers: more than zero, even for an empty script.
 fn shown(end: Micros) -> Micros {
     if end == Micros::ZERO { Micros::SECOND } else { end.max(Micros::from_millis(1)) }
 }

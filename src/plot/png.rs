@@ -1,4 +1,4 @@
-//! A picture as PNG: the same on every machine, with a font that comes along.
+//! Pictures as PNG: the same on every machine, because the font is included.
 
 use std::sync::Arc;
 
@@ -7,25 +7,28 @@ use resvg::usvg::{Options, Tree, fontdb};
 
 use super::{Plot, Theme};
 
-/// The font `DejaVu Sans`; its licence stands beside it.
+/// The font `DejaVu Sans`; its licence is in the same folder.
 static FONT: &[u8] = include_bytes!("font/DejaVuSans.ttf");
 
-/// Why there is no picture.
+/// Why a picture could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PngError {
-    /// What was drawn cannot be read.
+    /// The drawing cannot be parsed.
     #[error("the picture cannot be drawn: {0}")]
     Drawing(#[from] resvg::usvg::Error),
-    /// It would be too large.
+    /// The picture would be too large.
     #[error("a picture of {0} by {1} pixels is too large")]
     Size(u32, u32),
-    /// It cannot be encoded.
+    /// The picture cannot be encoded.
     #[error("the picture cannot be encoded: {0}")]
     Encoding(String),
 }
 
-/// A picture as PNG, so many pixels wide.
+/// Draws a plot as a PNG of `width` pixels.
+///
+/// # Errors
+/// If the picture is too large, or cannot be drawn or encoded.
 pub fn png(plot: &Plot, theme: Theme, width: u32) -> Result<Vec<u8>, PngError> {
     let mut fonts = fontdb::Database::new();
     fonts.load_font_data(FONT.to_vec());

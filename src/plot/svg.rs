@@ -1,17 +1,17 @@
-//! Draws a plot: lanes over time, and the way from above beside them.
+//! Draws a plot: lanes over time, and the path of the robot next to them.
 
 use std::fmt::Write as _;
 
 use svg::Node;
 use svg::node::element::{Element, Style};
 
-use super::sheet::{Anchor, Sheet, fit, number, point, stairs, steps, width};
+use super::canvas::{Anchor, Canvas, fit, number, point, stairs, steps, width};
 use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown};
 use crate::board::Text;
 use crate::units::Micros;
 
-mod above;
-mod time;
+mod time_axis;
+mod top_view;
 
 /// The colours of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,49 +21,50 @@ pub enum Theme {
     Light,
     /// Light on dark.
     Dark,
-    /// As whoever looks at it has set up the screen.
+    /// As set on the reader's screen.
     Auto,
 }
 
-/// How wide a picture is; where its lanes begin; where they end, without a way beside them and with one.
+/// The width of a picture, the start of its lanes, and their end without and with a path next to
+/// them, in pixels.
 const WIDTH: f64 = 1_200.0;
 const LEFT: f64 = 128.0;
 const RIGHT: f64 = 1_184.0;
-const RIGHT_BESIDE: f64 = 868.0;
-/// Heights of lanes, and what is between them.
+const RIGHT_WITH_TOP_VIEW: f64 = 868.0;
+/// Heights of lanes, and the gap between them, in pixels.
 const PLACE: f64 = 84.0;
 const DRIVE: f64 = 64.0;
 const PLAIN: f64 = 44.0;
 const ROW: f64 = 26.0;
 const WIRE: f64 = 48.0;
 const GAP: f64 = 7.0;
-/// Sizes of letters: names and texts, and what is beside them.
+/// Font sizes of names and texts, and of secondary texts, in pixels.
 const TEXT: f64 = 13.0;
 const SOFT: f64 = 12.0;
-/// The most signs that tell something when they are pointed at, and the most warnings in words.
-const TOLD: usize = 400;
+/// The maximum number of tooltips per lane, and of warnings shown as text.
+const MAX_TOOLTIPS: usize = 400;
 const WORDS: usize = 8;
 
 impl Plot {
-    /// A picture as SVG, 1200 pixels wide. Equal plots give equal pictures, to the byte.
+    /// Draws the plot as SVG, 1200 pixels wide. Equal plots give equal bytes.
     pub fn to_svg(&self, theme: Theme) -> String {
-        let is_beside = self.tracks.iter().any(Robot::goes_away);
-        let right = if is_beside { RIGHT_BESIDE } else { RIGHT };
+        let has_top_view = self.tracks.iter().any(Robot::goes_away);
+        let right = if has_top_view { RIGHT_WITH_TOP_VIEW } else { RIGHT };
         #[expect(clippy::cast_precision_loss, reason = "a day in microseconds fits")]
         let end = shown(self.end).0 as f64;
         let mut picture = Picture {
             plot: self,
-            sheet: Sheet::default(),
-            grounds: Sheet::default(),
+            canvas: Canvas::default(),
+            backgrounds: Canvas::default(),
             right,
             end,
             y: 0.0,
             bottom: 0.0,
-            beside: 0.0,
+            side_bottom: 0.0,
         };
         picture.draw();
-        let Picture { sheet, y, beside, .. } = picture;
-        let height = libm::ceil(y.max(beside) + 12.0);
+        let Picture { canvas, y, side_bottom, .. } = picture;
+        let height = libm::ceil(y.max(side_bottom) + 12.0);
         let mut root = Element::new("svg");
         root.assign("xmlns", "http://www.w3.org/2000/svg");
         root.assign("width", number(WIDTH));
@@ -72,15 +73,15 @@ impl Plot {
         root.assign("role", "img");
         root.append(svg::node::element::Title::new(self.script.as_str()));
         root.append(Style::new(style(theme)));
-        let mut paper = Sheet::default();
+        let mut paper = Canvas::default();
         paper.area("paper", [0.0, 0.0, WIDTH, height], None);
-        for node in paper.nodes.into_iter().chain(sheet.nodes) {
+        for node in paper.nodes.into_iter().chain(canvas.nodes) {
             root.append(node);
         }
         format!("{root}\n")
     }
 
-    /// A page of its own with the picture in it; nothing is loaded.
+    /// Draws the plot in an HTML page that loads nothing else.
     pub fn to_html(&self, theme: Theme) -> String {
         let mut title = Element::new("title");
         title.append(svg::node::Text::new(self.script.as_str()));
@@ -111,18 +112,18 @@ fn style(theme: Theme) -> String {
 
 struct Picture<'p> {
     plot: &'p Plot,
-    sheet: Sheet,
-    /// What lanes stand on.
-    grounds: Sheet,
-    /// Where lanes end.
+    canvas: Canvas,
+    /// The backgrounds of the lanes.
+    backgrounds: Canvas,
+    /// The end of the lanes in pixels.
     right: f64,
-    /// How much time they show, in microseconds.
+    /// The time that the lanes cover, in microseconds.
     end: f64,
-    /// How far down it is, and how far down the last lane ends.
+    /// The current vertical position, and the bottom of the last lane.
     y: f64,
     bottom: f64,
-    /// How far down what stands beside the lanes is.
-    beside: f64,
+    /// The bottom of the picture next to the lanes.
+    side_bottom: f64,
 }
 
 impl Picture<'_> {
@@ -141,7 +142,7 @@ impl Picture<'_> {
         self.marks();
         self.axis();
         let top = self.y;
-        let head = self.sheet.nodes.len();
+        let head = self.canvas.nodes.len();
         for track in &plot.tracks {
             self.track(track);
         }
@@ -156,18 +157,19 @@ impl Picture<'_> {
             });
         }
         self.warnings();
-        // What runs through all lanes lies between their ground and what they show; how far down it goes is known last.
-        let front = self.sheet.nodes.split_off(head);
-        self.sheet.nodes.append(&mut self.grounds.nodes);
+        // Lines through all lanes are above the backgrounds and below the curves. Their length is
+        // known only now.
+        let front = self.canvas.nodes.split_off(head);
+        self.canvas.nodes.append(&mut self.backgrounds.nodes);
         self.through(top, self.bottom);
-        self.sheet.nodes.extend(front);
+        self.canvas.nodes.extend(front);
     }
 
     fn track(&mut self, track: &Robot) {
-        self.y = self.y.max(self.beside);
+        self.y = self.y.max(self.side_bottom);
         if let Some(robot) = &track.robot {
             self.y += 22.0;
-            self.sheet.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
+            self.canvas.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
             self.y += 10.0;
         }
         let top = self.y;
@@ -178,18 +180,18 @@ impl Picture<'_> {
         if track.goes_away() {
             let x = self.right + 28.0;
             let marks: Vec<(&str, Micros)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.at)).collect();
-            self.beside = above::draw(&mut self.sheet, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
+            self.side_bottom = top_view::draw(&mut self.canvas, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
         }
     }
 
     fn name(&mut self, name: &str, y: f64) {
-        self.sheet.text((16.0, y), "name", Anchor::Start, name);
+        self.canvas.text((16.0, y), "name", Anchor::Start, name);
     }
 
     fn lane(&mut self, lane: &Lane) {
         match &lane.shows {
             Shows::Curve { unit, ends, range, limits, points } => {
-                // What has no zero is a place, and not a speed.
+                // A range without zero is a position, not a speed.
                 let is_place = range[0] > 0.0;
                 let height = match ends {
                     _ if is_place => PLACE,
@@ -201,7 +203,7 @@ impl Picture<'_> {
                 self.frame(&lane.name, height);
                 let about = [&lane.about, unit].into_iter().map(|word| &**word).filter(|word| !word.is_empty());
                 let about = about.collect::<Vec<_>>().join(", ");
-                self.sheet.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
+                self.canvas.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
                 self.curve(points, scale, *limits, (y, height), is_place);
                 self.ends(ends, scale, (y, height), is_place);
                 self.y += height + GAP;
@@ -214,10 +216,10 @@ impl Picture<'_> {
         }
     }
 
-    /// The frame of a lane, with its name.
+    /// The frame and the name of a lane.
     fn frame(&mut self, name: &str, height: f64) {
         self.name(name, self.y + height / 2.0 + if height > ROW { 1.0 } else { 4.0 });
-        self.grounds.area("lane", [LEFT, self.y, self.right - LEFT, height], None);
+        self.backgrounds.area("lane", [LEFT, self.y, self.right - LEFT, height], None);
         self.bottom = self.y + height;
     }
 
@@ -229,7 +231,7 @@ impl Picture<'_> {
         self.y += ROW + GAP;
     }
 
-    /// What the ends of a scale are.
+    /// The labels at the ends of a scale.
     fn ends(
         &mut self,
         [low_end, high_end]: &[Text; 2],
@@ -240,13 +242,13 @@ impl Picture<'_> {
         let mut say = |value: f64, y: f64, word: &str| {
             let text =
                 if is_place || word.is_empty() { number(value) } else { format!("{word} {}", number(value.abs())) };
-            self.sheet.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
+            self.canvas.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
         };
         say(high, y + 10.0, high_end);
         say(low, y + height, low_end);
     }
 
-    #[expect(clippy::too_many_arguments, reason = "a curve and where it goes")]
+    #[expect(clippy::too_many_arguments, reason = "a curve with its scale and its position")]
     fn curve(
         &mut self,
         points: &[(Micros, Option<f64>)],
@@ -257,32 +259,32 @@ impl Picture<'_> {
     ) {
         let down = |value: f64| top + 3.0 + (high - value) / (high - low) * (height - 6.0);
         if !is_place {
-            self.sheet.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
+            self.canvas.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
         }
         for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
-            self.sheet.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
+            self.canvas.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
         }
         let drawn = points.iter().map(|(at, value)| (self.x(*at), value.map(down)));
         for run in steps(drawn, self.right) {
             if let (false, Some((first, _)), Some((last, _))) = (is_place, run.first(), run.last()) {
                 let zero = number(down(0.0));
-                // From the line of zero up to the curve, and back.
+                // From the zero line up to the curve, and back.
                 let curve = stairs(&run).replacen('M', "L", 1);
                 let under = format!("M{} {zero}{curve}L{} {zero}z", number(*first), number(*last));
-                self.sheet.path("under", &under, None);
+                self.canvas.path("under", &under, None);
             }
-            self.sheet.path(if is_place { "curve" } else { "drive" }, &stairs(&run), None);
-            // What is told at the very end would not be seen.
+            self.canvas.path(if is_place { "curve" } else { "drive" }, &stairs(&run), None);
+            // A value at the very end would be invisible.
             if let (Some((x, y)), Some((last, _))) = (run.first(), run.last())
                 && last - x < 2.0
             {
-                self.sheet.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
+                self.canvas.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
             }
         }
         self.values(points, down, (top, height));
     }
 
-    /// Where a value stays for a while, it stands there as a number.
+    /// Writes values next to the curve, where they stay long enough.
     fn values(&mut self, points: &[(Micros, Option<f64>)], down: impl Fn(f64) -> f64, (top, height): (f64, f64)) {
         let ends = points.iter().skip(1).map(|(at, _)| self.x(*at)).chain([self.right]);
         let mut free = f64::NEG_INFINITY;
@@ -296,32 +298,32 @@ impl Picture<'_> {
             }
             free = x + wide + 8.0;
             let y = down(value);
-            // Above the line, where there is room for it.
+            // Above the line if there is room.
             let y = if y - top > 17.0 { y - 5.0 } else { y + 14.0 };
             shown.push((x + 4.0, y, text));
         }
         for (x, y, text) in shown {
-            self.sheet.text((x, y), "value", Anchor::Start, &text);
+            self.canvas.text((x, y), "value", Anchor::Start, &text);
         }
     }
 
-    /// What lasts, each as a box; those that end in a column that is drawn already cannot be seen.
+    /// Draws spans as boxes. Skips those that end in a pixel column that is already drawn.
     fn stretches(&mut self, class: &str, stretches: &[Stretch], y: f64, height: f64) {
         let mut last = f64::NEG_INFINITY;
         for (count, Stretch { at, until, text }) in (1..).zip(stretches) {
             let (from_x, until_x) = (self.x(*at), self.x(*until));
             if until_x - last >= 0.5 || count == stretches.len() {
                 last = until_x;
-                let tells = format!("{}, {at} s to {until} s", told(text));
-                self.sheet.area(class, [from_x, y, (until_x - from_x).max(1.5), height], Some(&tells));
+                let tooltip = format!("{}, {at} s to {until} s", tooltip(text));
+                self.canvas.area(class, [from_x, y, (until_x - from_x).max(1.5), height], Some(&tooltip));
             }
         }
     }
 
-    /// Signs with texts behind them, each as far as there is room.
+    /// Draws symbols with texts to the right of them, as far as there is room.
     fn moments(&mut self, moments: &[Moment], class: &str, sign: Sign, y: f64) {
         let middle = y + ROW / 2.0;
-        // What cannot be told apart shares a sign.
+        // Moments in one pixel column share a symbol.
         let mut groups: Vec<(f64, Vec<&Moment>)> = Vec::new();
         for moment in moments {
             let x = self.x(moment.at);
@@ -334,41 +336,41 @@ impl Picture<'_> {
         let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
         for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
             let words = || {
-                let told = group.iter().take(10).map(|moment| format!("{} at {} s", told(&moment.text), moment.at));
-                told.collect::<Vec<_>>().join("\n")
+                let lines = group.iter().take(10).map(|moment| format!("{} at {} s", tooltip(&moment.text), moment.at));
+                lines.collect::<Vec<_>>().join("\n")
             };
-            self.sheet.path(class, &sign(*x, middle), (at < TOLD).then(words).as_deref());
+            self.canvas.path(class, &sign(*x, middle), (at < MAX_TOOLTIPS).then(words).as_deref());
             let more = group.len() - 1;
             let text = group.first().map_or("", |moment| moment.text.as_str());
             let text = if more > 0 { format!("{text} and {more} more") } else { text.to_owned() };
             let wide = width(&text, TEXT);
-            // To the left where only that has room for all of it.
+            // To the left if the whole text fits only there.
             if wide > next - x - 14.0 && wide < x - free - 16.0 {
-                self.sheet.text((x - 8.0, middle + 4.5), "text", Anchor::End, &text);
+                self.canvas.text((x - 8.0, middle + 4.5), "text", Anchor::End, &text);
                 free = *x;
                 continue;
             }
             let text = fit(&text, TEXT, next - x - 14.0);
             free = x + 8.0 + width(&text, TEXT);
             if !text.is_empty() {
-                self.sheet.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
+                self.canvas.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
             }
         }
     }
 
-    /// How busy the line is, and what leaves late.
+    /// The load of the line, and late frames.
     fn wire(&mut self, track: &Robot) {
         let (load, y) = (&track.wire, self.y);
         self.frame("wire", WIRE);
-        self.sheet.text((16.0, y + WIRE / 2.0 + 17.0), "soft", Anchor::Start, &format!("{} baud", load.baud));
-        self.sheet.text((LEFT - 6.0, y + 10.0), "soft", Anchor::End, "100 %");
+        self.canvas.text((16.0, y + WIRE / 2.0 + 17.0), "soft", Anchor::Start, &format!("{} baud", load.baud));
+        self.canvas.text((LEFT - 6.0, y + 10.0), "soft", Anchor::End, "100 %");
         let bottom = y + WIRE;
         let mut path = String::new();
         let mut t_us = 0.0;
         for percent in &load.percent {
             let (from, until) = (self.at(t_us), self.at(t_us + load.piece_us));
             if *percent > 0.0 {
-                // Something can be seen of anything.
+                // Make any load visible.
                 let high = (percent / 100.0 * (WIRE - 2.0)).max(0.7);
                 let _ = write!(
                     path,
@@ -381,7 +383,7 @@ impl Picture<'_> {
             }
             t_us += load.piece_us;
         }
-        self.sheet.path("load", &path, None);
+        self.canvas.path("load", &path, None);
         let mut last = f64::NEG_INFINITY;
         for (at, late) in load.late.iter().enumerate() {
             let x = self.x(late.at);
@@ -389,14 +391,14 @@ impl Picture<'_> {
                 continue;
             }
             last = x;
-            let tells = format!("due at {} s, leaves {:.0} ms later", late.at, late.late.in_millis());
-            self.sheet.path("warn", &DOWN(x, y + 8.0), (at < TOLD).then_some(tells.as_str()));
+            let tooltip = format!("due at {} s, leaves {:.0} ms late", late.at, late.late.in_millis());
+            self.canvas.path("warn", &DOWN(x, y + 8.0), (at < MAX_TOOLTIPS).then_some(tooltip.as_str()));
         }
         if let Some(worst) = load.late.iter().map(|late| late.late).max() {
             let count = load.late.len();
             let plural = if count == 1 { "frame leaves" } else { "frames leave" };
             let text = format!("{count} {plural} late, up to {} ms", worst.0.div_ceil(1_000));
-            self.sheet.text((LEFT + 8.0, y + 26.0), "late", Anchor::Start, &text);
+            self.canvas.text((LEFT + 8.0, y + 26.0), "late", Anchor::Start, &text);
         }
         self.y += WIRE + GAP;
     }
@@ -409,17 +411,17 @@ impl Picture<'_> {
         let placed: Vec<Moment> =
             warnings.iter().filter_map(|warning| Some(moment(warning.at?, warning.code))).collect();
         self.row("warnings", |picture, y| picture.moments(&placed, "warn", UP, y));
-        self.y = self.y.max(self.beside);
+        self.y = self.y.max(self.side_bottom);
         for warning in warnings.iter().take(WORDS) {
             self.y += 12.0;
             let text = format!("▲ {}:{} {}: {}", warning.file, warning.line, warning.code, warning.message);
-            self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &fit(&text, SOFT, WIDTH - 32.0));
+            self.canvas.text((16.0, self.y), "alarm", Anchor::Start, &fit(&text, SOFT, WIDTH - 32.0));
             self.y += 6.0;
         }
         if warnings.len() > WORDS {
             self.y += 12.0;
             let more = format!("and {} more; `motionseq check --all` shows them", warnings.len() - WORDS);
-            self.sheet.text((16.0, self.y), "alarm", Anchor::Start, &more);
+            self.canvas.text((16.0, self.y), "alarm", Anchor::Start, &more);
         }
         self.y += GAP;
     }
@@ -429,14 +431,14 @@ fn moment(at: Micros, text: &str) -> Moment {
     Moment { at, text: text.to_owned() }
 }
 
-/// A text for whoever points at it; nobody reads more at once.
-fn told(text: &str) -> String {
+/// Shortens a text to the length of a tooltip.
+fn tooltip(text: &str) -> String {
     const MOST: usize = 200;
     let cut: String = text.chars().take(MOST).collect();
     if cut.len() < text.len() { cut + "…" } else { cut }
 }
 
-/// The shape of a sign around a point.
+/// The shape of a symbol around a point.
 type Sign = fn(f64, f64) -> String;
 
 const DOT: Sign = |x, y| format!("M{}a4 4 0 1 0 8 0a4 4 0 1 0 -8 0z", point((x - 4.0, y)));
@@ -445,7 +447,7 @@ const BAR: Sign = |x, y| format!("M{}h2v16h-2z", point((x - 1.0, y - 8.0)));
 const UP: Sign = |x, y| format!("M{}l5 9h-10z", point((x, y - 5.0)));
 const DOWN: Sign = |x, y| format!("M{}l4 -7h-8z", point((x, y)));
 
-/// A scale with zero in its middle that holds all values, and the limits of the script.
+/// A scale that is symmetric around zero and contains all values and the limits of the script.
 fn about_zero(points: &[(Micros, Option<f64>)], limits: Option<[f64; 2]>) -> [f64; 2] {
     let values = points.iter().filter_map(|(_, value)| *value).chain(limits.into_iter().flatten());
     let most = values.fold(0.0, |most: f64, value| most.max(value.abs()));
@@ -453,7 +455,7 @@ fn about_zero(points: &[(Micros, Option<f64>)], limits: Option<[f64; 2]>) -> [f6
     [-most, most]
 }
 
-/// The end of a way in words, for whoever draws it.
+/// Describes the end of a path, for screen readers as well.
 fn end_words(last: &Place) -> [String; 2] {
     let way = |value: f64, [ahead, back]: [&str; 2]| {
         format!("{} cm {}", number(value.abs()), if value < 0.0 { back } else { ahead })

@@ -20,7 +20,7 @@ pub struct Limit {
 impl Limit {
     /// The limits of a script that sets none.
     pub(crate) fn proper(board: &Board) -> Vec<Limit> {
-        let limit = |limit: &crate::board::ProperLimit| Limit {
+        let limit = |limit: &crate::board::DefaultLimit| Limit {
             limited: limit.limited,
             low: limit.range.0.into(),
             high: limit.range.1.into(),
@@ -46,7 +46,7 @@ fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnosti
     let Limit { limited, low, high, .. } = *limit;
     let Some(set) = limit.span else {
         let (least, most) = board.range(limited).unwrap_or_default();
-        let proper = board.proper_limit(limited);
+        let proper = board.default_limit(limited);
         let [why, unless] = proper.map_or(["", ""], |proper| [&*proper.why, &*proper.unless]);
         let is_above = f64::from(value) > high;
         let wide = if is_above {

@@ -7,24 +7,26 @@ use std::path::{Component, Path, PathBuf};
 
 use super::{MAX_SOURCE, Source, SourceError, UseError, describe};
 
-/// Where the texts of scripts come from: the [`Disk`], [`Memory`], or whatever else knows texts by paths, such as an editor.
+/// A source of scripts: the [`Disk`], [`Memory`], or any other store of texts by path, such as an
+/// editor.
 pub trait Files: Send + Sync {
-    /// The path of the file that `name` means in the script at `from`, which [`read`](Self::read) takes. A file has one path,
-    /// however it is named. `main` is the script that uses all the others, and nothing outside of its folder is used. A script
-    /// that has no path has an empty one.
+    /// Resolves `name` in the script at `from` to a path for [`read`](Self::read). A file has only
+    /// one path, no matter how scripts name it. `main` is the main script; files outside of its
+    /// folder are refused. A script without a path has an empty one.
     ///
     /// # Errors
-    /// Says why there is no such file, or that it lies outside.
+    /// Why the file does not exist, or that it is outside of the folder.
     fn resolve(&self, main: &Path, from: &Path, name: &str) -> Result<PathBuf, UseError>;
 
     /// Reads a script.
     ///
     /// # Errors
-    /// Says why it cannot be read, or is not a text.
+    /// Why the script cannot be read or is not UTF-8 text.
     fn read(&self, path: &Path) -> Result<Source, SourceError>;
 }
 
-/// The files of this computer. Names are taken from the folder of the script that they are in; links are followed.
+/// The files of this computer. Names are relative to the folder of the script that uses them;
+/// symbolic links are followed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Disk;
 
@@ -35,7 +37,7 @@ impl Files for Disk {
         }
         let missing = |error: io::Error| UseError::Missing { name: name.to_owned(), cause: describe(&error) };
         let here = |path| Path::new(".").join(folder(path));
-        // Links are followed first, so that none leads out.
+        // Resolve links first, so that none leads out of the folder.
         let path = here(from).join(name).canonicalize().map_err(missing)?;
         let root = here(main).canonicalize().map_err(missing)?;
         match path.strip_prefix(root) {
@@ -49,7 +51,8 @@ impl Files for Disk {
 
     /// Reads a regular file.
     ///
-    /// Never blocks and never reads more than [`MAX_SOURCE`] bytes: a pipe, a device or a folder is refused before it is opened.
+    /// Never blocks and never reads more than [`MAX_SOURCE`] bytes: pipes, devices and folders are
+    /// refused before they are opened.
     fn read(&self, path: &Path) -> Result<Source, SourceError> {
         let name = shown(path);
         let unreadable = |error: &io::Error| SourceError::Unreadable { name: name.clone(), cause: describe(error) };
@@ -72,14 +75,15 @@ impl Files for Disk {
     }
 }
 
-/// Texts in memory, by paths with `/` between their parts: for editors, web pages and tests. A URI is not a path.
+/// Texts in memory, by paths with `/` separators, for editors, web pages and tests. A URI is not a
+/// path.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
     texts: BTreeMap<PathBuf, String>,
 }
 
 impl Memory {
-    /// Adds a text, in the place of one that has the same path.
+    /// Adds a text, and replaces one with the same path.
     pub fn insert(&mut self, path: impl AsRef<Path>, text: impl Into<String>) {
         self.texts.insert(plain(path.as_ref()), text.into());
     }
@@ -125,22 +129,22 @@ impl Files for Memory {
     }
 }
 
-/// What is said of a folder.
+/// The message for a folder.
 const FOLDER: &str = "it is a folder; name a script in it";
-/// What Linux says of a file that is not there.
+/// Linux's message for a missing file.
 const MISSING: &str = "no such file or directory";
 
-/// The folder of a file; empty for the current one.
+/// The folder of a file; empty for the current folder.
 fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-/// What messages call a file: the same on every system.
+/// The name of a file in messages: the same on every system.
 fn shown(path: &Path) -> String {
     path.display().to_string().replace(std::path::MAIN_SEPARATOR, "/")
 }
 
-/// A path without `.`, and with `..` only where it begins.
+/// A path without `.`, and with `..` only at its start.
 fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for part in path.components() {
@@ -155,12 +159,12 @@ fn plain(path: &Path) -> PathBuf {
     plain
 }
 
-/// Reads a regular file of the disk that is no longer than `most` bytes.
+/// Reads a regular file of at most `most` bytes from the disk.
 ///
 /// # Errors
-/// Those of the system, and that it is not a regular file or too long.
+/// The system's errors; and if the file is not a regular one or is too long.
 pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    // Before it is opened, which would wait for the writer of a named pipe.
+    // Check before opening: opening a named pipe waits for its writer.
     if !path.metadata()?.is_file() {
         return Err(io::Error::other("it is not a regular file"));
     }
@@ -190,7 +194,7 @@ mod tests {
         assert!(matches!(resolve(main, "b.motion"), Err(UseError::Missing { .. })));
         assert_eq!(memory.read(lib).unwrap().text(), "stop");
         assert!(matches!(memory.read(Path::new("d.motion")), Err(SourceError::Unreadable { .. })));
-        // Above where paths begin there may be texts, too.
+        // Texts may also be above the folder where paths begin.
         let above = Memory::from([("../a.motion", "stop"), ("../b.motion", "stop"), ("../../c.motion", "stop")]);
         let main = Path::new("../a.motion");
         assert_eq!(above.resolve(main, main, "x/../b.motion").as_deref(), Ok(Path::new("../b.motion")));
@@ -199,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_no_script() {
+    fn a_folder_is_not_a_script() {
         let main = Path::new("x.motion");
         for name in [".", "src/.."] {
             let error = Disk.resolve(main, main, name).unwrap_err();

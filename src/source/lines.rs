@@ -1,4 +1,4 @@
-//! Places in a text as people and editors count: in lines, and in columns of three encodings.
+//! Positions in a text as people and editors count them: lines, and columns in three encodings.
 
 use std::fmt;
 
@@ -7,9 +7,9 @@ use super::{Source, Sources, Span};
 /// A line of a file, shown as `FILE:LINE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place<'s> {
-    /// What messages call the file.
+    /// The name of the file in messages.
     pub file: &'s str,
-    /// The line, counted from 1.
+    /// The line number, counted from 1.
     pub line: usize,
 }
 
@@ -19,28 +19,28 @@ impl fmt::Display for Place<'_> {
     }
 }
 
-/// What a column counts. The names are those of the Language Server Protocol.
+/// The unit of a column. The names are those of the Language Server Protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Encoding {
     /// Bytes.
     Utf8,
-    /// Code units of UTF-16, as editors and JavaScript count.
+    /// UTF-16 code units, as editors and JavaScript count.
     Utf16,
     /// Characters (Unicode scalar values).
     Utf32,
 }
 
-/// A place in a file, counted from 0.
+/// A position in a file, counted from 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Position {
-    /// The line. Lines end with `\n`.
+    /// The line number. Lines end with `\n`.
     pub line: u32,
-    /// How far into the line, in units of an [`Encoding`].
+    /// The distance from the start of the line, in units of an [`Encoding`].
     pub column: u32,
 }
 
-/// An index of every file: finds lines and columns without reading the text again.
+/// An index of all files that finds lines and columns without scanning the text again.
 #[derive(Debug)]
 pub struct Lines<'s> {
     files: Vec<Index<'s>>,
@@ -50,27 +50,27 @@ pub struct Lines<'s> {
 #[derive(Debug)]
 struct Index<'s> {
     source: &'s Source,
-    /// The offsets at which its lines begin, counted as those of spans.
+    /// The offsets of the lines' first bytes, counted as in spans.
     starts: Vec<u32>,
-    /// What comes before each block of [`BLOCK`] bytes; empty where the text is ASCII.
+    /// The characters before each block of [`BLOCK`] bytes; empty if the text is ASCII.
     blocks: Vec<Count>,
 }
 
-/// The length of a block, in bytes: the most that is counted to find a column.
+/// The length of a block in bytes: at most this much is scanned to find a column.
 const BLOCK: usize = 512;
 
-/// Characters in some bytes.
+/// The characters in a range of bytes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Count {
     chars: u32,
-    /// Those that take two code units in UTF-16.
+    /// Characters that take two code units in UTF-16.
     wide: u32,
 }
 
 impl Count {
     fn add(self, bytes: &[u8]) -> Count {
         bytes.iter().fold(self, |count, byte| Count {
-            // All but the bytes that continue a character.
+            // Count all bytes except those that continue a character.
             chars: count.chars + u32::from(byte & 0xC0 != 0x80),
             wide: count.wide + u32::from(*byte >= 0xF0),
         })
@@ -78,19 +78,20 @@ impl Count {
 }
 
 impl<'s> Lines<'s> {
-    /// Reads every file once. Files that a script uses are there once it was compiled: an index that was made before does not know
-    /// them.
+    /// Reads every file once. Files that a script uses are known after its compilation; an index
+    /// that was built before does not contain them.
     pub fn of(sources: &'s Sources) -> Self {
         Lines { files: sources.iter().map(Index::of).collect() }
     }
 
-    /// The file that holds an offset.
+    /// The file that contains an offset.
     fn file(&self, offset: u32) -> Option<&Index<'s>> {
         let at = self.files.partition_point(|file| file.source.base <= offset).checked_sub(1)?;
         self.files.get(at).filter(|file| offset <= file.source.end())
     }
 
-    /// Where a span begins; line 0 of no file where this index does not know its file.
+    /// The line where a span begins; line 0 of an empty name if this index does not contain its
+    /// file.
     pub fn place(&self, span: Span) -> Place<'s> {
         match self.file(span.start) {
             Some(file) => Place { file: &file.source.name, line: file.line(span.start) },
@@ -98,7 +99,8 @@ impl<'s> Lines<'s> {
         }
     }
 
-    /// The line and the column of an offset in its file; one inside a character counts as its start.
+    /// The line and column of an offset. An offset inside a character counts as the start of the
+    /// character.
     pub fn position(&self, offset: u32, encoding: Encoding) -> Position {
         self.file(offset).map(|file| file.position(offset, encoding)).unwrap_or_default()
     }
@@ -121,7 +123,7 @@ impl<'s> Index<'s> {
         Index { source, starts, blocks }
     }
 
-    /// The line that holds an offset, counted from 1.
+    /// The number, counted from 1, of the line that contains an offset.
     fn line(&self, offset: u32) -> usize {
         self.starts.partition_point(|&at| at <= offset)
     }
@@ -134,7 +136,7 @@ impl<'s> Index<'s> {
         Position { line: u32::try_from(line).unwrap_or(u32::MAX), column: units(local).saturating_sub(units(start)) }
     }
 
-    /// How many units of an encoding come before a place in the text.
+    /// The number of units of an encoding before an offset in the text.
     fn units(&self, at: usize, encoding: Encoding) -> u32 {
         let block = at / BLOCK;
         match (encoding, self.blocks.get(block)) {
@@ -156,7 +158,7 @@ mod tests {
     use crate::source::Memory;
 
     proptest! {
-        /// Counted the slow way, it is the same, in every file.
+        /// Positions equal those of a linear scan, in every file.
         #[test]
         fn positions_are_those_of_the_text(texts in prop::collection::vec("[a-c\n\réµ→𝄞]{0,1500}", 1..3)) {
             let sources = Sources::new(Source::new("x", texts[0].as_str()), Memory::default());
@@ -188,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn an_index_knows_the_files_that_there_were() {
+    fn an_index_contains_the_files_of_its_creation() {
         let sources = Sources::from(Source::new("x", "stop"));
         let early = Lines::of(&sources);
         let span = Span::new(5, 6);

@@ -1,7 +1,8 @@
-//! The texts of a script and places in them.
+//! The texts of a script and positions in them.
 //!
-//! A [`Source`] is always valid UTF-8 of at most [`MAX_SOURCE`] bytes. A script may use other files; each has a range of
-//! offsets of its own, so that a [`Span`] says which file it is in, and still is two `u32`.
+//! A [`Source`] is always valid UTF-8 of at most [`MAX_SOURCE`] bytes. A script may use other
+//! files. Each has its own range of offsets, so that a [`Span`] identifies its file and still is
+//! only two `u32`.
 
 mod files;
 mod lines;
@@ -15,56 +16,56 @@ use elsa::FrozenVec;
 pub use files::{Disk, Files, Memory, read_file};
 pub use lines::{Encoding, Lines, Place, Position};
 
-/// The longest script that is read, in bytes. Nothing beyond it is ever read.
+/// The maximum size of a script in bytes. No more is ever read.
 pub const MAX_SOURCE: u64 = 64 << 20;
 
-/// A half-open range of bytes, `start..end`, in one of [`Sources`].
+/// A half-open range of bytes, `start..end`, in [`Sources`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
     /// Offset of the first byte.
     pub start: u32,
-    /// Offset behind the last byte.
+    /// Offset after the last byte.
     pub end: u32,
 }
 
 impl Span {
-    /// The span from `start` to `end`; offsets beyond `u32` are held at its end.
+    /// The span from `start` to `end`. Offsets beyond `u32` saturate.
     pub fn new(start: usize, end: usize) -> Self {
         let clamp = |offset| u32::try_from(offset).unwrap_or(u32::MAX);
         Span { start: clamp(start), end: clamp(end) }
     }
 
-    /// The smallest span that holds both.
+    /// The smallest span that contains both.
     #[must_use]
     pub fn to(self, other: Span) -> Span {
         Span { start: self.start.min(other.start), end: self.end.max(other.end) }
     }
 
-    /// The same range as indices.
+    /// The same range as a range of indices.
     pub fn range(self) -> std::ops::Range<usize> {
         self.start as usize..self.end as usize
     }
 }
 
-/// A named text.
+/// A text with its name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
     name: String,
     text: String,
-    /// The file it was read from, if it was one.
+    /// The file it was read from, if any.
     path: Option<PathBuf>,
     /// The offset of its first byte.
     base: u32,
 }
 
-/// A script and the files that it uses, in the order in which they were reached.
+/// A script and the files that it uses, in the order in which they were first used.
 #[derive(Clone)]
 pub struct Sources {
     texts: FrozenVec<Box<Source>>,
     files: Arc<dyn Files>,
 }
 
-/// A script that can use no other files.
+/// A script that cannot use other files.
 impl From<Source> for Sources {
     fn from(main: Source) -> Self {
         Sources::new(main, Memory::default())
@@ -72,14 +73,14 @@ impl From<Source> for Sources {
 }
 
 impl Sources {
-    /// A script, and where the files are that it uses.
+    /// A script, and the store of the files that it uses.
     pub fn new(main: Source, files: impl Files + 'static) -> Self {
         let texts = FrozenVec::new();
         texts.push(Box::new(main));
         Sources { texts, files: Arc::new(files) }
     }
 
-    /// Reads a script; the files that it uses are read from the same place.
+    /// Reads a script. The files that it uses are read from the same store.
     ///
     /// # Errors
     /// Those of [`Files::read`].
@@ -87,21 +88,21 @@ impl Sources {
         Ok(Sources::new(files.read(path)?.at(path), files))
     }
 
-    /// The script itself.
+    /// The main script.
     pub fn main(&self) -> &Source {
-        // `new` has put it there.
+        // `new` has added it.
         self.texts.get(0).unwrap_or(&EMPTY)
     }
 
-    /// Every file, the script itself first.
+    /// All files, the main script first.
     pub fn iter(&self) -> impl Iterator<Item = &Source> {
         self.texts.iter()
     }
 
-    /// Adds a file; `None` where all of them together are longer than [`MAX_SOURCE`].
+    /// Adds a file; `None` if all files together exceed [`MAX_SOURCE`].
     pub fn add(&self, source: Source) -> Option<&Source> {
         let last = self.texts.iter().last().unwrap_or(&EMPTY);
-        // One byte between two files, so that the end of one is not the start of the next.
+        // One byte separates two files, so that the end of one is not the start of the next.
         let base = last.end().checked_add(1)?;
         let end = u32::try_from(source.text.len()).ok()?.checked_add(base)?;
         if u64::from(end) > MAX_SOURCE {
@@ -110,29 +111,30 @@ impl Sources {
         Some(self.texts.push_get(Box::new(Source { base, ..source })))
     }
 
-    /// The file that holds a span.
+    /// The file that contains a span.
     pub fn file(&self, span: Span) -> &Source {
         self.texts.iter().find(|file| (file.base..=file.end()).contains(&span.start)).unwrap_or(self.main())
     }
 
-    /// The path of the file that `name` means in `from`.
+    /// Resolves `name` in `from` to a path.
     pub(crate) fn resolve(&self, from: &Source, name: &str) -> Result<PathBuf, UseError> {
         let path = |source: &Source| source.path.clone().unwrap_or_default();
         self.files.resolve(&path(self.main()), &path(from), name)
     }
 
-    /// The path of the script itself, as files that it uses would name it; `None` where none can.
+    /// The path of the main script as other files would name it; `None` if none can.
     pub(crate) fn main_path(&self) -> Option<PathBuf> {
         let name = self.main().path.as_deref()?.file_name()?.to_str()?;
         self.resolve(self.main(), name).ok()
     }
 
-    /// Reads a file at a path that [`resolve`](Self::resolve) has found.
+    /// Reads a file at a path from [`resolve`](Self::resolve).
     pub(crate) fn load(&self, path: &Path) -> Result<Source, SourceError> {
         Ok(self.files.read(path)?.at(path))
     }
 
-    /// Where a span begins. Counts lines from the start of its file; [`Lines`] is for many of them.
+    /// The line where a span begins. Counts lines from the start of the file; use [`Lines`] for
+    /// many spans.
     pub fn place(&self, span: Span) -> Place<'_> {
         let file = self.file(span);
         Place { file: file.name(), line: file.line(span.start) }
@@ -142,12 +144,12 @@ impl Sources {
 static EMPTY: Source = Source { name: String::new(), text: String::new(), path: None, base: 0 };
 
 impl Source {
-    /// A source from text in memory. `name` is what messages call it.
+    /// A source from text in memory. `name` is its name in messages.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Source { name: name.into(), text: text.into(), path: None, base: 0 }
     }
 
-    /// Reads text from `reader` to its end, at most [`MAX_SOURCE`] bytes of it.
+    /// Reads text from `reader` to its end, at most [`MAX_SOURCE`] bytes.
     pub fn read_from(name: impl Into<String>, reader: impl Read) -> Result<Self, SourceError> {
         let name = name.into();
         let mut bytes = Vec::new();
@@ -160,7 +162,8 @@ impl Source {
         match String::from_utf8(bytes) {
             Ok(text) => Ok(Source::new(name, text)),
             Err(error) => {
-                // Everything before the bad byte is unchanged by the lossy copy, so its offset still fits.
+                // The lossy copy does not change the bytes before the bad one, so its offset is
+                // still right.
                 let at = error.utf8_error().valid_up_to();
                 let byte = error.as_bytes().get(at).copied().unwrap_or_default();
                 let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
@@ -169,25 +172,26 @@ impl Source {
         }
     }
 
-    /// The same at a path: names of files that it uses are taken from the folder of that.
+    /// The same source at a path. Names of files that it uses are relative to the folder of this
+    /// path.
     #[must_use]
     pub fn at(self, path: impl Into<PathBuf>) -> Self {
         Source { path: Some(path.into()), ..self }
     }
 
-    /// The same with another name.
+    /// The same source with another name.
     #[must_use]
     pub fn named(self, name: &str) -> Self {
         Source { name: name.to_owned(), ..self }
     }
 
-    /// The same file with another text.
+    /// The same source with another text.
     #[must_use]
     pub fn with_text(&self, text: impl Into<String>) -> Self {
         Source { text: text.into(), ..self.clone() }
     }
 
-    /// What messages call this text: the path as it was given, or `-`.
+    /// The name in messages: the path as the user wrote it, or `-`.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -197,7 +201,7 @@ impl Source {
         &self.text
     }
 
-    /// The file it was read from, if it was one.
+    /// The file it was read from, if any.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
@@ -207,19 +211,19 @@ impl Source {
         self.base
     }
 
-    /// The offset behind its last byte.
+    /// The offset after its last byte.
     fn end(&self) -> u32 {
         self.base.saturating_add(u32::try_from(self.text.len()).unwrap_or(u32::MAX))
     }
 
-    /// The text of a span; empty where the span is not one of this source.
+    /// The text of a span; empty if the span is not in this source.
     pub fn slice(&self, span: Span) -> &str {
         let local = |offset: u32| offset.checked_sub(self.base).map(|offset| offset as usize);
         let range = local(span.start).zip(local(span.end));
         range.and_then(|(start, end)| self.text.get(start..end)).unwrap_or_default()
     }
 
-    /// The number of the line, counted from 1, that holds the byte at `offset`.
+    /// The number, counted from 1, of the line that contains the byte at `offset`.
     pub fn line(&self, offset: u32) -> usize {
         let offset = offset.saturating_sub(self.base) as usize;
         let before = self.text.as_bytes().get(..offset).unwrap_or(self.text.as_bytes());
@@ -227,51 +231,51 @@ impl Source {
     }
 }
 
-/// Why a file cannot be used by another.
+/// Why a script cannot use a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UseError {
-    /// It is not there.
+    /// The file does not exist.
     #[error("{name} cannot be used: {cause}")]
     Missing {
-        /// The name as it was given.
+        /// The name as the script wrote it.
         name: String,
-        /// Why, in words.
+        /// The reason in words.
         cause: String,
     },
-    /// It lies outside of the folder of the main script.
-    #[error("{0} lies outside of the folder of the main script")]
+    /// The file is outside of the main script's folder.
+    #[error("{0} is outside of the main script's folder")]
     Outside(String),
 }
 
-/// Why a file did not become a [`Source`].
+/// Why a file could not be read as a [`Source`].
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SourceError {
-    /// The file cannot be read at all.
+    /// The file cannot be read.
     #[error("cannot read {name}: {cause}")]
     Unreadable {
-        /// The path as it was given.
+        /// The path as the user wrote it.
         name: String,
-        /// Why, in words.
+        /// The reason in words.
         cause: String,
     },
-    /// It is larger than [`MAX_SOURCE`]; nothing of it was kept.
+    /// The file is larger than [`MAX_SOURCE`]; its content is discarded.
     #[error("{0} is larger than 64 MiB")]
     TooLarge(String),
-    /// It is no UTF-8 text.
+    /// The file is not UTF-8 text.
     #[error("{} is not UTF-8 text", lossy.name())]
     NotUtf8 {
         /// The text with its bad bytes replaced.
         lossy: Source,
-        /// Offset of the first bad byte, which fits the replaced text too.
+        /// Offset of the first bad byte, in both the original and the replaced text.
         at: usize,
         /// That byte.
         byte: u8,
     },
 }
 
-/// The system's words for an error, without the number that Rust adds.
+/// The system's description of an error, without the number that Rust adds.
 pub(crate) fn describe(error: &io::Error) -> String {
     let text = error.to_string();
     match text.find(" (os error") {

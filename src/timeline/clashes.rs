@@ -1,9 +1,10 @@
-//! What is wrong with the order in time: two commands that want one thing at the same time, and a `move` outside of
-//! position mode.
+//! Errors in the order of commands: two commands that use one resource at the same time, and a
+//! command without its precondition (a `move` outside of position mode).
 //!
-//! `for` occupies its thing for as long as it holds, anything else for an instant. Ends that touch are no overlap if the
-//! one that starts there is also written later. Two instants at one time clash; an instant and a hold that starts there do
-//! not, if the instant is written first.
+//! A `for` or `over` occupies its resources for its duration, any other command for an instant.
+//! Intervals that touch do not overlap if the one that starts there is also written later. Two
+//! instants at the same time clash. An instant and a hold that starts at the same time do not, if
+//! the instant is written first.
 
 use super::{Event, Timeline, occupied};
 use crate::board::{Board, Needs, ResourceId};
@@ -12,20 +13,21 @@ use crate::program::{Action, Step, TraceId, Traces};
 use crate::source::Span;
 use crate::units::Micros;
 
-/// When a command occupies its things.
+/// The time during which a command occupies its resources.
 #[derive(Clone, Copy)]
 struct Occupied {
     start: Micros,
     end: Micros,
     order: u32,
-    /// Whether it has no `for`.
+    /// Whether it has no duration.
     instant: bool,
     span: Span,
     trace: TraceId,
 }
 
 impl Occupied {
-    /// Whether `next`, which starts later or is written later at the same time, runs into this.
+    /// Whether `next` overlaps this. `next` starts later, or is written later if both start
+    /// together.
     fn clashes_with(self, next: Occupied) -> bool {
         if self.end != next.start {
             return self.end > next.start;
@@ -38,10 +40,11 @@ impl Occupied {
     }
 }
 
-/// Reports every command that runs into one before it, and every `move` whose last `pid` was not `pid position`. The steps are
-/// sorted by time.
+/// Reports each command that overlaps an earlier one, and each command without its precondition.
+/// The steps are sorted by time.
 pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics: &mut Diagnostics) {
-    // Of each resource, the command that occupies it longest so far, and the first value that it was set to.
+    // For each resource, the command that occupies it longest so far, and the first value of its
+    // last command.
     let mut busy: Vec<Option<Occupied>> = vec![None; board.resources.len()];
     let mut first_values: Vec<Option<i32>> = vec![None; board.resources.len()];
     for step in steps {
@@ -88,16 +91,16 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
     }
 }
 
-/// Reports a thing that is told something at the very end of one pass and again at the start of the next one, as it would be in a
+/// Reports commands for one resource at the end of one pass and at the start of the next, as in a
 /// `repeat`.
-pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut Diagnostics) {
+pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut Diagnostics) {
     let last = before.events.iter().rev().take_while(|event| event.at == before.end);
     let last: Vec<&Event> = last.filter(|event| event.is_instant).collect();
     if last.is_empty() {
         return;
     }
     let board = &before.board;
-    let first = behind.events.iter().take_while(|event| event.at == Micros::ZERO);
+    let first = after.events.iter().take_while(|event| event.at == Micros::ZERO);
     for second in first.filter(|event| event.is_instant) {
         let shared = |first: &Event| {
             let set = board.occupies(&first.command);
@@ -118,14 +121,14 @@ pub(super) fn check_seam(before: &Timeline, behind: &Timeline, diagnostics: &mut
     }
 }
 
-/// Those that do one thing at a time.
+/// The resources that accept only one command at a time.
 fn exclusive<'b>(board: &'b Board, resources: &'b [ResourceId]) -> impl Iterator<Item = ResourceId> {
     let is_exclusive = |resource: &ResourceId| board.resource(*resource).is_some_and(|found| found.is_exclusive);
     resources.iter().copied().filter(is_exclusive)
 }
 
 fn missing(needs: &Needs, span: Span) -> Diagnostic {
-    let help = format!("put this line before it: `{}`", needs.line);
+    let help = format!("add this line before it: `{}`", needs.line);
     Diagnostic::new(Code::MoveMode, span, needs.message.as_ref(), help)
 }
 
@@ -136,19 +139,19 @@ fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied)
         return Diagnostic::new(
             Code::Clash,
             second.span,
-            format!("{thing} is told two things at {at:.6} s"),
-            "keep one of the two, or let time pass between them: a plain command takes none (`wait 0.5s`, or `+0.5s` before a line in `together`)",
+            format!("{thing} gets two commands at {at:.6} s"),
+            "remove one of them, or separate them in time: with a `wait 0.5s`, or with `+0.5s` before a line in `together`",
         )
-        .label("this")
-        .related(first.span, "and this");
+        .label("second command")
+        .related(first.span, "first command");
     }
     let end = first.end;
     let help = if first.end == second.start {
-        "what starts when another ends is written below it: swap the two lines".to_owned()
+        "this starts when the other command ends, but is written above it: swap the two lines".to_owned()
     } else {
-        format!("start it at {end}s or later, on a line of its own, or make the other one shorter")
+        format!("start it at {end}s or later, on its own line, or shorten the other command")
     };
-    let message = format!("{thing} is busy until {end:.6} s, and this starts at {at:.6} s");
+    let message = format!("{thing} is busy until {end:.6} s, but this starts at {at:.6} s");
     Diagnostic::new(Code::Clash, second.span, message, help)
         .label("starts too early")
         .related(first.span, "still running")

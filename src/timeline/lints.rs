@@ -1,8 +1,8 @@
-//! What compiles and is probably not meant, as far as it takes the whole timeline to see it.
+//! Warnings that need the whole timeline.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tween::{Part, Walk};
+use super::tween::{MoveTracker, StepRole};
 use super::{Event, Timeline};
 use crate::board::ResourceId;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
@@ -10,15 +10,16 @@ use crate::program::{MAX_SERVO_SPEED, TraceId};
 use crate::source::Span;
 use crate::units::Micros;
 
-/// A servo that has less than this many µs of pulse width still to go counts as arrived.
+/// A servo counts as arrived if its remaining distance is below this, in µs of pulse width.
 const ARRIVED: u64 = 20;
 const MICROS: u64 = 1_000_000;
-/// A suggested speed is a multiple of this, in µs of pulse width a second.
+/// Suggested speeds are multiples of this, in µs of pulse width per second.
 const STEP: u64 = 100;
-/// How many speeds are tried to find one that is enough.
+/// The maximum number of attempts to find a sufficient speed.
 const TRIES: usize = 16;
 
-/// Reports servos that cannot get where they are sent before their next command, once for each time that one falls behind.
+/// Reports servos that cannot reach their target before their next command, once each time that one
+/// falls behind.
 pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
     let speeds: Vec<Option<u64>> = timeline.speeds.iter().map(|speed| speed.map(u64::from)).collect();
     let paced = paced(timeline, &speeds);
@@ -26,7 +27,7 @@ pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
         return;
     }
     let enough = enough_speeds(timeline, &paced);
-    // A command that several of its servos do not reach is one warning.
+    // One warning covers all servos of a command.
     let mut warnings: BTreeMap<Span, Vec<(ResourceId, &Late)>> = BTreeMap::new();
     for (resource, servo) in paced.iter().enumerate() {
         for late in servo.iter().flat_map(|servo| &servo.late) {
@@ -47,30 +48,30 @@ pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
     }
 }
 
-/// The servos as they were when the timeline has been played, with the speeds that they have; `None` for other resources.
-fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<Paced>> {
+/// The servos after the timeline was played at these speeds; `None` for other resources.
+fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<ServoModel>> {
     let board = &timeline.board;
-    let mut paced: Vec<Option<Paced>> =
-        speeds.iter().map(|speed| Some(Paced { speed: (*speed)?, ..Paced::default() })).collect();
-    let mut walk = Walk::new(board, &timeline.tweens);
+    let mut paced: Vec<Option<ServoModel>> =
+        speeds.iter().map(|speed| Some(ServoModel { speed: (*speed)?, ..ServoModel::default() })).collect();
+    let mut tracker = MoveTracker::new(board, &timeline.tweens);
     for event in &timeline.events {
-        let part = walk.take(&event.command, event.kind);
+        let role = tracker.take(&event.command, event.kind);
         board.each_part(&event.command, |resource, command| {
             let servo = paced.get_mut(resource).and_then(Option::as_mut);
             let value = command.len().checked_sub(1).and_then(|last| command.value(last));
             if let (Some(servo), Some(pulse)) = (servo, value) {
-                servo.take(event, pulse, &part);
+                servo.take(event, pulse, &role);
             }
         });
     }
     paced
 }
 
-/// For each servo that is late, a speed at which it never is, if a script can set such a speed.
-fn enough_speeds(timeline: &Timeline, late: &[Option<Paced>]) -> Vec<Option<u64>> {
-    let is_late = |servo: &Paced| !servo.late.is_empty();
-    let round_up = |servo: &Paced| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
-    let faster = |servo: &Paced| if is_late(servo) { round_up(servo) } else { servo.speed };
+/// For each late servo, a speed at which it is never late, if a script can set such a speed.
+fn enough_speeds(timeline: &Timeline, late: &[Option<ServoModel>]) -> Vec<Option<u64>> {
+    let is_late = |servo: &ServoModel| !servo.late.is_empty();
+    let round_up = |servo: &ServoModel| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
+    let faster = |servo: &ServoModel| if is_late(servo) { round_up(servo) } else { servo.speed };
     let mut speeds: Vec<Option<u64>> = late.iter().map(|servo| servo.as_ref().map(faster)).collect();
     for _ in 0..TRIES {
         let paced = paced(timeline, &speeds);
@@ -86,27 +87,29 @@ fn enough_speeds(timeline: &Timeline, late: &[Option<Paced>]) -> Vec<Option<u64>
     vec![None; speeds.len()]
 }
 
-/// A servo that turns at an even speed.
+/// A servo that turns at a constant speed.
 #[derive(Default)]
-struct Paced {
-    /// µs of pulse width a second.
+struct ServoModel {
+    /// The speed in µs of pulse width per second.
     speed: u64,
-    going: Option<Going>,
-    /// Whether it has not caught up since it fell behind.
+    going: Option<Travel>,
+    /// Whether it has fallen behind and not caught up yet.
     is_behind: bool,
-    /// Each command at which it fell behind, once however often it is run.
+    /// Each command at which it fell behind, once per span.
     late: Vec<Late>,
     seen: BTreeSet<Span>,
-    /// The speed that would have been enough for what it did not reach.
+    /// The speed that would have been sufficient for the targets that it missed.
     needed: u64,
 }
 
-/// Where it is, and where it goes. Pulse widths are in millionths of a µs, so that they stay exact.
-struct Going {
+/// The position and target of a servo. Pulse widths are in millionths of a µs, so that they are
+/// exact.
+struct Travel {
     at: Micros,
     pulse: u64,
     target: u64,
-    /// What began it: where it was then, when, and the place in the script.
+    /// The command that started the motion: the position then, its time, and its place in the
+    /// script.
     from: u64,
     since: Micros,
     span: Span,
@@ -115,38 +118,38 @@ struct Going {
     begins: bool,
 }
 
-/// A command that a servo does not reach.
+/// A command whose target a servo does not reach.
 struct Late {
     span: Span,
     trace: TraceId,
     from: u64,
     target: u64,
-    /// That of the servo.
+    /// The speed of the servo.
     speed: u64,
-    /// How long it has.
+    /// The time that it has.
     time: Micros,
-    /// The command that comes too early.
+    /// The next command, which comes too early.
     next: Span,
 }
 
-impl Paced {
-    fn take(&mut self, event: &Event, pulse: i32, part: &Part<'_>) {
+impl ServoModel {
+    fn take(&mut self, event: &Event, pulse: i32, role: &StepRole<'_>) {
         let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
         let Some(going) = &mut self.going else {
-            // Where it was is unknown.
+            // The position before was unknown.
             let (at, span, trace) = (event.at, event.span, event.trace);
             let from = target;
-            self.going = Some(Going { at, pulse: target, target, from, since: at, span, trace, begins: false });
+            self.going = Some(Travel { at, pulse: target, target, from, since: at, span, trace, begins: false });
             return;
         };
         going.pass(self.speed, event.at);
-        // What sets the value that it has already changes nothing.
+        // A command that repeats the target changes nothing.
         if target == going.target {
-            going.begins |= matches!(part, Part::First(_));
+            going.begins |= matches!(role, StepRole::First(_));
             return;
         }
-        // Of a part of a timeline, it is not known which steps begin a move.
-        let begins = going.begins || !matches!(part, Part::Further | Part::Stray);
+        // In a clip, it is unknown which steps begin a move.
+        let begins = going.begins || !matches!(role, StepRole::Further | StepRole::Stray);
         // Two commands at one time are reported as a clash.
         if begins && event.at > going.since {
             let late = going.late(self.speed, event);
@@ -164,8 +167,8 @@ impl Paced {
     }
 }
 
-impl Going {
-    /// Lets time pass.
+impl Travel {
+    /// Advances the position to a time.
     fn pass(&mut self, speed: u64, at: Micros) {
         let way = speed.saturating_mul((at - self.at).0);
         self.pulse = if self.pulse < self.target {
@@ -176,30 +179,33 @@ impl Going {
         self.at = at;
     }
 
-    /// What it did not reach before the next command. A move sends where to be all the time, and still has a step to go where its
-    /// time ends, so it counts as a whole.
+    /// The target that is not reached before the next command. A move sends intermediate positions,
+    /// and its last step is sent when its time ends, so it counts as a whole.
     fn late(&self, speed: u64, next: &Event) -> Option<Late> {
         let time = next.at - self.since;
         let is_late = self.from.abs_diff(self.target) > speed.saturating_mul(time.0)
             && self.pulse.abs_diff(self.target) > ARRIVED * MICROS;
-        let Going { span, trace, from, target, .. } = *self;
+        let Travel { span, trace, from, target, .. } = *self;
         is_late.then_some(Late { span, trace, from, target, speed, time, next: next.span })
     }
 }
 
-/// `limits` are lines that silence it, if there are any.
+/// `limits` are lines that would silence the warning, if there are any.
 fn too_fast(late: &Late, name: &str, limits: Option<&[String]>) -> Diagnostic {
     let Late { from, target, speed, .. } = *late;
     let (from, to) = (from / MICROS, target / MICROS);
     let needed = from.abs_diff(to) * 1_000 / speed.max(1);
     let left = late.time.in_millis();
     let message =
-        format!("{name} needs about {needed} ms from {from} to {to} µs, and its next command comes after {left:.0} ms");
+        format!("{name} needs about {needed} ms from {from} to {to} µs, but its next command comes after {left:.0} ms");
     let help = match limits {
         Some(limits) => {
-            format!("give it more time; if it is faster than {speed} µs a second, say so: {}", limits.join(" and "))
+            format!(
+                "allow at least {needed} ms, or, if the servo is faster than {speed} µs per second, set {}",
+                limits.join(" and ")
+            )
         }
-        None => format!("give it more time: at least {needed} ms"),
+        None => format!("allow at least {needed} ms"),
     };
-    Diagnostic::new(Code::ServoSpeed, late.span, message, help).label("does not get there")
+    Diagnostic::new(Code::ServoSpeed, late.span, message, help).label("does not arrive in time")
 }

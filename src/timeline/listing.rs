@@ -1,4 +1,5 @@
-//! A timeline as text or bytes. Nothing is aligned, so that a change touches only its own lines.
+//! Writes a timeline as text or bytes. Columns are not aligned, so that a change affects only its
+//! own lines.
 
 use std::io::{self, Write};
 
@@ -9,13 +10,14 @@ use crate::board::{Board, Command, Frame};
 use crate::source::Lines;
 use crate::units::Micros;
 
-/// One line a frame, TAB-separated: seconds, the frame in hex, the command, and what it is where that is no plain command.
+/// One TAB-separated line per frame: seconds, the frame in hex, the command, and the kind of frame
+/// unless it is a plain command.
 pub fn write_listing(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
     let mut bytes = Vec::new();
     events.iter().try_for_each(|event| write_line(board, event, &mut bytes, out))
 }
 
-/// The line of one frame; `bytes` is a buffer to use again.
+/// Writes the line of one frame; `bytes` is a reusable buffer.
 pub(super) fn write_line(board: &Board, event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
     write_moment(board, event.at, &event.command, event.kind, bytes, out)
 }
@@ -39,12 +41,13 @@ pub(super) fn write_moment(
     }
 }
 
-/// One line a frame: seconds, TAB, the frame in hex.
+/// One line per frame: seconds, TAB, the frame in hex.
 pub fn write_hex(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
     each(board, events, |event, frame| writeln!(out, "{:.6}\t{frame}", event.at))
 }
 
-/// One JSON object a line. The time is in microseconds, `file` and `line` say where in the script the command stands.
+/// One JSON object per line. The time is in microseconds; `file` and `line` are the command's place
+/// in the script.
 pub fn write_jsonl(board: &Board, events: &[Event], lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
     each(board, events, |event, frame| {
         let place = lines.place(event.span);
@@ -62,7 +65,8 @@ pub fn write_jsonl(board: &Board, events: &[Event], lines: &Lines<'_>, out: &mut
     })
 }
 
-/// One frame, as `render --format jsonl` writes it. Fields may be added, and never change their meaning.
+/// One frame in the format of `render --format jsonl`. Fields may be added; existing ones never
+/// change their meaning.
 #[derive(Serialize)]
 struct Object<'a> {
     #[serde(rename = "t_us")]
@@ -72,11 +76,11 @@ struct Object<'a> {
     kind: &'static str,
     file: &'a str,
     line: usize,
-    /// Always null: the name of the robot, once scripts can name robots.
+    /// Always null. Reserved for the name of the robot.
     robot: (),
 }
 
-/// The bytes of the frames, one after another: exactly what the port is given.
+/// The bytes of all frames, exactly as the port gets them.
 pub fn write_bin(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
     each(board, events, |_, frame| out.write_all(frame.bytes()))
 }

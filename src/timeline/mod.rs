@@ -1,12 +1,13 @@
-//! A program to a [`Timeline`]: what is sent when, flat and sorted, in whole microseconds.
+//! Compiles a program to a [`Timeline`]: which frame is sent when, sorted, in whole microseconds.
 //!
-//! Here a move becomes samples, a hold refreshes and an end, and what the script leaves running closing frames. The order at
-//! one time: commands and samples in script order, then refreshes, then closing frames.
+//! This stage converts moves to samples, adds refreshes and ends of holds, and closing frames for
+//! what the script leaves running. Frames at the same time are ordered: commands and samples in
+//! script order, then refreshes, then closing frames.
 
 mod clashes;
+mod clip;
 mod lints;
 mod listing;
-mod part;
 mod schedule;
 mod snapshot;
 pub(crate) mod tween;
@@ -20,51 +21,52 @@ use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Trace
 use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
+pub use clip::{Clip, check_passes, clip, passes, state_after};
 pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
-pub use part::{Part, check_passes, part, passes, state_after};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
 
-/// Everything that a script sends to a robot, and shows.
+/// Everything that a script sends to a robot and shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
-    /// The board that it is for.
+    /// The board.
     pub board: Arc<Board>,
     /// Every frame, in the order of sending.
     pub events: Vec<Event>,
-    /// The moves whose steps are among the events, in the order of their first steps.
+    /// The moves whose steps are events, in the order of their first steps.
     pub tweens: Vec<Tween>,
-    /// What is sent when something ends a run early, after the stop; times count from there.
+    /// Sent after the stop if something ends a run early; times count from the stop.
     pub abort: Vec<Event>,
     /// Lines to show, sorted by time.
     pub cues: Vec<Cue>,
-    /// What the board should report, sorted by time.
+    /// What the board is expected to report, sorted by time.
     pub expects: Vec<Expectation>,
-    /// Moments that have a name, sorted by time.
+    /// Named moments, sorted by time.
     pub marks: Vec<Mark>,
-    /// Lines to show where something ended a run early.
+    /// Lines to show after something ended a run early.
     pub abort_cues: Vec<Cue>,
-    /// When the script ends, from its start. Nothing is later.
+    /// The end of the script, from its start. Nothing is later.
     pub end: Micros,
-    /// Speed of the line in bits a second.
+    /// The speed of the line in bits per second.
     pub baud: u32,
     /// The calls and passes that led to each event.
     pub traces: Traces,
-    /// Ranges that the script limits, and those that are limited where it says nothing.
+    /// The limits that the script sets, and the default limits.
     pub limits: Vec<Limit>,
-    /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
+    /// The assumed speed of each resource, in the unit of its value per second; `None` for
+    /// immediate changes.
     pub speeds: Vec<Option<u32>>,
-    /// How the script counts in bars, if it does.
+    /// The bars of the script, if it counts in bars.
     pub bars: Option<Bars>,
 }
 
-/// Bars of one length.
+/// A grid of equal bars.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bars {
     /// The tempo and the meter at the top of the script.
     pub tempo: Tempo,
-    /// When bar 1 begins, in microseconds from the start; before it for a part of a script.
+    /// The start of bar 1, in microseconds from the start; negative for a clip that starts later.
     pub first_us: i64,
 }
 
@@ -73,19 +75,20 @@ pub struct Bars {
 pub struct Event {
     /// When it is due, from the start of the script.
     pub at: Micros,
-    /// What it says.
+    /// The command.
     pub command: Command,
-    /// Where it comes from.
+    /// The origin of the frame.
     pub kind: Kind,
-    /// Whether it is a command of the script that takes no time: neither a step of a move nor the start or the end of a `for`.
+    /// Whether it is a command without duration: neither a step of a move nor the start or end of a
+    /// `for`.
     pub is_instant: bool,
-    /// The command in the script that it belongs to.
+    /// The place of its command in the script.
     pub span: Span,
     /// The calls and passes that led to that command.
     pub trace: TraceId,
 }
 
-/// Where a frame comes from.
+/// The origin of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
@@ -93,21 +96,21 @@ pub enum Kind {
     Command,
     /// A step of a move.
     Sample,
-    /// The last drive frame again, so that the board goes on driving.
+    /// The last drive frame, repeated so that the board keeps driving.
     Refresh,
-    /// Sent at the end for a script that leaves something running.
+    /// Sent at the end if a script leaves something running.
     Closing,
-    /// Sent where something ends a run early.
+    /// Sent if something ends a run early.
     Abort,
-    /// Sent at the start and at the end of a script that expects something: the board reports in between.
+    /// Sent automatically: requests that start and stop reports, and the lead-in of a clip.
     Auto,
 }
 
 impl Kind {
-    /// Every kind there is.
+    /// All kinds.
     pub const ALL: &[Kind] = &[Kind::Command, Kind::Sample, Kind::Refresh, Kind::Closing, Kind::Abort, Kind::Auto];
 
-    /// The word that listings show; `None` for a plain command.
+    /// The word in listings; `None` for a plain command.
     pub fn word(self) -> Option<&'static str> {
         match self {
             Kind::Command => None,
@@ -120,55 +123,56 @@ impl Kind {
     }
 }
 
-/// What the board should report, at its time.
+/// What the board is expected to report, and when.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expectation {
-    /// When it is judged, or from when on, from the start of the script.
+    /// When it is evaluated, or from when on, from the start of the script.
     pub at: Micros,
-    /// Until when a report may fit.
+    /// The last time of a matching report.
     pub until: Micros,
-    /// What is wanted.
+    /// The expectation.
     pub expect: Expect,
-    /// Where it stands in the script.
+    /// Its place in the script.
     pub span: Span,
     /// The calls and passes that led to it.
     pub trace: TraceId,
 }
 
-/// A moment that has a name.
+/// A named moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mark {
-    /// Its name. A mark inside a `repeat` or a `def` is there once a pass.
+    /// Its name. A mark inside a `repeat` or a `def` occurs once per pass.
     pub name: String,
-    /// When it is, from the start of the script.
+    /// The time from the start of the script.
     pub at: Micros,
 }
 
 /// A line to show at its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cue {
-    /// When, from the start of the script.
+    /// The time from the start of the script.
     pub at: Micros,
-    /// What is shown.
+    /// The text to show.
     pub text: String,
-    /// Where it stands in the script.
+    /// Its place in the script.
     pub span: Span,
 }
 
 impl Timeline {
-    /// What is sent, or what is sent where something ends a run early.
+    /// The frames of the run, or those that are sent if something ends it early.
     pub fn frames(&self, aborts: bool) -> &[Event] {
         if aborts { &self.abort } else { &self.events }
     }
 
-    /// An `expect` that failed, in words: what was wanted, what was found instead, and what the script says why.
+    /// Describes a failed `expect`: what was expected, what was found, and the reason given in the
+    /// script.
     pub fn verdict_words(&self, expect: usize, found: &str) -> String {
         let Some(Expectation { expect, .. }) = self.expects.get(expect) else { return found.to_owned() };
         let why = expect.why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
         format!("`expect {expect}` failed: {found}{why}")
     }
 
-    /// Where an event comes from, in words: `dance.motion:14, nod, pass 3`.
+    /// Describes where an event comes from: `dance.motion:14, nod, pass 3`.
     pub fn origin(&self, event: &Event, sources: &Sources, lines: &Lines<'_>) -> String {
         let way = self.traces.chain(event.trace).take(SHOWN).map(|(span, pass)| match pass {
             0 => {
@@ -181,12 +185,12 @@ impl Timeline {
     }
 }
 
-/// How many calls and passes an origin names, the innermost first.
+/// The maximum number of calls and passes in an origin, the innermost first.
 const SHOWN: usize = 4;
 
 impl Event {
-    /// The order of frames at one time: the start of reports, commands and samples, refreshes, closing frames, the end of
-    /// reports.
+    /// The rank of frames at the same time: the start of reports, commands and samples, refreshes,
+    /// closing frames, the end of reports.
     pub fn rank(&self, board: &Board) -> u8 {
         match self.kind {
             Kind::Auto if board.reporting.as_ref().is_some_and(|[start, _]| self.command == *start) => 0,
@@ -198,7 +202,8 @@ impl Event {
     }
 }
 
-/// Schedules a program that is in [`order`], with at most `events` frames, and reports what is wrong with the result.
+/// Schedules a program that [`order`] has sorted, with at most `events` frames, and reports errors
+/// in the result.
 pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let timeline = schedule::schedule(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
@@ -206,11 +211,12 @@ pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagno
     timeline
 }
 
-/// Sorts a program by time, and reports clashes. The program may have other errors, but its times are right.
+/// Sorts a program by time and reports clashes. The program may have other errors, but its times
+/// are right.
 pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
     let key = |step: &Step| (step.at.micros(), step.order);
     let sort = |steps: &mut [Step]| {
-        // Most scripts are written in the order of time.
+        // Most scripts are already in the order of time.
         if !steps.is_sorted_by_key(key) {
             steps.sort_unstable_by_key(key);
         }

@@ -1,70 +1,72 @@
-//! A timeline in a file that is kept beside its script: the listing behind two comment lines, read back strictly.
+//! Snapshots: a timeline in a file next to its script. The format is the listing after two comment
+//! lines; reading is strict.
 //!
-//! Before the first step of each move stands a comment that says how the move was meant, TAB-separated: `# move`, when it
-//! starts, when it arrives, its easing, and how many steps it has. What is sent where something ends a run early follows
-//! behind `# on abort`, its times counted from the stop. The last line says when the script ends, how many frames there are,
-//! and the speed of the line, so that a file that was cut is seen to be. Version 1 had none of these.
+//! Before the first step of each move, a TAB-separated comment describes the move: `# move`, its
+//! start, its end, its easing, and its number of steps. The frames that are sent if something ends
+//! a run early follow `# on abort`, with times since the stop. The last line states the end of the
+//! script, the number of frames and the speed of the line, so that a truncated file is detected.
+//! Version 1 had none of these.
 
 use std::fmt;
 use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::listing::{write_line, write_moment};
-use super::tween::{Part, Walk};
+use super::tween::{MoveTracker, StepRole};
 use super::{Event, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame};
 use crate::program::Ease;
 use crate::units::{Micros, Nanos};
 
-/// The version of the format that is written. Older ones stay readable.
+/// The version that is written. Older versions stay readable.
 const VERSION: u32 = 2;
-/// How the first line begins.
+/// The start of the first line.
 const MAGIC: &str = "# motionseq frames ";
-/// No frame is later: a day, and a little more for what is sent after the end.
+/// The latest time of a frame: a day, plus an hour for frames after the end.
 const LATEST: Micros = Micros::DAY.saturating_add(Micros::SECOND.saturating_mul(3_600));
-/// How the comment before a move begins.
+/// The start of the comment before a move.
 const MOVE: &str = "# move\t";
-/// What stands before the frames that are sent where something ends a run early.
+/// The line before the frames that are sent if something ends a run early.
 const ABORT: &str = "# on abort";
-/// How the last line begins.
+/// The start of the last line.
 const END: &str = "# end\t";
 
-/// What a script sends, as a snapshot or the script itself has it.
+/// The frames of a script, from a snapshot or from the script itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snapshot {
-    /// The board that it is for.
+    /// The board.
     pub board: Arc<Board>,
     /// Every frame, in the order of sending.
     pub moments: Vec<Moment>,
-    /// What only version 2 says.
+    /// What only version 2 contains.
     pub more: Option<More>,
 }
 
-/// What a snapshot says besides its frames.
+/// The contents of a snapshot besides its frames.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct More {
     /// The moves, in the order of their first steps.
     pub tweens: Vec<Tween>,
-    /// What is sent where something ends a run early; times count from the stop.
+    /// Sent if something ends a run early; times count from the stop.
     pub abort: Vec<Moment>,
-    /// When the script ends, from its start.
+    /// The end of the script, from its start.
     pub end: Micros,
-    /// Speed of the line in bits a second.
+    /// The speed of the line in bits per second.
     pub baud: u32,
 }
 
 impl Snapshot {
-    /// Whether what follows a line of a snapshot is only sent where something ends a run early.
+    /// Whether the lines after this line of a snapshot are sent only if something ends a run early.
     pub(crate) fn begins_abort(line: &str) -> bool {
         line == ABORT
     }
 
-    /// The speed of the line, in bits a second, where a line of a snapshot says it.
+    /// The speed of the line in bits per second, if a line of a snapshot states it.
     pub fn baud(line: &str) -> Option<u32> {
         read_end(line.strip_prefix(END)?).map(|(.., baud)| baud)
     }
 
-    /// What a timeline sends.
+    /// The snapshot of a timeline.
     pub fn of(timeline: &Timeline) -> Self {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
         let Timeline { end, baud, .. } = *timeline;
@@ -72,7 +74,8 @@ impl Snapshot {
         Snapshot { board: Arc::clone(&timeline.board), moments: moments(&timeline.events), more: Some(more) }
     }
 
-    /// Whether the robot does the same, as far as both say what it does. Moves that send the same frames are the same.
+    /// Whether the robot does the same, as far as both snapshots describe it. Moves with equal
+    /// frames are equal.
     pub fn does_the_same(&self, other: &Snapshot) -> bool {
         let more = |more: &More| (more.end, more.baud);
         self.moments == other.moments
@@ -83,14 +86,14 @@ impl Snapshot {
     }
 }
 
-/// One frame at its time, as a snapshot or a script has it.
+/// One frame of a snapshot or a script.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// When it is due, from the start of the script.
     pub at: Micros,
-    /// What it says.
+    /// The command.
     pub command: Command,
-    /// Where it comes from.
+    /// The origin of the frame.
     pub kind: Kind,
 }
 
@@ -100,14 +103,14 @@ impl From<&Event> for Moment {
     }
 }
 
-/// Why a file is no snapshot.
+/// Why a file is not a snapshot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SnapshotError {
     /// The line, counted from 1.
     pub line: usize,
-    /// What is wrong with it, in words.
+    /// What is wrong in that line.
     pub why: String,
-    /// Whether it is only that this program is too old for it.
+    /// Whether the only problem is that this program is too old.
     pub is_newer: bool,
 }
 
@@ -117,13 +120,13 @@ impl fmt::Display for SnapshotError {
     }
 }
 
-/// Writes the snapshot of a script that is called `name`.
+/// Writes the snapshot of the script `name`.
 pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
-    let mut walk = Walk::new(&timeline.board, &timeline.tweens);
+    let mut tracker = MoveTracker::new(&timeline.board, &timeline.tweens);
     let mut bytes = Vec::new();
     for event in &timeline.events {
-        if let Part::First(Tween { at, end, ease, steps }) = walk.take(&event.command, event.kind) {
+        if let StepRole::First(Tween { at, end, ease, steps }) = tracker.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{at:.6}\t{end:.6}\t{}\t{steps}", ease.name())?;
         }
         write_line(&timeline.board, event, &mut bytes, out)?;
@@ -138,7 +141,7 @@ pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> 
     writeln!(out, "{END}{:.6}\tframes\t{count}\tbaud\t{}", timeline.end, timeline.baud)
 }
 
-/// Writes a snapshot of what goes out when something ends a run early.
+/// Writes a snapshot of the frames that are sent if something ends a run early.
 pub(crate) fn write_aborted(
     board: &Board,
     name: &str,
@@ -155,30 +158,34 @@ pub(crate) fn write_aborted(
     writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())
 }
 
-/// Whether a text says that it is a snapshot.
+/// Whether a text starts like a snapshot.
 pub fn is_snapshot(text: &[u8]) -> bool {
     text.starts_with(MAGIC.as_bytes())
 }
 
-/// Reads a snapshot. Strict: frame and command must be the same, times must not go back, and nothing may be missing.
+/// Reads a snapshot. Strict: frames and commands must match, times must not decrease, and nothing
+/// may be missing.
+///
+/// # Errors
+/// The first line that is wrong.
 pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, SnapshotError> {
     let wrong = |line: usize, why: &str| SnapshotError { line, why: why.to_owned(), is_newer: false };
     let text = std::str::from_utf8(text).map_err(|error| {
         let before = text.get(..error.valid_up_to()).unwrap_or_default();
-        wrong(before.iter().filter(|&&byte| byte == b'\n').count() + 1, "it is not UTF-8 text")
+        wrong(before.iter().filter(|&&byte| byte == b'\n').count() + 1, "not UTF-8 text")
     })?;
     let whole = text.is_empty() || text.ends_with('\n');
     let mut lines = text.lines().zip(1..);
     let (head, _) = lines.next().unwrap_or_default();
-    let version =
-        head.strip_prefix(MAGIC).ok_or_else(|| wrong(1, &format!("it does not begin with `{MAGIC}{VERSION}`")))?;
+    let version = head.strip_prefix(MAGIC).ok_or_else(|| wrong(1, &format!("expected `{MAGIC}{VERSION}`")))?;
     let version = match version.trim().parse() {
         Ok(version @ 1..=VERSION) => version,
         Ok(newer) if newer > VERSION => {
-            let why = format!("it is of version {newer}; this motionseq reads up to {VERSION}, so update it");
+            let why =
+                format!("version {newer} is too new: this motionseq reads versions up to {VERSION}, so update it");
             return Err(SnapshotError { line: 1, why, is_newer: true });
         }
-        _ => return Err(wrong(1, &format!("there is no version `{version}`"))),
+        _ => return Err(wrong(1, &format!("unknown version `{version}`"))),
     };
     let mut moments: Vec<Moment> = Vec::new();
     let (mut more, mut end) = (More::default(), None);
@@ -187,13 +194,13 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
     for (text, line) in lines {
         last = line;
         if end.is_some() {
-            return Err(wrong(line, "something stands behind the end"));
+            return Err(wrong(line, "there is a line after the end"));
         }
         if let Some(words) = text.strip_prefix(MOVE) {
-            let why = "it does not say of a move its start, its end, its easing and its number of steps";
+            let why = "a move needs its start, its end, its easing and its number of steps";
             more.tweens.push(read_move(words).ok_or_else(|| wrong(line, why))?);
         } else if let Some(words) = text.strip_prefix(END) {
-            let why = "it does not say when the script ends, how many frames there are, and the speed of the line";
+            let why = "the last line needs the end of the script, the number of frames and the speed of the line";
             end = Some(read_end(words).ok_or_else(|| wrong(line, why))?);
         } else if text == ABORT {
             aborts = true;
@@ -204,7 +211,7 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
         let moment = read_line(board, text).map_err(|why| wrong(line, &why))?;
         let moments = if aborts { &mut more.abort } else { &mut moments };
         if moments.last().is_some_and(|before| before.at > moment.at) {
-            return Err(wrong(line, "its time is before that of the line above"));
+            return Err(wrong(line, "its time is earlier than in the line above"));
         }
         moments.push(moment);
     }
@@ -214,27 +221,27 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
     if version == 1 {
         return Ok(Snapshot { board: Arc::clone(board), moments, more: None });
     }
-    let (end, count, baud) = end.ok_or_else(|| wrong(last, "the file is cut off: its last line is missing"))?;
+    let (end, count, baud) = end.ok_or_else(|| wrong(last, "the file is truncated: its last line is missing"))?;
     if count != moments.len() + more.abort.len() {
-        return Err(wrong(last, &format!("there are {} frames, not {count}", moments.len() + more.abort.len())));
+        return Err(wrong(last, &format!("found {} frames instead of {count}", moments.len() + more.abort.len())));
     }
     belong(board, &moments, &more.tweens).map_err(|why| wrong(last, &why))?;
     Ok(Snapshot { board: Arc::clone(board), moments, more: Some(More { end, baud, ..more }) })
 }
 
-/// Whether every step has its move, and every move its steps.
+/// Checks that every step has its move, and every move its steps.
 fn belong(board: &Board, moments: &[Moment], tweens: &[Tween]) -> Result<(), String> {
-    let mut walk = Walk::new(board, tweens);
+    let mut tracker = MoveTracker::new(board, tweens);
     for Moment { at, command, kind } in moments {
-        match walk.take(command, *kind) {
-            Part::Stray => return Err(format!("the step at {at:.6} s belongs to no move")),
-            Part::First(tween) if !(tween.at..=tween.end).contains(at) => {
+        match tracker.take(command, *kind) {
+            StepRole::Stray => return Err(format!("the step at {at:.6} s belongs to no move")),
+            StepRole::First(tween) if !(tween.at..=tween.end).contains(at) => {
                 return Err(format!("the step at {at:.6} s is outside of its move"));
             }
             _ => {}
         }
     }
-    if walk.is_over() { Ok(()) } else { Err("there is a move whose steps are not all there".into()) }
+    if tracker.is_complete() { Ok(()) } else { Err("a move has too few steps".into()) }
 }
 
 fn read_move(words: &str) -> Option<Tween> {
@@ -256,18 +263,18 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
     let mut column = |what: &str| columns.next().ok_or_else(|| format!("{what} is missing"));
     let (time, frame, said) = (column("the time")?, column("the frame")?, column("the command")?);
     let (word, more) = (columns.next(), columns.next());
-    let at = micros(time).ok_or_else(|| format!("`{time}` is no time with six decimals"))?;
+    let at = micros(time).ok_or_else(|| format!("`{time}` is not a time with six decimals"))?;
     let hex = |byte: &str| u8::from_str_radix(byte, 16).ok().filter(|_| byte.len() == 2 && !byte.starts_with('+'));
     let bytes = frame.split(' ').map(hex).collect::<Option<Vec<u8>>>();
-    let bytes = bytes.ok_or_else(|| format!("`{frame}` is no frame in hex"))?;
+    let bytes = bytes.ok_or_else(|| format!("`{frame}` is not a frame in hex"))?;
     let frame = Frame::new(board, &bytes).map_err(|error| error.to_string())?;
-    // One that is not interpreted may be that of a command.
+    // A raw command may have the frame of another command.
     let is_said = |command: &Command| board.show(command).to_string() == said;
     let raw = board.raw(frame.bytes());
     let decoded = board.decode_or_raw(frame.bytes());
     let Some(command) = raw.filter(is_said).or_else(|| decoded.clone().filter(is_said)) else {
-        let is = decoded.map_or_else(|| "no command".to_owned(), |command| format!("`{}`", board.show(&command)));
-        return Err(format!("the frame is {is}, and not `{said}`"));
+        let is = decoded.map_or_else(|| "not a command".to_owned(), |command| format!("`{}`", board.show(&command)));
+        return Err(format!("the frame is {is}, not `{said}`"));
     };
     let kind = match word {
         None => Some(Kind::Command),
@@ -275,11 +282,11 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
     };
     match (kind, more) {
         (Some(kind), None) => Ok(Moment { at, command, kind }),
-        _ => Err(format!("`{}` is no kind of frame", word.unwrap_or_default())),
+        _ => Err(format!("unknown kind of frame `{}`", word.unwrap_or_default())),
     }
 }
 
-/// Seconds with six decimals, exactly as they are written.
+/// Seconds with exactly six decimals.
 fn micros(text: &str) -> Option<Micros> {
     let micros = Nanos::from_seconds(text)?.micros();
     (micros <= LATEST && format!("{micros:.6}") == text).then_some(micros)

@@ -1,73 +1,73 @@
-//! The moves of a timeline: which steps belong together, and how they were meant.
+//! The moves of a timeline: which steps belong together, and what the script asked for.
 
 use super::Kind;
 use crate::board::{Board, Command};
 use crate::program::Ease;
 use crate::units::Micros;
 
-/// One move, as it was laid. Its steps are frames of kind [`Kind::Sample`]; those that would change nothing are left out, and
-/// a move without any step leaves no trace.
+/// One scheduled move. Its steps are frames of kind [`Kind::Sample`]. Steps that would change
+/// nothing are not sent, and a move without steps is not recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tween {
-    /// When it starts, from the start of the script. Its first step may be later.
+    /// Its start, from the start of the script. Its first step may be later.
     pub at: Micros,
-    /// When it arrives.
+    /// Its end.
     pub end: Micros,
-    /// How it gets there.
+    /// Its easing.
     pub ease: Ease,
-    /// How many steps it has, at least 1.
+    /// The number of its steps, at least 1.
     pub steps: usize,
 }
 
-/// Gives each step its move, frame by frame: a thing does one thing at a time, so the steps of a lane belong to its moves
-/// in their order.
-pub(crate) struct Walk<'t> {
+/// Assigns steps to moves, frame by frame. A resource does one thing at a time, so the steps of a
+/// lane belong to its moves in order.
+pub(crate) struct MoveTracker<'t> {
     next: std::slice::Iter<'t, Tween>,
-    /// Of each lane, how many steps of its move are still to come.
+    /// For each lane, the remaining steps of its move.
     left: Vec<usize>,
     board: &'t Board,
 }
 
-/// What a frame is to the moves.
-pub(crate) enum Part<'t> {
-    /// No step.
+/// The role of a frame in its move.
+pub(crate) enum StepRole<'t> {
+    /// The frame is not a step.
     None,
-    /// The first step of this move.
+    /// The first step of a move.
     First(&'t Tween),
-    /// A further step of the move of its lane.
+    /// A later step of the move of its lane.
     Further,
-    /// A step of a move that is not there.
+    /// A step whose move is missing.
     Stray,
 }
 
-impl<'t> Walk<'t> {
+impl<'t> MoveTracker<'t> {
     pub(crate) fn new(board: &'t Board, tweens: &'t [Tween]) -> Self {
-        Walk { next: tweens.iter(), left: vec![0; board.lanes()], board }
+        MoveTracker { next: tweens.iter(), left: vec![0; board.lanes()], board }
     }
 
-    /// Whether every move was taken whole.
-    pub(crate) fn is_over(&self) -> bool {
+    /// Whether all steps of all moves were seen.
+    pub(crate) fn is_complete(&self) -> bool {
         self.next.len() == 0 && self.left.iter().all(|left| *left == 0)
     }
 
-    /// Takes the next frame.
-    pub(crate) fn take(&mut self, command: &Command, kind: Kind) -> Part<'t> {
+    /// Returns the role of the next frame.
+    pub(crate) fn take(&mut self, command: &Command, kind: Kind) -> StepRole<'t> {
         if kind != Kind::Sample {
-            return Part::None;
+            return StepRole::None;
         }
         let Some(left) = self.left.get_mut(self.board.lane(command)) else {
-            return Part::None;
+            return StepRole::None;
         };
         if let Some(fewer) = left.checked_sub(1) {
             *left = fewer;
-            return Part::Further;
+            return StepRole::Further;
         }
         match self.next.next() {
             Some(tween) => {
                 *left = tween.steps.saturating_sub(1);
-                Part::First(tween)
+                StepRole::First(tween)
             }
-            None => Part::Stray,
+            None => StepRole::Stray,
         }
     }
 }

@@ -1,22 +1,23 @@
-//! The line's budget: when each byte leaves at the line's speed, and what leaves too late.
+//! The capacity of the line: when each byte leaves at the line's speed, and which frames leave too
+//! late.
 //!
-//! A byte takes ten bits on the wire (8N1). Frames leave one after another in the order of sending; none leaves before
-//! it is due. A frame is late by as much as its first byte begins after it is due: however slow the line, one frame alone is
-//! not late.
+//! A byte takes ten bits on the wire (8N1). Frames leave one after another in the order of sending,
+//! and none before it is due. The lateness of a frame is measured at the start of its first byte,
+//! so a single frame is never late, however slow the line.
 
 use super::{Event, Timeline};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
 use crate::units::{BITS_A_BYTE, Micros};
 
-/// How many ticks a byte takes, whatever the baud rate.
+/// Ticks per byte, at any baud rate.
 const BYTE: u64 = BITS_A_BYTE * 1_000_000;
-/// Later than this is a warning.
+/// A frame that is later than this is a warning.
 pub const LATE: Micros = Micros::from_millis(5);
-/// Later than this is an error.
+/// A frame that is later than this is an error.
 const FULL: Micros = Micros::from_millis(50);
 
-/// The line, with what it still has to send. All times are exact, in ticks of 1/(10⁶ · baud) s: a microsecond is as many
-/// ticks as the baud rate, a byte ten million.
+/// The line and its queue. All times are exact, in ticks of 1/(10⁶ · baud) s: a microsecond is
+/// `baud` ticks, a byte ten million.
 #[derive(Clone, Debug)]
 pub struct Wire {
     baud: u64,
@@ -27,31 +28,31 @@ pub struct Wire {
 /// When a frame leaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Departure {
-    /// When its first byte begins, in ticks.
+    /// When its first byte starts, in ticks.
     pub begins: u64,
     /// When its last byte has left, in ticks.
     pub left: u64,
 }
 
 impl Wire {
-    /// An idle line of so many bits a second.
+    /// An idle line of `baud` bits per second.
     pub fn new(baud: u32) -> Self {
         Wire { baud: u64::from(baud.max(1)), free: 0 }
     }
 
-    /// A time in ticks.
+    /// Converts a time to ticks.
     pub fn ticks(&self, time: Micros) -> u64 {
         time.0.saturating_mul(self.baud)
     }
 
-    /// Ticks in microseconds.
+    /// Converts ticks to microseconds.
     pub(crate) fn in_micros(&self, ticks: u64) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "for pictures")]
         let [ticks, baud] = [ticks as f64, self.baud as f64];
         ticks / baud
     }
 
-    /// Sends a frame of so many bytes that is due at a time. Times must not go back.
+    /// Sends a frame of this many bytes that is due at a time. Times must not decrease.
     pub fn send(&mut self, due: Micros, bytes: usize) -> Departure {
         let begins = self.free.max(self.ticks(due));
         let bytes = u64::try_from(bytes).unwrap_or(u64::MAX);
@@ -59,22 +60,22 @@ impl Wire {
         Departure { begins, left: self.free }
     }
 
-    /// Bytes that the line carries in a second.
+    /// The bytes per second that the line can carry.
     pub fn capacity(&self) -> u64 {
         self.baud / BITS_A_BYTE
     }
 }
 
-/// What a timeline asks of the line.
+/// How busy the line is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Load {
-    /// Bytes that leave in each second, from the start of the script.
+    /// The bytes that leave in each second, from the start of the script.
     pub seconds: Vec<u64>,
-    /// The frame that begins to leave latest after it is due: its place among the events, and by how much.
+    /// The frame that leaves with the greatest delay: its index in the events, and the delay.
     pub worst: Option<(usize, Micros)>,
 }
 
-/// When frames leave, sent one after another, and how long after it is due each begins to, rounded up.
+/// When frames leave, and the delay of each, rounded up.
 pub(crate) fn departures<'t>(
     timeline: &'t Timeline,
     events: &'t [Event],
@@ -87,7 +88,7 @@ pub(crate) fn departures<'t>(
     })
 }
 
-/// How busy the line is, second by second.
+/// How busy the line is in each second.
 pub fn load(timeline: &Timeline) -> Load {
     let mut load = Load::default();
     let second = Wire::new(timeline.baud).ticks(Micros::SECOND);
@@ -98,7 +99,7 @@ pub fn load(timeline: &Timeline) -> Load {
         for byte in 1..=(departure.left - departure.begins) / BYTE {
             let left = departure.begins.saturating_add(byte * BYTE);
             let at = usize::try_from(left.saturating_sub(1) / second).unwrap_or(usize::MAX);
-            // A script is at most a day long, and what leaves behind its end leaves soon after.
+            // A script lasts at most a day, and frames after its end leave soon.
             if at >= load.seconds.len() {
                 load.seconds.resize(at.saturating_add(1), 0);
             }
@@ -110,7 +111,7 @@ pub fn load(timeline: &Timeline) -> Load {
     load
 }
 
-/// Reports what leaves too late: summed up, at the worst frame.
+/// Reports late frames in one diagnostic at the worst frame.
 pub(super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
     for aborts in [false, true] {
         let mut worst: Option<(&Event, Micros)> = None;
@@ -138,16 +139,16 @@ fn too_late(timeline: &Timeline, event: &Event, late: Micros, count: usize, abor
     let late = late.short();
     let more = match count {
         1 => String::new(),
-        2 => "; another frame leaves late, too".to_owned(),
-        count => format!("; {} more frames leave late, too", count - 1),
+        2 => "; another frame is late too".to_owned(),
+        count => format!("; {} more frames are late too", count - 1),
     };
     let message = format!(
-        "`{}` is due at {:.6} s{when} and begins to leave {late} later, because the line is busy{more}",
+        "`{}` is due at {:.6} s{when} but leaves {late} late, because the line is busy{more}",
         timeline.board.show(&event.command),
         event.at
     );
     let help = format!(
-        "the line carries {} bytes a second: let time pass between these commands, or send less with a lower `rate` or a longer `refresh`",
+        "the line carries {} bytes per second: separate these commands in time, or send fewer frames with a lower `rate` or a longer `refresh`",
         Wire::new(timeline.baud).capacity()
     );
     Diagnostic::new(code, event.span, message, help).label(format!("{late} late"))

@@ -1,4 +1,4 @@
-"""Reads a log with Python's mcap package, holds each message against its schema, and prints how many there are of each topic."""
+"""Reads a log with Python's mcap package, validates each message, and prints the count of each topic."""
 import collections
 import json
 import sys
@@ -12,7 +12,7 @@ with open(sys.argv[1], "rb") as file:
         assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
         if schema.id not in validators:
             shape = json.loads(schema.data)
-            # What is not named there has no place in a message.
+            # Messages must not contain fields that the schema does not name.
             validators[schema.id] = jsonschema.Draft202012Validator({**shape, "additionalProperties": False})
         validators[schema.id].validate(json.loads(message.data))
         count[channel.topic] += 1

@@ -1,5 +1,6 @@
-"""What an ordinary owner of a Raspblock has: a Python program that writes frames with pyserial, some with pauses and some back to back,
-reads what the board reports, and closes the port without a goodbye. Prints each frame that it has written, in hex.
+"""A typical program of a Raspblock owner: writes frames with pyserial, some with pauses and some back to
+back, reads the reports of the board, and closes the port without a stop. Prints each written frame in
+hex.
 
     python3 owner.py PORT
 """

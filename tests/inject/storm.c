@@ -1,4 +1,4 @@
-/* Loaded into the program: a signal every STORM_US microseconds, whose handler does not restart system calls. */
+/* Preloaded library: a signal every STORM_US microseconds, whose handler does not restart system calls. */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,7 +19,7 @@ __attribute__((constructor)) static void begin(void) {
     setitimer(ITIMER_REAL, &timer, NULL);
 }
 
-/* So that the test knows that it did storm. */
+/* Shows the test that signals were sent. */
 __attribute__((destructor)) static void end(void) {
     FILE *log = fopen(getenv("STORM_LOG"), "a");
     if (log != NULL) {

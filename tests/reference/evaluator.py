@@ -1,4 +1,4 @@
-"""Unrolls a motion script into commands with times, as the specification of the language says."""
+"""Unrolls a motion script into commands with times, according to the language specification."""
 
 import dataclasses
 import math
@@ -57,7 +57,7 @@ class Scope:
         self.names[name] = value
 
     def mark(self, name, moment):
-        """A mark is known behind the blocks around it, up to the pass or the call."""
+        """A mark is also visible after the blocks around it, up to the pass or the call."""
         self.define(name, ("moment", moment))
         scope = self
         while scope is not self.root:
@@ -67,7 +67,7 @@ class Scope:
 
 @dataclasses.dataclass
 class Place:
-    """Where statements run: what they see, and what their times count from."""
+    """The context of statements: the visible names, and the start of their times."""
 
     scope: Scope
     base: Fraction
@@ -191,7 +191,7 @@ class Evaluator:
         return end
 
     def check_calls(self, lines):
-        """Refuses calls of unknown phrases and recursion, also where nothing runs."""
+        """Refuses calls of unknown phrases and recursion, even in code that never runs."""
         calls, bodies, files = [], {None: set()}, [(line, None) for line in lines]
         for line, phrase in files:
             for node in line.items or []:
@@ -214,7 +214,7 @@ class Evaluator:
                 raise Refused("recursion")
 
     def at_line(self, line, function, *arguments):
-        """Calls a function; what it refuses without a line is in this one."""
+        """Calls a function; errors without a line are in this one."""
         try:
             return function(*arguments)
         except Refused as refused:
@@ -550,7 +550,7 @@ class Evaluator:
 
 
 def evaluate(text, files=None, speed=1):
-    """The frames of a script: microseconds, bytes, kind and line of each."""
+    """The frames of a script: the microseconds, bytes, kind and line of each."""
     script = Evaluator(files or {})
     try:
         end = script.script(text)

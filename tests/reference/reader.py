@@ -1,4 +1,4 @@
-"""Reads the text of a motion script: tokens, and statements as a tree."""
+"""Parses a motion script: tokens, and statements as a tree."""
 
 import dataclasses
 import re
@@ -13,7 +13,7 @@ class Refused(Exception):
 
 
 class Undecided(Exception):
-    """The specification does not settle the result, or it is too long to compute here."""
+    """The specification does not define the result, or it would take too long to compute."""
 
 
 TOKEN = re.compile(
@@ -46,7 +46,7 @@ class Node:
     items: list = None  # of a line: its statements; of a block: its lines
     arguments: list = None
     named: dict = None
-    time: tuple = None  # `for`, `over`, `every`, `within`, `at` or `+`, and what follows
+    time: tuple = None  # `for`, `over`, `every`, `within`, `at` or `+`, and its value
     ease: str = None
     otherwise: object = None
     settings: list = None
@@ -225,7 +225,7 @@ class Parser:
         return base, changes
 
     def count(self):
-        """A number that the word `beat` may follow without being its unit."""
+        """A number that the word `beat` may follow without being its unit, as in `bar 1 beat 2`."""
         return ("number", self.next().text) if self.peek().kind == "number" else self.argument()
 
     def block(self):

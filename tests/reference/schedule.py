@@ -1,4 +1,4 @@
-"""Turns commands with times into frames: moves, holds, refreshes, clashes, and the load of the line."""
+"""Converts commands with times to frames: moves, holds, refreshes, clashes, and the load of the line."""
 
 import dataclasses
 import math
@@ -47,7 +47,7 @@ def elastic(part, period):
     return -(2 ** (10 * part - 10)) * math.sin((part - 1 - period / 4) * 2 * math.pi / period)
 
 
-# The curves that start slowly; a second one is what `in-out-` is made of, where that is another curve.
+# The `in-` curves; a second one is used for `in-out-` if that is made of another curve.
 CURVES = {
     "sine": [lambda x: 1 - math.cos(x * math.pi / 2)],
     "quad": [lambda x: x * x],
@@ -81,7 +81,7 @@ def micros(seconds):
 
 @dataclasses.dataclass
 class Sent:
-    """A frame: its exact time, in which class of its microsecond it is sent, and what it says."""
+    """A frame: its exact time, its rank within the microsecond, and its content."""
 
     at: Fraction
     rank: int
@@ -92,7 +92,7 @@ class Sent:
 
 
 class Schedule:
-    """Turns actions into frames."""
+    """Converts actions to frames."""
 
     def __init__(self, script, end, speed):
         self.script, self.end, self.sent, self.drives = script, end / speed, [], []
@@ -143,7 +143,7 @@ class Schedule:
         return {"servo": [action.index], "servos": [1, 2], "buzzer": ["buzzer"]}.get(action.verb, [])
 
     def check_clashes(self):
-        """Refuses what overlaps. Moments are the same if they are the same microsecond."""
+        """Refuses overlaps. Times are equal if they are in the same microsecond."""
         things = {}
         for action in self.actions:
             for resource in self.resources(action):
@@ -162,7 +162,7 @@ class Schedule:
 
     @staticmethod
     def is_clash(start, until, is_instant, order, second_start, _, is_second_instant, second_order):
-        """Whether two actions on one thing clash; the first does not start later."""
+        """Whether two actions on one resource clash; the first does not start later."""
         if start == second_start:
             return is_instant == is_second_instant or (order > second_order) == is_instant
         return second_start < until or second_order < order
@@ -218,7 +218,7 @@ class Schedule:
         values = []
         for start, (_, target) in zip(action.starts, action.axes):
             values.append(target if is_target else start if step == 0 else start + (target - start) * share)
-        # How a value with a long fraction was computed decides too.
+        # The result also depends on how a value with a long fraction was computed.
         is_settled &= all(value % 0.125 == 0 for value in [*action.starts, *(target for _, target in action.axes)])
         values = self.checked(action, values, is_settled or step == 0 or is_target)
         if action.verb in DRIVES:
@@ -297,7 +297,7 @@ class Schedule:
             self.sent.append(Sent(self.end, 4, frame(5, [9]), "auto", expects[-1][1]))
 
     def check_line(self, sent):
-        """Frames that are due together queue; one that leaves more than 50 ms late is an error."""
+        """Frames that are due together wait in a queue; more than 50 ms of lateness is an error."""
         baud, free = self.script.baud, 0
         for one in sent:
             due = micros(one.at) * baud

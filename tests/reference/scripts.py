@@ -63,7 +63,7 @@ class Generator:
         return self.dice.choice(choices + self.known("time") * 4)
 
     def whole(self, low, high):
-        """An argument that is a number of this range, as a number or as a calculation."""
+        """An argument in this range, as a number or as an expression."""
         if self.wild and self.chance(0.05):
             return str(self.one(low - 1, high + 1, high * 2))
         if self.coarse and self.chance(0.8):
@@ -117,7 +117,7 @@ class Generator:
         return self.dice.choice(forms + self.known("pulse") * 4)
 
     def broken(self):
-        """A statement that must be refused nearly everywhere."""
+        """A statement that must be refused almost everywhere."""
         known = self.known("time") + self.known("pulse") + self.known("speed")
         choices = [
             "servo 5 1500",
@@ -192,7 +192,7 @@ class Generator:
         return self.whole(-reach, reach)
 
     def timing(self, may_hold, may_move):
-        """What follows a command: nothing, a hold or a move; and whether its values may have arrows."""
+        """The suffix of a command: nothing, a hold or a move; and whether its values may have arrows."""
         form = self.dice.random()
         if may_move and form < 0.35:
             ease = " ease " + self.dice.choice(EASES) if self.chance(0.6) else ""
@@ -248,12 +248,12 @@ class Generator:
         return self.dice.choice(choices)
 
     def commands(self, things):
-        """Commands of different things, to be joined."""
+        """Commands for different resources, to be joined."""
         write = {"drive": self.drive, "buzzer": self.buzzer, "both": self.servos, "other": self.other}
         return [write[thing]() if thing in write else self.servo(thing) for thing in things]
 
     def things(self, count):
-        """Different things, each of which one command can use."""
+        """Different resources, one for each command."""
         things = ["drive", "buzzer", *(["both", 3] if self.chance(0.3) else [1, 2, 3, 4])] + (
             ["other"] if self.chance(0.4) else []
         )
@@ -274,7 +274,7 @@ class Generator:
         return f"at {moment} {changed}"
 
     def body(self, size, depth, things=None):
-        """The lines of a block; its names are forgotten behind it."""
+        """The lines of a block; its names are unknown after it."""
         names = list(self.names)
         lines = [line for _ in range(size) for line in self.statement(depth + 1, things)]
         self.names = names
@@ -357,7 +357,7 @@ class Generator:
         return ["together {"] + lines + ["}"]
 
     def touching(self):
-        """Commands of one thing at times on a grid, where ends touch starts; not in order of time."""
+        """Commands for one resource at times on a grid, where ends touch starts; not in order of time."""
         thing = self.one("drive", "drive", 1, 2, "both", "buzzer")
         lines = []
         for start in self.dice.sample(range(0, 9), self.dice.randint(2, 4)):
@@ -416,7 +416,7 @@ class Generator:
             "limit rocker x -20..20",
             "limit wheels -20..20",
         ]
-        if self.chance(0.08):  # more frames than the line carries, or nearly
+        if self.chance(0.08):  # more frames than the line carries, or almost
             return [["baud 9600"], [f"rate {self.one(50, 100, 200)}hz"], [f"refresh {self.one(10, 15, 20, 50)}ms"]]
         return [[setting] for setting in settings if self.chance(0.12)]
 

@@ -12,7 +12,7 @@ OTHER_UNITS = {"deg", "V", "bpm", "hz"}
 
 
 def exact(seconds):
-    """A time as it is kept: rounded to 10⁻¹⁵ s where the fraction (of nanoseconds) needs more than 64 bits."""
+    """A time as it is stored: rounded to 10⁻¹⁵ s if the fraction (of nanoseconds) needs more than 64 bits."""
     if seconds.denominator < 1 << 31 and abs(seconds.numerator) < 1 << 31:
         return seconds
     nanos = seconds * 10**9
@@ -27,7 +27,7 @@ def decimal(number):
 
 
 def half_away(number, settled=True):
-    """Rounded half away from zero; undecided where a last bit of an unsettled number decides."""
+    """Rounded half away from zero; undecided if the last bit of an inexact number decides."""
     if not settled and abs(abs(number) % 1 - 0.5) < 1e-9:
         raise Undecided("a sample halfway between two whole numbers")
     whole = math.floor(abs(number))

@@ -1,7 +1,8 @@
-"""Plays a script in the background of a terminal that another program uses, kills it, and prints whether the terminal was left alone.
+"""Plays a script in the background of another program's terminal, kills it, and prints whether the
+terminal's modes are unchanged.
 
 usage: background.py PROGRAM ARGUMENT...
-The other program is this one: like an editor it takes single keys, as a player does.
+The other program is this one. Like an editor, it reads single keys.
 """
 import fcntl, os, signal, subprocess, sys, termios, time, tty
 
@@ -13,14 +14,14 @@ if os.fork() == 0:
         signal.signal(ignored, signal.SIG_DFL)
     os.close(terminal)
     player = subprocess.Popen(sys.argv[1:], stdin=far, stderr=subprocess.PIPE, preexec_fn=os.setpgrp)
-    # It plays when it says where.
+    # Its first message says that it plays.
     player.stderr.readline()
     time.sleep(0.3)
     modes = termios.tcgetattr(far)
     modes[3] &= ~(termios.ICANON | termios.ECHO)
     termios.tcsetattr(far, termios.TCSANOW, modes)
     player.send_signal(signal.SIGKILL)
-    # Until the guard has gone, too.
+    # Until the guard has ended, too.
     player.stderr.read()
     left = termios.tcgetattr(far)[3] & (termios.ICANON | termios.ECHO)
     print("the other program's modes are", "gone" if left else "there", flush=True)

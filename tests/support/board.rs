@@ -4,34 +4,34 @@ use std::sync::{Arc, LazyLock};
 
 use motionseq::board::{Board, Command, Frame, State, raspblock};
 
-/// The board of every test that names none.
+/// The board of tests that name none.
 pub(crate) fn board() -> &'static Arc<Board> {
     static BOARD: LazyLock<Arc<Board>> = LazyLock::new(raspblock::board);
     &BOARD
 }
 
-/// A command: its word and its values.
+/// A command from its word and its values.
 pub(crate) fn say(word: &str, values: &[i32]) -> Command {
-    board().say(word, values).unwrap()
+    board().command_named(word, values).unwrap()
 }
 
 pub(crate) fn stop() -> Command {
     say("stop", &[])
 }
 
-/// What a frame says, or the raw frame that it is.
+/// The command of a frame, or the raw frame that it is.
 pub(crate) fn decoded(frame: Frame<'_>) -> Command {
     board().decode_or_raw(frame.bytes()).unwrap()
 }
 
-/// What a board was told.
+/// The state of a board after these commands.
 pub(crate) fn state<'c>(commands: impl IntoIterator<Item = &'c Command>) -> State {
     let mut state = State::default();
     commands.into_iter().for_each(|command| state.apply(board(), command));
     state
 }
 
-/// What a command is to the Raspblock.
+/// Methods of commands that need the Raspblock.
 pub(crate) trait OnBoard {
     fn to_frame(&self) -> Vec<u8>;
     fn said(&self) -> String;

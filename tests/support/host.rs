@@ -1,4 +1,4 @@
-//! `board` and `record` as other programs meet them: a port at a path.
+//! `board` and `record` as other programs see them: a port at a path.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -12,17 +12,17 @@ use serialport::SerialPort;
 use super::board::{OnBoard, say};
 use super::motionseq;
 
-/// A board that runs.
+/// A running board.
 pub(crate) struct Host {
     pub(crate) child: Child,
     errors: BufReader<ChildStderr>,
-    /// Reads what it prints, or it would wait for a reader.
+    /// Reads what it prints, so that it does not block.
     printed: Option<JoinHandle<String>>,
     pub(crate) path: PathBuf,
 }
 
 impl Host {
-    /// Starts a board, and waits until its link is there.
+    /// Starts a board, and waits for its link.
     pub(crate) fn start(name: &str, more: &[&str]) -> Self {
         Host::start_at("board", link(name), more)
     }
@@ -43,14 +43,14 @@ impl Host {
         host
     }
 
-    /// The next line of what it says.
+    /// The next line that it prints.
     pub(crate) fn line(&mut self) -> String {
         let mut line = String::new();
         self.errors.read_line(&mut line).unwrap();
         line
     }
 
-    /// Waits until it says this.
+    /// Waits until it prints this.
     pub(crate) fn says(&mut self, words: &str) {
         loop {
             let line = self.line();
@@ -69,7 +69,7 @@ impl Host {
         kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
-    /// Ends it as Ctrl-C does; gives what it printed, and what it said.
+    /// Ends it as Ctrl-C does. Returns its output and its messages.
     pub(crate) fn end(mut self) -> (String, String) {
         self.signal(Signal::INT);
         let mut said = String::new();
@@ -80,7 +80,7 @@ impl Host {
     }
 }
 
-/// A test that fails leaves no board behind.
+/// A failing test leaves no board running.
 impl Drop for Host {
     fn drop(&mut self) {
         let _ = self.child.kill();
@@ -88,7 +88,7 @@ impl Drop for Host {
     }
 }
 
-/// A path of its own.
+/// A unique path.
 pub(crate) fn link(name: &str) -> PathBuf {
     let path = std::env::temp_dir().join(format!("motionseq-host-{}-{name}", std::process::id()));
     let _ = fs::remove_file(&path);
@@ -108,12 +108,12 @@ pub(crate) fn rocker(x: i32) -> Vec<u8> {
     say("rocker", &[x, 0, 0]).to_frame()
 }
 
-/// A request for what has this number in the protocol.
+/// A request for the quantity with this number in the protocol.
 pub(crate) fn request(number: i32) -> Vec<u8> {
     say("request", &[number]).to_frame()
 }
 
-/// Whether Python has this module; in CI it has.
+/// Whether Python has this module; in CI it must.
 pub(crate) fn has(module: &str) -> bool {
     let found = Command::new("python3").args(["-c", &format!("import {module}")]).stderr(Stdio::null()).status();
     let found = found.is_ok_and(|status| status.success());

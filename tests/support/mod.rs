@@ -1,4 +1,4 @@
-//! What the tests share.
+//! Helpers for all tests.
 #![allow(dead_code, reason = "neither test binary uses all of it")]
 
 pub(crate) mod board;
@@ -18,7 +18,7 @@ use motionseq::source::{Disk, Files as _, Sources};
 use motionseq::timeline::write_listing;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT};
 
-/// A script's listing and its messages, as they are pinned.
+/// A script's listing and its messages, in the format of snapshots.
 pub(crate) fn listing_and_messages(path: &Path) -> String {
     let name = path.file_name().unwrap().to_str().unwrap();
     let source = match Disk.read(path) {
@@ -41,7 +41,7 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
     text
 }
 
-/// Every message of a script, without color, 80 wide.
+/// Every message of a script, without color, 80 columns wide.
 pub(crate) fn messages(sources: &Sources, diagnostics: &Diagnostics) -> String {
     let printable = Printable::all(sources);
     let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor())
@@ -58,8 +58,9 @@ pub(crate) fn messages(sources: &Sources, diagnostics: &Diagnostics) -> String {
     text
 }
 
-/// The path of the program. A shell lets what it runs in the background ignore Ctrl-C, and so would the program: where this process
-/// ignores such a signal, it catches it instead, which what it starts does not inherit.
+/// The path of the program. A shell makes background processes ignore Ctrl-C, and the program would
+/// inherit that. If this process ignores such a signal, it catches it instead, which children do
+/// not inherit.
 pub(crate) fn program() -> &'static str {
     static CAUGHT: OnceLock<()> = OnceLock::new();
     CAUGHT.get_or_init(|| {
@@ -73,11 +74,12 @@ pub(crate) fn program() -> &'static str {
     env!("CARGO_BIN_EXE_motionseq")
 }
 
-/// The built program, run from the project's root, without what a user may have set.
+/// The built program, run from the root of the project, without settings of the user.
 pub(crate) fn motionseq(args: &[&str]) -> Command {
     let mut command = Command::new(program());
     command.args(args);
-    // A shared machine can stall for longer than a robot may wait; where lateness is the subject, the test says its own.
+    // A shared machine can stall for longer than a robot may wait. Tests about lateness set their
+    // own limit.
     if args.first() == Some(&"play") && !args.contains(&"--max-late") {
         command.args(["--max-late", "5s"]);
     }
@@ -89,8 +91,8 @@ pub(crate) fn motionseq(args: &[&str]) -> Command {
     command
 }
 
-/// Copies the program. Another process does it: a file that this one has open for writing could get into the hands of a child of
-/// another test, and cannot be run then.
+/// Copies the program in another process. A file that this process has open for writing could be
+/// inherited by a child of another test, and cannot be run then.
 pub(crate) fn copy_program(to: &Path) {
     assert!(Command::new("cp").arg(env!("CARGO_BIN_EXE_motionseq")).arg(to).status().unwrap().success());
 }
@@ -110,13 +112,14 @@ pub(crate) fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-/// Held by a test that uses `insta::glob!`: while one runs, insta counts the failures of all others as its own.
+/// Locked by a test that uses `insta::glob!`: insta counts the failures of all tests that run at
+/// the same time.
 pub(crate) fn one_glob_at_a_time() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A script of a test, in a file of its own.
+/// A script of a test, in its own file.
 pub(crate) fn script(name: &str, text: &str) -> String {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -125,7 +128,7 @@ pub(crate) fn script(name: &str, text: &str) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// The bytes of a script, as `render` gives them.
+/// The bytes of a script, as `render` prints them.
 pub(crate) fn rendered(script: &str) -> Vec<u8> {
     run(&["render", script, "--format", "bin"]).stdout
 }

@@ -1,4 +1,4 @@
-"""Plays a script in the foreground of a terminal of its own, presses keys, and prints what became of it.
+"""Plays a script in the foreground of a new terminal, presses keys, and prints the result.
 
 usage: terminal.py COLUMNS STEP... -- PROGRAM ARGUMENT...
 A step is `wait:TEXT` (until the terminal shows TEXT), `key:CHARACTERS`, `resize:COLUMNS`, `kill` (the program, not its group).
@@ -15,7 +15,7 @@ def resize(descriptor, columns):
     fcntl.ioctl(descriptor, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
 
 
-# The far end stays open here, so that its state can be looked at when the program has gone.
+# The far end stays open here, so that its state can be read after the program has ended.
 terminal, far = os.openpty()
 pid = os.fork()
 if pid == 0:
@@ -73,7 +73,7 @@ while not ended() and time.monotonic() < end:
     read(0.05)
 if not ended():
     os.kill(pid, signal.SIGKILL)
-# What a guard says and does comes a moment later.
+# The guard's output and actions come a moment later.
 end = time.monotonic() + 3
 modes = termios.tcgetattr(far)[3]
 while time.monotonic() < end and not modes & termios.ICANON:

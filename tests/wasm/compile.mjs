@@ -1,5 +1,5 @@
 // Compiles scripts with the WebAssembly module: node compile.mjs MODULE < input.json > outputs.json
-// The input is {"files": {NAME: TEXT, …}, "mains": [NAME, …]}; the output is an array of what examples/wasm.rs returns.
+// The input is {"files": {NAME: TEXT, …}, "mains": [NAME, …]}; the output is an array of the results of examples/wasm.rs.
 import { readFileSync } from "node:fs";
 
 const { instance } = await WebAssembly.instantiate(readFileSync(process.argv[2]), {});

@@ -1,4 +1,4 @@
-//! Every command of the protocol table as bytes, and back.
+//! Encodes and decodes every command of the protocol table.
 
 use super::frame::{self, MAX_PAYLOAD, MOST_ZEROS, OVERHEAD, ZEROS, function};
 use super::verb;
@@ -11,7 +11,7 @@ mod kind {
     pub(super) const MOVE: u8 = 0x04;
 }
 
-/// The functions whose frames a `raw` may send to what is also a resource: drive and buzzer.
+/// The function bytes of raw frames that can change the drive and the buzzer.
 pub(super) const DRIVE_FUNCTION: i32 = 0x03;
 pub(super) const BUZZER_FUNCTION: i32 = 0x04;
 
@@ -22,7 +22,7 @@ mod direction {
     pub(super) const Z_NOT_NEGATIVE: u8 = 0b001;
 }
 
-/// How many zeros bring a receiver back in step that was cut off inside the frame of a command.
+/// The number of zeros that resynchronize a receiver after the frame of a command was truncated.
 pub(super) fn resync(command: Option<&Command>) -> usize {
     match command {
         None => MOST_ZEROS,
@@ -31,7 +31,7 @@ pub(super) fn resync(command: Option<&Command>) -> usize {
     }
 }
 
-/// Appends the frame that carries a command.
+/// Appends the frame of a command.
 pub(super) fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
     let values = command.values();
     let [a, b, c, d] = [0, 1, 2, 3].map(|at| values.get(at).copied().unwrap_or_default());
@@ -44,7 +44,7 @@ pub(super) fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
         verb::SERVOS => frame::emit(out, function::SERVO, [magnitude(a), magnitude(b)].concat()),
         verb::ROCKER => emit_drive(out, kind::ROCKER, [a, b, c], direction_of(a, b, c)),
         verb::MOVE => emit_drive(out, kind::MOVE, [a, b, c], direction_of(a, b, c)),
-        // The z bit is always 0 here, so z counts as negative.
+        // The z bit is always 0 in this frame, which encodes a negative z.
         verb::YAW_HOLD => emit_drive(out, kind::YAW_HOLD, [a, b, 0], direction_of(a, b, -1)),
         verb::WHEELS => {
             let [ma, mb, mc, md] = [a, b, c, d].map(|wheel| magnitude(wheel)[1]);
@@ -59,7 +59,7 @@ pub(super) fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
     }
 }
 
-/// How many bytes the frame of a command has.
+/// The length of a command's frame in bytes.
 pub(super) fn length(_: &Board, command: &Command) -> usize {
     let payload = match command.verb() {
         verb::SERVO => 3,
@@ -71,17 +71,17 @@ pub(super) fn length(_: &Board, command: &Command) -> usize {
     OVERHEAD + payload.min(MAX_PAYLOAD)
 }
 
-/// Reads a frame. Strict: what it accepts, [`encode`] gives back byte for byte.
+/// Decodes a frame. Strict: [`encode`] returns the same bytes for the result.
 pub(super) fn decode(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     match (decode_as_is(board, frame), older_move(board, frame)) {
-        (Err(_), Some(Ok(_))) => {
-            Err(NotACommand::OtherReading("a move, as older copies of the driver pack it; --older-move reads it"))
-        }
+        (Err(_), Some(Ok(_))) => Err(NotACommand::OtherReading(
+            "a `move` with the direction bits of older driver versions; --older-move reads it",
+        )),
         (read, _) => read,
     }
 }
 
-/// The same, where the direction of a `move` is packed as in older copies of the driver.
+/// The same, with the direction bits of a `move` as in older versions of the driver.
 pub(super) fn decode_older(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     older_move(board, frame).unwrap_or_else(|| decode_as_is(board, frame))
 }
@@ -91,13 +91,14 @@ fn decode_as_is(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     if board.to_frame(&command) == frame { Ok(command) } else { Err(NotACommand::Inconsistent) }
 }
 
-/// A `move` in the older packing: bits 0, 1 and 2 for x, y and z, each set where the value is not negative. `None` for any other frame.
+/// A `move` with the direction bits of older driver versions: bits 0, 1 and 2 for x, y and z, set
+/// if the value is not negative. `None` for any other frame.
 fn older_move(board: &Board, frame: &[u8]) -> Option<Result<Command, NotACommand>> {
     let Some((function::DRIVE, &[kind::MOVE, xh, xl, yh, yl, zh, zl, signs])) = frame::parts(frame) else {
         return None;
     };
     let axes = [([xh, xl], 1), ([yh, yl], 2), ([zh, zl], 4)];
-    // Zero is not negative.
+    // The older driver counts zero as not negative.
     let is_wrong = signs > 0b111 || axes.iter().any(|(bytes, bit)| signs & bit == 0 && *bytes == [0, 0]);
     if is_wrong {
         return Some(Err(NotACommand::Inconsistent));
@@ -143,19 +144,19 @@ fn read(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     }
 }
 
-/// The value with this magnitude, high byte first, and sign.
+/// A value from its sign and its magnitude, high byte first.
 fn signed(magnitude: [u8; 2], is_negative: bool) -> i32 {
     let value = i32::from(u16::from_be_bytes(magnitude));
     if is_negative { -value } else { value }
 }
 
-/// The magnitude as the wire carries it: two bytes, high byte first. Every range of the table fits.
+/// The magnitude in two bytes, high byte first. Every range of the table fits.
 fn magnitude(value: i32) -> [u8; 2] {
     let [_, _, high, low] = value.unsigned_abs().to_be_bytes();
     [high, low]
 }
 
-/// A value that the table holds between 0 and 255.
+/// A value whose range in the table is within 0 to 255.
 fn byte(value: i32) -> u8 {
     magnitude(value)[1]
 }

@@ -1,4 +1,5 @@
-//! The envelope of every frame: header, function, length, payload, checksum; and how frames are found in a stream.
+//! The layout of every frame: header, function, length, payload, checksum; and how to find frames
+//! in a stream.
 
 use crate::board::frame::{FrameError, Front, Skip};
 
@@ -8,12 +9,13 @@ pub(super) const HEADER: [u8; 2] = [0xFF, 0xFE];
 pub(super) const MAX_PAYLOAD: usize = 255;
 /// The longest frame in bytes.
 pub(super) const MAX_FRAME: usize = OVERHEAD + MAX_PAYLOAD;
-/// Header, function, length and checksum.
+/// The length of header, function, length and checksum in bytes.
 pub(super) const OVERHEAD: usize = 5;
-/// How many zeros bring a receiver back in step that was cut off inside the frame of any command but `raw`, whatever length it
-/// trusts. The longest payload has 9 bytes, and a frame that was cut right after its header becomes one of function 0 and length 0.
+/// The number of zeros that resynchronize a receiver after any truncated frame except one of `raw`,
+/// whatever length it read. The longest payload has 9 bytes, and a frame that was truncated after
+/// its header becomes one of function 0 and length 0.
 pub(super) const ZEROS: usize = 12;
-/// The same for any frame at all.
+/// The same for any frame.
 pub(super) const MOST_ZEROS: usize = MAX_PAYLOAD + 2;
 
 /// The function bytes.
@@ -25,7 +27,7 @@ pub(super) mod function {
     pub(in super::super) const REQUEST: u8 = 0x05;
 }
 
-/// The payload length that a function of the protocol table has; `None` for functions it does not know.
+/// The payload lengths of a function in the protocol table; `None` for unknown functions.
 fn known_lengths(function: u8) -> Option<&'static [u8]> {
     match function {
         function::PID => Some(&[9]),
@@ -60,8 +62,8 @@ pub(super) fn parts(frame: &[u8]) -> Option<(u8, &[u8])> {
     }
 }
 
-/// Appends a whole frame to `out`: header, `function`, length, the payload's bytes, checksum. Of the payload at most [`MAX_PAYLOAD`] bytes
-/// count; the table allows no more.
+/// Appends a frame to `out`: header, `function`, length, payload, checksum. The table allows at
+/// most [`MAX_PAYLOAD`] bytes of payload; more are dropped.
 pub(super) fn emit(out: &mut Vec<u8>, function: u8, payload: impl IntoIterator<Item = u8>) {
     out.extend_from_slice(&HEADER);
     let summed = out.len();
@@ -75,13 +77,13 @@ pub(super) fn emit(out: &mut Vec<u8>, function: u8, payload: impl IntoIterator<I
     out.push(sum);
 }
 
-/// Low 8 bits of function + length + every payload byte; the header is not in the sum.
+/// The low 8 bits of function + length + all payload bytes; the header is not included.
 fn checksum(summed: &[u8]) -> u8 {
     summed.iter().fold(0, |sum, &byte| sum.wrapping_add(byte))
 }
 
-/// The longest payload of a frame of an unknown function that is waited for whatever is inside it. The longest one of a command has
-/// 9 bytes.
+/// The longest payload for which a frame of an unknown function is read to its end, whatever it
+/// contains. The longest payload of a command has 9 bytes.
 const PLAUSIBLE: u8 = 32;
 
 pub(super) fn front(rest: &[u8], in_zeros: bool) -> Front {
@@ -91,7 +93,8 @@ pub(super) fn front(rest: &[u8], in_zeros: bool) -> Front {
         [0, ..] if zeros == rest.len() => return Front::NeedMore,
         [first, second, ..] if [first, second] != HEADER => {
             let noise = next_start(rest);
-            // Zeros that are as many as those of a stop, or may become so, are no part of it.
+            // Zeros that are a run of resynchronizing zeros, or may become one, do not belong to
+            // the noise.
             let is_stop = |at: &usize| {
                 let rest = rest.get(*at..).unwrap_or_default();
                 zeros_of(rest) >= ZEROS || zeros_of(rest) == rest.len()
@@ -124,13 +127,14 @@ pub(super) fn front(rest: &[u8], in_zeros: bool) -> Front {
     }
 }
 
-/// How many zeros are at the front.
+/// The number of zeros at the front.
 fn zeros_of(rest: &[u8]) -> usize {
     rest.iter().take_while(|byte| **byte == 0).count()
 }
 
-/// Where the frame of a command starts inside what claims to be a longer frame, if a whole one does: the one that ends first, so that it
-/// is the same one however the stream is cut into reads.
+/// The start of a command's frame inside a frame with an implausible length, if there is a complete
+/// one. It is the one that ends first, so that the result does not depend on how the stream is
+/// split into reads.
 fn command_inside(claimed: &[u8]) -> Option<usize> {
     let ends = (1..claimed.len()).filter_map(|at| {
         let rest = claimed.get(at..).unwrap_or_default();
@@ -144,7 +148,7 @@ fn command_inside(claimed: &[u8]) -> Option<usize> {
     ends.min().map(|(_, at)| at)
 }
 
-/// How many bytes to skip until the next one that can start a frame; at least one.
+/// The number of bytes, at least one, up to the next byte that can start a frame.
 pub(super) fn next_start(rest: &[u8]) -> usize {
     let starts = |at: &usize| match rest.get(*at..) {
         Some([first, second, ..]) => [*first, *second] == HEADER,

@@ -1,8 +1,9 @@
-//! What the drive makes of the robot, in nominal units: mecanum kinematics.
+//! How drive commands move the robot, in nominal units: mecanum kinematics.
 //!
-//! The board's maker publishes neither units of speed nor the size of the robot. Here a unit of x and y is 1 cm/s, a unit of z
-//! 1 °/s, a unit of `move` 1 cm or 1°, and a wheel's contact point is [`Geometry::lever_cm`] away from the middle, counted as
-//! half the wheel base plus half the track.
+//! The maker of the board publishes neither units of speed nor the size of the robot. Here, one
+//! unit of x and y is 1 cm/s, one unit of z is 1 °/s, one unit of `move` is 1 cm or 1°, and
+//! [`Geometry::lever_cm`] is the distance of a wheel's contact point from the middle: half the
+//! wheel base plus half the track.
 
 use super::verb;
 use crate::board::Command;
@@ -10,13 +11,13 @@ use crate::board::Command;
 /// The nominal units and the size of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// What a unit of x and y is in cm/s.
+    /// One unit of x and y in cm/s.
     pub cm_s: f64,
-    /// What a unit of z is in degrees a second.
+    /// One unit of z in degrees per second.
     pub deg_s: f64,
     /// Half the wheel base plus half the track, in cm.
     pub lever_cm: f64,
-    /// How fast `move` drives, in cm/s, and turns, in degrees a second.
+    /// The speed of `move` in cm/s, and in degrees per second.
     pub move_speed: (f64, f64),
 }
 
@@ -26,19 +27,20 @@ impl Default for Geometry {
     }
 }
 
-/// The speed of the body in its own frame.
+/// The velocity of the body in its own frame of reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twist {
     /// To the right, in cm/s.
     pub x: f64,
     /// Forward, in cm/s.
     pub y: f64,
-    /// Clockwise, in degrees a second.
+    /// Clockwise, in degrees per second.
     pub z: f64,
 }
 
 impl Geometry {
-    /// What a drive command makes of the body. `None` for a displacement, and for what does not drive.
+    /// The velocity that a drive command sets. `None` for a displacement and for commands that do
+    /// not drive.
     pub(crate) fn twist(&self, command: &Command) -> Option<Twist> {
         let value = |at: usize| command.value(at).map(f64::from);
         let speed = |at: usize| Some(value(at)? * self.cm_s);
@@ -59,7 +61,8 @@ impl Geometry {
         })
     }
 
-    /// What a displacement asks for: to the right and forward in cm, clockwise in degrees. `None` for any other command.
+    /// The displacement that a command requests: to the right and forward in cm, clockwise in
+    /// degrees. `None` for other commands.
     pub fn displacement(command: &Command) -> Option<[f64; 3]> {
         let value = |at: usize| command.value(at).map(f64::from);
         let values = [value(0)?, value(1)?, value(2)?];

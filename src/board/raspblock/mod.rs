@@ -1,6 +1,6 @@
 //! The Yahboom Raspblock driver board: mecanum wheels, four servos, a buzzer.
 //!
-//! Source: the maker's driver and users' programs; docs/protocol.md has the whole table.
+//! Source: the maker's driver and programs of users; docs/protocol.md has the complete table.
 
 mod codec;
 mod frame;
@@ -12,8 +12,8 @@ use std::sync::{Arc, LazyLock};
 
 use super::Text;
 use super::table::{
-    Activity, Axis, Board, Codec, Doubt, Limited, Needs, Part, ProperLimit, Resource, ResourceId, Sets, Simulation,
-    Takes, Unit, Verb,
+    Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Limited, Needs, Part, Resource, ResourceId, Sets,
+    Simulation, Takes, Unit, Verb,
 };
 use super::{Command, Hundredths, Quantity, Report, VerbId};
 pub use geometry::{Geometry, Twist};
@@ -24,29 +24,29 @@ pub mod verb {
 
     /// One servo.
     pub(crate) const SERVO: VerbId = VerbId(0);
-    /// Servo 1 and 2 in one frame.
+    /// Servos 1 and 2 in one frame.
     pub(crate) const SERVOS: VerbId = VerbId(1);
-    /// The speed of the whole robot. All zero is the stop.
+    /// The velocity of the robot. All zero is the stop.
     pub const ROCKER: VerbId = VerbId(2);
     /// The same, while the board keeps the heading.
     pub(crate) const YAW_HOLD: VerbId = VerbId(3);
-    /// Each wheel.
+    /// The speed of each wheel.
     pub(crate) const WHEELS: VerbId = VerbId(4);
     /// A displacement.
     pub(crate) const MOVE: VerbId = VerbId(5);
-    /// Another word for a rocker that is all zero.
+    /// A synonym of a rocker with all values zero.
     pub const STOP: VerbId = VerbId(6);
     /// The buzzer, on or off.
     pub(crate) const BUZZER: VerbId = VerbId(7);
     /// Mode and controller gains.
     pub(crate) const PID: VerbId = VerbId(8);
-    /// Asks for board data.
+    /// A request for board data.
     pub(crate) const REQUEST: VerbId = VerbId(9);
-    /// Any function with any payload.
+    /// A frame with any function and any payload.
     pub(crate) const RAW: VerbId = VerbId(10);
 }
 
-/// The rows of the resources, in the order in which a board is brought back to a state.
+/// The rows of the resources, in the order in which a state is restored.
 mod resource {
     use super::ResourceId;
 
@@ -56,7 +56,7 @@ mod resource {
     pub(super) const DRIVE: ResourceId = 6;
 }
 
-/// What can be asked of the board (protocol row 0x05); the place is the byte on the wire.
+/// What can be requested from the board (protocol row 0x05); the position is the byte on the wire.
 const QUERIES: [&str; 10] = [
     "report-start",
     "encoder-1",
@@ -72,46 +72,46 @@ const QUERIES: [&str; 10] = [
 const REPORT_START: i32 = 0;
 const REPORT_STOP: i32 = 9;
 
-/// The value of `pid position` for the mode.
+/// The value of the mode in `pid position`.
 const POSITION: i32 = 1;
-/// A tilt servo that is driven further is damaged.
+/// The range of a tilt servo. Beyond it, the servo is damaged.
 const TILT: (i32, i32) = (500, 1950);
 const PULSE: (i32, i32) = (500, 2500);
 const SPEED: (i32, i32) = (-25, 25);
 const TURN: (i32, i32) = (-200, 200);
 const DISPLACEMENT: (i32, i32) = (-65_535, 65_535);
 const BYTE: (i32, i32) = (0, 255);
-/// The usual 60° in 0.12 s, in µs of pulse width a second.
+/// The usual 60° in 0.12 s, in µs of pulse width per second.
 const SERVO_SPEED: u32 = 5_500;
 
-/// The table.
+/// The table of the board.
 pub fn board() -> Arc<Board> {
     static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| Arc::new(table(codec::decode, None)));
     Arc::clone(&BOARD)
 }
 
-/// The same, where a `move` is read as older copies of the maker's driver pack its direction. Which one the firmware of a board expects is
-/// unknown; we send the newest.
+/// The same, but a `move` is read with the direction bits of older driver versions. Which version
+/// the firmware of a board expects is unknown; we send the newest.
 pub fn with_older_move() -> Arc<Board> {
     static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| {
-        Arc::new(table(codec::decode_older, Some("it is read as older copies of the driver pack it")))
+        Arc::new(table(codec::decode_older, Some("it is read with the direction bits of older driver versions")))
     });
     Arc::clone(&BOARD)
 }
 
-/// What a request for data asks for, of the virtual board.
+/// What a request asks the virtual board for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Asked {
-    /// Reports ten times a second, from now on.
+    /// Reports ten times per second from now on.
     Start,
-    /// No more of them.
+    /// No more reports.
     Stop,
-    /// One.
+    /// One report.
     Once,
 }
 
-/// What a command asks for, if it is a request.
+/// What a command requests, if it is a request.
 pub fn asked(command: &Command) -> Option<Asked> {
     (command.verb() == verb::REQUEST).then(|| match command.value(0) {
         Some(REPORT_START) => Asked::Start,
@@ -120,14 +120,14 @@ pub fn asked(command: &Command) -> Option<Asked> {
     })
 }
 
-/// The report of a board on a floor that is flat.
+/// The report of a board on a flat floor.
 pub fn report(voltage: Hundredths, yaw: Hundredths) -> Report {
     Report::new(&[voltage, Hundredths(0), Hundredths(0), yaw])
 }
 
-/// Whether a board in this state takes displacements.
+/// Whether a board in this state accepts displacements.
 pub(crate) fn is_in_position_mode(state: &super::State) -> bool {
-    state.told(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
+    state.last(resource::GAINS).and_then(|gains| gains.value(0)) == Some(POSITION)
 }
 
 fn text(text: &'static str) -> Text {
@@ -149,13 +149,13 @@ fn request(query: i32) -> Command {
 type Decode = fn(&Board, &[u8]) -> Result<Command, super::NotACommand>;
 
 fn table(decode: Decode, older: Option<&'static str>) -> Board {
-    let note = older.unwrap_or("older copies of the driver pack it otherwise: --older-move reads those");
+    let note = older.unwrap_or("older driver versions set other direction bits: --older-move reads those");
     Board {
         name: text("Raspblock"),
         baud: 115_200,
         resources: resources(),
         verbs: verbs(),
-        limits: vec![ProperLimit {
+        limits: vec![DefaultLimit {
             limited: Limited { verb: verb::SERVO, index: Some(2), axis: None },
             range: TILT,
             why: text("a tilt servo is damaged there"),
@@ -173,7 +173,7 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
         .into(),
         reporting: Some([request(REPORT_START), request(REPORT_STOP)]),
         stop: vec![stop(), stop(), stop(), buzzer(0)],
-        doubt: Some(Doubt { verb: verb::MOVE, note: text(note) }),
+        ambiguity: Some(Ambiguity { verb: verb::MOVE, note: text(note) }),
         foreign: [
             (&["forward", "drive", "go"][..], "rocker y=10 for 1s"),
             (&["beep"], "buzzer on for 200ms"),
@@ -207,7 +207,7 @@ fn resources() -> Vec<Resource> {
         rest: None,
         activity: text(""),
         idle: text(""),
-        is_fed: false,
+        needs_refresh: false,
         is_exclusive: true,
         speed: None,
     };
@@ -227,14 +227,14 @@ fn resources() -> Vec<Resource> {
         Resource {
             rest: Some(stop()),
             activity: text("running"),
-            idle: text("stands"),
-            is_fed: true,
+            idle: text("is stopped"),
+            needs_refresh: true,
             ..resource("the drive", "drive", "")
         },
     ]
 }
 
-/// A value without a name.
+/// A positional value.
 fn value(what: &'static str, range: (i32, i32)) -> Axis {
     Axis {
         name: text(""),
@@ -284,7 +284,7 @@ fn verb(word: &'static str, usage: &'static str, example: &'static str, meaning:
     }
 }
 
-/// A verb for the drive that may hold and move.
+/// A drive verb that can hold and move.
 fn driving(verb: Verb) -> Verb {
     Verb { sets: Sets::One(resource::DRIVE), activity: Activity::Unless0, holds: true, moves: true, ..verb }
 }
@@ -298,7 +298,7 @@ fn verbs() -> Vec<Verb> {
             axes: vec![
                 Axis {
                     takes: Takes::Index,
-                    why: text("it stands first, and its pulse width behind it: `servo 1 1500`"),
+                    why: text("it comes first, then the pulse width: `servo 1 1500`"),
                     ..value("a servo number", (1, 4))
                 },
                 pulse("a pulse width", PULSE),

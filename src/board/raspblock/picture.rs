@@ -1,4 +1,5 @@
-//! How the robot is drawn: servos, what the drive makes of the body, and the wheels where a script sets them.
+//! How the robot is drawn: its servos, the velocity of its body, and its wheels if a script sets
+//! them.
 
 use super::geometry::Geometry;
 use super::{PULSE, SPEED, TURN, text, verb};
@@ -54,7 +55,7 @@ fn curve(
     group: Option<u8>,
 ) -> Lane {
     let ends: [Text; 2] = ends.map(text);
-    // A drive that is only told to stand is shown by the lane that most scripts have.
+    // A script that only stops the drive shows this lane, which most other scripts have too.
     let shows_rest = name == "forward";
     let kind = LaneKind::Curve { unit: text(unit), ends, range, limited, group, shows_rest };
     Lane { name: text(name), about: text(about), kind }
@@ -75,7 +76,7 @@ fn draw(board: &Board, command: &Command) -> Vec<(usize, Shown)> {
         _ if board.is_drive(command) => {
             let mut shown = vec![(YAW_HOLD, Shown::Switch(command.verb() == verb::YAW_HOLD))];
             let twist = Geometry::default().twist(command);
-            // How fast a displacement is, the board decides.
+            // The board decides how fast a displacement is.
             let body = twist.map_or([None; 3], |twist| [twist.x, twist.y, twist.z].map(Some));
             shown.extend((BODY..).zip(body.map(Shown::Value)));
             let wheels = match command.verb() {

@@ -1,10 +1,12 @@
-//! What the board sends back: lines such as `{A-120:35:9000:1187}#`, in hundredths of a degree and of a volt.
+//! Reports of the board: lines such as `{A-120:35:9000:1187}#`, in hundredths of a degree and of a
+//! volt.
 //!
-//! Source: users' programs; the single requests' replies are not published.
+//! Source: programs of users. The replies to single requests are not published.
 
 use crate::board::{Hundredths, Report, ReportLine};
 
-/// The rows of the quantities: voltage, pitch, roll, yaw. A line has pitch, roll, yaw and voltage, in this order.
+/// Maps the rows of the quantities (voltage, pitch, roll, yaw) to the order of a line (pitch, roll,
+/// yaw, voltage).
 pub(super) const LINE: ReportLine = ReportLine { bounds: (b'{', b'#'), read, write };
 
 fn write(report: &Report) -> String {
@@ -19,7 +21,8 @@ fn read(line: &[u8]) -> Option<Report> {
     fields.next().is_none().then(|| Report::new(&[voltage, pitch, roll, yaw]))
 }
 
-/// A signed decimal integer; Rust would also take a leading `+`, which the board does not send.
+/// Parses a signed decimal integer. Unlike Rust, it accepts no leading `+`, which the board does
+/// not send.
 fn field(text: &str) -> Option<Hundredths> {
     if text.starts_with('+') {
         return None;

@@ -304,7 +304,7 @@ fn told(board: &Board, state: &State) -> Told {
     let number = |value: i32| Value::Number(value.into());
     let resources = board.resources.iter().enumerate().filter(|(_, resource)| resource.is_exclusive);
     for (id, resource) in resources {
-        let Some(command) = state.told(id) else { continue };
+        let Some(command) = state.last(id) else { continue };
         let Some(verb) = board.verb(command.verb()) else { continue };
         let values = command.values();
         match (verb.axes.as_slice(), values.as_slice()) {

@@ -145,7 +145,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         let sent = match (spoken, lasting) {
             (Spoken::Motion(motion), Lasting::Over(over, ease)) => {
                 let touches = board.occupied(motion.verb, motion.index);
-                if self.in_abort && touches.iter().any(|resource| board.is_fed(*resource)) {
+                if self.in_abort && touches.iter().any(|resource| board.needs_refresh(*resource)) {
                     self.drive_in_abort(span);
                 } else {
                     self.push(start, span, Action::Go(Box::new(Move { motion, over, ease })));

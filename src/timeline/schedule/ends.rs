@@ -1,4 +1,4 @@
-//! The ends of `for`s, and which of them are left out.
+//! The ends of `for`s, and which of them are not sent.
 
 use std::collections::BTreeMap;
 
@@ -10,15 +10,15 @@ use crate::units::Micros;
 /// The end of a `for`.
 pub(super) struct End {
     pub(super) from: Origin,
-    /// The exact time.
+    /// The exact time of the end.
     pub(super) at: Time,
     pub(super) command: Command,
 }
 
-/// Ends by time, and at one time in script order.
+/// Ends by time; at the same time, in script order.
 pub(super) type Ends = BTreeMap<(Micros, u32), End>;
 
-/// Of each resource, the first two steps of one moment that start something else for it.
+/// For each resource, the first two steps at one time that start something else for it.
 #[derive(Default)]
 pub(super) struct Starts(Vec<[Option<u32>; 2]>);
 
@@ -41,8 +41,9 @@ impl Starts {
         }
     }
 
-    /// Whether the end of a `for` is left out, because another command for the same resource starts at that very moment. A move
-    /// replaces it only with its first sample, and a raw frame is not interpreted, so both leave it in.
+    /// Whether the end of a `for` is not sent, because another command for the same resource starts
+    /// at exactly that time. A move replaces it only with its first sample, and a raw frame is not
+    /// interpreted, so both keep it.
     pub(super) fn supersede(&self, board: &Board, end: &End) -> bool {
         let mut starts = board.occupies(&end.command).iter().filter_map(|resource| self.0.get(*resource));
         starts.any(|starts| starts.iter().flatten().any(|order| *order != end.from.order))

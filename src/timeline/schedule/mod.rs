@@ -1,4 +1,5 @@
-//! The schedule of a program's steps: moves, ends of holds, refreshes, closing frames, requests for reports.
+//! Schedules the steps of a program: moves, ends of holds, refreshes, closing frames, requests for
+//! reports.
 
 mod ends;
 mod moves;
@@ -25,7 +26,7 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
     script.request_reports(end);
     let (cues, expects) = (std::mem::take(&mut script.cues), std::mem::take(&mut script.expects));
     let (events, tweens) = script.finish(steps);
-    // What is sent when something ends a run early starts with nothing known.
+    // The state after an early end is unknown.
     let mut early = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
     let (steps, early_end) = abort.map_or((Vec::new(), Time::ZERO), |abort| (abort.steps, abort.end));
     let steps = early.run(steps);
@@ -53,7 +54,7 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
     }
 }
 
-/// The frames between which the board reports: at the start and at the end, where anything is expected.
+/// The requests that start and stop reports, at the start and end of a script that expects any.
 pub(super) fn report_requests(board: &Board, expects: &[Expectation], end: Micros) -> Option<[Event; 2]> {
     let [start, stop] = board.reporting.clone()?;
     let event = |at, command, &Expectation { span, trace, .. }: &Expectation| {
@@ -62,15 +63,15 @@ pub(super) fn report_requests(board: &Board, expects: &[Expectation], end: Micro
     Some([event(Micros::ZERO, start, expects.first()?), event(end, stop, expects.last()?)])
 }
 
-/// How many `expect`s with `within` may wait at the same time.
+/// The maximum number of `expect`s with `within` that wait at the same time.
 const MAX_WAITING: usize = 64;
-/// A hold without `for` that lasts longer looks like a forgotten `stop`.
+/// A longer hold without `for` is probably a forgotten `stop`.
 const LONG_HOLD: Time = Time::from_millis(10_000);
 
 /// The step that a frame belongs to.
 #[derive(Clone, Copy, Default)]
 struct Origin {
-    /// The place in script order.
+    /// Its index in script order.
     order: u32,
     span: Span,
     trace: TraceId,
@@ -86,13 +87,13 @@ impl Origin {
     }
 }
 
-/// A command that is sent again until another one ends it.
+/// A command that is refreshed until another one ends it.
 #[derive(Clone)]
 struct Held {
     since: Time,
     command: Command,
     from: Origin,
-    /// Whether it goes on until something ends it: it has no `for`.
+    /// Whether it continues until something ends it, because it has no `for`.
     is_open_ended: bool,
 }
 
@@ -100,26 +101,26 @@ struct Scheduler<'d> {
     board: &'d Board,
     settings: &'d Settings,
     traces: &'d Traces,
-    /// The most events.
+    /// The maximum number of events.
     limit: usize,
-    /// How many of the steps are one event each.
+    /// The number of steps that are one event each.
     plain: usize,
-    /// All other events but refreshes, with their places in script order.
+    /// All other events except refreshes, with their indices in script order.
     events: Vec<(Event, u32)>,
-    /// The moves, each with the time and the place in script order of its first step.
+    /// The moves, each with the time and script order of its first step.
     tweens: Vec<(Tween, (Micros, u32))>,
     /// Refreshes, sorted by time.
     refreshes: Vec<Event>,
     cues: Vec<Cue>,
     expects: Vec<Expectation>,
     state: State,
-    /// Of each resource that must be fed, the command that holds.
+    /// For each resource that must be refreshed, the command that it holds.
     held: Vec<Option<Held>>,
-    /// Of each resource, the last step that used it.
+    /// For each resource, the last step that used it.
     last: Vec<Origin>,
-    /// Raw frames for a resource that must be fed which are still to come, in the order of sending.
+    /// The remaining raw frames for a resource that must be refreshed, in the order of sending.
     raw_drives: VecDeque<(Time, Command, Origin)>,
-    /// Samples that moves may still be asked for, sent or not.
+    /// The remaining budget of samples, sent or not.
     samples_left: u64,
     /// The first raw frame.
     raw: Option<Origin>,
@@ -158,8 +159,8 @@ impl<'d> Scheduler<'d> {
         }
     }
 
-    /// Schedules every step, sorted by time. The steps are given back: those that are one event each become it where they stand, in
-    /// [`finish`](Self::finish), because there may be millions of them.
+    /// Schedules every step, sorted by time, and returns the steps. [`finish`](Self::finish)
+    /// converts those that are one event each in place, because there may be millions of them.
     fn run(&mut self, mut steps: Vec<Step>) -> Vec<Step> {
         let mut ends = Ends::new();
         let mut ended: Vec<End> = Vec::new();
@@ -171,8 +172,8 @@ impl<'d> Scheduler<'d> {
             let end = ends.first_key_value().map(|((due, _), _)| *due);
             let Some(now) = next.into_iter().chain(end).min() else { break };
             let count = rest.iter().take_while(|step| step.at.micros() == now).count();
-            let (group, behind) = rest.split_at_mut(count);
-            rest = behind;
+            let (group, later) = rest.split_at_mut(count);
+            rest = later;
             for step in group.iter() {
                 if let Action::Hold(held) = &step.action
                     && let Some(command) = self.rest_of(&held.0)
@@ -181,7 +182,7 @@ impl<'d> Scheduler<'d> {
                     ends.insert((at.micros(), step.order), End { from: Origin::step(step), at, command });
                 }
             }
-            // Of a hold too short to see, the start still comes before its end.
+            // If a hold is too short to see, its start still comes before its end.
             ended.clear();
             let is_due = |ends: &Ends| ends.first_key_value().is_some_and(|((due, _), _)| *due == now);
             if is_due(&ends) {
@@ -247,31 +248,31 @@ impl<'d> Scheduler<'d> {
 
     /// Sends a command that is a step.
     fn plain(&mut self, at: Time, command: &Command, from: Origin) {
-        self.tell(at, command, from);
+        self.apply(at, command, from);
         if self.has_room(1, from) {
             self.plain += 1;
         }
     }
 
-    /// Sends a command that is none.
+    /// Sends a command that is not a step.
     fn send(&mut self, at: Time, command: &Command, kind: Kind, from: Origin) {
-        self.tell(at, command, from);
+        self.apply(at, command, from);
         self.emit(at, command.clone(), kind, from);
     }
 
-    /// The hold before a command ends, and its own begins.
-    fn tell(&mut self, at: Time, command: &Command, from: Origin) {
+    /// Ends the previous hold and starts that of the command.
+    fn apply(&mut self, at: Time, command: &Command, from: Origin) {
         let board = self.board;
         let is_opaque = board.is_opaque(command);
         let touched = board.touches(command);
         if is_raw_drive(board, command)
             && self.raw_drives.pop_front_if(|(_, _, next)| next.order == from.order).is_none()
         {
-            // The move that it is in the middle of has told it already, between two of its samples.
+            // Already applied between two samples of the current move.
             return;
         }
         for resource in touched.iter().copied() {
-            if board.is_fed(resource) {
+            if board.needs_refresh(resource) {
                 self.long_hold(resource, at);
                 self.release(resource, at);
                 let held = || Held { since: at, command: command.clone(), from, is_open_ended: true };
@@ -289,13 +290,13 @@ impl<'d> Scheduler<'d> {
         self.state.apply(board, command);
     }
 
-    /// Tells the raw frames for the drive that are sent before what a move sends at `at`.
-    fn tell_raw_drives(&mut self, at: Time, from: Origin) {
+    /// Applies raw drive frames that are sent before a move's sample at `at`.
+    fn apply_raw_drives(&mut self, at: Time, from: Origin) {
         let key = (at.micros(), from.order);
         while let Some((at, command, from)) =
             self.raw_drives.front().filter(|(at, _, raw)| (at.micros(), raw.order) < key).cloned()
         {
-            self.tell(at, &command, from);
+            self.apply(at, &command, from);
         }
     }
 
@@ -309,7 +310,7 @@ impl<'d> Scheduler<'d> {
         }
     }
 
-    /// A hold that nothing in its own line ends, and that lasted long.
+    /// Reports a long hold that has no `for`.
     fn long_hold(&mut self, resource: ResourceId, until: Time) {
         let held = self.held.get(resource).and_then(Option::as_ref);
         let Some(Held { since, command, from, .. }) = held.filter(|held| held.is_open_ended) else { return };
@@ -321,15 +322,15 @@ impl<'d> Scheduler<'d> {
         let diagnostic = Diagnostic::new(
             Code::LongHold,
             from.span,
-            format!("`{said}` drives on for {lasted}, until another line ends it"),
-            format!("if that is meant, say so where it starts: `{said} for {lasted}`"),
+            format!("`{said}` keeps driving for {lasted} until another line ends it"),
+            format!("if that is intended, write `{said} for {lasted}`"),
         )
         .label("no `for`");
         let from = *from;
         self.report(diagnostic, from);
     }
 
-    /// Ends a hold just before `until`, and sends its refreshes.
+    /// Ends a hold just before `until`, and adds its refreshes.
     fn release(&mut self, resource: ResourceId, until: Time) {
         let held = self.held.get_mut(resource).and_then(Option::take);
         let (Some(Held { since: start, command, from, .. }), Some(interval)) = (held, self.settings.refresh) else {
@@ -338,7 +339,7 @@ impl<'d> Scheduler<'d> {
         if start.plus(interval).micros() >= until.micros() {
             return;
         }
-        // Counted before anything is laid, so that a day of refreshes costs nothing where it is too much.
+        // Count before adding, so that too many refreshes cost no memory.
         let at = |k| start.plus(interval.times(k)).micros();
         let passed = whole(until.minus(start).over(interval).unwrap_or(0.0));
         let count = passed.saturating_sub(u64::from(at(passed) >= until.micros()));
@@ -359,20 +360,20 @@ impl<'d> Scheduler<'d> {
         for (id, resource, rest) in self.state.closing(board, false).collect::<Vec<_>>() {
             let message = format!("{} is still {} when the script ends", resource.name, resource.activity);
             let rest = board.show(rest);
-            let help = format!("end the script with `{rest}`; motionseq sends it at the end in any case");
+            let help = format!("end the script with `{rest}`; motionseq sends it in any case");
             let from = self.last(id);
             self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
         }
     }
 
-    /// Ends what is still running. What a raw frame left behind is unknown.
+    /// Ends what is still running. The state after a raw frame is unknown.
     fn close(&mut self, end: Time) {
         for (id, _, rest) in self.state.closing(self.board, self.raw.is_some()).collect::<Vec<_>>() {
             self.emit(end, rest.clone(), Kind::Closing, self.raw.unwrap_or(self.last(id)));
         }
     }
 
-    /// Each report is held against every `expect` that waits, so not too many may wait together.
+    /// Limits the `expect`s that wait together, because each report is compared with all of them.
     fn waiting_expects(&mut self) {
         let mut waiting = BinaryHeap::new();
         let mut found = None;
@@ -387,8 +388,13 @@ impl<'d> Scheduler<'d> {
             }
         }
         if let Some((span, trace)) = found {
-            let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time here");
-            let diagnostic = Diagnostic::new(Code::TooManyEvents, span, message, "let fewer of them overlap");
+            let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time");
+            let diagnostic = Diagnostic::new(
+                Code::TooManyEvents,
+                span,
+                message,
+                "shorten their `within`, or start them one after another",
+            );
             self.report(diagnostic, Origin { span, trace, ..Origin::default() });
         }
     }
@@ -400,21 +406,21 @@ impl<'d> Scheduler<'d> {
         }
     }
 
-    /// Whether so many more frames are allowed; where not, that is reported once.
+    /// Whether this many more frames are allowed. Reports the first excess.
     fn has_room(&mut self, more: usize, from: Origin) -> bool {
         let total = (self.plain + self.events.len() + self.refreshes.len()).saturating_add(more);
         let room = total <= self.limit;
         if !room && !self.full {
             self.full = true;
             let message = format!("the script sends more than {} frames", self.limit);
-            let help = "make it shorter or the refresh interval longer, or allow more with `--max-events`";
+            let help = "shorten it, use a longer `refresh` interval, or allow more with `--max-events`";
             self.report(Diagnostic::new(Code::TooManyEvents, from.span, message, help), from);
         }
         room
     }
 
-    /// All events in the order of sending, and the moves in that of their first steps. The sort is stable: closing frames keep
-    /// theirs.
+    /// All events in the order of sending, and the moves in the order of their first steps. The
+    /// sort is stable, so that closing frames keep their order.
     fn finish(mut self, steps: Vec<Step>) -> (Vec<Event>, Vec<Tween>) {
         self.tweens.sort_by_key(|(_, first)| *first);
         let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
@@ -423,7 +429,7 @@ impl<'d> Scheduler<'d> {
             (event.at, event.rank(board), if event.kind == Kind::Closing { 0 } else { *order })
         };
         let mut plain: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
-        // The longer of the two stays where it is.
+        // Move the shorter of the two vectors.
         let mut events = self.events;
         if plain.len() < events.len() {
             events.splice(0..0, plain);
@@ -443,7 +449,7 @@ impl<'d> Scheduler<'d> {
     }
 }
 
-/// The event that a step is, if it is one, with its place in script order.
+/// The event of a step with its index in script order, if the step is one event.
 fn plain_event(step: Step) -> Option<(Event, u32)> {
     let from = Origin::step(&step);
     let (command, is_instant) = match step.action {
@@ -454,14 +460,15 @@ fn plain_event(step: Step) -> Option<(Event, u32)> {
     Some((Event { is_instant, ..from.event(step.at.micros(), command, Kind::Command) }, from.order))
 }
 
-/// The whole part of a number above zero, held where it is far too large.
+/// The integer part of a positive number, limited to a large maximum.
 fn whole(number: f64) -> u64 {
     const MANY: f64 = 1e12;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
     if number.is_finite() { number.clamp(0.0, MANY) as u64 } else { 0 }
 }
 
-/// A step that is a raw frame for a resource that must be fed: its time, its command and its place.
+/// The time, command and origin of a step that is a raw frame for a resource that must be
+/// refreshed.
 fn raw_drive(board: &Board, step: &Step) -> Option<(Time, Command, Origin)> {
     match &step.action {
         Action::Send(command) if is_raw_drive(board, command) => Some((step.at, command.clone(), Origin::step(step))),
@@ -469,7 +476,7 @@ fn raw_drive(board: &Board, step: &Step) -> Option<(Time, Command, Origin)> {
     }
 }
 
-/// Whether a command is a raw frame for a resource that must be fed.
+/// Whether a command is a raw frame for a resource that must be refreshed.
 fn is_raw_drive(board: &Board, command: &Command) -> bool {
     board.is_opaque(command) && board.is_drive(command)
 }
@@ -479,9 +486,9 @@ mod tests {
     use super::*;
     use crate::program::Move;
 
-    /// A million of them are there at once, and the second becomes the third in the same memory.
+    /// Millions of them are in memory at once, and a `Step` becomes an `(Event, u32)` in place.
     #[test]
-    fn what_there_are_millions_of_is_small() {
+    fn frequent_types_are_small() {
         assert_eq!(size_of::<Command>(), 16);
         assert_eq!(size_of::<Step>(), 48);
         assert!(size_of::<Event>() <= 40 && size_of::<Move>() <= 88 && size_of::<Tween>() <= 32);

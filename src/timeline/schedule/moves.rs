@@ -1,4 +1,4 @@
-//! Moves: where they start, and the frames on their way.
+//! Moves: their starting values, and their frames.
 
 use super::super::{Kind, Tween};
 use super::{Origin, Scheduler};
@@ -6,8 +6,8 @@ use crate::diagnostic::{Code, Diagnostic};
 use crate::program::{MAX_STEPS, Motion, Move, Time, broken_limit};
 
 impl Scheduler<'_> {
-    /// Samples a move: at the start where it says so, then every period, then exactly the target. What would say the same
-    /// as the last frame to the same thing is left out.
+    /// Samples a move: its starting values if the script gives them, then every period, then
+    /// exactly the target. A sample that equals the last frame of the resource is not sent.
     pub(super) fn go(&mut self, at: Time, going: &Move, from: Origin) {
         let Move { motion, over, ease, .. } = going;
         let Some(starts) = self.starts(motion, from) else {
@@ -26,7 +26,7 @@ impl Scheduler<'_> {
         }
     }
 
-    #[expect(clippy::too_many_arguments, reason = "a move and where it goes")]
+    #[expect(clippy::too_many_arguments, reason = "a move with its times and values")]
     fn samples(&mut self, at: Time, end: Time, going: &Move, starts: &[f64], from: Origin) {
         let Move { motion, over, ease, .. } = going;
         if motion.has_start() {
@@ -48,7 +48,8 @@ impl Scheduler<'_> {
         self.sample(end, going, &targets, from);
     }
 
-    /// Whether a move so long may be sampled. Moves that do not overlap stay below the bound; those that clash may not.
+    /// Whether the budget allows the samples of this move. Moves that do not overlap stay within
+    /// it; clashing ones may exceed it.
     fn may_sample(&mut self, over: Time, from: Origin) -> bool {
         let samples = over.micros().0 / self.settings.period.micros().0.max(1);
         if let Some(left) = self.samples_left.checked_sub(samples) {
@@ -58,13 +59,13 @@ impl Scheduler<'_> {
         if !self.full {
             self.full = true;
             let message = format!("the moves of the script have more than {MAX_STEPS} samples");
-            let help = "make them shorter, or choose a lower `rate`";
+            let help = "shorten them, or choose a lower `rate`";
             self.report(Diagnostic::new(Code::TooManySteps, from.span, message, help), from);
         }
         false
     }
 
-    /// Where each value of a move starts; `None` where one is not known, which is reported.
+    /// The starting values of a move. Reports an unknown one and returns `None`.
     fn starts(&mut self, motion: &Motion, from: Origin) -> Option<Vec<f64>> {
         let board = self.board;
         let known = self.state.values(board, motion.verb, motion.index);
@@ -76,15 +77,15 @@ impl Scheduler<'_> {
                 let rest = occupied.first().and_then(|resource| board.rest(*resource));
                 let help = match rest {
                     Some(rest) => format!(
-                        "put a `{}` before it, so that it starts from 0, or write where each value starts",
+                        "send `{}` before it, so that it starts from 0, or write the starting values",
                         board.show(rest)
                     ),
-                    None => "send it somewhere first, or write where it starts".to_owned(),
+                    None => "set it first, or write the starting value".to_owned(),
                 };
                 let help = format!("{help}: `{}`", motion.with_starts(board));
-                let message = format!("nobody knows where the {} starts", motion.name(board, at));
+                let message = format!("the starting value of the {} is unknown", motion.name(board, at));
                 self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
-                // Origin here on it is known, so that one mistake is one message.
+                // Treat the target as known from here on, so that one mistake gives one message.
                 if let Some(target) = motion.target(board) {
                     self.state.apply(board, &target);
                     for resource in occupied {
@@ -100,7 +101,8 @@ impl Scheduler<'_> {
         Some(starts)
     }
 
-    /// Sends one sample, if it says anything new. `false` where it is out of range, which is reported.
+    /// Sends one sample unless it changes nothing. Reports a value out of range and returns
+    /// `false`.
     fn sample(&mut self, at: Time, going: &Move, values: &[f64], from: Origin) -> bool {
         let board = self.board;
         let command = match going.motion.command(board, values) {
@@ -111,8 +113,8 @@ impl Scheduler<'_> {
                 let diagnostic = Diagnostic::new(
                     Code::OutOfRange,
                     from.span,
-                    format!("on the way the {name} gets to {value:.0}, which is out of range"),
-                    "choose an easing that does not overshoot, or stay further inside the range",
+                    format!("during the move, the {name} reaches {value:.0}, which is out of range"),
+                    "choose an easing that does not overshoot, or a target further inside the range",
                 );
                 self.report(diagnostic, from);
                 return false;
@@ -123,7 +125,7 @@ impl Scheduler<'_> {
             return false;
         }
         if board.is_drive(&command) {
-            self.tell_raw_drives(at, from);
+            self.apply_raw_drives(at, from);
         }
         if !self.state.has(board, &command) {
             self.send(at, &command, Kind::Sample, from);

@@ -1,0 +1,334 @@
+//! Writes what a program sends as a script.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use super::curve::MoveLimits;
+use super::move_search::{EasingTable, PointSeries};
+use super::rows::{Received, Row, Run, SHOWN, STILL, of_frame, rows, runs};
+use super::script_state::{Channel, ScriptState};
+use crate::board::{Board, Command, DefaultLimit, Item};
+use crate::program::Ease;
+use crate::units::Micros;
+
+/// A line of this speed, in bits per second, carries the samples of all moves at once: less than
+/// 2,500 bytes per second.
+const AMPLE: u32 = 38_400;
+
+/// The most items that wait to be written.
+const WAITING: usize = 2048;
+
+/// Converts frames and their times to a script. Settled text does not change: the script only
+/// grows.
+///
+/// In exact mode, every frame is a line. Otherwise, repeats that a hold covers are left out, and a
+/// run of values that follows an easing is one line.
+pub struct ScriptWriter {
+    exact: bool,
+    easings: EasingTable,
+    text: String,
+    /// The time of the first frame, which is time 0 of the script.
+    begin: Option<Micros>,
+    waiting: Vec<(Micros, Received)>,
+    state: ScriptState,
+    frames: u64,
+    /// The time of the last line, in the time of the stream.
+    settled: Micros,
+    bounds: Bounds,
+    /// Whether the line may be too slow for the samples of moves.
+    saves_frames: bool,
+}
+
+/// The note in the header about default limits, and the `limit` lines that replace it if a command
+/// exceeds them. Both have the same length, so that they can be replaced in a growing file.
+struct Bounds {
+    /// The position of the note, in bytes from the start.
+    at: usize,
+    note: String,
+    lines: String,
+    is_wide: bool,
+    /// Whether the header was already returned.
+    is_settled: bool,
+    /// Whether the caller must replace the note.
+    is_amended: bool,
+}
+
+impl Bounds {
+    fn new(board: &Board, at: usize) -> Self {
+        let note = |limit: &DefaultLimit| {
+            let name = board.limited_name(limit.limited);
+            let mut letters = name.chars();
+            let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+            format!(" {first}{} is at most {}.", letters.as_str(), limit.range.1)
+        };
+        let line = |limit: &DefaultLimit| {
+            let (least, most) = board.range(limit.limited).unwrap_or(limit.range);
+            format!("\nlimit {} {least}..{most}", board.limited_name(limit.limited))
+        };
+        let mut note: String = board.limits.iter().map(note).collect();
+        let mut lines: String = board.limits.iter().map(line).collect();
+        if !lines.is_empty() {
+            lines.push('\n');
+        }
+        let length = note.len().max(lines.len());
+        note.extend(std::iter::repeat_n(' ', length - note.len()));
+        lines.extend(std::iter::repeat_n('\n', length - lines.len()));
+        Bounds { at, note, lines, is_wide: false, is_settled: false, is_amended: false }
+    }
+}
+
+impl ScriptWriter {
+    /// A script without lines; `exact` keeps every frame. `baud` is the speed of the line in bits
+    /// per second.
+    pub fn new(board: Arc<Board>, exact: bool, baud: u32) -> Self {
+        let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
+        text += if exact {
+            ": every frame, unchanged."
+        } else {
+            ". Repeats that a hold covers are left out; values that follow an easing are one move."
+        };
+        let bounds = Bounds::new(&board, text.len());
+        text = text + &bounds.note + if exact { "\nrefresh off\n" } else { "\n" };
+        if baud != board.baud {
+            let _ = writeln!(text, "baud {baud}");
+        }
+        ScriptWriter {
+            exact,
+            easings: EasingTable::new(),
+            text,
+            begin: None,
+            waiting: Vec::new(),
+            state: ScriptState::new(board),
+            frames: 0,
+            settled: Micros::ZERO,
+            bounds,
+            saves_frames: baud < AMPLE,
+        }
+    }
+
+    /// Never send more frames than were received: the line may be slow.
+    pub(super) fn save_line(&mut self) {
+        self.saves_frames = true;
+    }
+
+    /// Widens the default limits to the ranges of the board.
+    pub fn widen(&mut self) {
+        if std::mem::replace(&mut self.bounds.is_wide, true) {
+            return;
+        }
+        let Bounds { at, note, lines, is_settled, .. } = &self.bounds;
+        if *is_settled {
+            self.bounds.is_amended = true;
+        } else {
+            self.text.replace_range(*at..*at + note.len(), lines);
+        }
+    }
+
+    /// A replacement in the settled text, if there is one: its position in bytes from the start,
+    /// and the new text of the same length.
+    pub fn amendment(&mut self) -> Option<(usize, &str)> {
+        std::mem::take(&mut self.bounds.is_amended).then_some((self.bounds.at, &*self.bounds.lines))
+    }
+
+    /// Adds an item of a decoder with its start time. Times must not decrease.
+    pub fn take(&mut self, at: Micros, item: Item<'_>) {
+        let received = match item {
+            Item::Frame(frame) => {
+                self.frames += 1;
+                let received = of_frame(&self.state.board, frame);
+                if matches!(&received, Received::Command(command) if self.is_beyond(command)) {
+                    self.widen();
+                }
+                received
+            }
+            // They are part of a stop and have no meaning on their own.
+            Item::Skipped { why, .. } if !why.is_wrong() => return,
+            Item::Skipped { bytes, why, .. } => {
+                if let Some((_, Received::Skipped(first, count, last))) = self.waiting.last_mut()
+                    && *last == why
+                {
+                    *count += bytes.len();
+                    first.extend(bytes.iter().take(SHOWN.saturating_sub(first.len())));
+                    return;
+                }
+                Received::Skipped(bytes.iter().take(SHOWN).copied().collect(), bytes.len(), why)
+            }
+        };
+        self.push(at, received);
+    }
+
+    /// Whether a command exceeds a default limit.
+    fn is_beyond(&self, command: &Command) -> bool {
+        let board = &self.state.board;
+        board.limits.iter().any(|limit| {
+            let (least, most) = limit.range;
+            board.outside(limit.limited, (least.into(), most.into()), command).is_some()
+        })
+    }
+
+    /// Adds a comment.
+    pub fn note(&mut self, at: Micros, words: &str) {
+        self.push(at, Received::Note(words.to_owned()));
+    }
+
+    fn push(&mut self, at: Micros, received: Received) {
+        let is_frame = matches!(received, Received::Command(_) | Received::Unknown(..));
+        if is_frame {
+            self.begin.get_or_insert(at);
+        }
+        self.waiting.push((at, received));
+        if self.waiting.len() >= WAITING {
+            self.write_waiting(WAITING, at, false);
+        }
+    }
+
+    /// Writes everything that cannot change any more at this time.
+    pub fn settle(&mut self, now: Micros) {
+        // Wait for values that may belong to a move, and for frames that may be the end.
+        let moves = |(at, received): &(Micros, Received)| {
+            let is_channel =
+                matches!(received, Received::Command(command) if Channel::of(&self.state.board, command).is_some());
+            is_channel && *at + STILL >= now
+        };
+        if self.exact {
+            self.write_waiting(self.waiting.len() - self.closing(), now, false);
+        } else if !self.waiting.iter().rev().any(moves) {
+            self.write_waiting(self.waiting.len(), now, false);
+        }
+    }
+
+    /// The text that was settled since the last call.
+    pub fn settled(&mut self) -> String {
+        self.bounds.is_settled = true;
+        std::mem::take(&mut self.text)
+    }
+
+    /// The rest of the script as plain lines, as if it ended here.
+    pub fn tail(&self) -> String {
+        let mut text = String::new();
+        let now = self.waiting.last().map_or(self.settled, |(at, _)| *at);
+        let rows = rows(&mut self.state.clone(), &self.waiting, self.exact, now, true);
+        self.print(rows.into_iter().filter_map(|row| Some((row.at, row.text?))), &mut text);
+        text
+    }
+
+    /// Ends the script at a time.
+    pub fn finish(&mut self, now: Micros) {
+        if self.exact {
+            self.write_waiting(self.waiting.len() - self.closing(), now, false);
+        }
+        // A script with `raw` sends both at its end by itself.
+        if let (true, true, Some((at, _))) = (self.exact, self.state.has_raw, self.waiting.first()) {
+            let end = [(*at, "mark end".to_owned())];
+            self.waiting.clear();
+            let mut text = std::mem::take(&mut self.text);
+            self.print(end.into_iter(), &mut text);
+            self.text = text;
+        }
+        self.write_waiting(self.waiting.len(), now, true);
+    }
+
+    /// The number of frames so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// The number of last frames that bring everything to rest, or everything that is refreshed.
+    /// `play` may have sent them to close a script.
+    fn closing(&self) -> usize {
+        let ending = |needs_refresh: bool| -> Vec<&Command> {
+            let rests =
+                self.state.board.resources.iter().rev().filter(|resource| resource.needs_refresh || !needs_refresh);
+            rests.filter_map(|resource| resource.rest.as_ref()).collect()
+        };
+        let ends_with = |ending: &[&Command]| {
+            let last = self.waiting.iter().rev().zip(ending.iter().rev());
+            self.waiting.len() >= ending.len()
+                && last
+                    .into_iter()
+                    .all(|((_, received), rest)| matches!(received, Received::Command(command) if command == *rest))
+        };
+        [ending(false), ending(true)].iter().find(|ending| ends_with(ending)).map_or(0, Vec::len)
+    }
+
+    /// Writes the first waiting items; `is_last` if nothing follows.
+    fn write_waiting(&mut self, count: usize, now: Micros, is_last: bool) {
+        let waiting: Vec<_> = self.waiting.drain(..count).collect();
+        let mut rows = rows(&mut self.state, &waiting, self.exact, now, is_last);
+        let (mut moves, mut settled) = (Vec::new(), Micros::ZERO);
+        if !self.exact {
+            // When the last move of each channel ends.
+            let mut ended: Vec<(Channel, Micros)> = Vec::new();
+            let board = Arc::clone(&self.state.board);
+            for mut run in runs(&board, &rows) {
+                run.until = run.until.min(now);
+                let busy = ended.iter().filter(|(channel, _)| channel.meets(&board, run.channel)).map(|(_, at)| *at);
+                let free = busy.chain([self.settled]).max().unwrap_or_default();
+                ended.extend(self.write_moves(&run, free, &mut rows, &mut moves).map(|at| (run.channel, at)));
+            }
+            settled = ended.iter().map(|(_, at)| *at).max().unwrap_or_default();
+        }
+        self.settled = rows.iter().map(|row| row.at).chain([self.settled, settled]).max().unwrap_or_default();
+        let lines = rows.into_iter().enumerate().filter_map(|(place, row)| Some((row.at, place, row.text?)));
+        let mut lines: Vec<_> = lines.chain(moves).collect();
+        lines.sort_by_key(|(at, place, _)| (*at, *place));
+        let mut text = std::mem::take(&mut self.text);
+        self.print(lines.into_iter().map(|(at, _, text)| (at, text)), &mut text);
+        self.text = text;
+    }
+
+    /// Removes the rows that moves replace, and adds the lines of the moves, each with its time and
+    /// the row whose place it takes. No move starts before `free`. Returns when the last move ends.
+    fn write_moves(
+        &self,
+        run: &Run,
+        free: Micros,
+        rows: &mut [Row],
+        lines: &mut Vec<(Micros, usize, String)>,
+    ) -> Option<Micros> {
+        let before = run.before.map(|(since, axes)| (since.max(free), axes));
+        let board = &self.state.board;
+        let limits =
+            MoveLimits { saves_frames: self.saves_frames, ..run.channel.move_limits(board, self.bounds.is_wide) };
+        let found = self.easings.find_moves(&PointSeries::new(&run.points, run.until, limits), before);
+        let ends = found.last().map(|one| one.to_at);
+        let mut ended = None;
+        for one in found {
+            let covered = one.first.unwrap_or(0)..=one.last;
+            let said = match one.first {
+                None => Some(one.from),
+                Some(first) if ended == Some(first) => Some(one.from),
+                Some(0) => run.before.map(|(_, axes)| axes),
+                Some(first) => run.points.get(first - 1).map(|point| point.axes),
+            };
+            let (Some(end), Some(place)) = (run.points.get(one.last), run.rows.get(*covered.start())) else {
+                continue;
+            };
+            for row in run.rows.get(covered).unwrap_or_default() {
+                if let Some(row) = rows.get_mut(*row) {
+                    row.text = None;
+                }
+            }
+            let mut text = run.channel.moved(board, said, one.from, end.axes);
+            let _ = write!(text, " over {}s", one.to_at - one.from_at);
+            if one.ease != Ease::LINEAR {
+                let _ = write!(text, " ease {}", one.ease.name());
+            }
+            lines.push((one.from_at, *place, text));
+            ended = Some(one.last);
+        }
+        ends
+    }
+
+    /// Writes lines with their times. A comment is a line of its own.
+    fn print(&self, lines: impl Iterator<Item = (Micros, String)>, text: &mut String) {
+        let begin = self.begin.unwrap_or_default();
+        for (at, line) in lines {
+            let at = at - begin;
+            let _ = match line.strip_prefix("# ") {
+                Some(comment) => writeln!(text, "# {at}s: {comment}"),
+                None => writeln!(text, "at {at}s {line}"),
+            };
+        }
+    }
+}
