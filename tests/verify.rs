@@ -354,7 +354,7 @@ fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     // An unknown fault lists the known ones.
     repository.file("odd.motion", "# rehearse: fire\nservo 1 1500\n");
     let output = repository.run(&["test", "--play", "odd.motion"]);
-    assert!(stdout(&output).contains("odd.motion:1: play: `fire` is no fault; write drop=5%"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("odd.motion:1: play: unknown fault `fire`; write drop=5%"), "{}", stdout(&output));
     assert_eq!(code(&repository.run(&["test", "--fault", "silent"])), 2);
     // A port that is lost or stalls during a rehearsal is reported at its line.
     let output = repository.run(&["test", "--play", "--fault", "stall@500ms", "dance.motion"]);

@@ -22,31 +22,31 @@ use super::screen::Screen;
 use super::tape::Tape;
 use super::watcher::Watcher;
 
-/// Be a virtual board that any program opens as its serial port
+/// Offer a virtual board that any program can open as its serial port
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq board --link /tmp/board\n  python3 my_robot.py /tmp/board          in another terminal: it opens /tmp/board as it would /dev/ttyAMA0\n  motionseq play dance.motion --port /tmp/board\n\nEach frame that comes is a line: seconds since the start, the bytes, the command, and what is wrong with it, if anything is.\nIt goes on when a program closes the port, and waits for the next one. Ctrl-C ends it and takes the link away."
+    after_help = "Examples:\n  motionseq board --link /tmp/board\n  python3 my_robot.py /tmp/board          in another terminal: it opens /tmp/board as it would /dev/ttyAMA0\n  motionseq play dance.motion --port /tmp/board\n\nEach frame is shown on a line: seconds since the start, the bytes, the command, and its error, if it has one.\nWhen a program closes the port, the board waits for the next program. Ctrl-C ends the board and removes the link."
 )]
 pub(super) struct Board {
-    /// Where programs find the port: a link is made there, and taken away at the end
+    /// Create a link to the port at this path; it is removed at the end
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
-    /// How frames are shown
+    /// Choose how frames are shown
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
-    /// Speed of the line in bits a second
+    /// Set the bit rate of the line
     #[arg(long, value_name = "BAUD", default_value_t = raspblock::board().baud, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: u32,
-    /// Voltage of the battery at rest, from 0V to 100V
+    /// Set the battery voltage at rest, 0V to 100V
     #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
     battery: Hundredths,
-    /// What goes wrong: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
+    /// Add faults: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// How often the virtual board reports, from 10ms to 10s, once it was asked to
+    /// Set the time between two reports, 10ms to 10s; the board reports when requested
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
     report_every: Micros,
-    /// Write all that happens to this MCAP file, too: frames, state, pose, telemetry; Foxglove shows it
+    /// Write a log of frames, state, pose and telemetry to this MCAP file, for Foxglove and other tools
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     #[command(flatten)]
@@ -77,7 +77,11 @@ impl Board {
         let mut door = Door::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
         let log = Log::open(self.log.as_deref(), None, self.reading.board(), screen)?;
         let signals = begin(screen)?;
-        screen.note(&format!("a virtual board stands at {}, {} baud; Ctrl-C ends it", self.link.display(), self.baud));
+        screen.note(&format!(
+            "{} leads to a virtual board with {} baud; Ctrl-C ends it",
+            self.link.display(),
+            self.baud
+        ));
         let board = board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.keeping(None, log);
@@ -85,26 +89,26 @@ impl Board {
     }
 }
 
-/// A virtual board that is switched on now.
+/// A virtual board, switched on now.
 pub(super) fn board_with(of: Arc<Family>, battery: Hundredths, report_every: Micros, faults: Option<Faults>) -> Faulty {
     let mut settings = Settings::default();
     (settings.battery, settings.report_every) = (battery, report_every);
     Faulty::new(Device::new(of, settings), faults.unwrap_or_default())
 }
 
-/// Catches signals, and lets nothing wait for the screen: from here on a signal ends it, whatever happens.
+/// Catches signals, and lets nothing wait for the screen: from here on a signal always ends the server.
 pub(super) fn begin(screen: &Screen) -> Result<Signals, Exit> {
     Screen::never_wait().and_then(|()| Signals::catch()).map_err(|error| failed(screen, &error))
 }
 
-/// Says why the system cannot do it.
+/// Reports why the system refuses to start.
 pub(super) fn failed(screen: &Screen, error: &io::Error) -> Exit {
-    screen.error(&format!("cannot begin: {error}"));
+    screen.error(&format!("cannot start: {error}"));
     Exit::Failed
 }
 
-/// Serves a virtual board until a signal ends it, and says what became of it. Gives the recording, too, if there is one.
-#[expect(clippy::too_many_arguments, reason = "a server and what watches it")]
+/// Serves a virtual board until a signal ends it, and reports how it ended. Returns the recording, too, if there is one.
+#[expect(clippy::too_many_arguments, reason = "a server and its observer")]
 pub(super) fn serve_board(
     door: &mut Door,
     board: Faulty,
@@ -124,11 +128,11 @@ pub(super) fn serve_board(
                 board_summary(screen, &family, &received);
             }
             if end == End::Unplugged {
-                screen.note("the cable was pulled, as the fault asked for");
+                screen.note("the board was unplugged, by the fault `unplug`");
             }
             Exit::Ok
         }
-        // Whoever read the frames has seen enough.
+        // The reader of the frames has closed its end.
         Err(ServeError::Failed(error)) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
         Err(error) => {
             screen.error(&format!("the virtual board failed: {error}"));
@@ -138,7 +142,7 @@ pub(super) fn serve_board(
     (exit, tape)
 }
 
-/// Says why there is no port at a path.
+/// Reports why there is no port at a path.
 pub(super) fn refused(error: &DoorError, screen: &Screen) -> Exit {
     screen.error(&error.to_string());
     match error {
@@ -147,7 +151,7 @@ pub(super) fn refused(error: &DoorError, screen: &Screen) -> Exit {
             Exit::InUse
         }
         DoorError::InTheWay(_) => {
-            screen.ask("choose another path, or take away what is there; nothing was changed");
+            screen.ask("choose another path, or remove what is there; nothing was changed");
             Exit::Usage
         }
         _ => Exit::Usage,

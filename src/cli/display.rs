@@ -1,4 +1,4 @@
-//! What is shown of a board that other programs use: frames on standard output, and on a terminal a line about the robot.
+//! Shows a board that other programs use: frames on standard output, and on a terminal a status line.
 
 use std::io::{self, BufWriter, IsTerminal as _, Write as _};
 use std::sync::Arc;
@@ -15,9 +15,9 @@ use super::observer::{Event, Seen};
 use super::screen::{Screen, plural};
 use super::state_line::{active_words, drive_words};
 
-/// How often the line about the robot is drawn.
+/// How often the status line is drawn.
 pub(super) const UPDATE: Micros = Micros::from_millis(100);
-/// How long frames wait for the line about the robot to be cleared, on a terminal.
+/// How long frames wait until the status line is cleared, on a terminal.
 const CLEARED: Duration = Duration::from_millis(50);
 
 /// How frames are shown.
@@ -32,27 +32,27 @@ pub(super) enum Format {
 /// Shows what happens.
 pub(super) struct Display {
     screen: Screen,
-    /// Where frames are shown, if they are.
+    /// Where frames are shown, if anywhere.
     shown: Option<Shown>,
-    /// What the board was told, and what it said last.
+    /// The state of the board, and its last report.
     state: State,
     report: Option<Report>,
     seen: Option<Arc<Seen>>,
-    /// When the line about the robot was drawn last.
+    /// When the status line was last drawn.
     drawn: Micros,
-    /// Whether there are frames that were not shown yet.
+    /// Whether there are frames that are not shown yet.
     is_fresh: bool,
     is_open: bool,
-    /// Frames and runs of bytes that no correct program sends, and why the last bytes were skipped, if they were.
+    /// The number of frames and runs of bytes that no correct program sends, and why the last bytes were skipped, if they were.
     wrong: u64,
     run: Option<Skip>,
     baud: u32,
     board: Arc<Board>,
-    /// Whether a frame has come that can be read in two ways.
+    /// Whether an ambiguous frame has come.
     has_doubt: bool,
 }
 
-/// Standard output, in one of two forms.
+/// Standard output, in one of two formats.
 enum Shown {
     Listing(Listing<BufWriter<io::Stdout>>),
     Jsonl(BufWriter<io::Stdout>, Arc<Board>),
@@ -95,7 +95,7 @@ impl Shown {
 }
 
 impl Display {
-    /// Shows frames on standard output, or not; the line of the board has so many bits a second.
+    /// Shows frames on standard output, or not; `baud` is the bit rate of the line.
     pub(super) fn new(screen: Screen, shown: Option<Format>, baud: u32, board: Arc<Board>) -> Self {
         Display {
             screen,
@@ -114,7 +114,7 @@ impl Display {
         }
     }
 
-    /// Shows what happens until nothing does any more, or until it cannot.
+    /// Shows events until there are no more, or until standard output fails.
     pub(super) fn run(mut self, events: &Receiver<(Micros, Event)>) -> io::Result<()> {
         for (now, event) in events {
             self.take(now, event)?;
@@ -151,15 +151,15 @@ impl Display {
             }
             Event::Report(report) => self.report = Some(report),
             Event::Behind(bytes, delay) => self.screen.warning(&format!(
-                "at {now:.3} s the program has sent more than the line carries: {bytes} bytes wait, for {:.0} ms",
+                "at {now:.3} s the program has sent more than the line can carry: {bytes} bytes wait for {:.0} ms",
                 delay.in_millis()
             )),
             Event::SetUp(settings) => self.screen.warning(&format!(
-                "at {now:.3} s the program has its line at {settings}; a board at {} baud, 1 stop bit would get garbage",
+                "at {now:.3} s the program has set its line to {settings}; a board at {} baud, 1 stop bit would get garbage",
                 self.baud
             )),
             Event::Unread(bytes) => self.screen.warning(&format!(
-                "at {now:.3} s it ended, and {} that the program had written were not read",
+                "at the end, {now:.3} s, {} of the program were not read",
                 plural(usize::try_from(bytes).unwrap_or(usize::MAX), "byte")
             )),
             Event::Passed(seen) => {
@@ -197,7 +197,7 @@ impl Display {
                     self.state.apply(board, &command);
                 }
             }
-            // Bytes in a row count once, as they are one line of the listing.
+            // A run of bytes counts once, because it is one line of the listing.
             Item::Skipped { why, .. } => {
                 self.wrong += u64::from(why.is_wrong() && self.run != Some(why));
                 self.run = Some(why);
@@ -207,7 +207,7 @@ impl Display {
         self.shown.as_mut().map_or(Ok(()), |shown| shown.take(at, item))
     }
 
-    /// `12.300 s  stands  servo 1 1500  0.0 cm right, 0.0 cm forward, 0°  12.00 V`, as much as there is room for.
+    /// `12.300 s  stopped  servo 1 1500  x 0.0 y 0.0 cm, 0°  12.00 V`, as much as fits.
     fn line(&self, now: Micros) -> String {
         let mut line = format!("{now:.3} s");
         let room = self.screen.live_width();
@@ -224,7 +224,7 @@ impl Display {
     fn parts(&self) -> Vec<String> {
         let state = self.seen.as_ref().map_or(&self.state, |seen| &seen.state);
         let board = &self.board;
-        let mut parts = vec![if self.is_open { drive_words(board, state) } else { "nobody is there".to_owned() }];
+        let mut parts = vec![if self.is_open { drive_words(board, state) } else { "no program".to_owned() }];
         if self.wrong > 0 {
             parts.push(format!("{} wrong", self.wrong));
         }

@@ -1,4 +1,4 @@
-//! What happens at a board that other programs use, for the display, the tape and the log.
+//! Events at a board that other programs use, for the display, the tape and the log.
 
 use std::sync::Arc;
 
@@ -7,28 +7,28 @@ use motionseq::link::LineSettings;
 use motionseq::sim::Pose;
 use motionseq::units::Micros;
 
-/// What happens at a board that other programs use. The display, the tape and the log are told the same.
+/// An event at a board that other programs use. The display, the tape and the log get the same events.
 #[derive(Clone)]
 pub(super) enum Event {
     /// A program has opened the port.
     Opened,
-    /// It has closed it, or has ended.
+    /// The program has closed the port, or has ended.
     Closed,
     /// Frames of the program, and bytes that are not frames, each with the time at which it began on the line.
     Came(Arc<[(Micros, OwnedItem)]>),
     /// The board has reported.
     Report(Report),
-    /// The program sends more than the line carries: how many bytes wait, and for how long.
+    /// The program sends more than the line can carry: the number of waiting bytes, and for how long they wait.
     Behind(u64, Micros),
-    /// At the end: how many bytes that the program had written could not be read.
+    /// At the end: the number of bytes of the program that were not read.
     Unread(u64),
-    /// The program has set its line up otherwise than the board's.
+    /// The program has set its line to other values than those of the board.
     SetUp(LineSettings),
-    /// Some time has passed; how a virtual board is now, a few times a second.
+    /// Some time has passed; a few times a second with the state of a virtual board.
     Passed(Option<Arc<Seen>>),
 }
 
-/// How a virtual board is. What a fault has kept from it, it was not told.
+/// The state of a virtual board. Frames that a fault dropped are not in it.
 pub(super) struct Seen {
     pub(super) state: State,
     pub(super) pose: Pose,

@@ -1,4 +1,4 @@
-//! `motionseq record`: what another program sends, as a script.
+//! `motionseq record`: writes what another program sends as a script.
 
 use std::fs::File;
 use std::io;
@@ -26,50 +26,50 @@ use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::Watcher;
 
-/// Write what another program sends to its board down as a script
+/// Write what another program sends to its board as a script
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends it. The script is on disk as it goes, at most half a second behind. Its time 0 is that of the first frame.\nRepeats of a drive command that its hold covers are left out, and so are repeats of what a servo or the buzzer was told. Values\nthat follow an easing, of servos within 5 us and of the drive within 1, become one line with `over`. --exact keeps every frame."
+    after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends the recording. The file is updated every half second. Time 0 of the script is the first frame.\nRepeated commands to the drive, a servo or the buzzer are left out. Values that follow an easing, within 5 us for servos\nand 1 for the drive, become one line with `over`. --exact keeps every frame."
 )]
 pub(super) struct Record {
-    /// Where the program finds its port: a link is made there, and taken away at the end
+    /// Create a link to the port for the program at this path; it is removed at the end
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
-    /// The serial port of a board: bytes pass between it and the program, both ways and unchanged
+    /// Pass bytes between the program and the board at this serial port, both ways and unchanged
     #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
     port: Option<PathBuf>,
-    /// Write the script to this file, which must not be there yet, instead of standard output
+    /// Write the script to this new file instead of standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Show each frame on standard output, too, as it comes
+    /// Also show each frame on standard output as it arrives
     #[arg(long, value_enum, requires = "output")]
     format: Option<Format>,
-    /// Keep every frame: the script sends what the program has sent, each frame at its time
+    /// Keep every frame: the script sends what the program sent, each frame at its time
     #[arg(long)]
     exact: bool,
-    /// Speed of the line in bits a second
+    /// Set the bit rate of the line
     #[arg(long, value_name = "BAUD", default_value_t = raspblock::board().baud, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: u32,
-    /// Voltage of the virtual board's battery at rest, from 0V to 100V
+    /// Set the battery voltage of the virtual board at rest, 0V to 100V
     #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
     battery: Hundredths,
-    /// What goes wrong with the virtual board, as for `board`
+    /// Add faults to the virtual board, as for `board`
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// How often the virtual board reports, from 10ms to 10s, once it was asked to
+    /// Set the time between two reports of the virtual board, 10ms to 10s; it reports when requested
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
     report_every: Micros,
-    /// Write all that happens to this MCAP file, too: frames, state, telemetry; Foxglove shows it
+    /// Write a log of frames, state and telemetry to this MCAP file, for Foxglove and other tools
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Pass bytes on to a real board without the process that stops the robot if this one is killed or hangs
+    /// Run without the guard, the process that stops the robot if this one is killed or hangs
     #[arg(long, requires = "port")]
     no_guard: bool,
     #[command(flatten)]
     reading: Reading,
 }
 
-/// For how long what passes bytes on may be silent before its guard kills it and stops the robot: twice this.
+/// Without a sign of life for twice this time, the guard kills this process and stops the robot.
 const MAX_LATE: Nanos = Nanos::from_millis(250);
 
 impl Record {
@@ -92,7 +92,7 @@ impl Record {
         }
     }
 
-    /// Fails where nothing was recorded.
+    /// Fails if nothing was recorded.
     fn record(&self, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
         let port = self.port.as_deref();
         let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
@@ -106,7 +106,7 @@ impl Record {
             Watcher::start(*screen, self.format, self.baud, self.reading.board(), port.is_some()).map_err(failed)?;
         let watcher = watcher.keeping(Some(tape), log);
         let begun = |what: &str| {
-            screen.note(&format!("{what} stands at {}, and is recorded; Ctrl-C ends it", self.link.display()));
+            screen.note(&format!("{} leads to {what} and is recorded; Ctrl-C ends the recording", self.link.display()));
         };
         let (exit, tape) = match port {
             None => {
@@ -116,7 +116,7 @@ impl Record {
                 serve_board(&mut door, board, self.baud, &signals, watcher, screen)
             }
             Some(port) => {
-                // The last of all: from here on the loop must beat.
+                // Last: from here on the loop must send signs of life.
                 let guard = self.guard(&port, screen).map_err(failed)?;
                 begun(&format!("the board at {}", self.port.as_deref().unwrap_or(Path::new("")).display()));
                 between(&mut door, self.reading.board(), port, guard, &signals, watcher, screen)
@@ -150,7 +150,7 @@ impl Record {
             (Some(why), name) => {
                 let name = name.unwrap_or_else(|| "standard output".to_owned());
                 output::exit(
-                    Err(io::Error::other(format!("{why}; the recording is not whole"))),
+                    Err(io::Error::other(format!("{why}; the recording is not complete"))),
                     Some(name.as_ref()),
                     screen,
                 )
@@ -160,7 +160,7 @@ impl Record {
 }
 
 /// Records between a program and a board.
-#[expect(clippy::too_many_arguments, reason = "a server and what watches it")]
+#[expect(clippy::too_many_arguments, reason = "a server and its observer")]
 fn between(
     door: &mut Door,
     board: Arc<Family>,
@@ -172,32 +172,32 @@ fn between(
 ) -> (Exit, Option<Tape>) {
     let mut server = Server::of_port(door, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
-    // The program can stop the robot through this port no more.
+    // The program can no longer stop the robot through this port.
     let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
     let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
         Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),
         Ok(_) => (Exit::Ok, None),
         Err(ServeError::Failed(error)) => {
-            (Exit::Port, Some(format!("cannot go on between the program and its board: {error}")))
+            (Exit::Port, Some(format!("cannot pass bytes between the program and its board: {error}")))
         }
         Err(error) => (Exit::Port, Some(error.to_string())),
     };
     if undelivered > 0 {
         let bytes = plural(usize::try_from(undelivered).unwrap_or(usize::MAX), "byte");
-        screen.note(&format!("{bytes} that the program had written did not reach the board"));
+        screen.note(&format!("{bytes} of the program did not reach the board"));
     }
     let robot = match stop {
-        Stop::NotNeeded => "the program had left the robot at rest",
-        Stop::Sent => "the program had not left the robot at rest; stop: sent",
-        _ => "the program had not left the robot at rest; stop: NOT SENT - cut the power",
+        Stop::NotNeeded => "the program left the robot at rest",
+        Stop::Sent => "the program did not stop the robot; stop: sent",
+        _ => "the program did not stop the robot; stop: NOT SENT - cut the power",
     };
     match cause {
         Some(cause) => screen.error(&format!("{cause}; {robot}")),
         None if stop == Stop::NotSent => screen.error(robot),
         None => screen.note(robot),
     }
-    // A guard that gets no goodbye says it in the place of a screen that takes nothing.
+    // A guard without a goodbye prints this line itself, if the screen takes nothing.
     if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {
         guard.goodbye();
     }

@@ -1,4 +1,4 @@
-//! The thread that writes a recording: whatever serves the board never waits for the disk.
+//! The thread that writes a recording. The server of the board never waits for the disk.
 
 use std::fs::File;
 use std::io;
@@ -16,22 +16,22 @@ use super::observer::Event;
 use super::screen::Screen;
 use super::worker::Worker;
 
-/// What may wait to be written down, in pieces.
+/// How many pieces may wait to be written.
 const ROOM: usize = 64 * 1024;
-/// How often the file is brought up to date.
+/// How often the file is updated.
 const UPDATE: Duration = Duration::from_millis(300);
-/// How long the end waits for a file that takes nothing.
+/// How long the end waits for a file that takes no bytes.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// A recording under way.
+/// A recording that is being written.
 pub(super) struct Tape(Worker<(Micros, Event), Kept>);
 
-/// What became of a recording.
+/// The result of a recording.
 pub(super) struct Kept {
-    /// Frames that came, and lines of the script that say them.
+    /// The number of frames, and of lines of the script that send them.
     pub(super) frames: u64,
     pub(super) lines: u64,
-    /// Why it is not whole.
+    /// Why it is not complete.
     pub(super) failed: Option<String>,
 }
 
@@ -51,21 +51,21 @@ impl Tape {
         let out = Growing::new(file, "the recording".to_owned(), screen);
         let mut scribe = ScriptWriter::new(Arc::clone(board), exact, baud);
         if !out.is_file {
-            // What is written to a pipe cannot be amended.
+            // The start of a pipe cannot be amended later.
             scribe.widen();
         }
         let writer = Writer { scribe, out, lines: 0, screen, now: Micros::ZERO, begin: None, failed: None };
         Worker::start("tape", ROOM, |events| writer.run(events)).map(Tape)
     }
 
-    /// Takes in what happened at a time, where it belongs into a script, and the time.
+    /// Adds what happened at a time, and the time.
     pub(super) fn take(&mut self, now: Micros, event: &Event) {
         if matches!(event, Event::Came(_) | Event::Opened | Event::Closed | Event::Passed(_)) {
             self.0.send((now, event.clone()));
         }
     }
 
-    /// Ends it, and says what became of it.
+    /// Ends it, and returns the result.
     pub(super) fn end(self) -> Kept {
         let (ended, lost) = self.0.end(PATIENCE, "the file");
         let mut kept = ended.unwrap_or_else(|why| Kept { frames: 0, lines: 0, failed: Some(why) });
@@ -82,7 +82,7 @@ struct Writer {
     lines: u64,
     screen: Screen,
     now: Micros,
-    /// When the first frame came.
+    /// The time of the first frame.
     begin: Option<Micros>,
     failed: Option<String>,
 }
@@ -115,8 +115,8 @@ impl Writer {
         }
         let begin = *self.begin.get_or_insert(now);
         if now - begin >= Micros::DAY || self.out.length() + MARGIN >= MAX_SOURCE {
-            // What stands so far is a script; more would be none.
-            let failed = "it is as long as a script may be: 64 MiB and 24 hours".to_owned();
+            // The recording is a script so far. A longer one would be too long for a script.
+            let failed = "a script may be at most 64 MiB and 24 hours long".to_owned();
             self.screen.warning(&format!("at {now:.3} s the recording ends: {failed}"));
             self.failed = Some(failed);
             return;
@@ -130,7 +130,7 @@ impl Writer {
         }
     }
 
-    /// Brings the file up to date; where that fails it is tried again the next time.
+    /// Updates the file. A failed write is tried again the next time.
     fn write(&mut self, tail: &str) -> Option<String> {
         let settled = self.scribe.settled();
         self.lines += settled.lines().filter(|line| line.starts_with("at ")).count() as u64;
@@ -142,5 +142,5 @@ impl Writer {
     }
 }
 
-/// How much of the largest script may not be settled.
+/// The largest part of a script that may still change.
 const MARGIN: u64 = 1 << 20;

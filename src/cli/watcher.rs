@@ -1,4 +1,4 @@
-//! Watches a board that other programs use: decodes what comes, once, and tells the display, the tape and the log.
+//! Observes a board that other programs use: decodes the bytes once, and passes the events to the display, the tape and the log.
 
 use std::io;
 use std::sync::Arc;
@@ -17,35 +17,35 @@ use super::screen::{Screen, plural};
 use super::tape::Tape;
 use super::worker::Worker;
 
-/// How much may wait to be shown, in pieces, and how many items a piece has at most: noise may be an item for each byte.
+/// The most pieces that may wait to be shown, and the most items of a piece: noise may be one item per byte.
 const ROOM: usize = 16 * 1024;
 const PIECE: usize = 64;
 /// How long the end waits for a screen that takes nothing.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Has what happens at a board, virtual or real, shown and kept. Whoever serves the board or passes its bytes on waits for none
-/// of these, so that a terminal that stands still holds up no robot.
+/// Passes the events of a board, virtual or real, to its observers. The server waits for none of them, so a blocked terminal does not
+/// delay the robot.
 pub(super) struct Watcher {
     screen: Screen,
-    /// Whether bytes pass to a real board, which goes on where nothing can be shown.
+    /// Whether bytes pass to a real board, which continues even if nothing can be shown.
     is_tap: bool,
-    /// What is shown, and whether that has ended.
+    /// The display, and whether it has ended.
     display: Worker<(Micros, Event), io::Result<()>>,
     is_over: bool,
-    /// Where it is written down, if it is.
+    /// The recording, if there is one.
     tape: Option<Tape>,
-    /// Where all that happens is logged, if it is.
+    /// The log, if there is one.
     log: Option<Log>,
     decoder: TimedDecoder,
     reports: ReportDecoder,
     now: Micros,
-    /// Whether something came that is to be shown at once; when it was told last how the board is.
+    /// Whether there is something to show at once; when the state of the board was last passed on.
     is_fresh: bool,
     told: Micros,
 }
 
 impl Watcher {
-    /// Starts to watch; shows frames on standard output, or not.
+    /// Starts; shows frames on standard output, or not.
     pub(super) fn start(
         screen: Screen,
         shown: Option<Format>,
@@ -70,12 +70,12 @@ impl Watcher {
         })
     }
 
-    /// Writes down what comes, and logs what happens, too.
+    /// Adds a recording and a log.
     pub(super) fn keeping(self, tape: Option<Tape>, log: Option<Log>) -> Self {
         Watcher { tape, log, ..self }
     }
 
-    /// Takes in what happened at a time, at a virtual board or a real one. Fails where nobody can be shown anything any more.
+    /// Passes on what happened at a time, at a virtual board or a real one. Fails if nothing can be shown any more.
     pub(super) fn watch(&mut self, now: Micros, happened: PortEvent<'_>, board: Option<&Device>) -> io::Result<()> {
         self.now = now;
         match happened {
@@ -129,7 +129,7 @@ impl Watcher {
 
     fn tell(&mut self, event: Event) -> io::Result<()> {
         self.keep(&event);
-        // The display goes only where it cannot write.
+        // The display ends early only if it cannot write.
         if self.is_over || self.display.send((self.now, event)) {
             return Ok(());
         }
@@ -139,7 +139,7 @@ impl Watcher {
             return Err(why);
         }
         self.is_over = true;
-        self.screen.warning(&format!("nothing more can be shown: {why}; bytes pass as before"));
+        self.screen.warning(&format!("nothing more can be shown: {why}; bytes still pass"));
         Ok(())
     }
 
@@ -152,9 +152,9 @@ impl Watcher {
         }
     }
 
-    /// Shows what is left, and ends, as the log does; gives the tape, which is to be ended too.
+    /// Shows the rest, and ends the display and the log. Returns the tape, which must be ended, too.
     pub(super) fn end(mut self) -> Option<Tape> {
-        // What the end has cut is kept, and not shown.
+        // A truncated frame is recorded, but not shown.
         let mut cut = Vec::new();
         self.decoder.finish(|at, item| cut.push((at, OwnedItem::from(item))));
         if !cut.is_empty() {
@@ -164,7 +164,7 @@ impl Watcher {
         let (_, missed) = display.end(PATIENCE, "the screen");
         if missed > 0 {
             let missed = plural(usize::try_from(missed).unwrap_or(usize::MAX), "piece");
-            screen.note(&format!("{missed} of what happened could not be shown: nobody took it in time"));
+            screen.note(&format!("{missed} were not shown: standard output was too slow"));
         }
         if let Some(log) = log {
             log.end();

@@ -1,4 +1,4 @@
-//! A virtual board with faults around it, behind the line that its bytes come over.
+//! A virtual board with faults, at the end of the line that carries its bytes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,14 +9,14 @@ use crate::random::SplitMix;
 use crate::sim::{Device, Received};
 use crate::units::Micros;
 
-/// Wraps a device: finds the frames in the bytes that come, and decides which of them arrive, what is answered, and when the port
-/// stalls or hangs up. Time is an input. Without faults it is the device on a line that damages nothing.
+/// Wraps a device: finds the frames in the bytes of the line, and decides which of them arrive, which reports are sent, and when the port
+/// stalls or hangs up. Time is an input. Without faults it is the device on a perfect line.
 #[derive(Debug)]
 pub struct Faulty {
     device: Device,
     faults: Faults,
     decoder: Decoder,
-    /// For frames, and for reports: so that neither changes what befalls the other.
+    /// One each for frames and for reports, so that neither changes the faults of the other.
     dice: [Dice; 2],
     replies: Vec<u8>,
     stall: Stall,
@@ -42,7 +42,7 @@ impl Faulty {
         board
     }
 
-    /// Takes bytes off the line at a time since it was switched on.
+    /// Takes bytes of the line at a time since it was switched on.
     pub fn receive(&mut self, now: Micros, bytes: &[u8]) {
         self.poll(now);
         let Faulty { device, faults, decoder, dice: [dice, _], .. } = self;
@@ -54,11 +54,11 @@ impl Faulty {
         self.reply();
     }
 
-    /// Lets time pass. It never goes back.
+    /// Advances the time, which never decreases.
     pub fn poll(&mut self, now: Micros) {
         self.now = self.now.max(now);
         if let Some((at_rest, from)) = self.faults.battery.take_if(|(_, from)| *from <= now) {
-            // What it reports before that is of the old one.
+            // Earlier reports show the old battery.
             self.device.poll(from - Micros(1));
             self.device.set_battery(at_rest);
         }
@@ -69,7 +69,7 @@ impl Faulty {
         self.reply();
     }
 
-    /// Sends what the device has to report, as far as that gets through.
+    /// Sends the reports of the device that get through.
     fn reply(&mut self) {
         let Faults { drop, garble, silent, .. } = self.faults;
         let [_, dice] = &mut self.dice;
@@ -85,25 +85,25 @@ impl Faulty {
         }
     }
 
-    /// What it has to send, which is taken from it. Nothing comes out of a cable that was pulled.
+    /// Takes the bytes to send. An unplugged board sends nothing.
     pub fn replies(&mut self) -> Vec<u8> {
         let replies = std::mem::take(&mut self.replies);
         if self.is_unplugged() { Vec::new() } else { replies }
     }
 
-    /// When it has something to do next, since it was switched on.
+    /// When it next has something to do, since it was switched on.
     pub fn next_due(&self) -> Option<Micros> {
         let unplug = self.faults.unplug.filter(|_| !self.has_hung_up);
         let stall = self.faults.stall.filter(|at| *at > self.now);
         [unplug, stall, self.device.next_due()].into_iter().flatten().min()
     }
 
-    /// Whether bytes that are written to the line now get to its end.
+    /// Whether bytes that are written to the line now arrive.
     pub fn carries(&self) -> bool {
         !self.is_unplugged() && !self.stall.has_begun()
     }
 
-    /// Whether the line hangs up, which it does once.
+    /// Whether the line hangs up now; true once.
     pub fn hangs_up(&mut self) -> bool {
         self.is_unplugged() && !std::mem::replace(&mut self.has_hung_up, true)
     }
@@ -112,17 +112,17 @@ impl Faulty {
         self.faults.unplug.is_some_and(|at| at <= self.now)
     }
 
-    /// Tells the port of whoever writes to the line, on any thread, when it stalls.
+    /// The state of a stall, for the port that writes to the line, on any thread.
     pub fn stall(&self) -> Stall {
         self.stall.clone()
     }
 
-    /// The device, as it is behind all faults.
+    /// The device inside.
     pub fn device(&self) -> &Device {
         &self.device
     }
 
-    /// The line is closed: what was cut off counts as skipped.
+    /// Closes the line. A truncated frame counts as skipped.
     pub fn finish(self) -> Received {
         let Faulty { mut device, mut decoder, .. } = self;
         decoder.finish(|item| device.take(item));
@@ -130,11 +130,11 @@ impl Faulty {
     }
 }
 
-/// What a stall is to the port that bytes are written to.
+/// A stall, for the port that writes.
 #[derive(Clone, Debug, Default)]
 pub struct Stall {
     begins: Arc<AtomicBool>,
-    /// Whether there is room again.
+    /// Whether the port has room again.
     is_discarded: bool,
 }
 
@@ -148,13 +148,13 @@ impl Stall {
         !self.is_discarded && self.has_begun()
     }
 
-    /// What the port held is thrown away, so that it takes bytes again; they get nowhere.
+    /// Discards what the port held. It takes bytes again, but they do not arrive.
     pub fn discard(&mut self) {
         self.is_discarded = true;
     }
 }
 
-/// What happens by chance, the same every time.
+/// Random events, the same in each run.
 #[derive(Clone, Debug)]
 struct Dice(SplitMix);
 
@@ -163,14 +163,14 @@ impl Dice {
         Dice(SplitMix(seed))
     }
 
-    /// Whether this happens, which it does in so large a part of all cases.
+    /// Whether an event with this probability (0 to 1) happens.
     fn happens(&mut self, part: f64) -> bool {
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
         let x = (self.0.next() >> 11) as f64 / (1_u64 << 53) as f64;
         x < part
     }
 
-    /// Makes one bit wrong.
+    /// Flips one bit.
     fn garble(&mut self, bytes: &mut [u8]) {
         let length = u64::try_from(bytes.len()).unwrap_or(u64::MAX).max(1);
         let (at, bit) = (self.0.next() % length, self.0.next() % 8);
@@ -191,7 +191,7 @@ mod tests {
         Faulty::new(device, if faults.is_empty() { Faults::default() } else { faults.parse().unwrap() })
     }
 
-    /// Asks for a report.
+    /// Requests a report.
     fn ask(board: &mut Faulty, now: Micros) {
         let family = raspblock::board();
         board.receive(now, &family.to_frame(&family.command_named("request", &[5]).unwrap()));
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!((stall.blocks(), board.carries(), board.next_due()), (true, false, None));
         stall.discard();
         assert_eq!((stall.blocks(), board.carries(), board.hangs_up()), (false, false, false));
-        // What was on its way before arrives, and the board still answers.
+        // Bytes that were sent before still arrive, and the board still answers.
         ask(&mut board, Micros(2_000_001));
         assert!(!board.replies().is_empty());
     }
@@ -243,7 +243,7 @@ mod tests {
         board.receive(Micros::ZERO, &[7]);
         let received = board.finish();
         assert_eq!((received.frames, received.lost, received.bytes), (0, 1, 7));
-        // Where the noise begins, counted from the start of the stream.
+        // The start of the noise, counted from the start of the stream.
         assert_eq!(received.first_fault.map(|(at, _)| at), Some(6));
     }
 }

@@ -1,5 +1,5 @@
-//! What goes wrong on purpose with a virtual board: the list of faults that `--fault` and `# rehearse:` name, and the wrappers in
-//! which they happen. [`Faulty`] is around the board, for all that is on its line, and `Stalling` around the link of whoever plays.
+//! Deliberate faults of a virtual board: the list that `--fault` and `# rehearse:` name, and the wrappers that apply them. [`Faulty`]
+//! wraps the board and its line, and `Stalling` wraps the link of the player.
 
 mod faulty;
 #[cfg(all(feature = "player", target_os = "linux"))]
@@ -18,28 +18,28 @@ pub use stalling::Stalling;
 /// Faults of a rehearsal, as `--fault` and `# rehearse:` name them: `drop=5%,unplug@4s`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Of how many frames and reports in a hundred nothing comes.
+    /// The part of frames and reports that are dropped, 0 to 1.
     pub drop: f64,
-    /// In how many frames and reports in a hundred one bit is wrong.
+    /// The part of frames and reports with one wrong bit, 0 to 1.
     pub garble: f64,
-    /// The battery has another voltage at rest from a time on.
+    /// Another voltage of the battery at rest, from a time on.
     pub battery: Option<(Hundredths, Micros)>,
-    /// The cable is pulled at a time.
+    /// When the board is unplugged.
     pub unplug: Option<Micros>,
-    /// The port takes no bytes from a time on.
+    /// When the port stops taking bytes.
     pub stall: Option<Micros>,
-    /// The board reports nothing.
+    /// Whether the board sends no reports.
     pub silent: bool,
-    /// Which random numbers there are.
+    /// The seed of the random numbers.
     pub seed: u64,
-    /// How they were named.
+    /// As they were written.
     words: String,
 }
 
-/// Why a text names no fault.
+/// Why a string is not a list of faults.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "`{0}` is no fault; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, each kind once, with commas between several"
+    "unknown fault `{0}`; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, each at most once, separated by commas"
 )]
 pub struct NotAFault(String);
 
@@ -57,7 +57,7 @@ impl FromStr for Faults {
 
 impl Faults {
     fn add(&mut self, word: &str) -> Option<()> {
-        // Of each kind there is one.
+        // Each kind may be given once.
         let name = word.split(['=', '@']).next().unwrap_or_default();
         let named = self.words.split(',').filter(|other| other.trim().split(['=', '@']).next() == Some(name));
         if named.count() > 1 {
@@ -90,7 +90,7 @@ impl Faults {
         Some(())
     }
 
-    /// Whether nothing goes wrong.
+    /// Whether there are no faults.
     pub fn is_none(&self) -> bool {
         self.words.is_empty()
     }
@@ -110,12 +110,12 @@ pub fn volts(text: &str) -> Option<Hundredths> {
     (0.0..=10_000.0).contains(&hundredths).then_some(Hundredths(hundredths as i32))
 }
 
-/// A time of a script.
+/// A time in a script.
 fn moment(text: &str) -> Option<Micros> {
     text.parse().ok().filter(|time| *time <= Micros::DAY)
 }
 
-/// `5%` as a part of one.
+/// `5%` as 0.05.
 fn part(text: &str) -> Option<f64> {
     let percent: f64 = text.strip_suffix('%')?.parse().ok()?;
     (0.0..=100.0).contains(&percent).then_some(percent / 100.0)

@@ -1,4 +1,4 @@
-//! The link of whoever plays on a faulty board.
+//! The link of a player on a faulty board.
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -6,7 +6,7 @@ use std::os::fd::BorrowedFd;
 use super::Stall;
 use crate::link::Link;
 
-/// Passes everything on until the port stalls; then it takes nothing, until what it holds is thrown away.
+/// Passes everything on until the port stalls. Then it takes nothing until its content is discarded.
 #[derive(Debug)]
 pub struct Stalling<L> {
     inner: L,
@@ -19,7 +19,7 @@ impl<L: Link> Stalling<L> {
         Stalling { inner, stall }
     }
 
-    /// Gives the link back.
+    /// Returns the link.
     pub fn into_inner(self) -> L {
         self.inner
     }

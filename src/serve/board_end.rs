@@ -1,23 +1,23 @@
-//! A virtual board at the far end, behind a line that takes its time.
+//! A virtual board at the far end of a line with a limited bit rate.
 
 use crate::clock;
 use crate::faults::Faulty;
 use crate::units::{Micros, Nanos, byte_time};
 
-/// The most bytes taken at once; the line is then busy for as long as they need.
+/// The most bytes taken at once; the line is then busy while it carries them.
 pub(super) const CHUNK: usize = 16;
-/// How much may wait before the line counts as overrun.
+/// How long the waiting bytes may keep the line busy before it counts as overrun.
 const BEHIND: Micros = Micros::from_millis(50);
 
 pub(super) struct BoardEnd {
     pub(super) board: Faulty,
     byte_time: Nanos,
-    /// Until when the line carries what was taken, on the clock.
+    /// When the line has carried what was taken, on the clock.
     pub(super) busy_until: Nanos,
-    /// Whether bytes have waited for the line, and whether that was told to be too many.
+    /// Whether bytes have waited for the line, and whether an overrun was reported.
     has_waited: bool,
     is_behind: bool,
-    /// Whether the line takes no time any more: at the end, what was written counts as sent.
+    /// Whether the line carries everything at once: at the end, what was written counts as sent.
     is_hurried: bool,
 }
 
@@ -33,21 +33,21 @@ impl BoardEnd {
         }
     }
 
-    /// Takes what comes from now on without waiting for the line.
+    /// From now on, takes bytes without waiting for the line.
     pub(super) fn hurry(&mut self) {
         self.is_hurried = true;
     }
 
     pub(super) fn give(&mut self, now: Nanos, time: Micros, bytes: &[u8], waiting: u64) -> (Nanos, Option<Micros>) {
         self.board.receive(time, bytes);
-        // What has waited for the line is right behind what came before it, however late this thread woke up.
+        // Bytes that waited for the line follow the previous ones at once, even if this thread woke up late.
         let begin = if self.has_waited { self.busy_until } else { now.max(self.busy_until) };
         self.busy_until = begin + self.byte_time * bytes.len() as u64;
         let delay = (self.byte_time * waiting).micros();
         let is_news = delay > BEHIND && !self.is_behind;
         self.has_waited = waiting > 0;
         self.is_behind = self.has_waited && (self.is_behind || delay > BEHIND);
-        // A line that is only just busy is waited for here, which no poll does as exactly.
+        // Short waits are done here, because `poll` is less exact.
         if !self.is_hurried {
             clock::sleep_until(self.busy_until);
         }

@@ -1,7 +1,7 @@
-//! The one loop behind every port that this program offers to others: a virtual board for `play`, a virtual board or the way to a real
-//! one for any program.
+//! The loop that serves every port that this program offers: a virtual board for `play`, and a virtual board or a tap to a real board for
+//! any program.
 //!
-//! The loop waits for nothing but bytes, time, signals and the guard: what it tells, it tells a closure that must not wait either.
+//! The loop waits only for bytes, time, signals and the guard. It reports events to a closure, which must not wait.
 
 mod board_end;
 mod port_end;
@@ -24,11 +24,11 @@ use crate::units::{Micros, Nanos};
 use board_end::BoardEnd;
 use port_end::PortEnd;
 
-/// The longest time without a look at what else there is.
+/// The longest time without checking everything.
 const LOOK: Nanos = Nanos::from_millis(20);
-/// How long nobody looks whether a program has come.
+/// How often the loop checks whether a program has opened the port.
 const IDLE: Nanos = Nanos::from_millis(2);
-/// The most bytes that are read when it ends, and how long that may take: a program may never stop writing.
+/// The most bytes that are read at the end, and the most time for that: a program may never stop writing.
 const MOST_LEFT: u64 = 1 << 20;
 const DRAIN: Nanos = Nanos::from_millis(1_000);
 
@@ -36,11 +36,11 @@ const DRAIN: Nanos = Nanos::from_millis(1_000);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum End {
-    /// The program that it was for has closed its port, and everything was taken.
+    /// The program has closed its port, and every byte was taken.
     Closed,
-    /// A signal asked for it.
+    /// A signal ended it.
     Signal(i32),
-    /// A fault of the virtual board has pulled the cable.
+    /// A fault unplugged the virtual board.
     Unplugged,
     /// The guard was lost.
     Unguarded,
@@ -53,53 +53,53 @@ pub enum ServeError {
     /// The port of the board was lost.
     #[error("the port was lost: {0}")]
     Lost(io::Error),
-    /// The side of the program failed, or what watches.
+    /// The port of the program failed, or the observer did.
     #[error(transparent)]
     Failed(#[from] io::Error),
 }
 
-/// What became of a real board behind a port that was offered.
+/// How serving a real board ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passed {
-    /// Whether the robot was stopped at the end: not needed where the last thing that the board was told is known to be rest.
+    /// Whether the robot was stopped at the end; not needed if the last command of the board is known to be rest.
     pub stop: Stop,
-    /// How many bytes the program had written that the board was not given.
+    /// How many bytes of the program were not sent to the board.
     pub undelivered: u64,
 }
 
-/// What is at the far end of the port.
+/// The far end of the port.
 enum Far {
     Board(Box<BoardEnd>),
     Port(Box<PortEnd>),
 }
 
-/// A server, and what it needs.
+/// A server.
 pub struct Server<'d> {
     door: &'d mut Door,
     far: Far,
     signals: Option<&'d Signals>,
-    /// When time 0 is, on the clock, in nanoseconds; as long as it is 0, it is time 0.
+    /// Time 0 on the clock, in nanoseconds; 0 until the run begins.
     begin: Arc<AtomicU64>,
     /// Whether it ends with the first program.
     once: bool,
-    /// Whether a program has the port open, and whether its end was seen once.
+    /// Whether a program has the port open, and whether a hang-up was seen once.
     is_open: bool,
     is_ending: bool,
-    /// How its line is set up, where that is wrong and was told.
+    /// The wrong line settings of the program that were reported.
     wrong: Option<LineSettings>,
 }
 
-/// What watches a server: it gets the time, what happens, and the virtual board, if there is one.
+/// The observer of a server: it gets the time, the event, and the virtual board, if there is one.
 pub type Watch<'w> = dyn FnMut(Micros, PortEvent<'_>, Option<&Device>) -> io::Result<()> + 'w;
 
 impl<'d> Server<'d> {
-    /// A virtual board behind a door. A pseudo-terminal has no line rate, so the board takes `baud / 10` bytes a second itself.
+    /// Serves a virtual board at a door. A pseudo-terminal has no bit rate, so the server itself takes `baud / 10` bytes per second.
     pub fn of_board(door: &'d mut Door, board: Faulty, baud: u32, signals: Option<&'d Signals>) -> Self {
         Server::new(door, Far::Board(Box::new(BoardEnd::new(board, baud))), signals)
     }
 
-    /// The way to a real board: bytes pass both ways unchanged. Where the port takes none for now, the program waits, as it would without
-    /// anything in between; what the board says while no program is there is lost, as it would be.
+    /// Serves a real board: bytes pass both ways unchanged. While the port takes none, the program waits, as it would without a tap. What
+    /// the board sends while no program has the port open is lost, as it would be.
     pub fn of_port(
         door: &'d mut Door,
         board: Arc<Board>,
@@ -123,7 +123,7 @@ impl<'d> Server<'d> {
         }
     }
 
-    /// Serves until a signal, or a fault of the board, ends it.
+    /// Serves until a signal or a fault of the board ends it.
     pub fn run(&mut self, watch: &mut Watch<'_>) -> Result<End, ServeError> {
         os::wake_exactly();
         let end = self.serve(watch)?;
@@ -133,7 +133,7 @@ impl<'d> Server<'d> {
         Ok(end)
     }
 
-    /// What the virtual board has received; `None` where there is none.
+    /// What the virtual board has received; `None` for a real board.
     pub fn received(self) -> Option<Received> {
         match self.far {
             Far::Board(end) => Some(end.board.finish()),
@@ -141,7 +141,7 @@ impl<'d> Server<'d> {
         }
     }
 
-    /// Stops a real board, where what it was told may not be rest, tells the guard how it went, and gives it, for its goodbye.
+    /// Stops a real board, unless its last command is known to be rest, reports that to the guard, and returns the guard for its goodbye.
     pub fn stop(&mut self) -> Option<(Passed, Option<Guard>)> {
         let time = self.time(clock::now());
         match &mut self.far {
@@ -180,7 +180,7 @@ impl<'d> Server<'d> {
         }
     }
 
-    /// One that has written and gone already counts, too.
+    /// A program that has written and already closed the port counts, too.
     fn look_for_program(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
         let port = self.door.pty();
         if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
@@ -190,7 +190,7 @@ impl<'d> Server<'d> {
         Ok(())
     }
 
-    /// Gives the program what the far end has sent. What is said while no program listens is lost, as on a real line.
+    /// Passes what the far end has sent to the program. Without a program it is lost, as on a real line.
     fn answer(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
         let said = self.far.said();
         if self.is_open && !said.is_empty() {
@@ -200,14 +200,14 @@ impl<'d> Server<'d> {
         Ok(())
     }
 
-    /// Waits until something may have happened; says whether the program has written something that can be taken, or has gone.
+    /// Waits until something may have happened. Returns whether the program has written bytes that can be taken, or has closed the port.
     fn wait(&mut self, time: Micros, is_stalled: bool) -> Result<bool, ServeError> {
         let now = clock::now();
         let takes_at = self.far.takes_at();
         let due = self.far.next_due().map(|due| now + (due - time).nanos());
         let until = [Some(now + if self.is_open { LOOK } else { IDLE }), due, takes_at.filter(|at| *at > now)];
         let until = until.into_iter().flatten().min().unwrap_or(now);
-        // Where nothing can be taken, the program is not looked at: one that has gone would be told again and again.
+        // While nothing can be taken, the program is not polled: a closed port would be reported repeatedly.
         let takes = self.is_open && takes_at.is_some_and(|at| at <= now);
         let asks = if is_stalled { Ready::empty() } else { Ready::IN };
         let watched = [
@@ -225,13 +225,13 @@ impl<'d> Server<'d> {
         Ok(!program.is_empty())
     }
 
-    /// Takes what the program has written. Says whether it is the end of a server that ends with its program.
+    /// Takes what the program has written. Returns whether a server that ends with its program has ended.
     fn take(&mut self, is_stalled: bool, watch: &mut Watch<'_>) -> Result<bool, ServeError> {
         let mut buffer = [0; 4096];
         let room = self.far.room().min(buffer.len());
         let (buffer, _) = buffer.split_at_mut(room);
         match if is_stalled { Ok(0) } else { self.door.pty().read(buffer) } {
-            // The system may tell of the end before the last bytes are through.
+            // The system may report the hang-up before the last bytes.
             Ok(0) if !is_stalled && !std::mem::replace(&mut self.is_ending, true) => {
                 clock::sleep_until(clock::now().saturating_add(IDLE));
             }
@@ -253,7 +253,7 @@ impl<'d> Server<'d> {
         Ok(false)
     }
 
-    /// Gives bytes to the far end, and only then tells of them.
+    /// Passes bytes to the far end, and then reports them.
     fn pass(&mut self, now: Nanos, bytes: &[u8], watch: &mut Watch<'_>) -> Result<(), ServeError> {
         let time = self.time(now);
         let wrong = self.door.wrong_settings()?;
@@ -271,7 +271,7 @@ impl<'d> Server<'d> {
         Ok(())
     }
 
-    /// Takes what the program had written when the end came: as far as a virtual board is concerned it was sent. A real one gets no more.
+    /// Takes what the program had written before the end: for a virtual board it counts as sent. A real board gets no more.
     fn drain(&mut self, watch: &mut Watch<'_>) -> Result<(), ServeError> {
         let Far::Board(end) = &mut self.far else { return Ok(()) };
         end.hurry();
@@ -314,7 +314,7 @@ impl Far {
         }
     }
 
-    /// Whether it is over with it.
+    /// Whether it has ended.
     fn end(&mut self) -> Option<End> {
         match self {
             Far::Board(end) => end.board.hangs_up().then_some(End::Unplugged),
@@ -322,7 +322,7 @@ impl Far {
         }
     }
 
-    /// Whether bytes that the program writes get to it.
+    /// Whether bytes of the program reach it.
     fn carries(&self) -> bool {
         match self {
             Far::Board(end) => end.board.carries(),
@@ -330,7 +330,7 @@ impl Far {
         }
     }
 
-    /// When it has something to do next.
+    /// When it next has something to do.
     fn next_due(&self) -> Option<Micros> {
         match self {
             Far::Board(end) => end.board.next_due(),
@@ -338,7 +338,7 @@ impl Far {
         }
     }
 
-    /// From when on it takes more, on the clock; `None` where that depends on others.
+    /// When it can take more bytes, on the clock; `None` if that depends on its port.
     fn takes_at(&self) -> Option<Nanos> {
         match self {
             Far::Board(end) => Some(end.busy_until),
@@ -346,7 +346,7 @@ impl Far {
         }
     }
 
-    /// How many bytes it takes at once.
+    /// The number of bytes that it takes at once.
     fn room(&self) -> usize {
         match self {
             Far::Board(_) => board_end::CHUNK,
@@ -354,8 +354,8 @@ impl Far {
         }
     }
 
-    /// Gives it bytes. Gives when the first of them was on the line, on the clock, and for how long those that wait behind them will
-    /// keep the line busy, where that is news.
+    /// Passes it bytes. Returns when the first of them was on the line, on the clock, and, for a new overrun, how long the waiting bytes
+    /// will keep the line busy.
     fn give(&mut self, now: Nanos, time: Micros, bytes: &[u8], waiting: u64) -> io::Result<(Nanos, Option<Micros>)> {
         match self {
             Far::Board(end) => Ok(end.give(now, time, bytes, waiting)),
@@ -385,7 +385,7 @@ impl Far {
         }
     }
 
-    /// Does what its port and its guard are ready for.
+    /// Handles what its port and its guard are ready for.
     fn ready(&mut self, port: Ready, guard: Ready) -> io::Result<()> {
         let Far::Port(end) = self else { return Ok(()) };
         if !guard.is_empty() {
@@ -399,7 +399,7 @@ fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }
 
-/// A virtual board on a thread of its own, for one run of a script.
+/// A virtual board on its own thread, for one run of a script.
 #[derive(Debug)]
 pub struct Served {
     end: Receiver<Result<Received, ServeError>>,
@@ -408,8 +408,8 @@ pub struct Served {
 }
 
 impl Served {
-    /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault of
-    /// the board pulls the cable. The port must have been opened before.
+    /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault
+    /// unplugs the board. The port must have been opened before.
     pub fn start(board: Faulty, port: Pty, baud: u32) -> io::Result<Self> {
         let mut door = Door::unnamed(port)?;
         let (begin, stall) = (Arc::new(AtomicU64::new(0)), board.stall());
@@ -420,24 +420,24 @@ impl Served {
             (server.begin, server.once, server.is_open) = (its_begin, true, true);
             let end = server.run(&mut |_, _, _| Ok(()));
             let received = server.received().ok_or_else(|| ServeError::Failed(io::ErrorKind::NotFound.into()));
-            // Closes the port before anybody is told.
+            // Closes the port before the result is sent.
             drop(door);
             let _ = tell.send(end.and(received));
         })?;
         Ok(Served { end, begin, stall })
     }
 
-    /// Says when the script begins: the board's time 0, from which its faults count.
+    /// Sets when the script begins: time 0 of the board and of its faults.
     pub fn begin(&self, now: Nanos) {
         self.begin.store(now.max(Nanos(1)).0, Ordering::Relaxed);
     }
 
-    /// Tells the port of whoever plays on the board when it stalls.
+    /// The state of a stall, for the link of the player.
     pub fn stalls(&self) -> Stall {
         self.stall.clone()
     }
 
-    /// Waits for its end, at most so long; `None` where it does not come, or the thread failed.
+    /// Waits for its end, at most this long; `None` if it does not end in time, or if the thread panicked.
     pub fn join(self, patience: Duration) -> Option<Result<Received, ServeError>> {
         self.end.recv_timeout(patience).ok()
     }

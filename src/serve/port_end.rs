@@ -20,9 +20,9 @@ pub(super) struct PortEnd {
     port: Serial,
     guard: Option<Guard>,
     is_unguarded: bool,
-    /// What the port has not taken yet of the bytes that were read from the program.
+    /// Bytes of the program that the port has not taken yet.
     left: Vec<u8>,
-    /// What it took: what the board was told, as far as that is known.
+    /// What it took: the state of the board, as far as it is known.
     decoder: Decoder,
     state: State,
     /// What the board has sent.
@@ -46,7 +46,7 @@ impl PortEnd {
         }
     }
 
-    /// Tells the guard that this loop is alive.
+    /// Sends the guard a sign of life.
     pub(super) fn beat(&mut self, time: Micros) {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
@@ -79,7 +79,7 @@ impl PortEnd {
         (Some(self.port.descriptor()), ready)
     }
 
-    /// Does what its port is ready for.
+    /// Handles what its port is ready for.
     pub(super) fn ready(&mut self, ready: Ready) -> io::Result<()> {
         if ready.contains(Ready::OUT) {
             self.write()?;
@@ -116,7 +116,7 @@ impl PortEnd {
         Ok(())
     }
 
-    /// Takes what the board has sent, perhaps nothing; a port that has hung up is an error.
+    /// Reads what the board has sent, perhaps nothing; a hang-up is an error.
     fn read(&mut self) -> io::Result<()> {
         let mut buffer = [0; CHUNK];
         match self.port.read(&mut buffer) {
@@ -130,7 +130,7 @@ impl PortEnd {
         }
     }
 
-    /// Stops the robot, unless what its port took is known to end at rest: the program can send nothing any more.
+    /// Stops the robot, unless what its port took is known to end at rest. The program can send nothing more.
     pub(super) fn stop(&mut self, time: Micros, waiting: u64) -> (Passed, Option<Guard>) {
         let undelivered = waiting.saturating_add(self.left.len() as u64);
         let rests = self.state.surely_at_rest(&self.board) && self.decoder.is_between_frames() && self.left.is_empty();
@@ -143,7 +143,7 @@ impl PortEnd {
         };
         let stop = if rests { Stop::NotNeeded } else { stop_robot(port, &Stops::of(board, &[]), out, beat) };
         if stop == Stop::NotSent {
-            // What the port never took must not keep it from closing.
+            // Bytes that the port never took must not delay its closing.
             let _ = self.port.discard();
         }
         let mut guard = self.guard.take();

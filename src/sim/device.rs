@@ -1,4 +1,4 @@
-//! What a virtual board was told, where it is, and what it reports.
+//! The state of a virtual board, its position and its reports.
 
 use std::sync::Arc;
 
@@ -8,18 +8,18 @@ use crate::board::raspblock::{self, Asked};
 use crate::board::{Board, Command, Frame, Hundredths, Item, Report, Simulation};
 use crate::units::Micros;
 
-/// By how many volts the battery sags at full speed, and how many it loses then in a second.
+/// The voltage drop at full speed, and the loss of voltage per second at full speed.
 const SAG: f64 = 0.45;
 const DRAIN: f64 = 0.000_5;
 
-/// A board of which nothing is broken.
+/// A board without faults.
 #[derive(Debug)]
 pub struct Device {
     board: Arc<Board>,
     settings: Settings,
-    /// What it has received, and what became of it.
+    /// What it has received, and the effects.
     received: Received,
-    /// Reports that it has to send.
+    /// Reports to send.
     reports: Vec<Report>,
     body: Body,
     /// The time since it was switched on.
@@ -28,12 +28,12 @@ pub struct Device {
     fed: Micros,
     /// When the next report is due.
     next_report: Option<Micros>,
-    /// What the battery has lost, in volts.
+    /// The loss of the battery, in volts.
     drained: f64,
 }
 
 impl Device {
-    /// A board of a family that is switched on at time 0.
+    /// A board of a family, switched on at time 0.
     pub fn new(of: Arc<Board>, mut settings: Settings) -> Self {
         settings.report_every = settings.report_every.max(Micros(1));
         Device {
@@ -49,17 +49,17 @@ impl Device {
         }
     }
 
-    /// The family that it is of.
+    /// Its family.
     pub fn family(&self) -> &Arc<Board> {
         &self.board
     }
 
-    /// Gives it another battery, with this voltage at rest.
+    /// Replaces the battery by one with this voltage at rest.
     pub fn set_battery(&mut self, at_rest: Hundredths) {
         self.settings.battery = at_rest;
     }
 
-    /// Lets time pass. It never goes back.
+    /// Advances the time, which never decreases.
     pub fn poll(&mut self, now: Micros) {
         while self.now < now {
             let stops = self.settings.silence.filter(|_| self.body.holds()).map(|silence| self.fed + silence);
@@ -86,12 +86,12 @@ impl Device {
         self.received.pose = self.body.pose();
     }
 
-    /// When it has something to do next, since it was switched on.
+    /// When it next has something to do, since it was switched on.
     pub fn next_due(&self) -> Option<Micros> {
         self.next_report
     }
 
-    /// What it would report now.
+    /// Its report now.
     pub fn report(&self) -> Report {
         let hundredths = |value: f64| {
             #[expect(clippy::cast_possible_truncation, reason = "held in range")]
@@ -99,27 +99,27 @@ impl Device {
         };
         let voltage = f64::from(self.settings.battery.0) / 100.0 - self.drained - SAG * self.body.load();
         let yaw = self.body.pose().yaw_deg;
-        // Wrapped to half a turn on either side; the floor is flat.
+        // Wrapped to ±180°; the floor is level.
         let yaw = yaw - 360.0 * libm::floor((yaw + 180.0) / 360.0);
         raspblock::report(hundredths(voltage.max(0.0)), hundredths(yaw))
     }
 
-    /// What it has to report, which is taken from it.
+    /// Takes the reports to send.
     pub fn reports(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.reports)
     }
 
-    /// What it has received so far, and what became of it.
+    /// What it has received so far, and the effects.
     pub fn received(&self) -> &Received {
         &self.received
     }
 
-    /// Nothing comes any more.
+    /// The line is closed.
     pub fn finish(self) -> Received {
         Received { moves: self.body.moves(), ..self.received }
     }
 
-    /// Takes what came off the line.
+    /// Takes an item of the line.
     pub fn take(&mut self, item: Item<'_>) {
         match item {
             Item::Frame(frame) => {
@@ -143,13 +143,13 @@ impl Device {
         }
     }
 
-    /// A frame passes on the line, and it does not get it.
+    /// Counts a frame on the line that did not arrive.
     pub fn miss(&mut self, frame: Frame<'_>) {
         self.received.bytes += frame.bytes().len() as u64;
         self.received.lost += 1;
     }
 
-    /// Does what a command says.
+    /// Carries out a command.
     pub fn obey(&mut self, command: &Command) {
         self.received.frames += 1;
         self.received.state.apply(&self.board, command);

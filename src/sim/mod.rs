@@ -1,7 +1,7 @@
-//! The virtual board as a pure device: frames in, reports out. It never fails; what goes wrong is put around it (`faults`).
+//! The virtual board as a pure device: frames in, reports out. It never fails; the module `faults` adds faults.
 //!
-//! It holds no clock and no line: time is an input, so that the same device is behind a pseudo-terminal in real time (`serve`) and
-//! under a clock that jumps. What the maker of the board does not publish is nominal here, and can be set ([`Settings`]).
+//! It has no clock and no line: time is an input, so that the same device works in real time (`serve`) and with a simulated clock. Values
+//! that the maker of the board does not publish are nominal, and can be set ([`Settings`]).
 
 mod device;
 mod motion;
@@ -13,7 +13,7 @@ use crate::units::Micros;
 pub use device::Device;
 pub use motion::Pose;
 
-/// What a board is like.
+/// The properties of a board.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
@@ -21,7 +21,7 @@ pub struct Settings {
     pub geometry: Geometry,
     /// The battery's voltage at rest, in hundredths of a volt.
     pub battery: Hundredths,
-    /// After how long without a drive frame the robot stops; `None` for never. The real board's is not published.
+    /// The time without a drive frame after which the robot stops; `None` for never. The time of the real board is unknown.
     pub silence: Option<Micros>,
     /// The time between two reports.
     pub report_every: Micros,
@@ -38,26 +38,26 @@ impl Default for Settings {
     }
 }
 
-/// What a board has received, and what became of it.
+/// What a board has received, and the effects.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Received {
     /// All bytes.
     pub bytes: u64,
     /// Frames that were understood.
     pub frames: u64,
-    /// Whole frames that say nothing the board knows.
+    /// Complete frames that the board does not know.
     pub not_understood: u64,
-    /// Bytes that belong to no frame, but for the zeros of a stop.
+    /// Bytes outside of frames, except the zeros of a stop.
     pub skipped: u64,
-    /// The first thing that was wrong, with its position in the stream.
+    /// The first error, with its position in the stream.
     pub first_fault: Option<(u64, Fault)>,
-    /// Frames on the line that the board did not get, or spoiled.
+    /// Frames on the line that did not arrive, or arrived with errors.
     pub lost: u64,
-    /// What the board was last told.
+    /// The last commands of the board.
     pub state: State,
     /// Where the robot is.
     pub pose: Pose,
-    /// Whether it moves: a speed holds, or a displacement is under way.
+    /// Whether it moves: a speed applies, or a displacement is not finished.
     pub moves: bool,
 }
 
@@ -65,10 +65,10 @@ pub struct Received {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Fault {
-    /// Bytes that are no frame.
+    /// Bytes that are not a frame.
     #[error(transparent)]
     Skipped(Skip),
-    /// A frame that is no command.
+    /// A frame that is not a command.
     #[error(transparent)]
     NotACommand(NotACommand),
 }

@@ -3,29 +3,29 @@
 use crate::board::Command;
 use crate::board::raspblock::{Geometry, Twist};
 
-/// Where the robot is, seen from above; it starts at the origin and looks along y.
+/// The position of the robot, seen from above. It starts at the origin and faces along y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// To the right of where it started, in cm.
+    /// To the right of the start, in cm.
     pub x_cm: f64,
-    /// Before where it started, in cm.
+    /// Forward of the start, in cm.
     pub y_cm: f64,
     /// Turned clockwise, in degrees; not wrapped.
     pub yaw_deg: f64,
 }
 
 impl Pose {
-    /// Where it is after so many seconds at an even speed: a line or a part of a circle.
+    /// The position after this number of seconds at a constant speed: on a line or an arc.
     #[must_use]
     pub fn after(self, twist: Twist, seconds: f64) -> Pose {
         let turned = (twist.z * seconds).to_radians();
-        // Along the body's own axes: the integral of a turning vector.
+        // Along the axes of the body: the integral of a rotating vector.
         let (along, across) = if turned.abs() < 1e-9 {
             (seconds, 0.0)
         } else {
             (seconds * libm::sin(turned) / turned, seconds * (1.0 - libm::cos(turned)) / turned)
         };
-        // Clockwise: what was forward turns to the right.
+        // Clockwise: forward turns to the right.
         let forward = twist.y * along - twist.x * across;
         let right = twist.x * along + twist.y * across;
         let yaw = self.yaw_deg.to_radians();
@@ -38,12 +38,12 @@ impl Pose {
     }
 }
 
-/// What the drive does.
+/// The state of the drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Drive {
-    /// It goes on at this speed.
+    /// It moves at this speed.
     Holds(Twist),
-    /// It moves to a place in a time that is left, in seconds.
+    /// It moves to a position in the remaining time, in seconds.
     Moves { to: Pose, left: f64 },
 }
 
@@ -64,7 +64,7 @@ impl Body {
         self.pose
     }
 
-    /// Lets time pass.
+    /// Advances the time.
     pub(super) fn pass(&mut self, seconds: f64) {
         match &mut self.drive {
             Drive::Holds(twist) => self.pose = self.pose.after(*twist, seconds),
@@ -84,14 +84,14 @@ impl Body {
         }
     }
 
-    /// Takes a command; what does not drive changes nothing, and nor does a displacement in another mode than that for positions.
+    /// Takes a command. Commands that do not drive change nothing, and neither does a displacement outside of position mode.
     pub(super) fn take(&mut self, command: &Command, is_in_position_mode: bool) {
         if let Some(twist) = self.geometry.twist(command) {
             self.drive = Drive::Holds(twist);
         } else if let Some([x, y, z]) = Geometry::displacement(command).filter(|_| is_in_position_mode) {
             let (cm_s, deg_s) = self.geometry.move_speed;
             let left = (libm::hypot(x, y) / cm_s).max(z.abs() / deg_s);
-            // Where it looks now decides which way is forward.
+            // The present heading decides which way is forward.
             let straight = self.pose.after(Twist { x, y, z: 0.0 }, 1.0);
             let to = Pose { yaw_deg: self.pose.yaw_deg + z, ..straight };
             self.drive = if left > 0.0 { Drive::Moves { to, left } } else { Drive::Holds(Twist::default()) };
@@ -102,7 +102,7 @@ impl Body {
         self.drive = Drive::Holds(Twist::default());
     }
 
-    /// How hard the motors work: 0 at rest, 1 at full speed ahead.
+    /// The load of the motors: 0 at rest, 1 at full speed forward.
     pub(super) fn load(&self) -> f64 {
         match self.drive {
             Drive::Holds(Twist { x, y, z }) => {
@@ -118,7 +118,7 @@ impl Body {
         self.holds() || matches!(self.drive, Drive::Moves { .. })
     }
 
-    /// Whether a speed is held, which the board ends when frames stop coming.
+    /// Whether a speed applies, which ends when frames stop.
     pub(super) fn holds(&self) -> bool {
         matches!(self.drive, Drive::Holds(twist) if twist != Twist::default())
     }

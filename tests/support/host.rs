@@ -39,7 +39,7 @@ impl Host {
             text
         }));
         let mut host = Host { child, errors, printed, path };
-        assert!(host.line().contains("stands at"));
+        assert!(host.line().contains("leads to"));
         host
     }
 

@@ -1,4 +1,4 @@
-//! Stands where the program is built without the cargo feature `mcap`: there are no logs, and [`Log`](super::Log) says so.
+//! Replaces the log in a build without the cargo feature `mcap`; [`Log`](super::Log) reports that.
 
 use std::fs::File;
 

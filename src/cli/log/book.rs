@@ -1,4 +1,4 @@
-//! What stands in a log: topics, each with its schema, as an MCAP file that Foxglove and other tools show.
+//! The content of a log: topics with their schemas, as an MCAP file for Foxglove and other tools.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -17,23 +17,23 @@ use serde::Serialize;
 
 use super::{Entry, Level};
 
-/// A log under way. It is made in memory, piece by piece; whoever has it takes the pieces to a file.
+/// A log. It is built in memory, piece by piece, and its owner writes the pieces to a file.
 pub(super) struct Book {
-    /// How a `move` is read.
+    /// The family; it decides how a `move` is decoded.
     board: Arc<Board>,
     writer: Writer<NoSeek<Pieces>>,
     pieces: Pieces,
-    /// The channel of each topic that has messages, with how many there are.
+    /// The channel of each topic that has messages, and the number of its messages.
     channels: BTreeMap<&'static str, (u16, u32)>,
-    /// When time 0 was, since 1970.
+    /// Time 0, since 1970.
     begin: Nanos,
-    /// For bytes that come with the time at which a port took them.
+    /// For bytes with the time at which a port took them.
     decoder: TimedDecoder,
     state: State,
     shown: Option<Told>,
 }
 
-/// What is written and was not taken yet.
+/// What is written and not yet taken.
 #[derive(Clone, Default)]
 struct Pieces(Rc<RefCell<Vec<u8>>>);
 
@@ -48,7 +48,7 @@ impl Write for Pieces {
     }
 }
 
-/// A topic, and what its messages are.
+/// A topic and its messages.
 struct Topic {
     name: &'static str,
     schema: &'static str,
@@ -74,7 +74,7 @@ const LATENESS: Topic = Topic {
 };
 const MARKS: Topic =
     Topic { name: "/marks", schema: "motionseq.Mark", shape: include_str!("../../../docs/schemas/log/mark.json") };
-/// The shape of this one is Foxglove's, so that its log panel shows it.
+/// This schema is Foxglove's, for its log panel.
 const LOG: Topic =
     Topic { name: "/log", schema: "foxglove.Log", shape: include_str!("../../../docs/schemas/log/log.json") };
 
@@ -89,7 +89,7 @@ struct FrameMessage<'a> {
     wrong: Option<&'a str>,
 }
 
-/// What a board was told, without the time.
+/// The last commands of a board, without the time.
 #[derive(Clone, PartialEq, Serialize)]
 struct Told(BTreeMap<Text, Value>);
 
@@ -171,7 +171,7 @@ impl Book {
         let options = WriteOptions::new()
             .library(concat!("motionseq ", env!("CARGO_PKG_VERSION")))
             .compression(None)
-            // Whoever has the book says when a piece ends.
+            // The owner decides when a piece ends.
             .chunk_size(None)
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(pieces.clone())).map_err(io::Error::other)?;
@@ -187,7 +187,7 @@ impl Book {
         })
     }
 
-    /// Takes in what happened at a time since time 0.
+    /// Adds what happened at a time since time 0.
     pub(super) fn take(&mut self, time: Nanos, entry: Entry) -> io::Result<()> {
         let at = time.micros();
         match entry {
@@ -233,7 +233,7 @@ impl Book {
         items.iter().try_for_each(|(at, item)| self.item(*at, item.item()))
     }
 
-    /// A frame on the line to the board, or bytes that are not a frame, and what the board then is.
+    /// Adds a frame on the line to the board, or bytes that are not a frame, and the state of the board after it.
     fn item(&mut self, at: Micros, item: Item<'_>) -> io::Result<()> {
         let (time, board) = (at.nanos(), Arc::clone(&self.board));
         let (hex, command, wrong) = match item {
@@ -281,13 +281,13 @@ impl Book {
         writer.write_to_known_channel(&header, &serde_json::to_vec(message)?).map_err(io::Error::other)
     }
 
-    /// What was written since the last time, as a piece that can be read when nothing follows.
+    /// What was written since the last piece. The log can be read without further pieces.
     pub(super) fn piece(&mut self) -> io::Result<Vec<u8>> {
         self.writer.flush().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
     }
 
-    /// The last piece, with which the log is whole.
+    /// The last piece, which completes the log.
     pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
         let mut items = Vec::new();
         self.decoder.finish(|at, item| items.push((at, OwnedItem::from(item))));
@@ -297,8 +297,8 @@ impl Book {
     }
 }
 
-/// What a board was told, by name: of each resource that does one thing at a time its value, whether it is on, or the values of its command
-/// and the command.
+/// The last commands of a board by name: for each exclusive resource its value, whether it is on, or its command and the values of
+/// that command.
 fn told(board: &Board, state: &State) -> Told {
     let mut told = BTreeMap::new();
     let number = |value: i32| Value::Number(value.into());
@@ -316,7 +316,7 @@ fn told(board: &Board, state: &State) -> Told {
             }
             (axes, values) => {
                 if board.rest(id) == Some(command) && command.is_zero() {
-                    // Behind that, whatever moves this resource is at zero.
+                    // After that, everything that moves this resource is at zero.
                     let others = board.verbs.iter().filter(|verb| verb.moves && verb.sets == Sets::One(id));
                     told.extend(others.flat_map(|verb| &verb.axes).map(|axis| (axis.key.clone(), number(0))));
                 } else if verb.moves {

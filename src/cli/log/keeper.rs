@@ -1,4 +1,4 @@
-//! Takes a log to its file.
+//! Writes a log to its file.
 
 use std::fs::File;
 use std::io;
@@ -13,20 +13,19 @@ use super::super::growing::Growing;
 use super::book::Book;
 use super::{Entry, Screen};
 
-/// How often what was written goes to the file: so much is lost where the program is killed.
+/// How often the file is updated. A killed program loses at most this much of its log.
 const UPDATE: Duration = Duration::from_millis(500);
-/// What makes a log whole that has no index: the records `DataEnd` and `Footer`, which say that none follows, and the magic bytes
-/// (<https://mcap.dev/spec>). It stands behind each piece, and the next one is written over it, so that any tool reads the log of a
-/// program that was killed.
+/// The end of a log without an index: the records `DataEnd` and `Footer`, and the magic bytes (<https://mcap.dev/spec>). It follows
+/// each piece, and the next piece overwrites it, so that every tool can read the log of a program that was killed.
 const END: &[u8] = b"\x0f\x04\0\0\0\0\0\0\0\0\0\0\0\
     \x02\x14\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\
     \x89MCAP0\r\n";
-/// How much is kept for a file that takes nothing; where more comes, the log is over.
+/// How much is buffered for a file that takes nothing. After that, the log ends.
 const MOST_PENDING: usize = 16 << 20;
 
 pub(super) const WHY_NOT: Option<&str> = None;
 
-/// Writes until nothing comes any more; says why the log is not whole, if it is not.
+/// Writes until there are no more entries. Returns why the log is not complete, if it is not.
 pub(super) fn keep(
     file: File,
     name: String,
@@ -45,7 +44,7 @@ struct Keeper {
     out: Growing,
     name: String,
     screen: Screen,
-    /// Whether it took nothing for so long that the log is over.
+    /// Whether the log has ended because the file took nothing for too long.
     is_over: bool,
 }
 
@@ -72,7 +71,7 @@ impl Keeper {
         Ok(())
     }
 
-    /// Gives the file a piece, and an end.
+    /// Writes a piece and an end.
     fn write(&mut self, piece: &[u8], end: &[u8]) {
         if self.is_over {
             return;

@@ -1,4 +1,4 @@
-//! `--log`: the thread that writes a log of what happens. Whatever plays or serves never waits for it.
+//! `--log`: the thread that writes a log. Playing and serving never wait for it.
 
 use std::fs::File;
 use std::io;
@@ -28,44 +28,44 @@ pub(super) use run::TimelineLog;
 
 /// How many entries may wait to be written.
 const ROOM: usize = 16 * 1024;
-/// How long the end waits for a file that takes nothing.
+/// How long the end waits for a file that takes no bytes.
 const PATIENCE: Duration = Duration::from_millis(500);
 
-/// A log under way.
+/// A log that is being written.
 pub(super) struct Log {
     path: PathBuf,
     screen: Screen,
-    /// Says at its end why it is not whole.
+    /// Returns at its end why the log is not complete.
     keeper: Worker<(Nanos, Entry), Option<String>>,
-    /// When time 0 is, on the clock of [`now`].
+    /// Time 0, on the clock of [`now`].
     begin: Nanos,
 }
 
 /// Something that happened.
 #[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only a log reads them"))]
 pub(super) enum Entry {
-    /// Time 0 was so long after 1970 began.
+    /// Time 0 since the start of 1970.
     Begin { since_1970: Nanos },
     /// Bytes went to the board at this time.
     Bytes(Box<[u8]>),
     /// Frames went to the board, and bytes that are not frames, each at its time.
     Items(Arc<[(Micros, OwnedItem)]>),
-    /// A frame of the script was given to the port so late.
+    /// A frame of the script was written to the port, with its lateness.
     Late { script: Micros, late: Nanos, command: Command, place: Option<Spot> },
     /// The board has reported.
     Report(Report),
-    /// The robot of a virtual board is there.
+    /// The position of the robot of a virtual board.
     Pose(Pose),
     /// A mark of the script was passed.
     Mark { name: String, script: Micros },
-    /// Something is to be told.
+    /// A line for the reader.
     Line { level: Level, text: String, place: Option<Spot> },
 }
 
 /// A file and a line.
 pub(super) type Spot = (String, usize);
 
-/// How much it matters.
+/// The level of a line.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Level {
     Info,
@@ -74,7 +74,7 @@ pub(super) enum Level {
 }
 
 impl Log {
-    /// Starts a log into a file that was asked for, beside another result, or says why it cannot.
+    /// Starts the log that is asked for, next to another result, or reports why it cannot.
     pub(super) fn open(
         path: Option<&Path>,
         beside: Option<&File>,
@@ -90,7 +90,7 @@ impl Log {
         started.map(Some).map_err(|error| output::exit(Err(error), Some(path), screen))
     }
 
-    /// Starts a log into a file, and throws away what stood there; it begins now.
+    /// Starts a log in a file, and discards the content of the file. Time 0 is now.
     pub(super) fn start(file: File, path: &Path, board: Arc<Board>, screen: Screen) -> io::Result<Self> {
         if let Some(why_not) = keeper::WHY_NOT {
             return Err(io::Error::other(why_not));
@@ -103,7 +103,7 @@ impl Log {
         Ok(log)
     }
 
-    /// Says when time 0 is, on the clock of [`now`].
+    /// Sets time 0, on the clock of [`now`].
     pub(super) fn begin(&mut self, begin: Nanos) {
         self.begin = begin;
         let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
@@ -111,12 +111,12 @@ impl Log {
         self.put(begin, Entry::Begin { since_1970: since_1970 - (now() - begin) });
     }
 
-    /// Takes in what happened at a time on the clock of [`now`].
+    /// Adds what happened at a time on the clock of [`now`].
     pub(super) fn put(&mut self, at: Nanos, entry: Entry) {
         self.keeper.send((at - self.begin, entry));
     }
 
-    /// Takes in what happened at a board that other programs use, at a time from time 0 on.
+    /// Adds what happened at a board that other programs use, at a time since time 0.
     pub(super) fn take(&mut self, time: Micros, event: &Event) {
         let at = self.begin + time.nanos();
         match event {
@@ -127,32 +127,31 @@ impl Log {
             Event::Closed => self.line(at, Level::Info, "the program has closed the port"),
             Event::Behind(bytes, Micros(delay)) => {
                 let text =
-                    format!("the program has sent more than the line carries: {bytes} bytes wait, for {delay} us");
+                    format!("the program has sent more than the line can carry: {bytes} bytes wait for {delay} us");
                 self.line(at, Level::Warning, text);
             }
             Event::Unread(bytes) => {
-                self.line(at, Level::Warning, format!("{bytes} bytes that the program had written were not read"));
+                self.line(at, Level::Warning, format!("{bytes} bytes of the program were not read"));
             }
             Event::SetUp(settings) => {
-                self.line(at, Level::Warning, format!("the program has its line at {settings}"));
+                self.line(at, Level::Warning, format!("the program has set its line to {settings}"));
             }
         }
     }
 
-    /// Takes in a line that tells of something.
+    /// Adds a line.
     pub(super) fn line(&mut self, at: Nanos, level: Level, text: impl Into<String>) {
         self.put(at, Entry::Line { level, text: text.into(), place: None });
     }
 
-    /// Ends it, and says what became of it where it is not whole. Gives whether it is.
+    /// Ends the log, and warns if it is not complete. Returns whether it is.
     pub(super) fn end(self) -> bool {
         let Log { path, screen, keeper, .. } = self;
         let (failed, lost) = keeper.end(PATIENCE, "it");
         let lost = (lost > 0).then(|| format!("{lost} entries came faster than they could be written"));
         let why_not = failed.unwrap_or_else(Some).or(lost);
         if let Some(why) = &why_not {
-            screen
-                .warning(&format!("the log {} is not whole: {why}; nothing else was changed by that", path.display()));
+            screen.warning(&format!("the log {} is not complete: {why}; this affects only the log", path.display()));
         }
         why_not.is_none()
     }

@@ -1,4 +1,4 @@
-//! What a run tells, in a log.
+//! The log of a run.
 
 use motionseq::playback::Notice;
 use motionseq::source::{Lines, Span};
@@ -7,13 +7,13 @@ use motionseq::units::{Micros, Nanos};
 
 use super::{Entry, Level, Log, Spot};
 
-/// The log of a run, in the words of its timeline.
+/// Logs a run, with the commands and places of its timeline.
 pub(in super::super) struct TimelineLog {
     pub(in super::super) log: Log,
-    /// When time 0 of the pass was, or would have been without the pauses, on the clock of
-    /// [`now`](motionseq::playback::now).
+    /// Time 0 of the pass, on the clock of
+    /// [`now`](motionseq::playback::now), moved by the pauses.
     begin: Nanos,
-    /// How many marks the pass has gone by.
+    /// How many marks the pass has reached.
     marked: usize,
 }
 
@@ -22,8 +22,7 @@ impl TimelineLog {
         TimelineLog { log, begin: Nanos::ZERO, marked: 0 }
     }
 
-    /// Logs what a run tells at a time. A mark is passed when something happens at its time or later: nobody knows before
-    /// that the run gets there.
+    /// Logs a notice. A mark is reached when something happens at its time or later: before that, the run may still end.
     pub(in super::super) fn tell(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, notice: Notice) {
         let spot = |span: Span| -> Option<Spot> {
             let place = lines.place(span);
@@ -66,12 +65,12 @@ impl TimelineLog {
             }
             Notice::Resumed { at: script } => {
                 self.begin = at - script.nanos();
-                self.line(at, Level::Info, format!("goes on at {script:.3} s"), None);
+                self.line(at, Level::Info, format!("continues at {script:.3} s"), None);
             }
             Notice::Pass { pass } => {
                 match pass {
                     1 => self.log.begin(at),
-                    // What stands at the end of the one before was passed.
+                    // The marks at the end of the previous pass were reached.
                     _ => self.pass_marks(timeline, timeline.end),
                 }
                 (self.begin, self.marked) = (at, 0);
@@ -83,7 +82,7 @@ impl TimelineLog {
         }
     }
 
-    /// Logs the marks that the run has reached, up to a time of the script.
+    /// Logs the marks up to a time of the script.
     pub(in super::super) fn pass_marks(&mut self, timeline: &Timeline, until: Micros) {
         let marks = timeline.marks.get(self.marked..).unwrap_or_default();
         for mark in marks.iter().take_while(|mark| mark.at <= until) {
