@@ -16,7 +16,7 @@ mod render;
 mod replace;
 mod screen;
 mod shell;
-mod show;
+mod selection;
 mod test;
 
 // What plays, and offers ports.

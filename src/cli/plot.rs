@@ -10,7 +10,7 @@ use super::Script;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, Warnings};
-use super::show::{Passes, Show};
+use super::selection::{Passes, Selection};
 
 /// Draw what a script does: when, and where the robot goes
 #[derive(Debug, Args)]
@@ -21,7 +21,7 @@ pub(super) struct Plot {
     #[command(flatten)]
     script: Script,
     #[command(flatten)]
-    show: Show<Passes>,
+    selection: Selection<Passes>,
     /// Write to this file instead of standard output; its ending says the format: .svg, .png, .html or .json
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -69,12 +69,12 @@ impl Plot {
             screen.error("a PNG is nothing for a terminal: write it to a file, such as `-o picture.png`");
             return Exit::Usage;
         }
-        let compiled = self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen);
-        let (sources, staged) = match compiled {
+        let compiled = self.selection.compile(&self.script.file, &self.script.options, Warnings::First, screen);
+        let (sources, selected) = match compiled {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        let plotted = plot(&staged.timeline, &sources, &staged.diagnostics);
+        let plotted = plot(&selected.timeline, &sources, &selected.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,
             Err(why) => {

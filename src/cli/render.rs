@@ -12,7 +12,7 @@ use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress::Progress;
 use super::screen::{Screen, Warnings};
-use super::show::{Passes, Show};
+use super::selection::{Passes, Selection};
 
 /// Print the frames that a script sends, without sending them
 #[derive(Debug, Args)]
@@ -23,7 +23,7 @@ pub(super) struct Render {
     #[command(flatten)]
     script: Script,
     #[command(flatten)]
-    show: Show<Passes>,
+    selection: Selection<Passes>,
     /// How frames are written
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
@@ -52,9 +52,9 @@ const CHUNK: usize = 16_384;
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let compiled = self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen);
+        let compiled = self.selection.compile(&self.script.file, &self.script.options, Warnings::First, screen);
         let (sources, timeline) = match compiled {
-            Ok((sources, staged)) => (sources, staged.timeline),
+            Ok((sources, selected)) => (sources, selected.timeline),
             Err(exit) => return exit,
         };
         let written = match &self.output {

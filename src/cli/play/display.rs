@@ -11,7 +11,7 @@ use motionseq::units::{Micros, Nanos};
 
 use super::super::progress::bar;
 use super::super::screen::Screen;
-use super::super::show::ScriptTime;
+use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};
 use super::observers::Observer;
 

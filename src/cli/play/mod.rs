@@ -26,7 +26,7 @@ use super::Script;
 use super::exit::Exit;
 use super::output::Force;
 use super::screen::{Screen, Warnings};
-use super::show::{Show, Staged};
+use super::selection::{Selected, Selection};
 use display::{Display, Progress};
 use end::End;
 use observers::Observers;
@@ -45,7 +45,7 @@ pub(super) struct Play {
     #[command(flatten)]
     script: Script,
     #[command(flatten)]
-    show: Show,
+    selection: Selection,
     /// The serial port of the board, or else what `MOTIONSEQ_PORT` names; without it a virtual board takes the frames
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
@@ -102,9 +102,9 @@ impl Play {
     }
 
     fn play(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, staged) =
-            self.show.compile(&self.script.file, &self.script.options, Warnings::Counted, screen)?;
-        let Staged { timeline, again, first_pass, script, diagnostics } = staged;
+        let (sources, selected) =
+            self.selection.compile(&self.script.file, &self.script.options, Warnings::Counted, screen)?;
+        let Selected { timeline, again, first_pass, script, diagnostics } = selected;
         let results = Results::open(self, &sources, screen)?;
         self.check_terminal(screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
@@ -152,7 +152,7 @@ impl Play {
         // The virtual board ends when its port is closed. A real port is closed when everything was said: the system may wait for it as
         // long as half a minute.
         let held = Some(link).filter(|_| port.is_some());
-        let asked = self.show.asked();
+        let asked = self.selection.asked();
         let run = Run { sources: &sources, timeline: &timeline, asked, first_pass, port, started, elapsed, outcome };
         let exit = End { screen: *screen, run, report: report.map(|report| (report, diagnostics)), board, guard }
             .tell(observers.end());

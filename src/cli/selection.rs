@@ -17,7 +17,7 @@ use super::{Options, read};
 
 /// Which part of a script, how fast, and how often: without end, or with one (`Passes`).
 #[derive(Debug, Args)]
-pub(super) struct Show<L: Args = Loop> {
+pub(super) struct Selection<L: Args = Loop> {
     /// Begin at this time of the script, or at this mark; the servos are brought there first
     #[arg(long, value_name = "TIME|MARK")]
     from: Option<String>,
@@ -94,7 +94,7 @@ fn lead_in(text: &str) -> Result<Micros, NotATime> {
 const MANY: usize = 200_000;
 
 /// A script as it is shown: what comes first, and what comes again and again behind it.
-pub(super) struct Staged {
+pub(super) struct Selected {
     pub(super) timeline: Timeline,
     /// For a run without end.
     pub(super) again: Option<Timeline>,
@@ -126,7 +126,7 @@ impl ScriptTime {
     }
 }
 
-impl<L: Args + Copy + Into<Count>> Show<L> {
+impl<L: Args + Copy + Into<Count>> Selection<L> {
     /// Compiles a script, and takes out of it what is asked for.
     pub(super) fn compile(
         &self,
@@ -134,12 +134,12 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         options: &Options,
         warnings: Warnings,
         screen: &Screen,
-    ) -> Result<(Sources, Staged), Exit> {
+    ) -> Result<(Sources, Selected), Exit> {
         let sources = Sources::new(read(file, screen)?, Disk);
         let compiled = options.compile_at(&sources, screen, self.speed, warnings);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         let mut diagnostics = compiled.diagnostics.clone();
-        match self.stage(&whole, options.max_events, &mut diagnostics) {
+        match self.select(&whole, options.max_events, &mut diagnostics) {
             Ok((timeline, again, first_pass)) => {
                 // What one pass has was shown already.
                 let shown: Vec<&Diagnostic> = compiled.diagnostics.iter().collect();
@@ -154,7 +154,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                 let from = moment(&self.from).unwrap_or_default();
                 let length = moment(&self.to).unwrap_or(whole.end).min(whole.end) - from;
                 let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
-                Ok((sources, Staged { timeline, again, first_pass, script, diagnostics }))
+                Ok((sources, Selected { timeline, again, first_pass, script, diagnostics }))
             }
             Err(why) => {
                 screen.error(&why);
@@ -174,7 +174,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
 
     /// What comes first, for a run without end what comes again and again, and how long the first pass takes. What is wrong with
     /// several passes goes to `diagnostics`.
-    fn stage(
+    fn select(
         &self,
         whole: &Timeline,
         max_events: usize,
