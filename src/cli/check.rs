@@ -11,7 +11,7 @@ use motionseq::timeline::{Timeline, wire};
 use motionseq::verify::{expectation, expected_error};
 
 use super::exit::Exit;
-use super::find::find;
+use super::script_files::find_scripts;
 use super::output;
 use super::screen::{Screen, Warnings, plural};
 use super::{Deny, Options, read, read_source, repository};
@@ -60,7 +60,7 @@ impl Check {
         let mut totals = Totals::default();
         // In a folder, a script that says which error it has is there for that.
         let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
-        let found = find(&folders);
+        let found = find_scripts(&folders);
         if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
             let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("there is no *.motion in {}", folders.join(", ")));

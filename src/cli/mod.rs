@@ -7,7 +7,7 @@ mod decode;
 mod diff;
 mod exit;
 mod explain;
-mod find;
+mod script_files;
 mod fmt;
 mod output;
 mod plot;

@@ -11,7 +11,7 @@ use motionseq::verify::{Case, Job, Replace, Verdict};
 use rayon::prelude::*;
 
 use super::exit::Exit;
-use super::find::{Found, find};
+use super::script_files::{ScriptFiles, find_scripts};
 use super::output::{self, Force, Inputs};
 use super::progress::Progress;
 use super::replace::replace_file;
@@ -72,7 +72,7 @@ const SHOWN: usize = 20;
 impl Test {
     /// Tests; fails if any script does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let found = find(&self.paths);
+        let found = find_scripts(&self.paths);
         if found.scripts.is_empty() && found.unreadable.is_empty() {
             let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("there is no *.motion in {}", paths.join(", ")));
@@ -135,7 +135,7 @@ impl Test {
 
 /// Every script, on all threads of the pool. The order is that of `found`: first what cannot be looked into, then scripts, then
 /// snapshots without one. `done` is called after each script, from any thread.
-fn run(job: &Job, found: &Found, done: impl Fn() + Sync) -> Vec<Case> {
+fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
     let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
     cases.par_extend(found.scripts.par_iter().map(|script| {
         let case = job.case(script);

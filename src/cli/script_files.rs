@@ -8,7 +8,7 @@ use walkdir::{DirEntry, WalkDir};
 
 /// The files below some paths.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Found {
+pub(super) struct ScriptFiles {
     /// Every script, sorted by name, each folder's files together.
     pub(super) scripts: Vec<PathBuf>,
     /// Snapshots whose script is not there.
@@ -20,8 +20,8 @@ pub(super) struct Found {
 /// Finds the scripts below each path: `*.motion` in folders, and any file that is named itself; a snapshot that is
 /// named stands for its script. Links are followed, but not
 /// round in a circle; names that begin with a dot are passed over.
-pub(super) fn find(paths: &[PathBuf]) -> Found {
-    let mut found = Found::default();
+pub(super) fn find_scripts(paths: &[PathBuf]) -> ScriptFiles {
+    let mut found = ScriptFiles::default();
     for path in paths {
         let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().as_encoded_bytes().starts_with(b".");
         let walk = WalkDir::new(path).follow_links(true).sort_by_file_name();
@@ -53,7 +53,7 @@ pub(super) fn find(paths: &[PathBuf]) -> Found {
     found
 }
 
-impl Found {
+impl ScriptFiles {
     fn take(&mut self, path: &Path, is_named: bool) {
         // A name is bytes: not all of them are UTF-8.
         let name = path.file_name().unwrap_or_default();
