@@ -27,7 +27,7 @@ mod elsewhere;
 #[cfg(target_os = "linux")]
 mod ending;
 #[cfg(target_os = "linux")]
-mod growing;
+mod growing_file;
 #[cfg(target_os = "linux")]
 mod guard;
 #[cfg(target_os = "linux")]
@@ -48,6 +48,12 @@ mod tape;
 mod watcher;
 #[cfg(target_os = "linux")]
 mod worker;
+
+/// The old name, for `record`, `tape` and `log`, until they use the new one.
+#[cfg(target_os = "linux")]
+mod growing {
+    pub(super) use super::growing_file::{GrowingFile as Growing, begin, create, is_same};
+}
 
 use std::io;
 use std::path::PathBuf;

@@ -15,7 +15,7 @@ use super::super::log::Log;
 use super::super::replace::Replacement;
 use super::super::screen::{PATIENCE, Screen};
 use super::super::worker::Worker;
-use super::super::{growing, output};
+use super::super::{growing_file, output};
 use super::Play;
 use super::observers::{Files, Recording};
 use super::port::system;
@@ -36,19 +36,19 @@ impl<'p> Results<'p> {
         let mut places: Vec<(&str, PathBuf)> = Vec::new();
         for (option, path) in asked {
             let Some(path) = path else { continue };
-            let place = growing::place(path);
+            let place = growing_file::place(path);
             if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
                 return Err(refused(screen, path, &io::Error::other(format!("it is the file of {other}"))));
             }
-            places.extend((!growing::takes_everything(path)).then_some((option, place)));
+            places.extend((!growing_file::takes_everything(path)).then_some((option, place)));
         }
         Ok(Results {
-            recording: open_one(play.record.as_deref(), screen, |path| growing::open(path, &inputs, play.force))?,
+            recording: open_one(play.record.as_deref(), screen, |path| growing_file::open(path, &inputs, play.force))?,
             report: open_one(play.report.as_deref(), screen, |path| {
                 output::whole(path, &inputs, play.force).map(|file| file.is_in_place().then_some(file))
             })?,
             log: open_one(play.log.as_deref(), screen, |path| {
-                growing::create(path, &inputs).map(|created| created.file)
+                growing_file::create(path, &inputs).map(|created| created.file)
             })?,
         })
     }
@@ -62,7 +62,7 @@ impl<'p> Results<'p> {
     ) -> Result<(Files, Option<Report>), Exit> {
         let Results { recording, report, log } = self;
         if let Some((path, file)) = &recording {
-            growing::begin(file).map_err(|error| refused(screen, path, &error))?;
+            growing_file::begin(file).map_err(|error| refused(screen, path, &error))?;
         }
         let log = log.map(|(path, file)| {
             let log = Log::start(file, path, Arc::clone(board), *screen);

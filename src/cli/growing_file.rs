@@ -70,7 +70,7 @@ pub(super) fn begin(file: &File) -> io::Result<()> {
 
 /// A file that grows, and whose end may change until it is settled. It is whole at every moment, so that nothing is lost where the
 /// program is killed or the power is cut. To anything but a file, such as a pipe, only what is settled goes.
-pub(super) struct Growing {
+pub(super) struct GrowingFile {
     file: File,
     pub(super) is_file: bool,
     /// What it is called in messages.
@@ -90,11 +90,11 @@ pub(super) struct Growing {
     failing: Option<String>,
 }
 
-impl Growing {
+impl GrowingFile {
     pub(super) fn new(file: File, name: String, screen: Screen) -> Self {
         let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
         let (pending, end) = (Vec::new(), Vec::new());
-        Growing {
+        GrowingFile {
             file,
             is_file,
             name,
@@ -142,7 +142,7 @@ impl Growing {
         let result = if self.is_file { self.write_over(end, whole) } else { self.write_on() };
         let was_failing = self.failing.is_some();
         self.failing = result.err().map(|error| error.to_string());
-        let Growing { name, screen, .. } = self;
+        let GrowingFile { name, screen, .. } = self;
         match &self.failing {
             Some(error) if !was_failing => {
                 screen.warning(&format!("{name} cannot be written: {error}; it is tried again"));
