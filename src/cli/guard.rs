@@ -8,7 +8,7 @@ use std::process::Command;
 use clap::Args;
 use motionseq::playback::{self, Fate, Stop, Ward, guard};
 
-use super::ending::{closing_line, stop_words};
+use super::run_summary::{closing_line, stop_words};
 use super::exit::Exit;
 use super::screen::{PATIENCE, Screen};
 

@@ -25,8 +25,6 @@ mod board;
 #[cfg(not(target_os = "linux"))]
 mod elsewhere;
 #[cfg(target_os = "linux")]
-mod ending;
-#[cfg(target_os = "linux")]
 mod growing_file;
 #[cfg(target_os = "linux")]
 mod guard;
@@ -41,6 +39,8 @@ mod ports;
 #[cfg(target_os = "linux")]
 mod record;
 #[cfg(target_os = "linux")]
+mod run_summary;
+#[cfg(target_os = "linux")]
 mod state_line;
 #[cfg(target_os = "linux")]
 mod tape;
@@ -48,6 +48,12 @@ mod tape;
 mod watcher;
 #[cfg(target_os = "linux")]
 mod worker;
+
+/// The old name, for `board`, until it uses the new one.
+#[cfg(target_os = "linux")]
+mod ending {
+    pub(super) use super::run_summary::board_summary;
+}
 
 /// The old name, for `record`, `tape` and `log`, until they use the new one.
 #[cfg(target_os = "linux")]
