@@ -23,7 +23,7 @@ mod test;
 #[cfg(target_os = "linux")]
 mod board;
 #[cfg(not(target_os = "linux"))]
-mod elsewhere;
+mod linux_only;
 #[cfg(target_os = "linux")]
 mod growing_file;
 #[cfg(target_os = "linux")]
@@ -78,7 +78,7 @@ use motionseq::report::Repository;
 use motionseq::source::{Disk, Files as _, Source, SourceError, Sources};
 
 #[cfg(not(target_os = "linux"))]
-use elsewhere::{board, latency, play, ports, record};
+use linux_only::{board, latency, play, ports, record};
 use exit::Exit;
 use screen::{Color, Screen, Volume, Warnings};
 
