@@ -1,7 +1,7 @@
 //! `motionseq play`: sends a script to a board, in time.
 
 mod display;
-mod end;
+mod finish;
 mod observers;
 mod port;
 mod results;
@@ -28,7 +28,7 @@ use super::output::Force;
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
 use display::{Display, Progress};
-use end::End;
+use finish::Finish;
 use observers::Observers;
 use port::{Port, system};
 use results::Results;
@@ -154,8 +154,8 @@ impl Play {
         let held = Some(link).filter(|_| port.is_some());
         let asked = self.selection.asked();
         let run = Run { sources: &sources, timeline: &timeline, asked, first_pass, port, started, elapsed, outcome };
-        let exit = End { screen: *screen, run, report: report.map(|report| (report, diagnostics)), board, guard }
-            .tell(observers.end());
+        let exit = Finish { screen: *screen, run, report: report.map(|report| (report, diagnostics)), board, guard }
+            .report(observers.end());
         drop(held);
         Ok(exit)
     }

@@ -15,7 +15,7 @@ use super::results::Report;
 use super::run_log::{Run, RunLog};
 
 /// What is left of a run when nothing more is sent.
-pub(super) struct End<'r> {
+pub(super) struct Finish<'r> {
     pub(super) screen: Screen,
     pub(super) run: Run<'r>,
     /// The report, if one is asked for, and what is wrong with the script.
@@ -25,10 +25,10 @@ pub(super) struct End<'r> {
     pub(super) guard: Option<Guard>,
 }
 
-impl End<'_> {
+impl Finish<'_> {
     /// Says how it went; gives the exit code. First what is written at once, then what the screen may wait for.
-    pub(super) fn tell(self, observed: Observed) -> Exit {
-        let End { screen, run, report, board, guard } = self;
+    pub(super) fn report(self, observed: Observed) -> Exit {
+        let Finish { screen, run, report, board, guard } = self;
         let Observed { run: counted, recorded, log } = observed;
         let report =
             report.map(|(report, diagnostics)| (report.path.clone(), report.write(run.report(&counted, &diagnostics))));
