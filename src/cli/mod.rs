@@ -11,7 +11,7 @@ mod script_files;
 mod fmt;
 mod output;
 mod plot;
-mod progress;
+mod progress_bar;
 mod render;
 mod replace;
 mod screen;

@@ -10,7 +10,7 @@ use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_lis
 use super::Script;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
-use super::progress::Progress;
+use super::progress_bar::ProgressBar;
 use super::screen::{Screen, Warnings};
 use super::selection::{Passes, Selection};
 
@@ -73,7 +73,7 @@ impl Render {
         let frames = timeline.events.len();
         // Frames that are printed on the terminal show themselves how far it is.
         let is_shown = self.output.is_some() || !io::stdout().is_terminal();
-        let progress = is_shown.then(|| Progress::new(screen, "frames", frames));
+        let progress = is_shown.then(|| ProgressBar::new(screen, "frames", frames));
         for events in timeline.events.chunks(CHUNK) {
             match self.format {
                 Format::Listing => write_listing(&timeline.board, events, &mut out)?,

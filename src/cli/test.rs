@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::exit::Exit;
 use super::script_files::{ScriptFiles, find_scripts};
 use super::output::{self, Force, Inputs};
-use super::progress::Progress;
+use super::progress_bar::ProgressBar;
 use super::replace::replace_file;
 use super::screen::{Screen, plural};
 use super::{Deny, Options, repository};
@@ -94,7 +94,7 @@ impl Test {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let cases = match pool {
             Ok(pool) => {
-                let progress = Progress::new(screen, "scripts", found.scripts.len());
+                let progress = ProgressBar::new(screen, "scripts", found.scripts.len());
                 pool.install(|| run(&job, &found, || progress.add(1)))
             }
             Err(error) => {

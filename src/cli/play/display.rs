@@ -9,7 +9,7 @@ use motionseq::playback::{Notice, Verdict, now};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
-use super::super::progress::bar;
+use super::super::progress_bar::bar;
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};

@@ -11,7 +11,7 @@ const PATIENCE: u64 = 200;
 const REFRESH: u64 = 100;
 
 /// Counts what is done of so many things, and draws it; whoever drops it takes the bar away.
-pub(super) struct Progress<'s> {
+pub(super) struct ProgressBar<'s> {
     screen: &'s Screen,
     what: &'static str,
     total: usize,
@@ -21,10 +21,10 @@ pub(super) struct Progress<'s> {
     next: AtomicU64,
 }
 
-impl<'s> Progress<'s> {
+impl<'s> ProgressBar<'s> {
     pub(super) fn new(screen: &'s Screen, what: &'static str, total: usize) -> Self {
         let (done, next) = (AtomicUsize::new(0), AtomicU64::new(PATIENCE));
-        Progress { screen, what, total, done, begin: Instant::now(), next }
+        ProgressBar { screen, what, total, done, begin: Instant::now(), next }
     }
 
     /// So many more are done. From any thread.
@@ -48,7 +48,7 @@ impl<'s> Progress<'s> {
     }
 }
 
-impl Drop for Progress<'_> {
+impl Drop for ProgressBar<'_> {
     fn drop(&mut self) {
         if self.next.load(Ordering::Relaxed) > PATIENCE {
             self.screen.live("");
