@@ -14,7 +14,7 @@ use motionseq::source::{Disk, Files as _};
 use super::Reading;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
-use super::replace::Replacement;
+use super::atomic_file::AtomicFile;
 use super::screen::{Screen, plural};
 
 /// Show the frames in a stream of bytes, or of hex digits, or make a script of them
@@ -85,7 +85,7 @@ impl Decode {
             if is_script { transcribe(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
         let flushed = out.flush();
         drop(out);
-        let flushed = flushed.and_then(|()| file.map_or(Ok(()), Replacement::finish));
+        let flushed = flushed.and_then(|()| file.map_or(Ok(()), AtomicFile::finish));
         match decoded {
             Ok(decoded) => {
                 summary(decoded, screen);

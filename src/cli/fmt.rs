@@ -10,7 +10,7 @@ use motionseq::syntax;
 use super::exit::Exit;
 use super::output;
 use super::read;
-use super::replace::replace_file;
+use super::atomic_file::write_atomically;
 use super::screen::{Screen, Warnings, plural};
 
 /// Format scripts: blanks, indentation, comments below each other; never what is sent
@@ -70,7 +70,7 @@ impl Fmt {
         }
         if is_changed && self.check {
             screen.note(&format!("{} would change", source.name()));
-        } else if is_changed && let Err(error) = replace_file(path, text.as_bytes()) {
+        } else if is_changed && let Err(error) = write_atomically(path, text.as_bytes()) {
             screen.error(&format!("cannot write {}: {error}; it is as it was", path.display()));
             return Err(Exit::Usage);
         }

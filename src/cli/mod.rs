@@ -13,7 +13,7 @@ mod output;
 mod plot;
 mod progress_bar;
 mod render;
-mod replace;
+mod atomic_file;
 mod screen;
 mod shell;
 mod selection;

@@ -8,7 +8,7 @@ use clap::Args;
 use motionseq::source::Sources;
 
 use super::exit::Exit;
-use super::replace::Replacement;
+use super::atomic_file::AtomicFile;
 use super::screen::Screen;
 
 /// What a result may be written over.
@@ -65,9 +65,9 @@ impl Inputs {
 }
 
 /// Begins a result that takes the place of what was there when it is whole.
-pub(super) fn whole(path: &Path, inputs: &Inputs, force: Force) -> io::Result<Replacement> {
+pub(super) fn whole(path: &Path, inputs: &Inputs, force: Force) -> io::Result<AtomicFile> {
     check(path, inputs, force)?;
-    Replacement::begin(path)
+    AtomicFile::begin(path)
 }
 
 /// Whether a result may be written there, before anything of it is changed.

@@ -14,7 +14,7 @@ use super::exit::Exit;
 use super::script_files::{ScriptFiles, find_scripts};
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
-use super::replace::replace_file;
+use super::atomic_file::write_atomically;
 use super::screen::{Screen, plural};
 use super::{Deny, Options, repository};
 
@@ -86,7 +86,7 @@ impl Test {
         };
         let faults = self.fault.clone().unwrap_or_default();
         let mut job = Job::new(self.options.of_library());
-        job.bless = self.bless.then_some(replace_file as Replace);
+        job.bless = self.bless.then_some(write_atomically as Replace);
         job.deny = self.deny.is_some();
         (job.play, job.faults) = (self.play, faults);
         // More threads than scripts have nothing to do.

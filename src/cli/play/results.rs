@@ -12,7 +12,7 @@ use motionseq::source::Sources;
 
 use super::super::exit::Exit;
 use super::super::log::Log;
-use super::super::replace::Replacement;
+use super::super::atomic_file::AtomicFile;
 use super::super::screen::{PATIENCE, Screen};
 use super::super::worker::Worker;
 use super::super::{growing_file, output};
@@ -24,7 +24,7 @@ use super::port::system;
 pub(super) struct Results<'p> {
     recording: Option<(&'p Path, File)>,
     /// `None` for the file where the report replaces it when it is complete.
-    report: Option<(&'p Path, Option<Replacement>)>,
+    report: Option<(&'p Path, Option<AtomicFile>)>,
     log: Option<(&'p Path, File)>,
 }
 
@@ -98,11 +98,11 @@ pub(super) struct Report {
 }
 
 impl Report {
-    fn start(path: &Path, file: Option<Replacement>) -> io::Result<Self> {
+    fn start(path: &Path, file: Option<AtomicFile>) -> io::Result<Self> {
         let place = path.to_owned();
         let writer = Worker::start("report", 1, move |texts: Receiver<String>| {
             let Ok(text) = texts.recv() else { return Ok(()) };
-            let mut file = file.map_or_else(|| Replacement::begin(&place), Ok)?;
+            let mut file = file.map_or_else(|| AtomicFile::begin(&place), Ok)?;
             file.write_all(text.as_bytes())?;
             file.finish()
         })?;
