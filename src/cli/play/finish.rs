@@ -11,7 +11,7 @@ use super::super::exit::Exit;
 use super::super::log::Level;
 use super::super::screen::{PATIENCE, Screen, plural};
 use super::observers::Observed;
-use super::results::Report;
+use super::result_files::Report;
 use super::run_log::{Run, RunLog};
 
 /// What is left of a run when nothing more is sent.

@@ -4,7 +4,7 @@ mod display;
 mod finish;
 mod observers;
 mod port;
-mod results;
+mod result_files;
 mod run_log;
 
 use std::io;
@@ -31,7 +31,7 @@ use display::{Display, Progress};
 use finish::Finish;
 use observers::Observers;
 use port::{Port, system};
-use results::Results;
+use result_files::ResultFiles;
 use run_log::Run;
 
 pub(super) use port::refused;
@@ -105,7 +105,7 @@ impl Play {
         let (sources, selected) =
             self.selection.compile(&self.script.file, &self.script.options, Warnings::Counted, screen)?;
         let Selected { timeline, again, first_pass, script, diagnostics } = selected;
-        let results = Results::open(self, &sources, screen)?;
+        let results = ResultFiles::open(self, &sources, screen)?;
         self.check_terminal(screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;

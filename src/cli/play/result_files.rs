@@ -20,15 +20,15 @@ use super::Play;
 use super::observers::{Files, Recording};
 use super::port::system;
 
-/// Open files with their names. What they contain stays until [`start`](Results::start).
-pub(super) struct Results<'p> {
+/// Open files with their names. What they contain stays until [`start`](ResultFiles::start).
+pub(super) struct ResultFiles<'p> {
     recording: Option<(&'p Path, File)>,
     /// `None` for the file where the report replaces it when it is complete.
     report: Option<(&'p Path, Option<AtomicFile>)>,
     log: Option<(&'p Path, File)>,
 }
 
-impl<'p> Results<'p> {
+impl<'p> ResultFiles<'p> {
     /// Opens the files that are asked for, each of them a different one.
     pub(super) fn open(play: &'p Play, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
         let inputs = output::Inputs::of_sources(sources);
@@ -42,7 +42,7 @@ impl<'p> Results<'p> {
             }
             places.extend((!growing_file::takes_everything(path)).then_some((option, place)));
         }
-        Ok(Results {
+        Ok(ResultFiles {
             recording: open_one(play.record.as_deref(), screen, |path| growing_file::open(path, &inputs, play.force))?,
             report: open_one(play.report.as_deref(), screen, |path| {
                 output::whole(path, &inputs, play.force).map(|file| file.is_in_place().then_some(file))
@@ -60,7 +60,7 @@ impl<'p> Results<'p> {
         sources: &Sources,
         screen: &Screen,
     ) -> Result<(Files, Option<Report>), Exit> {
-        let Results { recording, report, log } = self;
+        let ResultFiles { recording, report, log } = self;
         if let Some((path, file)) = &recording {
             growing_file::begin(file).map_err(|error| refused(screen, path, &error))?;
         }
