@@ -46,13 +46,13 @@ impl Guard {
         match guard(&self.arguments) {
             Ok(None) => Exit::Ok,
             // All was sent, and all that is lost is a summary.
-            Ok(Some(guarded)) if (guarded.fate, guarded.stop) == (Fate::DiedBehindTheEnd, Stop::NotNeeded) => Exit::Ok,
+            Ok(Some(guarded)) if (guarded.fate, guarded.stop) == (Fate::DiedAfterEnd, Stop::NotNeeded) => Exit::Ok,
             Ok(Some(guarded)) => {
                 let cause = match guarded.fate {
                     Fate::Hung => {
                         format!("motionseq hung for {:.0} ms and was killed", guarded.silence.in_millis())
                     }
-                    Fate::DiedBehindTheEnd => "motionseq was killed before it could say how the run ended".to_owned(),
+                    Fate::DiedAfterEnd => "motionseq was killed before it could say how the run ended".to_owned(),
                     _ => "motionseq was killed".to_owned(),
                 };
                 let robot = if self.with_board { "the virtual board ended with it" } else { stop_words(guarded.stop) };

@@ -16,7 +16,7 @@ use super::halt::{Outbox, Stops};
 use super::messages::Stop;
 use super::os::{self, Process, Ready};
 use super::stop::stop_robot;
-use super::watch::{Fate, Heard, Verdict, Watch};
+use super::watchdog::{Decision, Fate, Heard, Watchdog};
 use crate::board::{Board, Hex};
 use crate::clock;
 use crate::link::Serial;
@@ -377,19 +377,19 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
     pipe.write_all(&READY)?;
 
     let silence = ward.max_late.saturating_mul(2);
-    let mut watch = Watch::new(clock::now(), silence);
+    let mut watch = Watchdog::new(clock::now(), silence);
     let mut heard = Heard::Silence;
     let fate = loop {
         match watch.poll(clock::now(), heard) {
-            Verdict::Listen(until) => heard = listen(&mut pipe, until, &mut last),
-            Verdict::Release => {
+            Decision::Listen(until) => heard = listen(&mut pipe, until, &mut last),
+            Decision::Release => {
                 release(port.take());
                 // Where nobody hears it the player has died, which is heard next.
                 let _ = pipe.write_all(&READY);
                 heard = Heard::Silence;
             }
-            Verdict::Over(fate) => break fate,
-            Verdict::Done => return Ok(None),
+            Decision::Over(fate) => break fate,
+            Decision::Done => return Ok(None),
         }
     };
     let stop = match port {

@@ -20,7 +20,7 @@ mod session;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod stop;
 #[cfg(all(feature = "player", target_os = "linux"))]
-mod watch;
+mod watchdog;
 
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
@@ -35,7 +35,7 @@ mod real {
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
     pub use super::session::Session;
     pub(crate) use super::stop::stop_robot;
-    pub use super::watch::Fate;
+    pub use super::watchdog::Fate;
     pub use crate::clock::now;
 }
 #[cfg(all(feature = "player", target_os = "linux"))]

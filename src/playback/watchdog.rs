@@ -11,7 +11,7 @@ pub enum Fate {
     /// It had died while it played.
     Died,
     /// Its run had ended, and it died before it could say how.
-    DiedBehindTheEnd,
+    DiedAfterEnd,
 }
 
 /// What a guard heard from the player.
@@ -33,7 +33,7 @@ pub(super) enum Heard {
 
 /// What a guard does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(super) enum Decision {
     /// Listen until this time; `None`: as long as it takes.
     Listen(Option<Nanos>),
     /// The run has ended: let go of the port.
@@ -49,7 +49,7 @@ const TARDY: Nanos = Nanos::from_millis(5);
 
 /// The state of a guard.
 #[derive(Debug)]
-pub(super) struct Watch {
+pub(super) struct Watchdog {
     /// How long a player may be silent.
     limit: Nanos,
     /// When it has been silent for too long; `None` while it rests.
@@ -60,19 +60,19 @@ pub(super) struct Watch {
     ended: bool,
 }
 
-impl Watch {
+impl Watchdog {
     pub(super) fn new(now: Nanos, limit: Nanos) -> Self {
-        Watch { limit, deadline: Some(now.saturating_add(limit)), extended: false, ended: false }
+        Watchdog { limit, deadline: Some(now.saturating_add(limit)), extended: false, ended: false }
     }
 
-    pub(super) fn poll(&mut self, now: Nanos, heard: Heard) -> Verdict {
+    pub(super) fn poll(&mut self, now: Nanos, heard: Heard) -> Decision {
         match heard {
-            Heard::Goodbye => return Verdict::Done,
-            Heard::Closed if self.ended => return Verdict::Over(Fate::DiedBehindTheEnd),
-            Heard::Closed => return Verdict::Over(Fate::Died),
+            Heard::Goodbye => return Decision::Done,
+            Heard::Closed if self.ended => return Decision::Over(Fate::DiedAfterEnd),
+            Heard::Closed => return Decision::Over(Fate::Died),
             Heard::Ended => {
                 (self.deadline, self.ended) = (None, true);
-                return Verdict::Release;
+                return Decision::Release;
             }
             Heard::AtRest => self.deadline = None,
             Heard::Beat => {
@@ -83,7 +83,7 @@ impl Watch {
                 Some(deadline) if now >= deadline => {
                     // Whatever kept the guard from waking may have kept the player from beating.
                     if self.extended || now - deadline < TARDY {
-                        return Verdict::Over(Fate::Hung);
+                        return Decision::Over(Fate::Hung);
                     }
                     self.extended = true;
                     self.deadline = Some(now.saturating_add(self.limit));
@@ -91,7 +91,7 @@ impl Watch {
                 _ => {}
             },
         }
-        Verdict::Listen(self.deadline)
+        Decision::Listen(self.deadline)
     }
 }
 
@@ -104,50 +104,50 @@ mod tests {
 
     #[test]
     fn a_player_that_beats_is_left_alone() {
-        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
+        let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         for beat in 1..1_000 {
             let now = MS * (beat * 99);
-            assert_eq!(watch.poll(now, Heard::Beat), Verdict::Listen(Some(now + MS * 100)));
+            assert_eq!(watch.poll(now, Heard::Beat), Decision::Listen(Some(now + MS * 100)));
         }
-        assert_eq!(watch.poll(MS * 100_000, Heard::Goodbye), Verdict::Done);
+        assert_eq!(watch.poll(MS * 100_000, Heard::Goodbye), Decision::Done);
     }
 
     #[test]
     fn silence_is_a_hang_and_a_closed_pipe_a_death() {
-        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS * 99, Heard::Silence), Verdict::Listen(Some(MS * 100)));
-        assert_eq!(watch.poll(MS * 100, Heard::Silence), Verdict::Over(Fate::Hung));
-        assert_eq!(watch.poll(MS * 100, Heard::Closed), Verdict::Over(Fate::Died));
+        let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
+        assert_eq!(watch.poll(MS * 99, Heard::Silence), Decision::Listen(Some(MS * 100)));
+        assert_eq!(watch.poll(MS * 100, Heard::Silence), Decision::Over(Fate::Hung));
+        assert_eq!(watch.poll(MS * 100, Heard::Closed), Decision::Over(Fate::Died));
     }
 
     #[test]
     fn a_guard_that_woke_late_gives_one_more_interval_and_no_second() {
-        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS * 105, Heard::Silence), Verdict::Listen(Some(MS * 205)));
-        assert_eq!(watch.poll(MS * 300, Heard::Silence), Verdict::Over(Fate::Hung));
+        let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
+        assert_eq!(watch.poll(MS * 105, Heard::Silence), Decision::Listen(Some(MS * 205)));
+        assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Over(Fate::Hung));
         // A beat between them makes it patient again.
-        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
+        let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         watch.poll(MS * 105, Heard::Silence);
         watch.poll(MS * 110, Heard::Beat);
-        assert_eq!(watch.poll(MS * 300, Heard::Silence), Verdict::Listen(Some(MS * 400)));
+        assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Listen(Some(MS * 400)));
     }
 
     #[test]
     fn a_player_at_rest_may_be_silent_for_ever_but_not_die() {
-        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS, Heard::AtRest), Verdict::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Verdict::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Verdict::Over(Fate::Died));
+        let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
+        assert_eq!(watch.poll(MS, Heard::AtRest), Decision::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(Fate::Died));
         // The next beat ends the rest.
-        assert_eq!(watch.poll(MS, Heard::Beat), Verdict::Listen(Some(MS * 101)));
+        assert_eq!(watch.poll(MS, Heard::Beat), Decision::Listen(Some(MS * 101)));
     }
 
     #[test]
     fn a_player_that_dies_behind_its_end_is_told_from_one_that_drives() {
-        let mut watch = Watch::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS, Heard::Ended), Verdict::Release);
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Verdict::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Verdict::Over(Fate::DiedBehindTheEnd));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Goodbye), Verdict::Done);
+        let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
+        assert_eq!(watch.poll(MS, Heard::Ended), Decision::Release);
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(Fate::DiedAfterEnd));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Goodbye), Decision::Done);
     }
 }
