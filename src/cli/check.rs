@@ -11,9 +11,9 @@ use motionseq::timeline::{Timeline, wire};
 use motionseq::verify::{expectation, expected_error};
 
 use super::exit::Exit;
-use super::script_files::find_scripts;
 use super::output;
 use super::screen::{Screen, Warnings, plural};
+use super::script_files::find_scripts;
 use super::{Deny, Options, read, read_source, repository};
 
 /// Check scripts: show every error and warning, send nothing

@@ -12,9 +12,9 @@ use motionseq::board::Board;
 use motionseq::source::{Disk, Files as _};
 
 use super::Reading;
+use super::atomic_file::AtomicFile;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
-use super::atomic_file::AtomicFile;
 use super::screen::{Screen, plural};
 
 /// Show the frames in a stream of bytes, or of hex digits, or make a script of them

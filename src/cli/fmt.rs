@@ -7,10 +7,10 @@ use clap::Args;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::syntax;
 
+use super::atomic_file::write_atomically;
 use super::exit::Exit;
 use super::output;
 use super::read;
-use super::atomic_file::write_atomically;
 use super::screen::{Screen, Warnings, plural};
 
 /// Format scripts: blanks, indentation, comments below each other; never what is sent

@@ -5,8 +5,8 @@ use std::io::{self, Write as _};
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
-use super::output::{Force, Inputs, check};
 use super::atomic_file::open_in_place;
+use super::output::{Force, Inputs, check};
 use super::screen::Screen;
 
 /// Opens a file for a result that grows while it is written. What is in it stays until [`begin`]. Never waits for the reader of a

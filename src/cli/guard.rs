@@ -8,8 +8,8 @@ use std::process::Command;
 use clap::Args;
 use motionseq::playback::{self, Fate, Stop, Ward, guard};
 
-use super::run_summary::{closing_line, stop_words};
 use super::exit::Exit;
+use super::run_summary::{closing_line, stop_words};
 use super::screen::{PATIENCE, Screen};
 
 /// What stands for this command on the command line.

@@ -2,34 +2,34 @@
 
 #![cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "shared with the commands that need Linux"))]
 
+mod atomic_file;
 mod check;
 mod decode;
 mod diff;
 mod exit;
 mod explain;
-mod script_files;
 mod fmt;
 mod output;
 mod plot;
 mod progress_bar;
 mod render;
-mod atomic_file;
 mod screen;
-mod shell;
+mod script_files;
 mod selection;
+mod shell;
 mod test;
 
 // What plays, and offers ports.
 #[cfg(target_os = "linux")]
 mod board;
-#[cfg(not(target_os = "linux"))]
-mod linux_only;
 #[cfg(target_os = "linux")]
 mod growing_file;
 #[cfg(target_os = "linux")]
 mod guard;
 #[cfg(target_os = "linux")]
 mod latency;
+#[cfg(not(target_os = "linux"))]
+mod linux_only;
 #[cfg(target_os = "linux")]
 mod log;
 #[cfg(target_os = "linux")]
@@ -77,9 +77,9 @@ use motionseq::program::Speed;
 use motionseq::report::Repository;
 use motionseq::source::{Disk, Files as _, Source, SourceError, Sources};
 
+use exit::Exit;
 #[cfg(not(target_os = "linux"))]
 use linux_only::{board, latency, play, ports, record};
-use exit::Exit;
 use screen::{Color, Screen, Volume, Warnings};
 
 /// Timed motion scripts for the Yahboom Raspblock: check them, see their bytes, play them.

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use motionseq::source::Sources;
 
-use super::exit::Exit;
 use super::atomic_file::AtomicFile;
+use super::exit::Exit;
 use super::screen::Screen;
 
 /// What a result may be written over.

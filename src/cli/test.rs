@@ -10,12 +10,12 @@ use motionseq::sim::Faults;
 use motionseq::verify::{Case, Job, Replace, Verdict};
 use rayon::prelude::*;
 
+use super::atomic_file::write_atomically;
 use super::exit::Exit;
-use super::script_files::{ScriptFiles, find_scripts};
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
-use super::atomic_file::write_atomically;
 use super::screen::{Screen, plural};
+use super::script_files::{ScriptFiles, find_scripts};
 use super::{Deny, Options, repository};
 
 /// Compare every script with its snapshot, and say what has changed

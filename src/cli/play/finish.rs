@@ -6,9 +6,9 @@ use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::Served;
 use motionseq::timeline::wire::LATE;
 
-use super::super::run_summary::board_summary;
 use super::super::exit::Exit;
 use super::super::log::Level;
+use super::super::run_summary::board_summary;
 use super::super::screen::{PATIENCE, Screen, plural};
 use super::observers::Observed;
 use super::result_files::Report;

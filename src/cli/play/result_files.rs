@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 use motionseq::board::Board;
 use motionseq::source::Sources;
 
+use super::super::atomic_file::AtomicFile;
 use super::super::exit::Exit;
 use super::super::log::Log;
-use super::super::atomic_file::AtomicFile;
 use super::super::screen::{PATIENCE, Screen};
 use super::super::worker::Worker;
 use super::super::{growing_file, output};

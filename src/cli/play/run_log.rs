@@ -14,8 +14,8 @@ use motionseq::timeline::Timeline;
 use motionseq::timeline::wire::load;
 use motionseq::units::{Micros, Nanos};
 
-use super::super::run_summary::{closing_line, signal_name, stop_words};
 use super::super::exit::Exit;
+use super::super::run_summary::{closing_line, signal_name, stop_words};
 use super::super::screen::plural;
 use super::observers::Observer;
 
