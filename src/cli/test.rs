@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::report;
 use motionseq::sim::Faults;
-use motionseq::verify::{Case, Job, Replace, Verdict};
+use motionseq::verify::{Case, Job, Replace, Status};
 use rayon::prelude::*;
 
 use super::atomic_file::write_atomically;
@@ -102,7 +102,7 @@ impl Test {
                 return Exit::Usage;
             }
         };
-        let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
+        let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
         if let Some(mut file) = junit {
@@ -114,8 +114,8 @@ impl Test {
         }
         match output::exit(written, None, screen) {
             Exit::Ok if failed > 0 => {
-                let mut failed = cases.iter().filter(|case| !case.verdict.is_passed());
-                let expects = failed.all(|case| case.verdict == Verdict::ExpectFailed);
+                let mut failed = cases.iter().filter(|case| !case.status.is_passed());
+                let expects = failed.all(|case| case.status == Status::ExpectFailed);
                 if expects { Exit::Expect } else { Exit::Script }
             }
             exit => exit,
@@ -149,23 +149,23 @@ fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
     let mut lines = Vec::new();
     for case in cases {
-        let orphan = case.verdict == Verdict::Orphan;
-        let is_shown = !case.verdict.is_passed() || screen.is_verbose() || orphan && !screen.is_quiet();
+        let orphan = case.status == Status::Orphan;
+        let is_shown = !case.status.is_passed() || screen.is_verbose() || orphan && !screen.is_quiet();
         if !is_shown {
             continue;
         }
-        let mark = match (orphan, case.verdict.is_passed()) {
+        let mark = match (orphan, case.status.is_passed()) {
             (true, _) => "warning: ",
             (_, true) => "",
             (_, false) => "FAILED ",
         };
-        lines.push(format!("{mark}{}: {}", case.name, case.verdict.words()));
+        lines.push(format!("{mark}{}: {}", case.name, case.status.words()));
         let shown = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
         lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", problem.located())));
         let more = case.problems.len().saturating_sub(shown) + case.left_out;
         if more > 0 {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };
-            lines.push(format!("  and {}{how}", more_of(more, case.verdict)));
+            lines.push(format!("  and {}{how}", more_of(more, case.status)));
         }
         lines.extend(case.hint().map(|hint| format!("  {hint}")));
     }
@@ -174,17 +174,17 @@ fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
 
 /// `12 scripts: 10 passed, 2 failed`.
 fn summary(cases: &[Case], failed: usize) -> String {
-    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
+    let orphans = cases.iter().filter(|case| case.status.is_orphan()).count();
     let count = cases.len() - orphans;
-    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
+    let passed = cases.iter().filter(|case| case.status.is_passed() && !case.status.is_orphan()).count();
     let orphans =
         if orphans > 0 { format!(", {} without a script", plural(orphans, "snapshot")) } else { String::new() };
-    let blessed = cases.iter().filter(|case| case.verdict == Verdict::Blessed).count();
+    let blessed = cases.iter().filter(|case| case.status == Status::Blessed).count();
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
     format!("{}: {passed} passed{blessed}, {failed} failed{orphans}", plural(count, "script"))
 }
 
-fn more_of(count: usize, verdict: Verdict) -> String {
-    let word = if verdict == Verdict::Differs { "change" } else { "error" };
+fn more_of(count: usize, status: Status) -> String {
+    let word = if status == Status::Differs { "change" } else { "error" };
     plural(count, &format!("more {word}"))
 }

@@ -86,7 +86,7 @@ pub enum OpenError {
     OwnTerminal,
     /// It is the end of a pseudo-terminal where the board would be.
     #[error("nobody is at its other end")]
-    Nobody,
+    NoPeer,
     /// Anything else.
     #[error("{0}")]
     Other(String),
@@ -108,7 +108,7 @@ impl Serial {
         }
         // Whoever opens `/dev/ptmx` makes a new terminal, at which nobody is.
         if rustix::pty::ptsname(&port, Vec::new()).is_ok() {
-            return Err(OpenError::Nobody);
+            return Err(OpenError::NoPeer);
         }
         if is_own_terminal(&port) {
             return Err(OpenError::OwnTerminal);

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Finding;
 use crate::diagnostic::escaped;
-use crate::verify::{Case, TOTAL, Verdict};
+use crate::verify::{Case, Status, TOTAL};
 
 /// The errors and warnings of scripts.
 pub fn findings(findings: &[Finding]) -> String {
@@ -27,8 +27,8 @@ pub fn cases(cases: &[Case]) -> String {
     for case in cases {
         let mut hint = case.hint();
         for problem in &case.problems {
-            let level = match (case.verdict, problem.code) {
-                (Verdict::Orphan, _) => "warning",
+            let level = match (case.status, problem.code) {
+                (Status::Orphan, _) => "warning",
                 (_, TOTAL) => "notice",
                 _ => "error",
             };

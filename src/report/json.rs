@@ -34,8 +34,8 @@ pub fn cases(cases: &[Case]) -> String {
     let line = |problem: &'_ Problem| Some(problem.line).filter(|line| *line > 0);
     let rows = cases.iter().map(|case| Row {
         file: &case.name,
-        passed: case.verdict.is_passed(),
-        verdict: case.verdict.words(),
+        passed: case.status.is_passed(),
+        verdict: case.status.words(),
         problems: case
             .problems
             .iter()
@@ -48,9 +48,9 @@ pub fn cases(cases: &[Case]) -> String {
             .collect(),
         left_out: case.left_out,
     });
-    let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
-    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
-    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
+    let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
+    let orphans = cases.iter().filter(|case| case.status.is_orphan()).count();
+    let passed = cases.iter().filter(|case| case.status.is_passed() && !case.status.is_orphan()).count();
     let document = Document { version: 1, passed, failed, orphans, cases: rows.collect() };
     pretty(&document)
 }

@@ -39,7 +39,7 @@ pub struct Case {
     /// Its path, as it was found.
     pub name: String,
     /// How it went.
-    pub verdict: Verdict,
+    pub status: Status,
     /// What is wrong, in the order in which it should be read. Empty where nothing is.
     pub problems: Vec<Problem>,
     /// How many more there are.
@@ -49,7 +49,7 @@ pub struct Case {
 /// How it went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Verdict {
+pub enum Status {
     /// It sends what its snapshot says.
     Same,
     /// Its snapshot was written: it had none, or another one.
@@ -71,7 +71,7 @@ pub enum Verdict {
     /// Something that it expects of the board did not come.
     ExpectFailed,
     /// Played, it goes otherwise than it says.
-    PlaysOtherwise,
+    PlaysDifferently,
     /// It cannot be read, or looked into.
     Unreadable,
     /// It has warnings, and they are denied.
@@ -107,35 +107,35 @@ impl Problem {
     }
 }
 
-impl Verdict {
+impl Status {
     /// Whether all is well.
     pub fn is_passed(self) -> bool {
-        matches!(self, Verdict::Same | Verdict::Blessed | Verdict::Phrases | Verdict::ExpectedError | Verdict::Orphan)
+        matches!(self, Status::Same | Status::Blessed | Status::Phrases | Status::ExpectedError | Status::Orphan)
     }
 
     /// It in a word or two.
     pub fn words(self) -> &'static str {
         match self {
-            Verdict::Same => "ok",
-            Verdict::Blessed => "blessed",
-            Verdict::Phrases => "ok, phrases only",
-            Verdict::ExpectedError => "ok, fails as expected",
-            Verdict::Differs => "sends something else than its snapshot",
-            Verdict::NoSnapshot => "has no snapshot",
-            Verdict::BadSnapshot => "has a snapshot that is none",
-            Verdict::DoesNotCompile => "does not compile",
-            Verdict::NotAsExpected => "does not fail as it says",
-            Verdict::ExpectFailed => "expects what the board does not report",
-            Verdict::PlaysOtherwise => "plays otherwise than it says",
-            Verdict::Unreadable => "cannot be read",
-            Verdict::Denied => "has warnings, and warnings are denied",
-            Verdict::Orphan | Verdict::DeniedOrphan => "is the snapshot of a script that is not there",
+            Status::Same => "ok",
+            Status::Blessed => "blessed",
+            Status::Phrases => "ok, phrases only",
+            Status::ExpectedError => "ok, fails as expected",
+            Status::Differs => "sends something else than its snapshot",
+            Status::NoSnapshot => "has no snapshot",
+            Status::BadSnapshot => "has a snapshot that is none",
+            Status::DoesNotCompile => "does not compile",
+            Status::NotAsExpected => "does not fail as it says",
+            Status::ExpectFailed => "expects what the board does not report",
+            Status::PlaysDifferently => "plays otherwise than it says",
+            Status::Unreadable => "cannot be read",
+            Status::Denied => "has warnings, and warnings are denied",
+            Status::Orphan | Status::DeniedOrphan => "is the snapshot of a script that is not there",
         }
     }
 
     /// Whether it is a snapshot without a script.
     pub fn is_orphan(self) -> bool {
-        matches!(self, Verdict::Orphan | Verdict::DeniedOrphan)
+        matches!(self, Status::Orphan | Status::DeniedOrphan)
     }
 }
 
@@ -167,7 +167,7 @@ impl Job {
     /// Compares a script with its snapshot, and plays it if that is asked for.
     pub fn case(&self, script: &Path) -> Case {
         let name = script.display().to_string();
-        let case = |verdict, problems| Case::new(&name, verdict, problems);
+        let case = |status, problems| Case::new(&name, status, problems);
         let sources = match Sources::read(script, Disk) {
             Ok(sources) => sources,
             Err(error) => return Case::unreadable(script, &error.to_string()),
@@ -179,45 +179,39 @@ impl Job {
                 let wrong = expectation(expected, &compiled.diagnostics);
                 let wrong: Vec<Problem> =
                     wrong.err().into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
-                case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::NotAsExpected }, wrong)
+                case(if wrong.is_empty() { Status::ExpectedError } else { Status::NotAsExpected }, wrong)
             }
             (None, None) => {
                 let errors = compiled.diagnostics.iter().filter(|diagnostic| diagnostic.is_error());
-                case(Verdict::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
+                case(Status::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
             }
             (None, Some(timeline)) => {
-                let (mut verdict, mut problems) = if is_phrases(&timeline) {
-                    (Verdict::Phrases, Vec::new())
+                let (mut status, mut problems) = if is_phrases(&timeline) {
+                    (Status::Phrases, Vec::new())
                 } else {
                     self.hold(script, &timeline, &sources, &lines)
                 };
                 if self.deny && compiled.diagnostics.warnings() > 0 {
-                    verdict = if verdict.is_passed() { Verdict::Denied } else { verdict };
+                    status = if status.is_passed() { Status::Denied } else { status };
                     problems.extend(compiled.diagnostics.iter().map(|warning| found(warning, &lines)));
                 }
-                case(verdict, problems)
+                case(status, problems)
             }
         }
     }
 
     /// Holds a script against its snapshot, and plays it if that is asked for.
-    fn hold(
-        &self,
-        script: &Path,
-        timeline: &Timeline,
-        sources: &Sources,
-        lines: &Lines<'_>,
-    ) -> (Verdict, Vec<Problem>) {
-        let (mut verdict, mut problems) = self.compare(script, timeline, sources, lines);
+    fn hold(&self, script: &Path, timeline: &Timeline, sources: &Sources, lines: &Lines<'_>) -> (Status, Vec<Problem>) {
+        let (mut status, mut problems) = self.compare(script, timeline, sources, lines);
         if self.play {
             let played = self.play(script, timeline, sources, lines);
-            if verdict.is_passed() && !played.is_empty() {
+            if status.is_passed() && !played.is_empty() {
                 let expects = played.iter().all(|problem| problem.code == play::EXPECT);
-                verdict = if expects { Verdict::ExpectFailed } else { Verdict::PlaysOtherwise };
+                status = if expects { Status::ExpectFailed } else { Status::PlaysDifferently };
             }
             problems.extend(played);
         }
-        (verdict, problems)
+        (status, problems)
     }
 
     fn compare(
@@ -226,7 +220,7 @@ impl Job {
         timeline: &Timeline,
         sources: &Sources,
         lines: &Lines<'_>,
-    ) -> (Verdict, Vec<Problem>) {
+    ) -> (Status, Vec<Problem>) {
         let snapshot = snapshot_of(script);
         let name = snapshot.display().to_string();
         let new = Snapshot::of(timeline);
@@ -235,15 +229,15 @@ impl Job {
         match (read_old(&timeline.board, &snapshot, &command), self.bless) {
             (Ok(None), None) => {
                 let message = format!("there is no {name}; `{command}` writes it");
-                (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
+                (Status::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
             }
             // An old format says less of moves than this one.
             (Ok(Some(old)), write) if old.does_the_same(&new) && (old == new || write.is_none()) => {
-                (Verdict::Same, Vec::new())
+                (Status::Same, Vec::new())
             }
-            (Err(wrong), None) => (Verdict::BadSnapshot, vec![wrong]),
+            (Err(wrong), None) => (Status::BadSnapshot, vec![wrong]),
             // A newer motionseq wrote it, and knows more.
-            (Err(wrong), _) if wrong.code == NEWER => (Verdict::BadSnapshot, vec![wrong]),
+            (Err(wrong), _) if wrong.code == NEWER => (Status::BadSnapshot, vec![wrong]),
             (_, Some(write)) => bless(script, &snapshot, timeline, write),
             (Ok(Some(old)), None) => {
                 let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
@@ -258,7 +252,7 @@ impl Job {
                     let code = if sums_up && is_total(&change) { TOTAL } else { DIFFERENCE };
                     problem(file, line, code, change.words(origin.as_deref()))
                 });
-                (Verdict::Differs, problems.collect())
+                (Status::Differs, problems.collect())
             }
         }
     }
@@ -280,29 +274,29 @@ fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snaps
 }
 
 impl Case {
-    fn new(name: &str, verdict: Verdict, problems: Vec<Problem>) -> Self {
+    fn new(name: &str, status: Status, problems: Vec<Problem>) -> Self {
         let left_out = problems.len().saturating_sub(KEPT);
         let problems = problems.into_iter().take(KEPT).collect();
-        Case { name: name.to_owned(), verdict, problems, left_out }
+        Case { name: name.to_owned(), status, problems, left_out }
     }
 
     /// A script or a folder that cannot be read.
     pub fn unreadable(path: &Path, why: &str) -> Self {
         let name = path.display().to_string();
-        Case::new(&name, Verdict::Unreadable, vec![problem(&name, 0, "unreadable", why.to_owned())])
+        Case::new(&name, Status::Unreadable, vec![problem(&name, 0, "unreadable", why.to_owned())])
     }
 
     /// A snapshot whose script is not there; whether that fails.
     pub fn orphan(path: &Path, is_denied: bool) -> Self {
         let name = path.display().to_string();
         let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
-        let verdict = if is_denied { Verdict::DeniedOrphan } else { Verdict::Orphan };
-        Case::new(&name, verdict, vec![problem(&name, 0, "orphan", message)])
+        let status = if is_denied { Status::DeniedOrphan } else { Status::Orphan };
+        Case::new(&name, status, vec![problem(&name, 0, "orphan", message)])
     }
 
     /// What to type where the script is meant to send something else than its snapshot says.
     pub fn hint(&self) -> Option<String> {
-        let is_different = self.verdict == Verdict::Differs;
+        let is_different = self.status == Status::Differs;
         is_different.then(|| format!("if that is meant: motionseq test --bless {}", shell_word(&self.name)))
     }
 }
@@ -366,15 +360,15 @@ pub(crate) fn snapshot_of(script: &Path) -> PathBuf {
 }
 
 /// Writes a snapshot, whole or not at all.
-fn bless(script: &Path, snapshot: &Path, timeline: &Timeline, write: Replace) -> (Verdict, Vec<Problem>) {
+fn bless(script: &Path, snapshot: &Path, timeline: &Timeline, write: Replace) -> (Status, Vec<Problem>) {
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
     let written = write_snapshot(&name, timeline, &mut text).and_then(|()| write(snapshot, &text));
     match written {
-        Ok(()) => (Verdict::Blessed, Vec::new()),
+        Ok(()) => (Status::Blessed, Vec::new()),
         Err(error) => {
             let message = format!("it cannot be written: {error}; what was there before still is");
-            (Verdict::BadSnapshot, vec![problem(&snapshot.display().to_string(), 0, "snapshot", message)])
+            (Status::BadSnapshot, vec![problem(&snapshot.display().to_string(), 0, "snapshot", message)])
         }
     }
 }

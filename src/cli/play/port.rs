@@ -58,7 +58,7 @@ pub(in super::super) fn refused(screen: &Screen, path: &Path, error: &OpenError)
             "close that program (a paused motionseq? see `jobs`), or wait until it has ended".to_owned()
         }
         OpenError::Forbidden => permission(path),
-        OpenError::NotAPort | OpenError::OwnTerminal | OpenError::Nobody => {
+        OpenError::NotAPort | OpenError::OwnTerminal | OpenError::NoPeer => {
             "name the device that the board hangs on, usually /dev/serial0".to_owned()
         }
         _ => "check the cable and the port".to_owned(),
