@@ -13,7 +13,7 @@ use super::super::progress_bar::bar;
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};
-use super::observers::Observer;
+use super::observer::Observer;
 
 /// How a run is shown while it is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -2,6 +2,7 @@
 
 mod display;
 mod finish;
+mod observer;
 mod observers;
 mod port;
 mod result_files;

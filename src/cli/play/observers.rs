@@ -17,6 +17,7 @@ use super::super::log::{Log, TimelineLog};
 use super::super::start_thread;
 use super::super::worker::Worker;
 use super::display::Display;
+use super::observer::Observer;
 use super::run_log::RunLog;
 
 /// How often the ring is emptied.
@@ -25,15 +26,6 @@ const UPDATE: Duration = Duration::from_millis(40);
 const ROOM: usize = 32 * 1024;
 /// How long the end waits for the thread: all that it has to do is to empty the ring.
 const PATIENCE: Duration = Duration::from_millis(1_500);
-
-/// Follows a run from its own thread.
-pub(super) trait Observer {
-    /// Something happened at a time on the clock of [`now`], in a pass that plays this timeline.
-    fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice);
-
-    /// Some time has passed.
-    fn update(&mut self, _: &Timeline) {}
-}
 
 /// What a run is written to while it is played.
 pub(super) struct Files {

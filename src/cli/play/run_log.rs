@@ -17,7 +17,7 @@ use motionseq::units::{Micros, Nanos};
 use super::super::exit::Exit;
 use super::super::run_summary::{closing_line, signal_name, stop_words};
 use super::super::screen::plural;
-use super::observers::Observer;
+use super::observer::Observer;
 
 /// The most dropped frames that are named, and the most `expect`s.
 const NAMED: usize = 1_000;
