@@ -1,8 +1,8 @@
 //! Plays a timeline.
 //!
-//! [`Player`] decides, and has no clock and no port: time and everything that happens are its inputs, so tests play an hour in no
-//! time, on every system. On Linux, with the feature `player`, there is more: a `Session` is the loop that asks it what to do and does
-//! it, under the real clock, and a `Guard` is a second process that stops the robot if this one cannot.
+//! [`Player`] decides what to send. It has no clock and no port: time and events are its inputs, so tests run without waiting, on
+//! every system. On Linux, with the feature `player`, a `Session` is the loop that carries out its orders under the real clock, and a
+//! `Guard` is a second process that stops the robot if this one cannot.
 
 mod halt;
 mod judge;

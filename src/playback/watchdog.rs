@@ -1,62 +1,62 @@
-//! What a guard decides, as a pure function of time and of what it hears.
+//! The decisions of a guard, as a pure function of time and of the messages it receives.
 
 use crate::units::Nanos;
 
-/// What became of a player.
+/// How a player failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Fate {
     /// It hung, and was killed.
     Hung,
-    /// It had died while it played.
+    /// It died while it was playing.
     Died,
-    /// Its run had ended, and it died before it could say how.
+    /// It died after the end of the run, before it reported the end.
     DiedAfterEnd,
 }
 
-/// What a guard heard from the player.
+/// A message from the player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Heard {
-    /// Nothing; time has passed.
+    /// No message; time has passed.
     Silence,
     /// It is alive.
     Beat,
-    /// The robot stands, and no beats will come until the next one.
+    /// The robot is stopped, and no heartbeats will come until the next one.
     AtRest,
-    /// The run has ended, and the robot needs nothing more.
+    /// The run has ended, and the robot needs no stop.
     Ended,
-    /// All was said.
+    /// Everything is reported.
     Goodbye,
     /// Its end of the pipe is closed.
     Closed,
 }
 
-/// What a guard does next.
+/// What the guard does next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Decision {
-    /// Listen until this time; `None`: as long as it takes.
+    /// Listen until this time, or without a limit.
     Listen(Option<Nanos>),
-    /// The run has ended: let go of the port.
+    /// The run has ended: close the port.
     Release,
-    /// The player can do no more.
+    /// The player has failed.
     Over(Fate),
     /// Nothing is left to do.
     Done,
 }
 
-/// How much later than planned a guard may wake before it takes the machine for the one that hung.
+/// If the guard wakes later than this, the machine may have stalled rather than the player.
 const TARDY: Nanos = Nanos::from_millis(5);
 
-/// The state of a guard.
+/// Decides whether the player is alive.
 #[derive(Debug)]
 pub(super) struct Watchdog {
-    /// How long a player may be silent.
+    /// The longest permitted silence.
     limit: Nanos,
-    /// When it has been silent for too long; `None` while it rests.
+    /// When the silence is too long; `None` while the player rests.
     deadline: Option<Nanos>,
-    /// Whether it was given one more interval since its last beat.
+    /// Whether the deadline was extended since the last heartbeat.
     extended: bool,
-    /// Whether its run has ended.
+    /// Whether the run has ended.
     ended: bool,
 }
 
@@ -81,7 +81,7 @@ impl Watchdog {
             }
             Heard::Silence => match self.deadline {
                 Some(deadline) if now >= deadline => {
-                    // Whatever kept the guard from waking may have kept the player from beating.
+                    // What delayed the guard may also have delayed the player.
                     if self.extended || now - deadline < TARDY {
                         return Decision::Over(Fate::Hung);
                     }
@@ -121,11 +121,11 @@ mod tests {
     }
 
     #[test]
-    fn a_guard_that_woke_late_gives_one_more_interval_and_no_second() {
+    fn a_guard_that_woke_late_waits_one_more_interval_only() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS * 105, Heard::Silence), Decision::Listen(Some(MS * 205)));
         assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Over(Fate::Hung));
-        // A beat between them makes it patient again.
+        // A heartbeat in between resets that.
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         watch.poll(MS * 105, Heard::Silence);
         watch.poll(MS * 110, Heard::Beat);
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_player_that_dies_behind_its_end_is_told_from_one_that_drives() {
+    fn a_player_that_dies_after_its_end_differs_from_one_that_drives() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS, Heard::Ended), Decision::Release);
         assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
