@@ -176,7 +176,7 @@ fn closing_lines(text: &str) -> Vec<&str> {
 
 /// How often it is said that the recording is not complete.
 fn warnings(text: &str) -> usize {
-    text.matches("the recording is not complete").count()
+    text.matches("the recording is incomplete").count()
 }
 
 /// Whether these commands are some of those, in their order.

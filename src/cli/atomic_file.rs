@@ -1,27 +1,27 @@
-//! Files that are replaced as a whole.
+//! Files that are replaced atomically.
 
 use std::fs::{File, Metadata};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Replaces what a file contains, all of it or nothing.
+/// Replaces the content of a file, all of it or nothing.
 pub(super) fn write_atomically(path: &Path, text: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::begin(path)?;
     file.write_all(text)?;
     file.finish()
 }
 
-/// What replaces a file once it is whole: until then it is another file next to it, which is removed if it never is. Anything that
-/// is not a file, such as a pipe or `/dev/null`, is written in place, and so is a file whose owner could not be kept.
+/// A file that is written next to its destination and renamed when it is complete, or removed if it never is. A destination
+/// that is not a regular file, such as a pipe or `/dev/null`, is written in place, and so is a file whose owner cannot be kept.
 #[derive(Debug)]
 pub(super) struct AtomicFile {
     file: File,
-    /// The file next to it, and the one that it replaces.
+    /// The temporary file and the destination; `None` if it is written in place.
     part: Option<(PathBuf, PathBuf)>,
 }
 
 impl AtomicFile {
-    /// Begins one; a link leads to the file that is replaced. Owner, group and mode stay.
+    /// Starts writing; links are followed. Owner, group and mode are kept.
     pub(super) fn begin(path: &Path) -> io::Result<Self> {
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let old = path.metadata().ok();
@@ -45,7 +45,7 @@ impl AtomicFile {
         }
     }
 
-    /// Gives it the mode, the owner and the group of another file; says whether it may have them.
+    /// Sets the mode, owner and group of another file; returns whether that was permitted.
     #[cfg(unix)]
     fn becomes(&self, old: &Metadata) -> io::Result<bool> {
         use std::os::unix::fs::{MetadataExt as _, fchown};
@@ -59,7 +59,7 @@ impl AtomicFile {
         Ok(true)
     }
 
-    /// A new file inherits the rights of its folder.
+    /// A new file inherits the permissions of its folder.
     #[cfg(not(unix))]
     #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as on Unix")]
     fn becomes(&self, _: &Metadata) -> io::Result<bool> {
@@ -71,7 +71,7 @@ impl AtomicFile {
         self.part.is_none()
     }
 
-    /// It is whole.
+    /// Completes the file.
     pub(super) fn finish(mut self) -> io::Result<()> {
         let Some((part, path)) = &self.part else { return self.file.flush() };
         self.file.sync_all()?;

@@ -1,4 +1,4 @@
-//! `motionseq test`: holds scripts against their snapshots.
+//! `motionseq test`: compares scripts with their snapshots.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -18,34 +18,33 @@ use super::screen::{Screen, plural};
 use super::script_files::{ScriptFiles, find_scripts};
 use super::{Deny, Options, repository};
 
-/// Compare every script with its snapshot, and say what has changed
+/// Compare scripts with their snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq test                    every *.motion below this folder\n  motionseq test --bless scripts    write their snapshots (NAME.motion.frames), to be kept in git\n  motionseq test --junit report.xml --format github\n  motionseq test --play scripts     also rehearse them on a virtual board\n\nA script that must not compile says so on its first line: # expect-error: CODE"
+    after_help = "Examples:\n  motionseq test                    # test all scripts in this folder\n  motionseq test --bless scripts    # write snapshots; commit them with the scripts\n  motionseq test --play scripts     # also play the scripts on a virtual board\n  motionseq test --format github --junit report.xml\n\nThe snapshot of NAME.motion is NAME.motion.frames, in the same folder.\nA script that must not compile declares its error on its first line: # expect-error: CODE"
 )]
 pub(super) struct Test {
-    /// Folders and scripts
+    /// Scripts or folders to test
     #[arg(default_value = ".", value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Write the snapshots that are missing or differ
+    /// Write snapshots that are missing or different
     #[arg(long)]
     bless: bool,
-    /// Also play each script on a virtual board, without waiting: its bytes, what it expects, whether it ends at rest
+    /// Also play each script on a virtual board, under a simulated clock, and check its `expect`s
     #[arg(long)]
     play: bool,
-    /// What goes wrong then: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
+    /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
-    /// Let warnings fail too, and snapshots without a script
+    /// Fail on warnings and on snapshots without a script
     #[arg(long, value_enum, value_name = "WHAT")]
     deny: Option<Deny>,
-    /// How results are printed
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-    /// Write a report in the form of `JUnit`, too
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help = "Also write a JUnit report to FILE")]
     junit: Option<PathBuf>,
-    /// Compile so many scripts at once [default: one for each processor]
+    /// Test N scripts in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
     #[command(flatten)]
@@ -56,29 +55,29 @@ pub(super) struct Test {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// For people: what failed, and what has changed
+    /// Failed scripts and what changed
     Human,
     /// One JSON object
     Json,
-    /// Test Anything Protocol
+    /// Test Anything Protocol, version 13
     Tap,
-    /// Annotations of a `GitHub` workflow
+    /// GitHub Actions annotations
     Github,
 }
 
-/// How many changes of one script people are shown without `-v`.
+/// How many changes of one script are shown without `-v`.
 const SHOWN: usize = 20;
 
 impl Test {
-    /// Tests; fails if any script does.
+    /// Tests every script; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let found = find_scripts(&self.paths);
         if found.scripts.is_empty() && found.unreadable.is_empty() {
             let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
-            screen.error(&format!("there is no *.motion in {}", paths.join(", ")));
+            screen.error(&format!("no .motion files in {}", paths.join(", ")));
             return Exit::Script;
         }
-        // Before anything runs.
+        // Opened before any script runs, so that a wrong path is reported first.
         let inputs = Inputs::of(&found.scripts);
         let junit = match self.junit.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose() {
             Ok(junit) => junit,
@@ -89,7 +88,7 @@ impl Test {
         job.bless = self.bless.then_some(write_atomically as Replace);
         job.deny = self.deny.is_some();
         (job.play, job.faults) = (self.play, faults);
-        // More threads than scripts have nothing to do.
+        // Never more threads than scripts.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let cases = match pool {
@@ -133,8 +132,8 @@ impl Test {
     }
 }
 
-/// Every script, on all threads of the pool. The order is that of `found`: first what cannot be looked into, then scripts, then
-/// snapshots without one. `done` is called after each script, from any thread.
+/// Tests every script on the threads of the pool. The order is that of `found`: first unreadable paths, then scripts, then
+/// snapshots without a script. `done` is called after each script, from any thread.
 fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
     let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
     cases.par_extend(found.scripts.par_iter().map(|script| {

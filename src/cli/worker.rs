@@ -1,4 +1,4 @@
-//! Threads that write what they are sent, so that what sends it never waits.
+//! Threads that write the messages sent to them, so that the sender never waits.
 
 use std::io;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::start_thread;
 
-/// A thread with an inbox, and what comes of its work.
+/// A thread with an inbox and a result.
 pub(super) struct Worker<T, R> {
     inbox: SyncSender<T>,
     result: Receiver<R>,
@@ -26,18 +26,18 @@ impl<T: Send + 'static, R: Send + 'static> Worker<T, R> {
         Ok(Worker { inbox, result })
     }
 
-    /// Sends a message, where there is room for it.
+    /// Sends a message; fails if the inbox is full.
     pub(super) fn send(&self, message: T) -> Result<(), TrySendError<T>> {
         self.inbox.try_send(message)
     }
 
-    /// Ends it when everything is written, and waits for that at most this long.
+    /// Closes the inbox and waits for the result, at most `patience`.
     pub(super) fn end(self, patience: Duration) -> io::Result<R> {
         let Worker { inbox, result } = self;
         drop(inbox);
         result.recv_timeout(patience).map_err(|why| {
             io::Error::other(match why {
-                RecvTimeoutError::Timeout => "it takes no more bytes",
+                RecvTimeoutError::Timeout => "it accepts no more bytes",
                 RecvTimeoutError::Disconnected => "the thread that writes it failed",
             })
         })

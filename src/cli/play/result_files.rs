@@ -1,4 +1,4 @@
-//! The files that a run is written to: `--record`, `--report` and `--log`.
+//! The result files of a run: `--record`, `--report` and `--log`.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -20,16 +20,16 @@ use super::Play;
 use super::observers::{Files, Recording};
 use super::port::system;
 
-/// Open files with their names. What they contain stays until [`start`](ResultFiles::start).
+/// The open result files. Their old content is kept until [`start`](ResultFiles::start).
 pub(super) struct ResultFiles<'p> {
     recording: Option<(&'p Path, File)>,
-    /// `None` for the file where the report replaces it when it is complete.
+    /// The file is `None` if the report replaces it when it is complete.
     report: Option<(&'p Path, Option<AtomicFile>)>,
     log: Option<(&'p Path, File)>,
 }
 
 impl<'p> ResultFiles<'p> {
-    /// Opens the files that are asked for, each of them a different one.
+    /// Opens the requested files, which must be different files.
     pub(super) fn open(play: &'p Play, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
         let inputs = output::Inputs::of_sources(sources);
         let asked = [("--record", &play.record), ("--report", &play.report), ("--log", &play.log)];
@@ -38,7 +38,7 @@ impl<'p> ResultFiles<'p> {
             let Some(path) = path else { continue };
             let place = growing_file::place(path);
             if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
-                return Err(refused(screen, path, &io::Error::other(format!("it is the file of {other}"))));
+                return Err(refused(screen, path, &io::Error::other(format!("it is also the file of `{other}`"))));
             }
             places.extend((!growing_file::takes_everything(path)).then_some((option, place)));
         }
@@ -53,7 +53,7 @@ impl<'p> ResultFiles<'p> {
         })
     }
 
-    /// Discards what the files contain, and starts the threads that write them.
+    /// Discards the old content of the files, and starts the threads that write them.
     pub(super) fn start(
         self,
         board: &Arc<Board>,
@@ -81,7 +81,7 @@ fn refused(screen: &Screen, path: &Path, error: &io::Error) -> Exit {
     Exit::Usage
 }
 
-/// Opens a file for a result, if one is asked for, or says why it cannot.
+/// Opens a requested file, or reports why it cannot be opened.
 fn open_one<'p, T>(
     path: Option<&'p Path>,
     screen: &Screen,
@@ -91,7 +91,7 @@ fn open_one<'p, T>(
     open(path).map(|opened| Some((path, opened))).map_err(|error| refused(screen, path, &error))
 }
 
-/// The thread that writes a report, made before the first frame: at the end the system may have none to give.
+/// The thread that writes a report. Started before the first frame, because it may be impossible later.
 pub(super) struct Report {
     pub(super) path: PathBuf,
     writer: Worker<String, io::Result<()>>,
@@ -109,10 +109,10 @@ impl Report {
         Ok(Report { path: path.to_owned(), writer })
     }
 
-    /// Begins to write it; the result waits for the file, at most as long as for the screen.
+    /// Starts to write the report. The returned function waits for the file, at most [`PATIENCE`].
     pub(super) fn write(self, text: String) -> impl FnOnce() -> io::Result<()> {
         let until = Instant::now() + PATIENCE;
-        // Where the thread has failed, its end says so.
+        // If the thread has failed, its end reports it.
         let _ = self.writer.send(text);
         move || self.writer.end(until.saturating_duration_since(Instant::now()).max(Duration::ZERO))?
     }
