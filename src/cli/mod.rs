@@ -4,11 +4,13 @@
 
 mod atomic_file;
 mod check;
+mod completions;
 mod decode;
 mod diff;
 mod exit;
 mod explain;
 mod fmt;
+mod man;
 mod output;
 mod plot;
 mod progress_bar;
@@ -16,7 +18,6 @@ mod render;
 mod screen;
 mod script_files;
 mod selection;
-mod shell;
 mod test;
 
 // The commands that need a serial port or a pseudo-terminal.
@@ -119,8 +120,10 @@ enum Command {
     Record(record::Record),
     Ports(ports::Ports),
     Latency(latency::Latency),
-    Completions(shell::Completions),
-    Man(shell::Man),
+    Completions(completions::Completions),
+    Man(man::Man),
+    #[command(name = completions::MARKS, hide = true)]
+    Marks(completions::Marks),
     #[cfg(target_os = "linux")]
     #[command(name = guard::WORD, hide = true)]
     Guard(guard::Guard),
@@ -214,6 +217,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Ports(ports) => ports.run(&screen),
         Command::Completions(completions) => completions.run(&screen),
         Command::Man(man) => man.run(&screen),
+        Command::Marks(marks) => marks.run(&screen),
         #[cfg(target_os = "linux")]
         Command::Guard(guard) => guard.run(&screen),
     };
