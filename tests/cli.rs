@@ -101,7 +101,7 @@ fn check_counts_what_it_found() {
     assert_eq!(code(&run(&["check", &warning])), 0);
     let denied = run(&["check", "--deny", "warnings", &warning]);
     assert_eq!(code(&denied), 1);
-    assert!(stderr(&denied).contains("warnings are denied"));
+    assert!(stderr(&denied).contains("has warnings, which `--deny warnings` forbids"));
     assert!(stderr(&run(&["check", "-q", "--deny", "warnings", &warning])).contains("left-running"));
     // `-q` hides warnings, but never errors.
     assert_eq!(stderr(&run(&["check", "-q", &warning])), "");
@@ -190,7 +190,7 @@ fn hostile_scripts_stay_small() {
     let cases = [
         ("nul.motion", vec![0; 3_000_000], "a NUL byte"),
         ("long_line.motion", b"servo 1 1500 ".repeat(5_000), "takes no more arguments"),
-        ("many_errors.motion", b"servoo\n".repeat(10_000), "and 9500 more errors are not shown"),
+        ("many_errors.motion", b"servoo\n".repeat(10_000), "and 9500 more errors not shown"),
         ("far.motion", b"at 1000000000000000000000000000000s stop\n".to_vec(), "at most 15 digits"),
         ("minus.motion", [&b"servo 1 "[..], &b"-".repeat(50_000), b"5\n"].concat(), "error"),
         ("quotes.motion", b"\"".repeat(50_001), "no closing quotation mark"),
@@ -267,7 +267,7 @@ fn times_of_options_are_read_as_those_of_scripts() {
         (vec!["render", HELLO, "--lead-in", "18446744073709551615s1000ms"], "write a time such as 500ms"),
         (vec!["render", HELLO, "--lead-in", "1ms1s"], "from long to short"),
         (vec!["render", HELLO, "--lead-in", "25h"], "too long"),
-        (vec!["render", HELLO, "--from", "18446744073709551615s1000ms"], "is no time such as 1.5s"),
+        (vec!["render", HELLO, "--from", "18446744073709551615s1000ms"], "is neither a time such as 1.5s"),
         (vec!["latency", "--for", "18446744073709551615s1000ms"], "write a time from 200ms to 1h"),
         (vec!["latency", "--for", "1s1s"], "write a time from 200ms to 1h"),
     ] {
@@ -383,7 +383,7 @@ fn commands_that_must_end_offer_no_endless_loop() {
         assert!(!stdout(&output).contains("forever"), "{}", stdout(&output));
         let output = run(&[command, HELLO, "--loop", "forever"]);
         assert_eq!(code(&output), 2);
-        assert!(stderr(&output).contains("write how often, 1 or more"), "{}", stderr(&output));
+        assert!(stderr(&output).contains("write a number of passes, 1 or more"), "{}", stderr(&output));
         let output = run(&[command, HELLO, "--loop", "100000000"]);
         assert!(code(&output) == 2 && !stderr(&output).contains("forever"), "{}", stderr(&output));
     }

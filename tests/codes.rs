@@ -75,7 +75,7 @@ fn explain_prints_the_table_and_each_row() {
     let output = run(&["explain", "clsh"]);
     assert_eq!(
         (output.status.code(), stderr(&output).as_str()),
-        (Some(2), "error: there is no code `clsh`; did you mean `clash`?\n")
+        (Some(2), "error: unknown code `clsh`; did you mean `motionseq explain clash`?\n")
     );
 }
 

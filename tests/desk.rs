@@ -35,14 +35,14 @@ fn space_pauses_and_continues_s_steps_and_q_ends() {
     let steps = [
         "wait:rocker x=0 y=10 z=20",
         "key: ",
-        "wait:paused; space or Enter goes on",
-        "wait:paused  stands  next end at",
+        "wait:paused; space or Enter continues",
+        "wait:paused  stopped  next end at",
         "key:?",
-        "wait:space: pause, and go on",
+        "wait:space: pause or continue",
         "key:s",
         "wait:60.300 s: paused",
         "key: ",
-        "wait:goes on",
+        "wait:continued",
         "wait:exit",
     ];
     let text = at_terminal("120", &steps[..10], &["play", &show()]);
@@ -51,7 +51,7 @@ fn space_pauses_and_continues_s_steps_and_q_ends() {
     assert!(text.contains("servo 1 at 1000") && text.contains("the drive is stopped"), "{text}");
     let text = at_terminal("120", &["wait:rocker x=0", "key:xq"], &["play", &show()]);
     assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
-    assert!(text.contains("ended by q at") || text.contains("never"), "{text}");
+    assert!(text.contains("stopped by q at") || text.contains("never"), "{text}");
     // For an endless run, the frames of all passes count.
     let short = script("short-pass", "servo 2 1500\nwait 400ms\n");
     let text = at_terminal("120", &["wait:pass 3", "key:q"], &["play", &short, "--loop", "forever"]);
@@ -88,7 +88,7 @@ fn a_paused_start_waits_for_a_key_and_needs_a_terminal() {
     assert!(text.starts_with("exit 0\n") && text.contains("sent 1 frame "), "{text}");
     let output = run(&["play", &show, "--paused"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("a terminal in the foreground"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("need a terminal: run in the foreground"), "{}", stderr(&output));
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn the_line_fits_narrow_terminals_and_is_plain_where_asked_to() {
     let text = at_terminal("12", &[], &["play", &short]);
     let drawn = text.split("\r\u{1b}[K").skip(1).filter(|line| !line.contains('\n'));
     assert!(drawn.into_iter().all(|line| line.chars().count() < 12), "{text:?}");
-    assert!(text.contains("space pauses, q stops"), "{text}");
+    assert!(text.contains("keys: space pauses, q"), "{text}");
     // Without a terminal there is no redrawn line, and keys do nothing.
     let output = run(&["play", &short]);
     assert!(!stderr(&output).contains(['\r', '\u{1b}']));
@@ -160,13 +160,13 @@ fn keys_work_at_any_frame_rate_and_after_earlier_input() {
     );
     let play = ["play", &fast, "--max-events", "1000000"];
     let text = at_terminal("120", &["wait:rocker x=0", "key:q"], &play);
-    assert!(text.starts_with("exit 0\nicanon True\n") && text.contains("ended by q"), "{text}");
+    assert!(text.starts_with("exit 0\nicanon True\n") && text.contains("stopped by q"), "{text}");
     let text = at_terminal("120", &["wait:rocker x=0", "key: ", "wait:paused; space", "key:q"], &play);
     assert!(text.starts_with("exit 0\nicanon True\n"), "{text}");
     // Escape, or an arrow, and then q.
     for typed in ["key:\u{1b}q", "key:\u{1b}[Aq", "key:\u{1b}[1;5Cq", "key:\u{1b}OAq"] {
         let text = at_terminal("120", &["wait:rocker x=0", typed], &["play", &show()]);
-        assert!(text.starts_with("exit 0\n") && text.contains("ended by q"), "{typed:?}: {text}");
+        assert!(text.starts_with("exit 0\n") && text.contains("stopped by q"), "{typed:?}: {text}");
     }
 }
 

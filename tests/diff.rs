@@ -128,7 +128,7 @@ fn the_command_compares_scripts_and_snapshots() {
     let output = run(&["diff", &old, &old]);
     assert_eq!(
         (output.status.code(), stdout(&output), stderr(&output)),
-        (Some(0), String::new(), "both send the same 2 frames\n".into())
+        (Some(0), String::new(), "no difference: both send the same 2 frames\n".into())
     );
     let snapshot = script("snapshot", &format!("# motionseq frames 1\n# old\n{}", stdout(&run(&["render", &old]))));
     assert_eq!(run(&["diff", &snapshot, &old]).status.code(), Some(0));
@@ -137,7 +137,7 @@ fn the_command_compares_scripts_and_snapshots() {
     let broken = script("broken", "# motionseq frames 1\n0.0\n");
     let output = run(&["diff", &broken, &new]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("is no snapshot: line 2: the frame is missing"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("is not a snapshot: line 2: the frame is missing"), "{}", stderr(&output));
     assert_eq!(run(&["diff", &old, "/no/such/file"]).status.code(), Some(1));
     // A file named like a snapshot counts as one, even if it is empty.
     let empty = format!("{broken}.frames");
@@ -145,7 +145,7 @@ fn the_command_compares_scripts_and_snapshots() {
     let output = run(&["diff", &empty, &new]);
     assert_eq!((output.status.code(), stdout(&output)), (Some(1), String::new()));
     assert!(
-        stderr(&output).ends_with(&format!("`motionseq test --bless {broken}` writes it anew\n")),
+        stderr(&output).ends_with(&format!("write it again with `motionseq test --bless {broken}`\n")),
         "{}",
         stderr(&output)
     );

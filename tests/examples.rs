@@ -58,5 +58,5 @@ fn the_play_example_refuses_a_missing_port() {
     let play = example("play");
     let run = |arguments: &[&str]| stderr(&Command::new(&play).args(arguments).output().unwrap());
     assert_eq!(run(&[]), "error: usage: play SCRIPT PORT\n");
-    assert_eq!(run(&["scripts/hello.motion", "/no/such/port"]), "error: there is no such port\n");
+    assert_eq!(run(&["scripts/hello.motion", "/no/such/port"]), "error: no such port\n");
 }

@@ -149,7 +149,7 @@ fn a_frozen_program_without_a_guard_stops_no_robot_and_warns_before() {
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
     let (_, text) = killed(child);
     received.extend(bytes(&far.rest()));
-    assert!(text.contains("no guard: if this program is killed or hangs, nothing stops the robot\n"), "{text}");
+    assert!(text.contains("no guard: nothing stops the robot if motionseq is killed or hangs\n"), "{text}");
     assert!(!commands(&received).contains(&crate::support::board::stop()));
 }
 
@@ -277,7 +277,7 @@ fn the_guard_of_the_virtual_board_does_not_ask_to_cut_the_power() {
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
     pipe.read_to_string(&mut said).unwrap();
     child.wait().unwrap();
-    assert!(closing_line(&said).ends_with("; the virtual board ended with it"), "{said}");
+    assert!(closing_line(&said).ends_with("; the virtual board ended too"), "{said}");
 }
 
 #[test]
@@ -361,7 +361,7 @@ fn a_guard_cannot_be_started_by_hand() {
     let by_hand = ["guard-a-player", "1", "50000000", "12", "false", "FFFE0401"];
     let output = motionseq(&by_hand).stdin(port).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("only a player can start it"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("only `play` and `record` can start it"), "{}", stderr(&output));
     let output = motionseq(&by_hand).output().unwrap();
     assert!(stderr(&output).contains("it is not a serial port"), "{}", stderr(&output));
     assert!(!crate::support::stdout(&run(&["--help"])).contains("guard-a-player"));
@@ -547,9 +547,9 @@ fn pause_and_resume(with_shell: bool) {
     assert_eq!(code, 0, "{text}");
     assert_at_rest(&received);
     assert!(
-        text.contains("s: the robot stands; `fg` comes back to it\n")
+        text.contains("s: suspended, robot stopped; resume with `fg`\n")
             && text.contains("s: paused; Enter goes on (")
-            && text.contains("s: goes on\n"),
+            && text.contains("s: continued\n"),
         "{text}"
     );
     // The whole script was sent, with the stop and the restored state in between.

@@ -25,7 +25,7 @@ fn an_owners_program_is_shown_frame_by_frame_and_may_come_again() {
     let (listing, said) = host.end();
     assert_eq!(frames(&listing), sent);
     assert_eq!(listing.matches("\twheels 8 -8 8 -8\n").count(), 2_000);
-    assert!(said.contains("the drive is stopped") && !said.contains("could not use"), "{said}");
+    assert!(said.contains("the drive is stopped") && !said.contains("ignored"), "{said}");
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn invalid_bytes_are_reported() {
             "FF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop",
         ]
     );
-    assert!(said.contains("it could not use 2 frames and 14 bytes"), "{said}");
+    assert!(said.contains("the board ignored 2 frames and 14 bytes"), "{said}");
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn a_link_replaces_only_links_of_motionseq() {
     fs::write(&path, "mine").unwrap();
     let output = run(&["board", "--link", path.to_str().unwrap()]);
     assert_eq!((output.status.code(), fs::read_to_string(&path).unwrap().as_str()), (Some(2), "mine"));
-    assert!(stderr(&output).contains("is no link to a board"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("is not a link to a board"), "{}", stderr(&output));
     fs::remove_file(&path).unwrap();
     symlink("/etc/hostname", &path).unwrap();
     assert_eq!(run(&["board", "--link", path.to_str().unwrap()]).status.code(), Some(2));
@@ -203,7 +203,7 @@ fn the_count_of_faults_equals_the_listed_ones() {
     let (listing, said) = host.end();
     let wrong = listing.lines().filter(|line| line.contains("skipped") || line.contains("unknown")).count();
     assert_eq!(wrong, 3, "{listing}");
-    assert!(said.contains("it could not use 1 frame and 203 bytes"), "{said}");
+    assert!(said.contains("the board ignored 1 frame and 203 bytes"), "{said}");
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn a_board_reads_a_move_in_the_requested_version() {
         port.write_all(&[0xFF, 0xFE, 1, 9, 1, 200, 150, 20, 0, 20, 12, 2, 5, 0xA4]).unwrap();
         // 3 to the right and 4 forward, with the direction bits of older driver versions.
         port.write_all(&[0xFF, 0xFE, 3, 8, 4, 0, 3, 0, 4, 0, 0, 7, 0x1D]).unwrap();
-        host.says("cannot always be told apart");
+        host.says("cannot always be distinguished");
         // A nominal move takes twelve report intervals.
         port.write_all(&request(0)).unwrap();
         port.read_exact(&mut [0; 14 * 12]).unwrap();

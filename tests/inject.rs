@@ -180,7 +180,7 @@ fn closing_lines(text: &str) -> Vec<&str> {
 
 /// The number of warnings that the recording is not complete.
 fn warnings(text: &str) -> usize {
-    text.matches("the recording is not complete").count()
+    text.matches("the recording is incomplete").count()
 }
 
 /// Whether `some` is a subsequence of `all`.

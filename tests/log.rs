@@ -274,7 +274,10 @@ fn a_log_is_never_another_file_of_the_run() {
     let before = fs::read("scripts/hello.motion").unwrap();
     for (args, why) in [
         (&["--log", "scripts/hello.motion"][..], "this run reads it"),
-        (&["--log", "/tmp/motionseq-log-same", "--report", "/tmp/motionseq-log-same"], "it is the file of --report"),
+        (
+            &["--log", "/tmp/motionseq-log-same", "--report", "/tmp/motionseq-log-same"],
+            "it is also the file of `--report`",
+        ),
         (&["--log", "/tmp/no such folder/x.mcap"], "No such file"),
     ] {
         let output = run(&[&["play", "scripts/hello.motion"], args].concat());

@@ -41,6 +41,7 @@ mod plot;
 mod ports;
 mod properties;
 mod record;
+mod shell;
 mod show;
 mod sim;
 mod tap;

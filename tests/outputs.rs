@@ -132,7 +132,7 @@ fn an_older_log_stays_and_a_run_that_is_killed_leaves_no_empty_report() {
     let before = folder.texts();
     let output = folder.run(&log);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
-    assert!(stderr(&output).contains("it is there already"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("it exists"), "{}", stderr(&output));
     assert!(folder.texts() == before);
     // A short script would be done before it is killed.
     fs::write(folder.0.join("long.motion"), "say \"on\"\nwait 1h\nservo 1 1500\n").unwrap();

@@ -76,13 +76,13 @@ fn the_built_in_board_receives_what_is_recorded() {
     assert_eq!(fs::read(&record).unwrap(), rendered("scripts/hello.motion"));
     fs::remove_file(record).unwrap();
     let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(lines[0], "no --port given: playing on the built-in virtual board");
+    assert_eq!(lines[0], "no --port: playing on the built-in virtual board");
     assert!(lines[1].starts_with("sent 22 frames in 1.5"), "{text}");
     assert_eq!(
         lines[2],
         "the virtual board received 22 frames (281 bytes); the drive is stopped, the buzzer is off, servo 1 at 1500 µs"
     );
-    assert!(lines[3].starts_with("in its nominal units the robot has moved "), "{text}");
+    assert!(lines[3].starts_with("the robot moved "), "{text}");
     assert_eq!(lines.len(), 4);
     // No part of the progress line in a pipe.
     assert!(!text.contains(['\r', '\u{1b}']));
@@ -162,7 +162,7 @@ fn a_recording_at_the_size_limit_does_not_stop_motion() {
     let text = stderr(&output);
     assert_eq!(code(&output), 2, "{text}");
     assert_eq!(bytes(&far.rest()), rendered(steady));
-    assert!(text.contains("the recording is not complete"), "{text}");
+    assert!(text.contains("the recording is incomplete"), "{text}");
     fs::remove_file(record).unwrap();
 }
 
@@ -171,7 +171,7 @@ fn a_recording_never_overwrites_the_script_and_a_refused_port_no_recording() {
     let precious = script("precious", "servo 1 1500\n");
     let output = run(&["play", &precious, "--record", &precious]);
     assert_eq!(code(&output), 2);
-    assert!(stderr(&output).contains("this run reads it; name another file; nothing was sent"));
+    assert!(stderr(&output).contains("this run reads it; choose another file; nothing was sent"));
     let output = run(&["render", &precious, "-o", &precious]);
     assert_eq!(code(&output), 2);
     assert_eq!(fs::read_to_string(&precious).unwrap(), "servo 1 1500\n");
@@ -242,7 +242,7 @@ fn a_port_whose_reader_stops_is_stalled_and_still_gets_the_stop() {
     let path = pty.path().to_str().unwrap().to_owned();
     let (code, text) = end(start(&["play", &flood, "--port", &path, "--max-late", "500ms"]));
     assert_eq!(code, 6, "{text}");
-    assert!(text.contains("the port stopped taking bytes") && text.contains("; stop: sent\n"), "{text}");
+    assert!(text.contains("the port stopped accepting bytes") && text.contains("; stop: sent\n"), "{text}");
     let mut received = Vec::new();
     let mut buffer = [0; 4096];
     while let Ok(count @ 1..) = pty.read(&mut buffer) {
@@ -296,7 +296,7 @@ fn a_pty_is_raw_from_the_start() {
 fn a_port_that_cannot_be_opened_says_what_to_do() {
     let file = script("no-port", "servo 1 1500\n");
     for (port, words) in [
-        ("/dev/no-such-port", "there is no such port"),
+        ("/dev/no-such-port", "no such port"),
         ("/dev/null", "not a serial port"),
         (file.as_str(), "not a serial port"),
         ("/tmp", "not a serial port"),
@@ -404,7 +404,7 @@ fn faults_of_the_virtual_board_end_a_run_as_real_ones_do() {
     let path = script("faulty", "rocker y=10 for 2s\n");
     for (fault, code, words) in [
         ("unplug@510ms", 3, "the port hung up"),
-        ("drop=50%", 0, "did not reach it"),
+        ("drop=50%", 0, "did not reach the board"),
         ("battery=6.5V", 0, "sent 41 frames"),
     ] {
         let output = run(&["play", &path, "--fault", fault]);

@@ -219,9 +219,9 @@ fn a_png_has_its_size_its_curve_where_it_must_be_and_words() {
 #[test]
 fn mistakes_are_reported() {
     for (args, why) in [
-        (&["-o", "picture.gif"][..], "says no format: end it in .svg, .png, .html or .json"),
+        (&["-o", "picture.gif"][..], "; use .svg, .png, .html or .json"),
         (&["-o", "scripts/hello.motion", "--format", "svg"], "this run reads it"),
-        (&["--loop", "forever"], "write how often, 1 or more"),
+        (&["--loop", "forever"], "write a number of passes, 1 or more"),
         (&["-o", "/tmp/no such folder/x.svg"], "No such file"),
     ] {
         let output = run(&[&["plot", "scripts/hello.motion"], args].concat());

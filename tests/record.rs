@@ -447,7 +447,7 @@ fn a_recording_never_overwrites_a_file() {
     let board = link("over");
     let output = run(&["record", "--link", board.to_str().unwrap(), "-o", path.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("it is there already"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("it exists"), "{}", stderr(&output));
     assert_eq!(text_of(&path), "stop\n");
     // If nothing is recorded, no file is left.
     let output = run(&["record", "--link", board.to_str().unwrap(), "-o", path.to_str().unwrap(), "--port", "/dev/no"]);

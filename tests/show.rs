@@ -221,20 +221,23 @@ fn the_played_frames_are_the_rendered_ones() {
 fn invalid_times_and_marks_list_the_valid_ones() {
     let path = script("marks", "mark a\nrepeat 2 { mark inner\nwait 1s }\nservo 1 1500\nmark b\nwait 1s\n");
     for (options, words) in [
-        (vec!["--from", "c"], "`c` is no time such as 1.5s, and no mark of the script; its marks are a, inner, b"),
-        (vec!["--from", "inner"], "the mark `inner` is there more than once, at 0.000, 1.000 s: write a time"),
-        (vec!["--from", "4s"], "--from is after the end of the script, which is 3.000 s long"),
-        (vec!["--from", "b", "--to", "a"], "--to is not after --from: nothing is left between them"),
-        (vec!["--loop", "forever"], "write how often, 1 or more"),
-        (vec!["--from", "inf"], "`inf` is no time such as 1.5s, and no mark"),
-        (vec!["--from", "2"], "`2` is no time such as 2s, and no mark"),
-        (vec!["--from", "1s1s"], "`1s1s` is no time such as 1.5s, and no mark"),
-        (vec!["--to", "1d"], "`1d` is no time such as 1.5s, and no mark"),
+        (vec!["--from", "c"], "`c` is neither a time such as 1.5s nor a mark of the script; the marks are a, inner, b"),
+        (
+            vec!["--from", "inner"],
+            "the mark `inner` occurs more than once, at 0.000, 1.000 s; write one of these times",
+        ),
+        (vec!["--from", "4s"], "`--from` is after the end of the script, which takes 3.000 s"),
+        (vec!["--from", "b", "--to", "a"], "`--to` must be later than `--from`"),
+        (vec!["--loop", "forever"], "write a number of passes, 1 or more"),
+        (vec!["--from", "inf"], "`inf` is neither a time such as 1.5s nor a mark"),
+        (vec!["--from", "2"], "`2` is neither a time such as 2s nor a mark"),
+        (vec!["--from", "1s1s"], "`1s1s` is neither a time such as 1.5s nor a mark"),
+        (vec!["--to", "1d"], "`1d` is neither a time such as 1.5s nor a mark"),
         (vec!["--lead-in", "1d"], "write a time such as 500ms, 1.5s or 1m30s"),
         (vec!["--lead-in", "1s1s"], "write the units of a time from long to short, each once, such as 1m30s"),
-        (vec!["--loop", "99999999"], "99999999 passes are more than 24 hours or 10000000 frames"),
-        (vec!["--loop", "0"], "write how often, 1 or more"),
-        (vec!["--speed", "20"], "write a number from 0.1 to 10 with at most three digits behind its point"),
+        (vec!["--loop", "99999999"], "99999999 passes take more than 24 hours or 10000000 frames"),
+        (vec!["--loop", "0"], "write a number of passes, 1 or more"),
+        (vec!["--speed", "20"], "write a number from 0.1 to 10 with at most three decimals"),
     ] {
         let output = run(&[&["render", &path], &options[..]].concat());
         assert_eq!((output.status.code(), stdout(&output)), (Some(2), String::new()), "{options:?}");
@@ -269,7 +272,7 @@ fn a_report_contains_passes_dropped_frames_and_the_lateness_of_the_line() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert_eq!(read()["lateness_us"]["line"].as_f64(), Some(28_907.0));
     let said = stderr(&output);
-    assert!(said.contains("a line of 115200 baud carries a frame up to 28.9 ms later"), "{said}");
+    assert!(said.contains("at 115200 baud, a frame waits up to 28.9 ms for the serial line"), "{said}");
 }
 
 #[test]
@@ -306,10 +309,10 @@ fn the_report_describes_the_run() {
     // A report that cannot be written is refused before anything moves; a full disk is a warning.
     assert_eq!(run(&["play", &path, "--report", "/no/such/folder/x"]).status.code(), Some(2));
     let output = run(&["play", &path, "--report", &report, "--record", &report]);
-    assert!(output.status.code() == Some(2) && stderr(&output).contains("it is the file of --record"));
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("it is also the file of `--record`"));
     let output = run(&["play", &path, "--report", "/dev/full"]);
     assert_eq!(output.status.code(), Some(7));
-    assert!(stderr(&output).contains("the report /dev/full is not complete"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("the report /dev/full is incomplete"), "{}", stderr(&output));
 }
 
 #[test]

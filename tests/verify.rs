@@ -93,9 +93,9 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     assert_eq!(code(&output), 1);
     assert_eq!(
         stdout(&output),
-        "FAILED dance.motion: sends something else than its snapshot\n  \
+        "FAILED dance.motion: differs from its snapshot\n  \
          at 0.000 s (dance.motion:2, nod, pass 1): servo 2 1700 -> 1750, and so once more at 0.300 s\n  \
-         if that is meant: motionseq test --bless dance.motion\n"
+         if the change is intended: motionseq test --bless dance.motion\n"
     );
     assert_eq!(stderr(&output), "4 scripts: 3 passed, 1 failed\n");
     let report = repository.read("report.xml");
@@ -124,9 +124,7 @@ fn every_format_reports_the_same() {
     assert_eq!(json["cases"][0]["problems"][0]["line"], 2);
     assert_eq!(json["cases"][4]["problems"][0]["code"], "out-of-range");
     let tap = stdout(&repository.run(&["test", "--format", "tap"]));
-    assert!(tap.starts_with(
-        "TAP version 13\n1..5\nnot ok 1 - dance.motion: sends something else than its snapshot\n# at 0.000 s"
-    ));
+    assert!(tap.starts_with("TAP version 13\n1..5\nnot ok 1 - dance.motion: differs from its snapshot\n# at 0.000 s"));
     assert!(tap.contains("\nok 4 - more/never.motion: ok, fails as expected\nnot ok 5 - worse.motion:"), "{tap}");
     let github = stdout(&repository.run(&["test", "--format", "github"]));
     assert!(github.contains("::error file=dance.motion,line=2,title=difference::at 0.000 s"), "{github}");
@@ -161,11 +159,11 @@ fn missing_orphaned_and_broken_snapshots_are_reported_with_a_fix() {
     assert_eq!(code(&output), 1);
     let text = stdout(&output);
     assert!(
-        text.contains("there is no dance.motion.frames; `motionseq test --bless dance.motion` writes it"),
+        text.contains("dance.motion.frames is missing; write it with `motionseq test --bless dance.motion`"),
         "{text}"
     );
     assert!(text.contains("more/bow.motion.frames:2: snapshot: the frame is missing"), "{text}");
-    assert!(text.contains("warning: gone.motion.frames: is the snapshot of a script that is not there\n"), "{text}");
+    assert!(text.contains("warning: gone.motion.frames: is a snapshot without a script\n"), "{text}");
     assert_eq!(stderr(&output), "4 scripts: 2 passed, 2 failed, 1 snapshot without a script\n");
     assert!(
         stdout(&repository.run(&["test", "--format", "json"]))
@@ -173,7 +171,7 @@ fn missing_orphaned_and_broken_snapshots_are_reported_with_a_fix() {
     );
     assert!(
         stdout(&repository.run(&["test", "--format", "tap"]))
-            .contains("ok 5 - gone.motion.frames: is the snapshot of a script that is not there # SKIP")
+            .contains("ok 5 - gone.motion.frames: is a snapshot without a script # SKIP")
     );
     assert!(!stdout(&repository.run(&["test", "-q"])).contains("gone.motion.frames"));
     let github = stdout(&repository.run(&["test", "--format", "github"]));
@@ -201,10 +199,10 @@ fn missing_orphaned_and_broken_snapshots_are_reported_with_a_fix() {
 fn a_script_that_expects_an_error_must_have_it() {
     let repository = Repository::new("expected");
     for (text, words) in [
-        ("# expect-error: out-of-range\nservo 1 1500\n", "it should fail with `out-of-range`, and it compiles"),
-        ("# expect-error: clash\nservo 1 3000\n", "it should fail with `clash`, and it has the error `out-of-range`"),
-        ("# expect-error:\nservo 1 3000\n", "the code of its error is missing, such as `# expect-error: out-of-range`"),
-        ("# expect-error: nonsense\nservo 1 3000\n", "there is no code `nonsense`"),
+        ("# expect-error: out-of-range\nservo 1 1500\n", "expected the error `out-of-range`, but the script compiles"),
+        ("# expect-error: clash\nservo 1 3000\n", "expected the error `clash`, but found `out-of-range`"),
+        ("# expect-error:\nservo 1 3000\n", "the code of the error is missing; write `# expect-error: out-of-range`"),
+        ("# expect-error: nonsense\nservo 1 3000\n", "unknown code `nonsense`"),
     ] {
         repository.file("x.motion", text);
         let output = repository.run(&["test"]);
@@ -221,7 +219,7 @@ fn link_cycles_and_folders_without_scripts_are_reported() {
     assert_eq!(code(&output), 1);
     assert!(
         stdout(&output)
-            .contains("FAILED more/round: cannot be read\n  more/round: unreadable: the link leads back to ."),
+            .contains("FAILED more/round: cannot be read\n  more/round: unreadable: the link forms a cycle with ."),
         "{}",
         stdout(&output)
     );
@@ -236,13 +234,13 @@ fn link_cycles_and_folders_without_scripts_are_reported() {
     }
     let empty = Repository::new("empty");
     let output = empty.run(&["test"]);
-    assert_eq!((code(&output), stderr(&output).as_str()), (1, "error: there is no *.motion in .\n"));
+    assert_eq!((code(&output), stderr(&output).as_str()), (1, "error: no .motion files in .\n"));
     let output = empty.run(&["test", "nothere"]);
     assert_eq!((code(&output), stderr(&output).as_str()), (1, "1 script: 0 passed, 1 failed\n"));
-    assert!(stdout(&output).contains("nothere: unreadable: there is nothing with this name"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("nothere: unreadable: no such file or directory"), "{}", stdout(&output));
     // Names that start with a dot are skipped.
     let output = empty.file(".git/x.motion", "nonsense").run(&["test"]);
-    assert!(stderr(&output).contains("there is no *.motion"));
+    assert!(stderr(&output).contains("no .motion files"));
 }
 
 #[test]
@@ -279,7 +277,7 @@ fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     let output = repository.run(&["test", "--play"]);
     assert_eq!(code(&output), 1);
     assert!(
-        stdout(&output).contains("there is no checkup.motion.unplug@1s.frames; `motionseq test --play --bless checkup.motion` writes it; what goes out is `stop`, `stop`, `stop`, `buzzer off`, `servo 1 1500`"),
+        stdout(&output).contains("checkup.motion.unplug@1s.frames is missing; write it with `motionseq test --play --bless checkup.motion`; frames sent then: `stop`, `stop`, `stop`, `buzzer off`, `servo 1 1500`"),
         "{}",
         stdout(&output)
     );
@@ -312,8 +310,8 @@ fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     let output = repository.run(&["test", "--play", "checkup.motion"]);
     assert_eq!(code(&output), 1);
     assert!(
-        stdout(&output).contains("rehearsing unplug@1s, on abort, at 1.040 s: servo 1 1500 -> 1700")
-            || stdout(&output).contains("rehearsing unplug@1s, at 1.040 s: servo 1 1500 -> 1700"),
+        stdout(&output).contains("with unplug@1s: on abort, at 1.040 s: servo 1 1500 -> 1700")
+            || stdout(&output).contains("with unplug@1s: at 1.040 s: servo 1 1500 -> 1700"),
         "{}",
         stdout(&output)
     );
@@ -328,16 +326,16 @@ fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     assert_eq!(code(&repository.run(&["test", "--bless", "moving.motion", "raw.motion"])), 0);
     assert_eq!(code(&repository.run(&["test", "raw.motion"])), 0);
     let output = repository.run(&["test", "--play", "moving.motion"]);
-    assert!(stdout(&output).contains("it does not end at rest: a `move` needs a `wait`"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("the robot is moving at the end; add a `wait`"), "{}", stdout(&output));
     // A line that only resembles a rehearsal, one that rehearses nothing, and a snapshot that is no
     // longer used.
     for (line, words) in [
         ("#Rehearse: unplug@1s", "odd.motion:1: play: write `# rehearse: unplug@4s`"),
         ("# rehearse unplug@1s", "odd.motion:1: play: write `# rehearse: unplug@4s`"),
-        ("# rehearse: unplug@1h", "odd.motion:1: play: with unplug@1h nothing ends this script early"),
+        ("# rehearse: unplug@1h", "odd.motion:1: play: unplug@1h does not end this script early"),
         (
             "# nothing",
-            "odd.motion.silent.frames: orphan: no line of the script rehearses it any more: git rm odd.motion.silent.frames",
+            "odd.motion.silent.frames: orphan: no `# rehearse:` line of the script uses it: git rm odd.motion.silent.frames",
         ),
     ] {
         repository.file("odd.motion", &format!("{line}\nservo 1 1500\n")).file("odd.motion.silent.frames", "");
@@ -358,7 +356,7 @@ fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     assert_eq!(code(&repository.run(&["test", "--fault", "silent"])), 2);
     // A port that is lost or stalls during a rehearsal is reported at its line.
     let output = repository.run(&["test", "--play", "--fault", "stall@500ms", "dance.motion"]);
-    assert!(stdout(&output).contains("with stall@500ms: the port stopped taking bytes at"), "{}", stdout(&output));
+    assert!(stdout(&output).contains("with stall@500ms: the port stopped accepting bytes at"), "{}", stdout(&output));
 }
 
 #[test]
@@ -406,7 +404,7 @@ fn check_reports_the_same_in_every_format() {
     let output = repository.run(&["check", "--deny", "warnings", "."]);
     assert_eq!((code(&output), stderr(&output).matches("out-of-range\n\n").count()), (1, 1), "{}", stderr(&output));
     assert!(!stderr(&output).contains("unused") && !stderr(&output).contains("clash\n"), "{}", stderr(&output));
-    assert!(stderr(&output).contains("never.motion: ok, fails with `clash` as it says"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("never.motion: ok, fails with `clash` as expected"), "{}", stderr(&output));
     // A missing file is reported.
     let output = repository.run(&["check", "gone.motion", "--format", "github"]);
     assert_eq!(code(&output), 1);
@@ -430,7 +428,7 @@ fn a_file_name_is_bytes() {
     let text = stdout(&output);
     assert_eq!(code(&output), 1);
     assert!(text.contains("FAILED wrong-\u{FFFD}.motion: does not compile"), "{text}");
-    assert!(text.contains("more\u{FFFD}/gone\u{FFFD}.motion.frames: is the snapshot of a script"), "{text}");
+    assert!(text.contains("more\u{FFFD}/gone\u{FFFD}.motion.frames: is a snapshot without a script"), "{text}");
     assert!(name(b"right-\xFF.motion.frames").exists() && name(b"right-\xFF.motion.unplug@1s.frames").exists());
     fs::remove_file(name(b"wrong-\xFF.motion")).unwrap();
     assert_eq!(code(&repository.run(&["test", "--play"])), 0);
@@ -534,7 +532,7 @@ fn warnings_and_orphans_fail_where_they_are_denied() {
         text.contains("FAILED phrases.motion: has warnings") && text.contains("phrases.motion:2: allow: "),
         "{text}"
     );
-    assert!(text.contains("FAILED gone.motion.frames: is the snapshot of a script that is not there"), "{text}");
+    assert!(text.contains("FAILED gone.motion.frames: is a snapshot without a script"), "{text}");
     assert!(!text.contains("fine.motion") && !text.contains("never.motion"), "{text}");
     assert_eq!(stderr(&output), "4 scripts: 2 passed, 3 failed, 1 snapshot without a script\n");
     let junit = repository.read("report.xml");
@@ -556,7 +554,7 @@ fn warnings_and_orphans_fail_where_they_are_denied() {
 fn every_format_explains_how_to_bless_a_change() {
     let repository = blessed("hint");
     repository.file("dance.motion", &DANCE.replace("200us", "250us"));
-    let hint = "if that is meant: motionseq test --bless dance.motion";
+    let hint = "if the change is intended: motionseq test --bless dance.motion";
     for (args, count) in [
         (&["test"][..], 1),
         (&["test", "--format", "tap"], 1),

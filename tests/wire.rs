@@ -137,13 +137,13 @@ fn check_v_shows_the_load_by_second() {
     // Twenty frames of 13 bytes per second; the command and the stop are one each; then two of 8
     // bytes, the second of which waits 0.694 ms for the first.
     for line in [
-        "on the wire, which carries 11520 bytes a second:",
+        "load of the serial line (11520 bytes/s):",
         "          0-3 s     260 bytes/s    2 %",
         "            3 s      13 bytes/s    0 %",
         "            4 s      16 bytes/s    0 %",
-        "longest wait for the line: 0.695 ms, `servo 2 1500` at 4.000 s",
+        "longest wait: 0.695 ms, `servo 2 1500` at 4.000 s",
     ] {
         assert!(said.contains(line), "{line:?} is not in\n{said}");
     }
-    assert!(!stderr(&run(&["check", &script("load", text)])).contains("on the wire"));
+    assert!(!stderr(&run(&["check", &script("load", text)])).contains("load of the serial line"));
 }

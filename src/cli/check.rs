@@ -1,4 +1,4 @@
-//! `motionseq check`: what is wrong with scripts.
+//! `motionseq check`: shows the errors and warnings of scripts.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -11,24 +11,24 @@ use motionseq::timeline::{Timeline, wire};
 use motionseq::verify::{expectation, expected_error};
 
 use super::exit::Exit;
-use super::find::find;
 use super::output;
 use super::screen::{Screen, Warnings, plural};
+use super::script_files::find_scripts;
 use super::{Deny, Options, read, read_source, repository};
 
-/// Check scripts: show every error and warning, send nothing
+/// Show the errors and warnings of scripts
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .    every *.motion below this folder\n  motionseq check -v dance.motion    also how busy the serial line is, second by second"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load of the serial line\n  motionseq check --format sarif . > motionseq.sarif"
 )]
 pub(super) struct Check {
-    /// The scripts, folders of scripts, or `-` for standard input
+    /// Scripts or folders to check, or `-` for standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Let warnings fail too
+    /// Fail on warnings
     #[arg(long, value_enum, value_name = "WHAT")]
     deny: Option<Deny>,
-    /// How errors and warnings are printed; all but `human` go to standard output
+    /// Output format; all formats except `human` go to standard output
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
     #[command(flatten)]
@@ -37,37 +37,37 @@ pub(super) struct Check {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// For people, with the lines of the script
+    /// Messages with the lines of the script
     Human,
     /// One JSON object
     Json,
-    /// Annotations of a `GitHub` workflow
+    /// GitHub Actions annotations
     Github,
     /// SARIF 2.1.0, for code scanning
     Sarif,
 }
 
 impl Check {
-    /// Checks every file; fails if any of them does.
+    /// Checks every file; fails if one of them does.
     #[expect(clippy::too_many_lines, reason = "one format after the other")]
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
-            screen.error("standard input can be read only once: give `-` once");
+            screen.error("standard input can be read only once: write `-` once");
             return Exit::Usage;
         }
         let mut exit = Exit::Ok;
         let mut findings = Vec::new();
         let mut totals = Totals::default();
-        // In a folder, a script that says which error it has is there for that.
+        // A script in a folder that declares its error is a test case, and passes if it has that error.
         let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
-        let found = find(&folders);
+        let found = find_scripts(&folders);
         if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
             let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
-            screen.error(&format!("there is no *.motion in {}", folders.join(", ")));
+            screen.error(&format!("no .motion files in {}", folders.join(", ")));
             exit = Exit::Script;
         }
         for (path, why) in &found.unreadable {
-            screen.error(&format!("cannot look into {}: {why}", path.display()));
+            screen.error(&format!("cannot read {}: {why}", path.display()));
             findings.push(Finding::unreadable(&path.display().to_string(), why.clone()));
             totals.errors += 1;
             exit = Exit::Script;
@@ -88,7 +88,7 @@ impl Check {
             if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
                 && expectation(expected, &compiled.diagnostics).is_ok()
             {
-                screen.note(&format!("{}: ok, fails with `{expected}` as it says", sources.main().name()));
+                screen.note(&format!("{}: ok, fails with `{expected}` as expected", sources.main().name()));
                 continue;
             }
             if self.format == Format::Human {
@@ -114,7 +114,7 @@ impl Check {
                     }
                 }
                 Some(_) => {
-                    screen.error(&format!("{}: warnings are denied", sources.main().name()));
+                    screen.error(&format!("{}: has warnings, which `--deny warnings` forbids", sources.main().name()));
                     exit = Exit::Script;
                 }
                 None => exit = Exit::Script,
@@ -138,7 +138,7 @@ impl Check {
         }
     }
 
-    /// Reads a script. What is wrong with one that is none is shown, or is a finding.
+    /// Reads a script. If it cannot be read, the reason is shown or returned as a finding.
     fn read(&self, file: &Path, screen: &Screen) -> Result<Source, Vec<Finding>> {
         if self.format == Format::Human {
             return read(file, screen).map_err(|_| Vec::new());
@@ -157,14 +157,14 @@ impl Check {
     }
 }
 
-/// How many lines the load of a script takes at most.
+/// The most lines shown for the load.
 const SHOWN: usize = 60;
 
-/// How busy the serial line is: bytes by second, seconds that are alike on one line, and the frame that has to wait longest.
+/// The load of the serial line: bytes per second, with equal seconds on one line, and the frame that waits longest.
 fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
     let wire::Load { seconds: load, worst } = wire::load(timeline);
     let capacity = wire::Wire::new(timeline.baud).capacity();
-    let mut lines = vec![format!("  on the wire, which carries {capacity} bytes a second:")];
+    let mut lines = vec![format!("  load of the serial line ({capacity} bytes/s):")];
     let mut second = 0;
     let groups: Vec<&[u64]> = load.chunk_by(|one, two| one == two).collect();
     for group in groups.iter().take(SHOWN) {
@@ -177,7 +177,7 @@ fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
     if groups.len() > SHOWN {
         let busiest = load.iter().enumerate().max_by_key(|(at, bytes)| (**bytes, std::cmp::Reverse(*at)));
         let (at, bytes) = busiest.map_or((0, 0), |(at, bytes)| (at, *bytes));
-        lines.push(format!("  and {} s more; the busiest is {at} s with {bytes} bytes", load.len() - second));
+        lines.push(format!("  and {} s more; the busiest second is at {at} s with {bytes} bytes", load.len() - second));
     }
     if let Some((at, late)) = worst
         && let Some(event) = timeline.events.get(at)
@@ -185,7 +185,7 @@ fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
         let origin = timeline.origin(event, sources, &Lines::of(sources));
         let (late, when) = (late.in_millis(), event.at);
         let said = timeline.board.show(&event.command);
-        lines.push(format!("  longest wait for the line: {late:.3} ms, `{said}` at {when:.3} s ({origin})"));
+        lines.push(format!("  longest wait: {late:.3} ms, `{said}` at {when:.3} s ({origin})"));
     }
     lines
 }

@@ -1,4 +1,4 @@
-//! `motionseq diff`: what has changed between two scripts or snapshots.
+//! `motionseq diff`: shows what changed between two scripts or snapshots.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -15,15 +15,15 @@ use super::output;
 use super::screen::{Screen, plural};
 use super::{Options, read};
 
-/// Show what has changed between two scripts or snapshots, in the words of the script
+/// Show what changed between two scripts or snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion\n\nExit code 1 means that they differ. At most 50 changes are shown; -v shows all."
+    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n\nThe exit code is 1 if the two differ. The first 50 changes are shown; `-v` shows all."
 )]
 pub(super) struct Diff {
-    /// What it was: a script, or a snapshot (`NAME.motion.frames`)
+    /// Old script or snapshot (NAME.motion.frames), or `-` for standard input
     old: PathBuf,
-    /// What it is
+    /// New script or snapshot
     new: PathBuf,
     #[command(flatten)]
     options: Options,
@@ -35,7 +35,7 @@ const SHOWN: usize = 50;
 /// One side of a comparison.
 struct Side {
     sent: Snapshot,
-    /// The script, where it is one.
+    /// The script, unless it is a snapshot.
     script: Option<(Sources, Timeline)>,
 }
 
@@ -43,7 +43,7 @@ impl Diff {
     /// Compares, and prints the changes.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         if self.old.as_os_str() == "-" && self.new.as_os_str() == "-" {
-            screen.error("standard input can be read only once: name a file for one of the two");
+            screen.error("standard input can be read only once: write a file name for one of the two");
             return Exit::Usage;
         }
         match (self.side(&self.old, screen), self.side(&self.new, screen)) {
@@ -53,7 +53,7 @@ impl Diff {
     }
 
     fn side(&self, path: &Path, screen: &Screen) -> Result<Side, Exit> {
-        // What is called one is one, whatever has become of it.
+        // A file named like a snapshot is one, even if its content is damaged.
         if let Some(script) = path.to_string_lossy().strip_suffix(SNAPSHOT) {
             let text = read_file(path, 2 << 30).map_err(|error| {
                 screen.error(&format!("cannot read {}: {error}", path.display()));
@@ -74,8 +74,8 @@ impl Diff {
 
 fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
     let sent = read_snapshot(&raspblock::board(), text).map_err(|error| {
-        let anew = script.map(|script| format!("; `motionseq test --bless {}` writes it anew", shell_word(script)));
-        screen.error(&format!("{name} is no snapshot: {error}{}", anew.unwrap_or_default()));
+        let fix = script.map(|script| format!("; write it again with `motionseq test --bless {}`", shell_word(script)));
+        screen.error(&format!("{name} is not a snapshot: {error}{}", fix.unwrap_or_default()));
         Exit::Script
     })?;
     Ok(Side { sent, script: None })
@@ -90,7 +90,7 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
     };
     let changes = diff(&old.sent, &new.sent, line);
     if changes.is_empty() {
-        screen.note(&format!("both send the same {}", plural(new.sent.moments.len(), "frame")));
+        screen.note(&format!("no difference: both send the same {}", plural(new.sent.moments.len(), "frame")));
         return Exit::Ok;
     }
     let shown = if screen.is_verbose() { changes.len() } else { SHOWN };
@@ -101,7 +101,7 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
         writeln!(out, "{}", change.words(place.as_deref()))
     });
     if let Some(more) = changes.len().checked_sub(shown).filter(|more| *more > 0) {
-        screen.note(&format!("{} more; -v shows them", plural(more, "change")));
+        screen.note(&format!("{}; `-v` shows all", plural(more, "more change")));
     }
     match output::exit(written, None, screen) {
         Exit::Ok => Exit::Script,
@@ -110,7 +110,7 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
 }
 
 impl Side {
-    /// Says which line a frame comes from, and if asked which calls and passes led there.
+    /// Returns the line that a frame comes from and, if asked, the calls and passes that led there.
     fn places(&self) -> impl Fn(bool, usize, bool) -> Option<String> {
         let script = self.script.as_ref().map(|(sources, timeline)| (sources, timeline, Lines::of(sources)));
         move |aborts, at, way| {

@@ -1,4 +1,4 @@
-//! `motionseq explain`: what an error or a warning means.
+//! `motionseq explain`: explains an error or a warning.
 
 use std::io::{self, Write};
 
@@ -9,16 +9,16 @@ use super::exit::Exit;
 use super::output;
 use super::screen::Screen;
 
-/// Say what an error or a warning means, with an example of wrong and right
+/// Explain an error or a warning, with a wrong and a right example
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  motionseq explain clash\n  motionseq explain            every code, a line each")]
+#[command(after_help = "Examples:\n  motionseq explain clash\n  motionseq explain          # list all codes")]
 pub(super) struct Explain {
-    /// The code, as a message shows it; every code with its title where none is given
+    /// Code of the message, such as `clash`; without it, list all codes
     code: Option<String>,
 }
 
 impl Explain {
-    /// Prints the explanation; fails if there is no such code.
+    /// Prints the explanation; fails if the code is unknown.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let text = match &self.code {
             None => {
@@ -30,10 +30,10 @@ impl Explain {
                 None => {
                     let near = motionseq::program::suggest(name, Code::ALL.iter().map(|code| code.name()));
                     let help = match near {
-                        Some(near) => format!("did you mean `{near}`?"),
-                        None => "`motionseq explain` lists them".to_owned(),
+                        Some(near) => format!("did you mean `motionseq explain {near}`?"),
+                        None => "list the codes with `motionseq explain`".to_owned(),
                     };
-                    screen.error(&format!("there is no code `{name}`; {help}"));
+                    screen.error(&format!("unknown code `{name}`; {help}"));
                     return Exit::Usage;
                 }
             },
@@ -47,7 +47,7 @@ fn explained(code: Code) -> String {
     let (wrong, right) = code.example();
     let indented = |text: &str| text.lines().fold(String::new(), |out, line| out + "    " + line + "\n");
     let allowed = if severity == Severity::Warning {
-        format!("\nTo keep it back on one line, end the line with: # allow: {code}\n")
+        format!("\nTo silence it on one line, end the line with: # allow: {code}\n")
     } else {
         String::new()
     };
@@ -60,7 +60,7 @@ fn explained(code: Code) -> String {
     )
 }
 
-/// Text in lines that a terminal shows whole.
+/// Text in lines of at most 80 characters.
 fn wrapped(text: &str) -> String {
     const WIDTH: usize = 80;
     let mut lines = vec![String::new()];

@@ -1,4 +1,4 @@
-//! `motionseq fmt`: sets scripts evenly.
+//! `motionseq fmt`: formats scripts.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -7,22 +7,22 @@ use clap::Args;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::syntax;
 
+use super::atomic_file::write_atomically;
 use super::exit::Exit;
 use super::output;
 use super::read;
-use super::replace::replace_file;
 use super::screen::{Screen, Warnings, plural};
 
-/// Format scripts: blanks, indentation, comments below each other; never what is sent
+/// Format scripts without changing what they send
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq fmt scripts/*.motion\n  motionseq fmt --check scripts/*.motion    for CI: change nothing, fail if anything would change\n  motionseq fmt - < draft.motion            to standard output\n\nLines stay lines and comments stay. A script that cannot be read is left as it is."
+    after_help = "Examples:\n  motionseq fmt scripts/*.motion\n  motionseq fmt --check scripts/*.motion   # for CI: change no file, fail if one is not formatted\n  motionseq fmt - < draft.motion           # format standard input to standard output\n\nLine breaks and comments are kept. A script with syntax errors is not changed."
 )]
 pub(super) struct Fmt {
-    /// The scripts, or `-` for standard input
+    /// Scripts to format, or `-` for standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Change nothing; say which scripts would change, and fail if there are any
+    /// Change no file; list the scripts that are not formatted, and fail if there are any
     #[arg(long)]
     check: bool,
 }
@@ -31,7 +31,7 @@ impl Fmt {
     /// Formats every file; fails if one cannot be read, or with `--check` if one would change.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
-            screen.error("standard input can be read only once: give `-` once");
+            screen.error("standard input can be read only once: write `-` once");
             return Exit::Usage;
         }
         let mut exit = Exit::Ok;
@@ -42,17 +42,17 @@ impl Fmt {
                 Err(cause) => (exit, failed) = (cause, failed + 1),
             }
         }
-        let unchanged = plural(self.files.len(), "script");
+        let scripts = plural(self.files.len(), "script");
         screen.note(&match (self.check, changed) {
-            (_, 0) if failed > 0 => format!("{unchanged} looked at, {failed} cannot be formatted"),
-            (_, 0) => format!("{unchanged} looked at, nothing to change"),
-            (true, _) => format!("{unchanged} looked at, {changed} would change: motionseq fmt FILE"),
-            (false, _) => format!("{unchanged} looked at, {changed} formatted"),
+            (_, 0) if failed > 0 => format!("{scripts} checked, {failed} cannot be formatted"),
+            (_, 0) => format!("{scripts} checked, all formatted"),
+            (true, _) => format!("{scripts} checked, {changed} not formatted; format with `motionseq fmt FILE`"),
+            (false, _) => format!("{scripts} checked, {changed} formatted"),
         });
         if exit == Exit::Ok && self.check && changed > 0 { Exit::Script } else { exit }
     }
 
-    /// Formats a file; says whether that changes it.
+    /// Formats a file; returns whether that changes it.
     fn file(&self, path: &Path, screen: &Screen) -> Result<bool, Exit> {
         let source = read(path, screen)?;
         let mut diagnostics = Diagnostics::default();
@@ -69,9 +69,9 @@ impl Fmt {
             };
         }
         if is_changed && self.check {
-            screen.note(&format!("{} would change", source.name()));
-        } else if is_changed && let Err(error) = replace_file(path, text.as_bytes()) {
-            screen.error(&format!("cannot write {}: {error}; it is as it was", path.display()));
+            screen.note(&format!("{} is not formatted", source.name()));
+        } else if is_changed && let Err(error) = write_atomically(path, text.as_bytes()) {
+            screen.error(&format!("cannot write {}: {error}; the file is unchanged", path.display()));
             return Err(Exit::Usage);
         }
         Ok(is_changed)

@@ -15,16 +15,16 @@ use super::exit::Exit;
 use super::output;
 use super::screen::Screen;
 
-/// Measure how late this machine is, idle and busy, and say what to do
+/// Measure how well this machine keeps time, idle and busy
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq latency\n  motionseq latency --for 60s --realtime\n\nHalf of the time the machine is left alone, half of the time every processor is kept busy. It waits as `play` waits for a frame."
+    after_help = "Examples:\n  motionseq latency\n  motionseq latency --for 60s --realtime\n\nIt waits for deadlines 5 ms apart, in the same way as `play`: half of the time on an idle machine, half of the time with every\nprocessor busy. The last line says whether this machine is good enough, and what to do if it is not."
 )]
 pub(super) struct Latency {
-    /// How long it measures
+    /// Measure for TIME, from 200ms to 1h
     #[arg(long = "for", value_name = "TIME", value_parser = time, default_value = "10s")]
     lasts: Micros,
-    /// With real-time priority and locked memory, as far as the system allows, as `play --realtime`
+    /// Use real-time priority and locked memory, if permitted
     #[arg(long)]
     realtime: bool,
 }
@@ -35,12 +35,12 @@ fn time(text: &str) -> Result<Micros, String> {
     time.ok().filter(|time| range.contains(time)).ok_or_else(|| "write a time from 200ms to 1h, such as 10s".into())
 }
 
-/// The time between two deadlines: 200 frames a second, as often as a move is sampled at most.
+/// The time between two deadlines: 200 per second, the highest sample rate of a move.
 const INTERVAL: Nanos = Nanos::from_millis(5);
-/// How long a drive frame takes on the wire at 115200 baud, and the lateness that ends a run.
+/// How long a drive frame takes at 115200 baud, and the default lateness that ends a run.
 const FRAME: Nanos = Micros(1_128).nanos();
 const LIMIT: Nanos = Nanos::from_millis(50);
-/// What is left of the limit on a good machine.
+/// The worst lateness of a good machine: half of the limit.
 const NEAR: Nanos = Nanos::from_millis(25);
 /// Upper ends of the rows of the histogram, and their names.
 const ROWS: [(Nanos, &str); 9] = [
@@ -48,7 +48,7 @@ const ROWS: [(Nanos, &str); 9] = [
     (Micros(10).nanos(), "10 µs"),
     (Micros(100).nanos(), "100 µs"),
     (Micros(300).nanos(), "300 µs"),
-    (FRAME, "1.128 ms, a frame"),
+    (FRAME, "1.128 ms, one frame"),
     (Nanos::from_millis(5), "5 ms"),
     (NEAR, "25 ms"),
     (LIMIT, "50 ms, the limit"),
@@ -56,7 +56,7 @@ const ROWS: [(Nanos, &str); 9] = [
 ];
 
 impl Latency {
-    /// Measures, and prints what was found.
+    /// Measures, and prints the results.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let Ok(signals) = Signals::catch() else {
             screen.error("cannot watch for Ctrl-C");
@@ -64,7 +64,7 @@ impl Latency {
         };
         let realtime = self.realtime && super::play::become_realtime(screen);
         let half = Nanos(self.lasts.nanos().0 / 2);
-        screen.note(&format!("left alone for {half:.1} s, then every processor busy for {half:.1} s"));
+        screen.note(&format!("measuring: {half:.1} s idle, then {half:.1} s with every processor busy"));
         let mut measured = Vec::new();
         for busy in [false, true] {
             let load = Load::start(if busy { thread::available_parallelism().map_or(1, usize::from) } else { 0 });
@@ -116,11 +116,11 @@ impl Load {
     }
 }
 
-/// A histogram: one row for each order of lateness.
+/// A histogram with one row per range of lateness.
 fn table(found: &Histogram<u64>, name: &str) -> String {
     let shown = |nanos: u64| Nanos(nanos).short();
     let mut text = format!(
-        "{name}: {} deadlines, half of them no later than {}, 99 of 100 no later than {}, the latest {}\n",
+        "{name}: {} deadlines; lateness: median {}, 99th percentile {}, worst {}\n",
         found.len(),
         shown(found.value_at_quantile(0.5)),
         shown(found.value_at_quantile(0.99)),
@@ -139,18 +139,16 @@ fn table(found: &Histogram<u64>, name: &str) -> String {
     text
 }
 
-/// What to do.
+/// Whether the machine is good enough, and what to do if not.
 fn verdict(idle: &Histogram<u64>, busy: &Histogram<u64>, realtime: bool) -> &'static str {
     let is_good = |found: &Histogram<u64>| found.value_at_quantile(0.99) < FRAME.0 && found.max() < NEAR.0;
     match (is_good(idle), is_good(busy)) {
-        (true, true) => {
-            "good: a frame is sent while the one before it is still on the wire, also when other programs run"
-        }
+        (true, true) => "good: frames are sent on time, also while other programs run",
         (true, false) if !realtime => {
-            "use --realtime: this machine keeps time while it is idle, and not beside other programs; try `motionseq latency --realtime`"
+            "use --realtime: this machine keeps time only while it is idle; try `motionseq latency --realtime`"
         }
         _ => {
-            "this machine stalls: close what runs beside, take it off a shared or virtual machine, or allow more with `--max-late`; a run whose frame is later than 50 ms is ended"
+            "this machine stalls: close other programs, use a machine that is not shared or virtual, or raise the limit, such as `play --max-late 200ms`; by default a frame later than 50 ms ends a run"
         }
     }
 }
@@ -168,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn each_machine_is_told_what_to_do() {
+    fn each_result_has_its_advice() {
         let good = histogram(&[(500, 990), (900_000, 10)]);
         let late = histogram(&[(500, 900), (4_000_000, 100)]);
         let stalls = histogram(&[(500, 999), (60_000_000, 1)]);
@@ -194,7 +192,7 @@ mod tests {
             (90_000_000, 9),
         ]);
         let text = table(&found, "busy");
-        assert!(text.starts_with("busy: 45 deadlines, half of them no later than"), "{text}");
+        assert!(text.starts_with("busy: 45 deadlines; lateness: median "), "{text}");
         let counts: Vec<&str> = text
             .lines()
             .skip(1)

@@ -1,39 +1,38 @@
-//! Arguments in, exit codes out; one file a command.
+//! The command line: reads arguments, runs one command, returns an exit code. One file per command.
 
 #![cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "shared with the commands that need Linux"))]
 
+mod atomic_file;
 mod check;
+mod completions;
 mod decode;
 mod diff;
 mod exit;
 mod explain;
-mod find;
 mod fmt;
+mod man;
 mod output;
 mod plot;
-mod progress;
+mod progress_bar;
 mod render;
-mod replace;
 mod screen;
-mod shell;
-mod show;
+mod script_files;
+mod selection;
 mod test;
 
-// What plays, and offers ports.
+// The commands that need a serial port or a pseudo-terminal.
 #[cfg(target_os = "linux")]
 mod board;
 #[cfg(target_os = "linux")]
 mod display;
-#[cfg(not(target_os = "linux"))]
-mod elsewhere;
 #[cfg(target_os = "linux")]
-mod ending;
-#[cfg(target_os = "linux")]
-mod growing;
+mod growing_file;
 #[cfg(target_os = "linux")]
 mod guard;
 #[cfg(target_os = "linux")]
 mod latency;
+#[cfg(not(target_os = "linux"))]
+mod linux_only;
 #[cfg(target_os = "linux")]
 mod log;
 #[cfg(target_os = "linux")]
@@ -45,6 +44,8 @@ mod ports;
 #[cfg(target_os = "linux")]
 mod record;
 #[cfg(target_os = "linux")]
+mod run_summary;
+#[cfg(target_os = "linux")]
 mod state_line;
 #[cfg(target_os = "linux")]
 mod tape;
@@ -52,6 +53,18 @@ mod tape;
 mod watcher;
 #[cfg(target_os = "linux")]
 mod worker;
+
+/// The old name, for `board`, until it uses the new one.
+#[cfg(target_os = "linux")]
+mod ending {
+    pub(super) use super::run_summary::board_summary;
+}
+
+/// The old name, for `record`, `tape` and `log`, until they use the new one.
+#[cfg(target_os = "linux")]
+mod growing {
+    pub(super) use super::growing_file::{GrowingFile as Growing, begin, create, is_same};
+}
 
 use std::io;
 use std::path::PathBuf;
@@ -69,23 +82,25 @@ use motionseq::program::Speed;
 use motionseq::report::Repository;
 use motionseq::source::{Disk, Files as _, Source, SourceError, Sources};
 
-#[cfg(not(target_os = "linux"))]
-use elsewhere::{board, latency, play, ports, record};
 use exit::Exit;
+#[cfg(not(target_os = "linux"))]
+use linux_only::{board, latency, play, ports, record};
 use screen::{Color, Screen, Volume, Warnings};
 
-/// Timed motion scripts for the Yahboom Raspblock: check them, see their bytes, play them.
+/// Check, play and test timed motion scripts for the Yahboom Raspblock
 #[derive(Debug, Parser)]
 #[command(version, arg_required_else_help = true, max_term_width = 100)]
 #[cfg_attr(
     target_os = "linux",
     command(
-        after_help = "Example:\n  motionseq play scripts/hello.motion     rehearse on a virtual board, no robot needed"
+        after_help = "Examples:\n  motionseq check scripts/hello.motion    # show errors and warnings\n  motionseq play scripts/hello.motion     # play on the built-in virtual board\n  motionseq help play                     # show the options of one command"
     )
 )]
 #[cfg_attr(
     not(target_os = "linux"),
-    command(after_help = "Example:\n  motionseq check scripts/hello.motion     is it right?")
+    command(
+        after_help = "Examples:\n  motionseq check scripts/hello.motion    # show errors and warnings\n  motionseq help check                    # show the options of one command"
+    )
 )]
 struct Cli {
     #[command(subcommand)]
@@ -109,8 +124,10 @@ enum Command {
     Record(record::Record),
     Ports(ports::Ports),
     Latency(latency::Latency),
-    Completions(shell::Completions),
-    Man(shell::Man),
+    Completions(completions::Completions),
+    Man(man::Man),
+    #[command(name = completions::MARKS, hide = true)]
+    Marks(completions::Marks),
     #[cfg(target_os = "linux")]
     #[command(name = guard::WORD, hide = true)]
     Guard(guard::Guard),
@@ -119,57 +136,47 @@ enum Command {
 /// How messages look.
 #[derive(Debug, Args)]
 struct Output {
-    /// Color messages
-    #[arg(long, global = true, value_enum, default_value_t = Color::Auto, value_name = "WHEN")]
+    /// Color messages; `auto` colors them on a terminal, unless `NO_COLOR` is set
+    #[arg(long, global = true, value_enum, default_value_t = Color::Auto, value_name = "WHEN", help_heading = "Global options")]
     color: Color,
-    /// Say nothing but errors
-    #[arg(short, long, global = true)]
+    /// Show only errors
+    #[arg(short, long, global = true, help_heading = "Global options")]
     quiet: bool,
-    /// Say more
-    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    /// Show more detail
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Global options")]
     verbose: bool,
-}
-
-/// A script to compile.
-#[derive(Debug, Args)]
-struct Script {
-    /// The script, or `-` for standard input
-    file: PathBuf,
-    #[command(flatten)]
-    options: Options,
 }
 
 /// How scripts are compiled.
 #[derive(Clone, Debug, Args)]
 struct Options {
-    /// Replace the value of a top-level `let` of the script
-    #[arg(long, value_name = "NAME=VALUE", value_parser = name_and_value)]
+    /// Set a top-level `let` of the script to another value
+    #[arg(long, value_name = "NAME=VALUE", value_parser = name_and_value, help_heading = "Compilation options")]
     set: Vec<(String, String)>,
-    /// Allow a script to send so many frames
-    #[arg(long, value_name = "N", default_value_t = motionseq::program::Options::default().events)]
+    /// Refuse a script that sends more than N frames
+    #[arg(long, value_name = "N", default_value_t = motionseq::program::Options::default().events, help_heading = "Compilation options")]
     max_events: usize,
-    /// Show every warning in full, not only the first three of each code
-    #[arg(long)]
+    /// Show every warning, not only the first three of each code
+    #[arg(long, help_heading = "Compilation options")]
     all: bool,
 }
 
-/// What fails besides errors.
+/// What counts as an error.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Deny {
-    /// Every warning counts as an error
     Warnings,
 }
 
-/// How the bytes of another program are read.
+/// How the bytes of another program are decoded.
 #[derive(Clone, Copy, Debug, Args)]
 struct Reading {
-    /// Read a `move` as older copies of the maker's driver pack its direction
+    /// Decode the direction of `move` as older versions of the vendor's driver encode it
     #[arg(long)]
     older_move: bool,
 }
 
 impl Reading {
-    /// The board whose frames they are.
+    /// The board that the frames are for.
     fn board(self) -> Arc<Family> {
         if self.older_move { raspblock::with_older_move() } else { raspblock::board() }
     }
@@ -178,7 +185,7 @@ impl Reading {
 fn name_and_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) => Ok((name.trim().to_owned(), value.trim().to_owned())),
-        None => Err("write it as NAME=VALUE".to_owned()),
+        None => Err(format!("write `{}=VALUE`", if text.is_empty() { "NAME" } else { text })),
     }
 }
 
@@ -187,7 +194,7 @@ pub(crate) fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version are no mistakes; a closed terminal is no reason to panic.
+            // Printing fails on a closed terminal, which must not panic.
             let _ = error.print();
             return if error.use_stderr() { Exit::Usage.into() } else { Exit::Ok.into() };
         }
@@ -214,6 +221,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Ports(ports) => ports.run(&screen),
         Command::Completions(completions) => completions.run(&screen),
         Command::Man(man) => man.run(&screen),
+        Command::Marks(marks) => marks.run(&screen),
         #[cfg(target_os = "linux")]
         Command::Guard(guard) => guard.run(&screen),
     };
@@ -222,22 +230,22 @@ pub(crate) fn main() -> ExitCode {
 }
 
 impl Options {
-    /// The same for the library.
+    /// These options as the library takes them.
     fn of_library(&self) -> motionseq::program::Options {
         motionseq::program::Options::default().with_events(self.max_events).with_set(self.set.clone())
     }
 
-    /// Which warnings are shown, where nothing else is asked for.
+    /// Which warnings are shown: all with `--all`, or else `usual`.
     fn warnings(&self, usual: Warnings) -> Warnings {
         if self.all { Warnings::All } else { usual }
     }
 
-    /// Compiles a script and shows what is wrong with it.
+    /// Compiles a script and shows its errors and warnings.
     fn compile(&self, sources: &Sources, screen: &Screen) -> Compiled {
         self.compile_at(sources, screen, Speed::NORMAL, Warnings::First)
     }
 
-    /// The same at another speed.
+    /// Compiles a script at another speed and shows its errors and warnings.
     fn compile_at(&self, sources: &Sources, screen: &Screen, speed: Speed, warnings: Warnings) -> Compiled {
         let options = self.of_library().with_speed(speed);
         let compiled = motionseq::compile(sources, &options);
@@ -246,7 +254,7 @@ impl Options {
     }
 }
 
-/// What paths of annotations count from: the workspace that CI names, the repository that this folder is in, or this folder.
+/// What paths in annotations are relative to: `GITHUB_WORKSPACE`, else the repository of this folder, else this folder.
 fn repository() -> Repository {
     let here = std::env::current_dir().and_then(|here| here.canonicalize()).unwrap_or_default();
     let workspace = std::env::var_os("GITHUB_WORKSPACE").filter(|path| !path.is_empty());
@@ -256,7 +264,7 @@ fn repository() -> Repository {
     Repository::new(roots, here)
 }
 
-/// Starts a thread and waits until it runs: the system may refuse it memory at its very start.
+/// Starts a thread and waits until it runs, because it can still run out of memory as it starts.
 fn start_thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
     let (up, is_up) = mpsc::channel();
     thread::Builder::new().name(name.to_owned()).spawn(move || {
@@ -266,12 +274,12 @@ fn start_thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<
     is_up.recv().map_err(io::Error::other)
 }
 
-/// Reads a script, or standard input where it is called `-`.
+/// Reads a script; `-` is standard input.
 fn read_source(path: &std::path::Path) -> Result<Source, SourceError> {
     if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Disk.read(path) }
 }
 
-/// Reads a script and shows why it cannot be read.
+/// Reads a script, or shows why it cannot be read.
 fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
     read_source(path).map_err(|error| {
         let words = error.to_string();

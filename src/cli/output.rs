@@ -1,4 +1,4 @@
-//! Files that results are written to.
+//! Output files: which paths may be written, and how failures are reported.
 
 use std::fs::{File, Metadata};
 use std::io::{self, Read as _};
@@ -7,29 +7,29 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use motionseq::source::Sources;
 
+use super::atomic_file::AtomicFile;
 use super::exit::Exit;
-use super::replace::Replacement;
 use super::screen::Screen;
 
-/// What a result may be written over.
+/// Whether an output may replace a file that motionseq did not write.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(super) struct Force {
-    /// Write over a .motion or .frames file that motionseq did not write
+    /// Overwrite a .motion or .frames file that motionseq did not write
     #[arg(long)]
     force: bool,
 }
 
 impl Force {
-    /// Whatever is there.
+    /// Overwrite any file.
     #[cfg(target_os = "linux")]
     pub(super) const ALWAYS: Force = Force { force: true };
 }
 
-/// The files that a run reads, whatever their names. No result is written over one of them.
+/// The files that a run reads, by identity rather than by name. No output overwrites one of them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Inputs(Vec<Identity>);
 
-/// What identifies a file: its device and its number.
+/// What identifies a file: device and inode.
 #[cfg(unix)]
 type Identity = (u64, u64);
 /// What identifies a file: its path, with links followed.
@@ -48,7 +48,7 @@ fn identity(path: &Path) -> Option<Identity> {
 }
 
 impl Inputs {
-    /// Files and, of scripts, their snapshots.
+    /// These files and their snapshots.
     pub(super) fn of<P: AsRef<Path>>(paths: impl IntoIterator<Item = P>) -> Self {
         let with_snapshot = |path: P| {
             let mut snapshot = path.as_ref().as_os_str().to_owned();
@@ -64,13 +64,13 @@ impl Inputs {
     }
 }
 
-/// Begins a result that takes the place of what was there when it is whole.
-pub(super) fn whole(path: &Path, inputs: &Inputs, force: Force) -> io::Result<Replacement> {
+/// Starts an output that replaces an existing file when it is complete.
+pub(super) fn whole(path: &Path, inputs: &Inputs, force: Force) -> io::Result<AtomicFile> {
     check(path, inputs, force)?;
-    Replacement::begin(path)
+    AtomicFile::begin(path)
 }
 
-/// Whether a result may be written there, before anything of it is changed.
+/// Whether an output may be written to a path. Changes nothing.
 pub(super) fn check(path: &Path, inputs: &Inputs, force: Force) -> io::Result<()> {
     let refused = |why: &str| Err(io::Error::other(why));
     if path.as_os_str() == "-" {
@@ -79,19 +79,19 @@ pub(super) fn check(path: &Path, inputs: &Inputs, force: Force) -> io::Result<()
     let Ok(meta) = path.metadata() else { return Ok(()) };
     // Before it is opened: that alone would do something to a serial port.
     if is_terminal(&meta) {
-        return refused("it is a terminal or a serial port; name a file");
+        return refused("it is a terminal or a serial port; choose a file");
     }
     if meta.is_file() && identity(path).is_some_and(|file| inputs.0.contains(&file)) {
-        return refused("this run reads it; name another file");
+        return refused("this run reads it; choose another file");
     }
     let is_precious = path.extension().is_some_and(|ending| ending == "motion" || ending == "frames");
     if meta.is_file() && meta.len() > 0 && is_precious && !force.force && !is_ours(path) {
-        return refused("it is there already, and motionseq did not write it; --force writes over it");
+        return refused("it exists and was not written by motionseq; `--force` overwrites it");
     }
     Ok(())
 }
 
-/// Whether the first line of a file says that motionseq has written it.
+/// Whether the first line of a file shows that motionseq wrote it.
 fn is_ours(path: &Path) -> bool {
     let mut first = Vec::new();
     let read = File::open(path).and_then(|file| file.take(64).read_to_end(&mut first));
@@ -111,17 +111,17 @@ fn is_terminal(meta: &Metadata) -> bool {
 #[cfg(target_os = "linux")]
 const PTYS: std::ops::RangeInclusive<u32> = 136..=143;
 
-/// Elsewhere than on Linux, what is not a file is taken for what its user says.
+/// On other systems, terminals are not recognized.
 #[cfg(not(target_os = "linux"))]
 fn is_terminal(_: &Metadata) -> bool {
     false
 }
 
-/// The exit code of a command whose result went to a file, or to standard output, and what is to be said about it.
+/// Reports a failed write of a command's output, and returns the exit code.
 pub(super) fn exit(written: io::Result<()>, path: Option<&Path>, screen: &Screen) -> Exit {
     match written {
         Ok(()) => Exit::Ok,
-        // Whoever read it has seen enough.
+        // The reader closed the pipe early, as `head` does.
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
         Err(error) => {
             let target = path.unwrap_or(Path::new("standard output"));

@@ -1,4 +1,4 @@
-//! `motionseq plot`: a picture of what a script does.
+//! `motionseq plot`: draws the timeline of a script.
 
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -6,47 +6,49 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use motionseq::plot::{Plot as Plotted, Theme, plot};
 
-use super::Script;
+use super::Options;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, Warnings};
-use super::show::{Passes, Show};
+use super::selection::{Passes, Selection};
 
-/// Draw what a script does: when, and where the robot goes
+/// Draw the timeline of a script and the path of the robot
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion --from spin --to refrain -o spin.html\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nEach thing that the script uses has a lane: pulse widths with the limits of the board and of the script (dashed), speeds,\nthe buzzer, marks, `say` and `expect`, how busy the line is, and what `check` warns of. Beside them is the way that the\nvirtual board would drive, from above, in its nominal units."
+    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each servo, the drive and the buzzer, and lanes for marks, `say`, `expect`, the load of the serial\nline and warnings. Dashed lines are the limits of the script. The path shows the virtual board from above, in its nominal units."
 )]
 pub(super) struct Plot {
-    #[command(flatten)]
-    script: Script,
-    #[command(flatten)]
-    show: Show<Passes>,
-    /// Write to this file instead of standard output; its ending says the format: .svg, .png, .html or .json
+    /// Script to read, or `-` for standard input
+    file: PathBuf,
+    /// Write to FILE instead of standard output; the extension sets the format
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// What is written [default: what the ending of the file says, or svg]
+    /// Output format [default: from the extension of FILE, or svg]
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// The colours; `auto` follows the screen of whoever looks at it, and is light in a PNG
+    /// Colors; `auto` follows the viewer's settings, and is light in a PNG
     #[arg(long, value_enum, default_value_t = Colours::Auto)]
     theme: Colours,
-    /// How many pixels wide a PNG is, from 300 to 6000
+    /// Width of a PNG in pixels, from 300 to 6000
     #[arg(long, value_name = "PIXELS", default_value_t = 1_200, value_parser = clap::value_parser!(u32).range(300..=6_000))]
     width: u32,
     #[command(flatten)]
     force: Force,
+    #[command(flatten)]
+    selection: Selection<Passes>,
+    #[command(flatten)]
+    options: Options,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// A drawing that any browser shows
+    /// Vector graphics
     Svg,
-    /// A picture of pixels
+    /// Bitmap
     Png,
-    /// A page with the drawing in it
+    /// Self-contained web page
     Html,
-    /// The same as data, for plots of your own
+    /// The data of the picture, for your own plots
     Json,
 }
 
@@ -62,19 +64,21 @@ impl Plot {
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let Some(format) = self.format.or_else(|| self.output.as_deref().map_or(Some(Format::Svg), of_ending)) else {
             let name = self.output.as_deref().unwrap_or(Path::new("")).display();
-            screen.error(&format!("`{name}` says no format: end it in .svg, .png, .html or .json, or give --format"));
+            screen.error(&format!(
+                "unknown extension of `{name}`; use .svg, .png, .html or .json, or add `--format svg`"
+            ));
             return Exit::Usage;
         };
         if format == Format::Png && self.output.is_none() && io::stdout().is_terminal() {
-            screen.error("a PNG is nothing for a terminal: write it to a file, such as `-o picture.png`");
+            screen.error("a PNG cannot be shown on a terminal; write it to a file: `-o picture.png`");
             return Exit::Usage;
         }
-        let compiled = self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen);
-        let (sources, staged) = match compiled {
+        let compiled = self.selection.compile(&self.file, &self.options, Warnings::First, screen);
+        let (sources, selected) = match compiled {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        let plotted = plot(&staged.timeline, &sources, &staged.diagnostics);
+        let plotted = plot(&selected.timeline, &sources, &selected.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,
             Err(why) => {
@@ -106,7 +110,8 @@ impl Plot {
             Format::Png => motionseq::plot::png(plotted, theme, self.width).map_err(|error| error.to_string()),
             #[cfg(not(feature = "png"))]
             Format::Png => {
-                Err("this motionseq was built without pixels, the cargo feature `png`; .svg works".to_owned())
+                Err("this motionseq was built without the cargo feature `png`; write an SVG: `-o picture.svg`"
+                    .to_owned())
             }
         }
     }

@@ -1,4 +1,4 @@
-//! `motionseq render`: what would be sent, without sending it.
+//! `motionseq render`: prints the frames of a script.
 
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::PathBuf;
@@ -7,54 +7,56 @@ use clap::{Args, ValueEnum};
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_listing};
 
-use super::Script;
+use super::Options;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
-use super::progress::Progress;
+use super::progress_bar::ProgressBar;
 use super::screen::{Screen, Warnings};
-use super::show::{Passes, Show};
+use super::selection::{Passes, Selection};
 
-/// Print the frames that a script sends, without sending them
+/// Print the frames of a script without sending them
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin\n  motionseq render show.motion --from bow --to 20s --speed 0.5 --loop 2"
+    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin\n  motionseq render scripts/dance.motion --from refrain --speed 0.5   # from a mark, at half speed"
 )]
 pub(super) struct Render {
-    #[command(flatten)]
-    script: Script,
-    #[command(flatten)]
-    show: Show<Passes>,
-    /// How frames are written
+    /// Script to read, or `-` for standard input
+    file: PathBuf,
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
-    /// Write to this file instead of standard output
+    /// Write to FILE instead of standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
+    #[command(flatten)]
+    selection: Selection<Passes>,
+    #[command(flatten)]
+    options: Options,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Format {
-    /// Seconds, frame and command, separated by TABs
+    /// Time in seconds, frame and command, separated by tabs
     Listing,
-    /// Seconds and frame, separated by a TAB
+    /// Time in seconds and frame, separated by a tab
     Hex,
-    /// The bytes, one frame after another
+    /// The bytes of the frames
     Bin,
-    /// One JSON object a line, with the place in the script
+    /// One JSON object per line, with the line of the script
     Jsonl,
 }
 
-/// How many frames are written between two looks at the clock.
+/// How many frames are written between two updates of the progress bar.
 const CHUNK: usize = 16_384;
 
 impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let compiled = self.show.compile(&self.script.file, &self.script.options, Warnings::First, screen);
+        let compiled = self.selection.compile(&self.file, &self.options, Warnings::First, screen);
         let (sources, timeline) = match compiled {
-            Ok((sources, staged)) => (sources, staged.timeline),
+            Ok((sources, selected)) => (sources, selected.timeline),
             Err(exit) => return exit,
         };
         let written = match &self.output {
@@ -71,9 +73,9 @@ impl Render {
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let lines = Lines::of(sources);
         let frames = timeline.events.len();
-        // Frames that are printed on the terminal show themselves how far it is.
+        // Frames printed on the terminal need no progress bar.
         let is_shown = self.output.is_some() || !io::stdout().is_terminal();
-        let progress = is_shown.then(|| Progress::new(screen, "frames", frames));
+        let progress = is_shown.then(|| ProgressBar::new(screen, "frames", frames));
         for events in timeline.events.chunks(CHUNK) {
             match self.format {
                 Format::Listing => write_listing(&timeline.board, events, &mut out)?,

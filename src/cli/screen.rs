@@ -1,4 +1,4 @@
-//! Everything that goes to standard error. A closed or full one changes nothing, and one that takes nothing holds up no robot.
+//! Everything that is written to standard error. A standard error that is closed, full or blocked never stops a robot.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
@@ -15,18 +15,15 @@ use motionseq::source::Sources;
 use terminal_size::{Width, terminal_size_of};
 use textwrap::{WordSeparator, WordSplitter};
 
-/// When messages have colors.
+/// When messages are colored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Color {
-    /// On a terminal, unless `NO_COLOR` is set
     Auto,
-    /// Always
     Always,
-    /// Never
     Never,
 }
 
-/// Standard error, and how much is said there.
+/// Standard error, and how much is written there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Screen {
     color: bool,
@@ -34,7 +31,7 @@ pub(super) struct Screen {
     terminal: bool,
 }
 
-/// How much is said.
+/// How much is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Volume {
     Quiet,
@@ -45,9 +42,9 @@ pub(super) enum Volume {
 /// Which warnings of a script are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Warnings {
-    /// The first ones of each code in full; the others are counted.
+    /// The first three of each code in full; the others are counted.
     First,
-    /// Every one in full.
+    /// All in full.
     All,
     /// One line for all of them.
     Counted,
@@ -56,14 +53,13 @@ pub(super) enum Warnings {
 /// How many warnings of each code are shown in full.
 const FIRST: usize = 3;
 
-/// Width of messages where there is no terminal.
+/// Width of messages without a terminal.
 const WIDTH: usize = 80;
 
-/// How long the end of a run waits for a screen that takes nothing, and for a file for the report that takes nothing. Neither waits for
-/// the other.
+/// How long the end of a run waits for a blocked standard error, and for a blocked report file. Neither waits for the other.
 pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 
-/// What waits to be written, once [`Screen::never_wait`] was called.
+/// Text to be written, after [`Screen::never_wait`] was called.
 static QUEUE: OnceLock<Queue> = OnceLock::new();
 
 #[derive(Default)]
@@ -75,27 +71,27 @@ struct Queue {
 #[derive(Default)]
 struct Waiting {
     texts: VecDeque<Text>,
-    /// Whether one is being written.
+    /// Whether a text is being written.
     is_writing: bool,
-    /// How many had no room.
+    /// How many texts were lost because the queue was full.
     lost: u64,
 }
 
-/// Something to write.
+/// One text to write.
 struct Text {
     text: String,
-    /// Whether a newer one of its kind takes its place.
+    /// Whether it is a live line, which a newer one replaces.
     is_live: bool,
 }
 
-/// Whether this process may draw on the terminal; elsewhere than on Linux it is taken to.
+/// Whether this process may draw on the terminal; assumed on other systems.
 #[cfg(not(target_os = "linux"))]
 fn is_in_foreground(_: io::Stderr) -> bool {
     true
 }
 
-/// How many lines may wait, but for those that must be said.
-const ROOM: usize = 4 * 1024;
+/// How many texts may wait; errors may exceed it.
+const CAPACITY: usize = 4 * 1024;
 
 impl Screen {
     pub(super) fn new(color: Color, volume: Volume) -> Self {
@@ -110,15 +106,15 @@ impl Screen {
         Screen { color, volume, terminal: terminal && !dumb }
     }
 
-    /// From now on nothing that is said waits for standard error: a thread writes it. Where that cannot follow, lines are lost and
-    /// counted, but no error is.
+    /// From now on a thread writes all text, and nothing else waits for standard error. If the thread cannot keep up, lines are lost
+    /// and counted, except errors.
     pub(super) fn never_wait() -> io::Result<()> {
         super::start_thread("screen", || write_waiting(QUEUE.get_or_init(Queue::default)))?;
         QUEUE.get_or_init(Queue::default);
         Ok(())
     }
 
-    /// Waits until everything was written, at most so long. Says whether it was.
+    /// Waits until everything is written, at most `patience`. Returns whether it is.
     pub(super) fn is_written(patience: Duration) -> bool {
         let Some(queue) = QUEUE.get() else { return true };
         let until = Instant::now() + patience;
@@ -134,12 +130,12 @@ impl Screen {
         true
     }
 
-    /// Whether a line can be drawn over and over: not in the background, where the shell writes too.
+    /// Whether a line can be redrawn: on a terminal, and not in the background, where the shell writes too.
     pub(super) fn is_live(&self) -> bool {
         self.terminal && self.volume != Volume::Quiet && is_in_foreground(io::stderr())
     }
 
-    /// What `--color` must be for another process to look the same.
+    /// The `--color` option that makes another process look the same.
     pub(super) fn color_option(&self) -> &'static str {
         if self.color { "--color=always" } else { "--color=never" }
     }
@@ -152,57 +148,56 @@ impl Screen {
         self.volume == Volume::Verbose
     }
 
-    /// A line of news, kept back by `-q`. It takes the place of a live one.
+    /// Writes a line, unless `-q`. Replaces a live line.
     pub(super) fn note(&self, line: &str) {
         if self.volume != Volume::Quiet {
-            print(&format!("{}{}\n", self.clearing(), self.folded(line)), Kind::News);
+            print(&format!("{}{}\n", self.clearing(), self.folded(line)), Importance::Droppable);
         }
     }
 
-    /// Draws a line in the place of the last live one; nothing where lines cannot be drawn over.
+    /// Redraws the live line, if lines can be redrawn.
     ///
-    /// Not padded to the width of the terminal, as progress bars of indicatif are: the `^C` that a terminal echoes would
-    /// break such a line in two.
+    /// The line is not padded to the width of the terminal, because an echoed `^C` would break it in two.
     pub(super) fn live(&self, line: &str) {
         if self.is_live() {
             let line: String = line.chars().take(self.live_width()).collect();
-            print(&format!("{}{line}", self.clearing()), Kind::Live);
+            print(&format!("{}{line}", self.clearing()), Importance::Live);
         }
     }
 
-    /// What clears a live line, if there can be one.
+    /// The sequence that clears a live line, if there can be one.
     fn clearing(&self) -> &'static str {
         if self.is_live() { "\r\x1b[K" } else { "" }
     }
 
-    /// What somebody must know who sits before it, said even with `-q`.
+    /// Writes a line that the user must see, even with `-q`.
     pub(super) fn ask(&self, line: &str) {
-        print(&format!("{}{}\n", self.clearing(), self.folded(line)), Kind::News);
+        print(&format!("{}{}\n", self.clearing(), self.folded(line)), Importance::Droppable);
     }
 
-    /// What went wrong beside the motion.
+    /// Writes a warning, even with `-q`.
     pub(super) fn warning(&self, line: &str) {
         let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };
-        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Kind::News);
+        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Importance::Droppable);
     }
 
-    /// The same on a line of its own, where another program's prompt may stand before it.
+    /// Writes an error on a new line, because a shell prompt may precede it.
     pub(super) fn late_error(&self, line: &str) {
         if self.terminal {
-            print("\n", Kind::Must);
+            print("\n", Importance::Required);
         }
         self.error(line);
     }
 
-    /// What went wrong outside of a script: said even with `-q`.
+    /// Writes an error that is not about a script, even with `-q`.
     pub(super) fn error(&self, line: &str) {
         let word = if self.color { "\u{1b}[31;1merror\u{1b}[0m" } else { "error" };
-        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Kind::Must);
+        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Importance::Required);
     }
 
-    /// Every error of a script, its warnings as asked for, and a line that counts them.
+    /// Writes every error of a script, the selected warnings, and a line with the totals.
     ///
-    /// `-q` keeps warnings back, unless they are why a command fails (`denied`).
+    /// `-q` hides warnings, unless they make the command fail (`denied`).
     pub(super) fn diagnostics(&self, sources: &Sources, diagnostics: &Diagnostics, warnings: Warnings, denied: bool) {
         if diagnostics.errors() + diagnostics.warnings() == 0 {
             return;
@@ -229,9 +224,9 @@ impl Screen {
             text += &left_out(diagnostics, &shown, warnings);
         }
         if diagnostics.errors() > MAX_ERRORS {
-            let _ = writeln!(text, "and {} are not shown", plural(diagnostics.errors() - MAX_ERRORS, "more error"));
+            let _ = writeln!(text, "and {} not shown", plural(diagnostics.errors() - MAX_ERRORS, "more error"));
         }
-        print(&text, Kind::Must);
+        print(&text, Importance::Required);
         if warnings != Warnings::Counted || diagnostics.has_errors() {
             let code = diagnostics.iter().next().map(|first| format!("; motionseq explain {}", first.code));
             self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
@@ -250,7 +245,7 @@ impl Screen {
         let handler = GraphicalReportHandler::new_themed(theme)
             .with_width(self.width())
             .with_links(false)
-            // What a message says to write stays whole, so that it can be copied.
+            // Suggested text is not hyphenated, so that it can be copied.
             .with_word_separator(WordSeparator::AsciiSpace)
             .with_word_splitter(WordSplitter::NoHyphenation);
         for diagnostic in list {
@@ -261,28 +256,28 @@ impl Screen {
         text
     }
 
-    /// Columns that a line may fill.
+    /// The width of messages, in columns.
     pub(super) fn width(&self) -> usize {
         self.columns().map_or(WIDTH, |columns| columns.clamp(24, 120))
     }
 
-    /// Columns that a line may fill that is drawn over and over: no more than there are, or it would not be drawn over.
+    /// The width of a live line, in columns: less than the terminal, so that it does not wrap.
     pub(super) fn live_width(&self) -> usize {
         self.columns().unwrap_or(WIDTH).saturating_sub(1)
     }
 
-    /// Columns of the terminal.
+    /// The width of the terminal, in columns.
     fn columns(&self) -> Option<usize> {
         let (Width(columns), _) = self.terminal.then(|| terminal_size_of(io::stderr())).flatten()?;
         Some(usize::from(columns))
     }
 
-    /// Whether somebody looks on at a terminal that cannot draw over a line.
+    /// Whether this is a terminal that cannot redraw a line.
     pub(super) fn is_dumb(&self) -> bool {
         !self.terminal && io::stderr().is_terminal()
     }
 
-    /// A line as it is shown: on a terminal, broken between words where it is too long.
+    /// A line as it is shown: escaped, and wrapped at words on a terminal.
     fn folded(&self, line: &str) -> String {
         let line = escaped(line);
         let room = self.width();
@@ -298,36 +293,36 @@ impl Screen {
     }
 }
 
-/// How much it matters that something is written.
+/// How important a text is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    /// The next one takes its place.
+enum Importance {
+    /// A live line: the next one replaces it.
     Live,
-    /// It may get lost where there is no room.
-    News,
-    /// It must not.
-    Must,
+    /// May be lost if the queue is full.
+    Droppable,
+    /// Must not be lost.
+    Required,
 }
 
-/// Writes, or lets it be written. Where standard error is closed or full there is nobody to tell.
-fn print(text: &str, kind: Kind) {
+/// Writes a text, or queues it. Errors are ignored: there is nowhere to report them.
+fn print(text: &str, importance: Importance) {
     let Some(queue) = QUEUE.get() else {
         let _ = io::stderr().lock().write_all(text.as_bytes());
         return;
     };
     let mut waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-    if waiting.texts.back().is_some_and(|last| last.is_live && kind == Kind::Live) {
+    if waiting.texts.back().is_some_and(|last| last.is_live && importance == Importance::Live) {
         waiting.texts.pop_back();
     }
-    if waiting.texts.len() < ROOM || kind == Kind::Must {
-        waiting.texts.push_back(Text { text: text.to_owned(), is_live: kind == Kind::Live });
+    if waiting.texts.len() < CAPACITY || importance == Importance::Required {
+        waiting.texts.push_back(Text { text: text.to_owned(), is_live: importance == Importance::Live });
     } else {
         waiting.lost += 1;
     }
     queue.changed.notify_all();
 }
 
-/// Writes what waits, as long as the program runs.
+/// Writes queued texts as long as the program runs.
 fn write_waiting(queue: &Queue) {
     let mut waiting = queue.waiting.lock().unwrap_or_else(PoisonError::into_inner);
     loop {
@@ -352,9 +347,9 @@ fn write_waiting(queue: &Queue) {
     }
 }
 
-/// A line for each code of which not every warning was shown.
+/// One line for each code with warnings that were not shown.
 fn left_out(diagnostics: &Diagnostics, shown: &BTreeMap<Code, usize>, warnings: Warnings) -> String {
-    let how = if warnings == Warnings::All { " are not kept" } else { "; `--all` shows them" };
+    let how = if warnings == Warnings::All { " (not kept)" } else { "; `--all` shows them" };
     let all = diagnostics.counts().into_iter().filter(|(code, _)| code.severity() == Severity::Warning);
     let more = all.map(|(code, count)| (code, count - shown.get(&code).copied().unwrap_or(0)));
     let lines = more.filter(|(_, more)| *more > 0).map(|(code, more)| {

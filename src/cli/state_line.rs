@@ -1,18 +1,18 @@
-//! What a board does, in the words of a line that is drawn again and again.
+//! What a board is doing, for a status line.
 
 use motionseq::board::{Board, State};
 
-/// A drive that does not drive.
-pub(super) const AT_REST: &str = "stands";
+/// The drive at rest.
+pub(super) const AT_REST: &str = "stopped";
 
-/// What drives, in words.
+/// The active drive commands.
 pub(super) fn drive_words(board: &Board, state: &State) -> String {
     let driving = state.active(board).filter(|(resource, _)| board.needs_refresh(*resource));
     let driving: Vec<String> = driving.map(|(_, command)| board.show(command).to_string()).collect();
     if driving.is_empty() { AT_REST.to_owned() } else { driving.join(", ") }
 }
 
-/// What else is active, and the values of the rest.
+/// The other active commands, and the values of resources that have no rest state.
 pub(super) fn active_words<'b>(board: &'b Board, state: &'b State) -> impl Iterator<Item = String> + 'b {
     let active =
         state.active(board).filter(|(resource, _)| !board.needs_refresh(*resource)).map(|(_, command)| command);

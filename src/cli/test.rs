@@ -1,4 +1,4 @@
-//! `motionseq test`: holds scripts against their snapshots.
+//! `motionseq test`: compares scripts with their snapshots.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -7,45 +7,44 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::faults::Faults;
 use motionseq::report;
-use motionseq::verify::{Case, Job, Replace, Verdict};
+use motionseq::verify::{Case, Job, Replace, Status};
 use rayon::prelude::*;
 
+use super::atomic_file::write_atomically;
 use super::exit::Exit;
-use super::find::{Found, find};
 use super::output::{self, Force, Inputs};
-use super::progress::Progress;
-use super::replace::replace_file;
+use super::progress_bar::ProgressBar;
 use super::screen::{Screen, plural};
+use super::script_files::{ScriptFiles, find_scripts};
 use super::{Deny, Options, repository};
 
-/// Compare every script with its snapshot, and say what has changed
+/// Compare scripts with their snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq test                    every *.motion below this folder\n  motionseq test --bless scripts    write their snapshots (NAME.motion.frames), to be kept in git\n  motionseq test --junit report.xml --format github\n  motionseq test --play scripts     also rehearse them on a virtual board\n\nA script that must not compile says so on its first line: # expect-error: CODE"
+    after_help = "Examples:\n  motionseq test                    # test all scripts in this folder\n  motionseq test --bless scripts    # write snapshots; commit them with the scripts\n  motionseq test --play scripts     # also play the scripts on a virtual board\n  motionseq test --format github --junit report.xml\n\nThe snapshot of NAME.motion is NAME.motion.frames, in the same folder.\nA script that must not compile declares its error on its first line: # expect-error: CODE"
 )]
 pub(super) struct Test {
-    /// Folders and scripts
+    /// Scripts or folders to test
     #[arg(default_value = ".", value_name = "PATH")]
     paths: Vec<PathBuf>,
-    /// Write the snapshots that are missing or differ
+    /// Write snapshots that are missing or different
     #[arg(long)]
     bless: bool,
-    /// Also play each script on a virtual board, without waiting: its bytes, what it expects, whether it ends at rest
+    /// Also play each script on a virtual board, under a simulated clock, and check its `expect`s
     #[arg(long)]
     play: bool,
-    /// What goes wrong then: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
+    /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
-    /// Let warnings fail too, and snapshots without a script
+    /// Fail on warnings and on snapshots without a script
     #[arg(long, value_enum, value_name = "WHAT")]
     deny: Option<Deny>,
-    /// How results are printed
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-    /// Write a report in the form of `JUnit`, too
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help = "Also write a JUnit report to FILE")]
     junit: Option<PathBuf>,
-    /// Compile so many scripts at once [default: one for each processor]
+    /// Test N scripts in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
     #[command(flatten)]
@@ -56,29 +55,29 @@ pub(super) struct Test {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// For people: what failed, and what has changed
+    /// Failed scripts and what changed
     Human,
     /// One JSON object
     Json,
-    /// Test Anything Protocol
+    /// Test Anything Protocol, version 13
     Tap,
-    /// Annotations of a `GitHub` workflow
+    /// GitHub Actions annotations
     Github,
 }
 
-/// How many changes of one script people are shown without `-v`.
+/// How many changes of one script are shown without `-v`.
 const SHOWN: usize = 20;
 
 impl Test {
-    /// Tests; fails if any script does.
+    /// Tests every script; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let found = find(&self.paths);
+        let found = find_scripts(&self.paths);
         if found.scripts.is_empty() && found.unreadable.is_empty() {
             let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
-            screen.error(&format!("there is no *.motion in {}", paths.join(", ")));
+            screen.error(&format!("no .motion files in {}", paths.join(", ")));
             return Exit::Script;
         }
-        // Before anything runs.
+        // Opened before any script runs, so that a wrong path is reported first.
         let inputs = Inputs::of(&found.scripts);
         let junit = match self.junit.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose() {
             Ok(junit) => junit,
@@ -86,15 +85,15 @@ impl Test {
         };
         let faults = self.fault.clone().unwrap_or_default();
         let mut job = Job::new(self.options.of_library());
-        job.bless = self.bless.then_some(replace_file as Replace);
+        job.bless = self.bless.then_some(write_atomically as Replace);
         job.deny = self.deny.is_some();
         (job.play, job.faults) = (self.play, faults);
-        // More threads than scripts have nothing to do.
+        // Never more threads than scripts.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         let cases = match pool {
             Ok(pool) => {
-                let progress = Progress::new(screen, "scripts", found.scripts.len());
+                let progress = ProgressBar::new(screen, "scripts", found.scripts.len());
                 pool.install(|| run(&job, &found, || progress.add(1)))
             }
             Err(error) => {
@@ -102,7 +101,7 @@ impl Test {
                 return Exit::Usage;
             }
         };
-        let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
+        let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
         if let Some(mut file) = junit {
@@ -114,8 +113,8 @@ impl Test {
         }
         match output::exit(written, None, screen) {
             Exit::Ok if failed > 0 => {
-                let mut failed = cases.iter().filter(|case| !case.verdict.is_passed());
-                let expects = failed.all(|case| case.verdict == Verdict::ExpectFailed);
+                let mut failed = cases.iter().filter(|case| !case.status.is_passed());
+                let expects = failed.all(|case| case.status == Status::ExpectFailed);
                 if expects { Exit::Expect } else { Exit::Script }
             }
             exit => exit,
@@ -133,9 +132,9 @@ impl Test {
     }
 }
 
-/// Every script, on all threads of the pool. The order is that of `found`: first what cannot be looked into, then scripts, then
-/// snapshots without one. `done` is called after each script, from any thread.
-fn run(job: &Job, found: &Found, done: impl Fn() + Sync) -> Vec<Case> {
+/// Tests every script on the threads of the pool. The order is that of `found`: first unreadable paths, then scripts, then
+/// snapshots without a script. `done` is called after each script, from any thread.
+fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
     let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
     cases.par_extend(found.scripts.par_iter().map(|script| {
         let case = job.case(script);
@@ -149,23 +148,23 @@ fn run(job: &Job, found: &Found, done: impl Fn() + Sync) -> Vec<Case> {
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
     let mut lines = Vec::new();
     for case in cases {
-        let orphan = case.verdict == Verdict::Orphan;
-        let is_shown = !case.verdict.is_passed() || screen.is_verbose() || orphan && !screen.is_quiet();
+        let orphan = case.status == Status::Orphan;
+        let is_shown = !case.status.is_passed() || screen.is_verbose() || orphan && !screen.is_quiet();
         if !is_shown {
             continue;
         }
-        let mark = match (orphan, case.verdict.is_passed()) {
+        let mark = match (orphan, case.status.is_passed()) {
             (true, _) => "warning: ",
             (_, true) => "",
             (_, false) => "FAILED ",
         };
-        lines.push(format!("{mark}{}: {}", case.name, case.verdict.words()));
+        lines.push(format!("{mark}{}: {}", case.name, case.status.words()));
         let shown = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
         lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", problem.located())));
         let more = case.problems.len().saturating_sub(shown) + case.left_out;
         if more > 0 {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };
-            lines.push(format!("  and {}{how}", more_of(more, case.verdict)));
+            lines.push(format!("  and {}{how}", more_of(more, case.status)));
         }
         lines.extend(case.hint().map(|hint| format!("  {hint}")));
     }
@@ -174,17 +173,17 @@ fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
 
 /// `12 scripts: 10 passed, 2 failed`.
 fn summary(cases: &[Case], failed: usize) -> String {
-    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
+    let orphans = cases.iter().filter(|case| case.status.is_orphan()).count();
     let count = cases.len() - orphans;
-    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
+    let passed = cases.iter().filter(|case| case.status.is_passed() && !case.status.is_orphan()).count();
     let orphans =
         if orphans > 0 { format!(", {} without a script", plural(orphans, "snapshot")) } else { String::new() };
-    let blessed = cases.iter().filter(|case| case.verdict == Verdict::Blessed).count();
+    let blessed = cases.iter().filter(|case| case.status == Status::Blessed).count();
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
     format!("{}: {passed} passed{blessed}, {failed} failed{orphans}", plural(count, "script"))
 }
 
-fn more_of(count: usize, verdict: Verdict) -> String {
-    let word = if verdict == Verdict::Differs { "change" } else { "error" };
+fn more_of(count: usize, status: Status) -> String {
+    let word = if status == Status::Differs { "change" } else { "error" };
     plural(count, &format!("more {word}"))
 }

@@ -1,4 +1,4 @@
-//! Threads that write what they are sent, through a queue of a fixed length: what sends it never waits.
+//! Threads that write the messages sent to them, so that the sender never waits.
 
 use std::io;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::start_thread;
 
-/// A thread that takes messages of one type, and its result.
+/// A thread with an inbox and a result.
 pub(super) struct Worker<T, R> {
     queue: SyncSender<T>,
     result: Receiver<R>,
@@ -51,7 +51,7 @@ impl<T: Send + 'static, R: Send + 'static> Worker<T, R> {
         let Worker { queue, result, lost } = self;
         drop(queue);
         let result = result.recv_timeout(patience).map_err(|why| match why {
-            RecvTimeoutError::Timeout => format!("{file} takes no more bytes"),
+            RecvTimeoutError::Timeout => format!("{file} accepts no more bytes"),
             RecvTimeoutError::Disconnected => "the thread that writes it failed".to_owned(),
         });
         (result, lost)
@@ -81,7 +81,7 @@ mod tests {
         let (go, may_go) = mpsc::channel::<()>();
         let worker = Worker::<u32, ()>::start("slow", 1, move |_| may_go.recv().unwrap_or(())).unwrap();
         let (result, _) = worker.end(Duration::from_millis(1), "the file");
-        assert_eq!(result, Err("the file takes no more bytes".to_owned()));
+        assert_eq!(result, Err("the file accepts no more bytes".to_owned()));
         drop(go);
     }
 

@@ -1,4 +1,4 @@
-//! A pseudo-terminal at a path of its own, for programs that open a serial port by its name.
+//! A pseudo-terminal with a link at a chosen path, for programs that open a serial port by its path.
 
 use std::fs::Metadata;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -17,56 +17,56 @@ use rustix::termios::QueueSelector;
 use super::{LineSettings, Pty};
 use crate::units::{Micros, Nanos};
 
-/// Where Linux keeps pseudo-terminals. A link to anything else is not one of ours.
+/// The folder of pseudo-terminals. A link to anything else is not ours.
 const TERMINALS: &str = "/dev/pts/";
 
-/// What happens at a door.
+/// An event at a door.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum PortEvent<'a> {
-    /// A program has opened the port.
+    /// A program opened the port.
     Opened,
-    /// It has closed it, or has ended.
+    /// The program closed the port, or ended.
     Closed,
-    /// Bytes of the program came, the first of them at this time from the start.
+    /// Bytes from the program, the first of them at this time from the start.
     Came(Nanos, &'a [u8]),
-    /// The board has sent bytes to the program.
+    /// Bytes from the board to the program.
     Answered(&'a [u8]),
-    /// The program sends more than the line carries: how many bytes wait, and for how long.
+    /// The program sends more than the line carries: the number of waiting bytes, and their delay.
     Behind(u64, Micros),
-    /// The program has set its line up otherwise than the board's.
+    /// The line settings of the program differ from those of the board.
     SetUp(LineSettings),
-    /// At the end: how many bytes that the program had written could not be read.
+    /// At the end: the number of bytes from the program that could not be read.
     Unread(u64),
-    /// Some time has passed, at most a fiftieth of a second.
+    /// Time has passed, at most 20 ms.
     Passed,
 }
 
-/// A pseudo-terminal, and perhaps a link to it, which goes when it goes. The link of one that was killed is replaced by the next.
+/// A pseudo-terminal and optionally a link to it, which is removed with it. A link left by a killed process is replaced.
 #[derive(Debug)]
 pub struct Door {
     pty: Pty,
     link: Option<PathBuf>,
-    /// Its name is taken as long as this process lives, and no longer, however it ends.
+    /// Reserves the name until this process ends, however it ends.
     _name: Option<UnixListener>,
     /// The speed of the board's line.
     baud: u32,
 }
 
-/// Why there is no door at a path.
+/// Why a door cannot be opened at a path.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DoorError {
-    /// Another process has its door there.
-    #[error("another motionseq has its board at {}", .0.display())]
+    /// Another motionseq uses the path.
+    #[error("another motionseq uses {}", .0.display())]
     Taken(PathBuf),
-    /// The link of another program, which still runs, is there.
-    #[error("{} leads to a port of a program that still runs", .0.display())]
+    /// The link of another running program is there.
+    #[error("{} is the port of another program, which is running", .0.display())]
     Living(PathBuf),
-    /// Something else stands there, which is left alone.
-    #[error("{} is there already, and is no link to a board", .0.display())]
+    /// Something else exists there.
+    #[error("{} exists and is not a link to a board", .0.display())]
     InTheWay(PathBuf),
-    /// The system refuses it.
+    /// The system refused.
     #[error("{}: {cause}", path.display())]
     Refused {
         /// The path of the link.
@@ -77,14 +77,16 @@ pub enum DoorError {
 }
 
 impl Door {
-    /// Makes a pseudo-terminal with a link to it at `path`, for a board whose line has a speed of `baud`.
+    /// Creates a pseudo-terminal with a link to it at `path`, for a board with a line speed of `baud`.
     pub fn open(path: &Path, baud: u32) -> Result<Self, DoorError> {
         let refused = |cause: io::Error| DoorError::Refused { path: path.to_owned(), cause };
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.canonicalize(),
             _ => std::env::current_dir(),
         };
-        let name = path.file_name().ok_or_else(|| refused(io::Error::other("a name is needed, such as /tmp/board")))?;
+        let name = path
+            .file_name()
+            .ok_or_else(|| refused(io::Error::other("it is not a file name; write one such as /tmp/board")))?;
         let link = folder.map_err(refused)?.join(name);
         let own =
             lock_name(&link).and_then(|own| UnixListener::bind_addr(&own)).map_err(|error| match error.kind() {
@@ -106,14 +108,14 @@ impl Door {
         Ok(door)
     }
 
-    /// A pseudo-terminal without a link, which whoever shall open it is told.
+    /// A pseudo-terminal without a link.
     pub(crate) fn unnamed(pty: Pty) -> io::Result<Self> {
         pty.never_wait()?;
         let baud = pty.settings()?.baud;
         Ok(Door { pty, link: None, _name: None, baud })
     }
 
-    /// How the program has set the line up, where that is not as the board's.
+    /// The line settings of the program, if they differ from those of the board.
     pub(crate) fn wrong_settings(&self) -> io::Result<Option<LineSettings>> {
         let settings = self.pty.settings()?;
         Ok((settings != LineSettings { baud: self.baud, stops: 1 }).then_some(settings))
@@ -124,11 +126,11 @@ impl Door {
         &self.pty
     }
 
-    /// Throws away what a program has not read, and sets the terminal as it was at first: the next one shall find a line in the state of
-    /// a port that nobody had open. What that one has written already stays.
+    /// Discards what a program has not read, and resets the terminal, so that the next program finds a fresh port. Keeps what the
+    /// next program has already written.
     pub fn sweep(&mut self) -> io::Result<()> {
         let near = match rustix::fs::open(self.pty.path(), NEAR, Mode::empty()) {
-            // A program that was killed had it to itself, and the mark of that stays. Nobody has this terminal open any more.
+            // A killed program left the terminal in exclusive mode. No program has it open any more.
             Err(Errno::BUSY) => {
                 self.pty = make_pty(self.baud)?;
                 return self.point_link();
@@ -136,7 +138,7 @@ impl Door {
             near => near?,
         };
         let _ = rustix::termios::ioctl_tiocnxcl(&near);
-        // Not where the next program may have opened it already, and set it up for itself.
+        // Unless the next program has already opened and configured it.
         if self.pty.waiting()? == 0 {
             self.pty.set_up(self.baud)?;
         }
@@ -144,7 +146,7 @@ impl Door {
         Ok(())
     }
 
-    /// Lets the link lead to the terminal, in the place of one that is there.
+    /// Points the link at the terminal, replacing an old link.
     fn point_link(&self) -> io::Result<()> {
         let Some(link) = &self.link else { return Ok(()) };
         let mut new = link.clone().into_os_string();
@@ -157,10 +159,10 @@ impl Door {
     }
 }
 
-/// How the end of a program is opened.
+/// How the program's end is opened.
 const NEAR: OFlags = OFlags::RDWR.union(OFlags::NOCTTY).union(OFlags::CLOEXEC).union(OFlags::NONBLOCK);
 
-/// A terminal that a program has had open: before the first, the system tells nothing of its end.
+/// Creates a terminal and opens and closes the program's end once: before that, the system does not report its closing.
 fn make_pty(baud: u32) -> io::Result<Pty> {
     let pty = Pty::open()?;
     pty.set_up(baud)?;
@@ -169,7 +171,7 @@ fn make_pty(baud: u32) -> io::Result<Pty> {
     Ok(pty)
 }
 
-/// The abstract name of a socket that only one process can have. A path that is too long for one is named by its hash.
+/// The abstract name of a socket, which only one process can bind. A path that is too long is replaced by its hash.
 fn lock_name(link: &Path) -> io::Result<SocketAddr> {
     let path = link.as_os_str().as_bytes();
     SocketAddr::from_abstract_name([b"motionseq ", path].concat()).or_else(|_| {
@@ -179,8 +181,8 @@ fn lock_name(link: &Path) -> io::Result<SocketAddr> {
     })
 }
 
-/// Whether a link leads to a terminal of a program that still runs: one that was made before the link. A terminal that was made later has
-/// only got the number of the one that the link was made for.
+/// Whether a link points to the terminal of a running program: one that is older than the link. A newer terminal only reuses the
+/// number.
 fn leads_to_living(link: &Path, of_link: &Metadata) -> bool {
     let made = |of: &Metadata| (of.st_ctime(), of.st_ctime_nsec());
     link.metadata().is_ok_and(|of_terminal| made(&of_terminal) <= made(of_link))
@@ -188,7 +190,7 @@ fn leads_to_living(link: &Path, of_link: &Metadata) -> bool {
 
 impl Drop for Door {
     fn drop(&mut self) {
-        // Only its own: somebody may have put something else there.
+        // Only our own link: another program may have replaced it.
         if let Some(link) = &self.link
             && link.read_link().is_ok_and(|target| target == self.pty.path())
         {

@@ -1,4 +1,4 @@
-//! The way to a board: what bytes are written to and read from.
+//! Connections to a board.
 
 mod door;
 mod pty;
@@ -13,15 +13,15 @@ pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
 
 /// A port that never blocks.
 pub trait Link {
-    /// Gives the port as many of these bytes as it takes now; fails with [`io::ErrorKind::WouldBlock`] where it takes none.
+    /// Writes as many of these bytes as the port accepts now; fails with [`io::ErrorKind::WouldBlock`] if it accepts none.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize>;
 
-    /// Reads what has come; fails with [`io::ErrorKind::WouldBlock`] where nothing has. Zero bytes are a hang-up.
+    /// Reads received bytes; fails with [`io::ErrorKind::WouldBlock`] if nothing was received. Zero bytes mean a hang-up.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize>;
 
-    /// Throws away what was written but has not left yet.
+    /// Discards bytes that were written but not sent yet.
     fn discard(&mut self) -> io::Result<()>;
 
-    /// What to wait on for reading, writing and hang-up.
+    /// The descriptor to poll for reading, writing and hang-up.
     fn descriptor(&self) -> BorrowedFd<'_>;
 }

@@ -1,4 +1,4 @@
-//! A pseudo-terminal: the far end of a port that another program, or this one, opens by its path.
+//! A pseudo-terminal: the board's end of a port that a program opens by its path.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -25,8 +25,8 @@ pub struct Pty {
 }
 
 impl Pty {
-    /// Makes a pseudo-terminal. It is raw from the start: otherwise a 0x04 byte would be taken for the end of the file, and
-    /// every byte would be echoed.
+    /// Creates a pseudo-terminal in raw mode; otherwise a 0x04 byte would mean the end of the file, and every byte would be
+    /// echoed.
     pub fn open() -> io::Result<Self> {
         let far = rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         rustix::pty::grantpt(&far)?;
@@ -39,7 +39,7 @@ impl Pty {
         Ok(Pty { far, path })
     }
 
-    /// How the program has set the line up.
+    /// The line settings of the program.
     pub fn settings(&self) -> io::Result<LineSettings> {
         let line = rustix::termios::tcgetattr(&self.far)?;
         let modes = line.control_modes;
@@ -47,7 +47,7 @@ impl Pty {
         Ok(LineSettings { baud: line.output_speed(), stops })
     }
 
-    /// Sets the line up as a program would that sets nothing else than the speed.
+    /// Configures the line like a program that sets only the speed.
     pub(super) fn set_up(&self, baud: u32) -> io::Result<()> {
         let mut line = rustix::termios::tcgetattr(&self.far)?;
         line.make_raw();
@@ -61,12 +61,12 @@ impl Pty {
         &self.path
     }
 
-    /// From now on neither reading nor writing waits.
+    /// Makes reading and writing non-blocking.
     pub fn never_wait(&self) -> io::Result<()> {
         Ok(fcntl_setfl(&self.far, fcntl_getfl(&self.far)? | OFlags::NONBLOCK)?)
     }
 
-    /// Waits so long for the program to close its end, or if asked to, for bytes from it. Says whether that has come.
+    /// Waits at most `time` until the program closes its end or, with `for_bytes`, sends bytes. Returns whether it did.
     pub fn wait(&self, for_bytes: bool, time: Nanos) -> io::Result<bool> {
         let events = if for_bytes { PollFlags::IN } else { PollFlags::empty() };
         let mut polled = [PollFd::new(&self.far, events)];
@@ -83,12 +83,12 @@ impl Pty {
         Ok(!polled.iter().any(|polled| polled.revents().contains(PollFlags::HUP)))
     }
 
-    /// How many bytes of the program wait to be read.
+    /// How many bytes of the program are not read yet.
     pub fn waiting(&self) -> io::Result<u64> {
         Ok(rustix::io::ioctl_fionread(&self.far)?)
     }
 
-    /// Writes to the program, as much as it has room for. What it has none for is lost.
+    /// Writes to the program. Bytes that do not fit in its buffer are lost.
     pub fn write(&self, bytes: &[u8]) -> io::Result<()> {
         match rustix::io::write(&self.far, bytes) {
             Ok(_) | Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(()),
@@ -96,11 +96,10 @@ impl Pty {
         }
     }
 
-    /// Reads what the program wrote. Zero bytes, or the error that Linux gives instead, mean that it has closed its end and
-    /// everything was read.
+    /// Reads what the program wrote. Returns 0 if the program closed its end and everything was read.
     pub fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
         let mut read = || rustix::io::read(&self.far, &mut *buffer);
-        // Linux may tell of the end before the last bytes are through: once in some thousand runs a second look finds them.
+        // Linux may report the end before the last bytes: about once in a thousand runs, a second read finds them.
         match read().or_else(|error| if error == Errno::IO { read() } else { Err(error) }) {
             Err(Errno::IO) => Ok(0),
             other => Ok(other?),
@@ -108,11 +107,11 @@ impl Pty {
     }
 }
 
-/// How a program has set its line up. A pseudo-terminal carries bytes whatever it says, where a real line would carry garbage. Linux
-/// keeps neither parity nor the number of data bits of a pseudo-terminal (`pty_set_termios`), so these cannot be seen.
+/// The line settings of a program. A pseudo-terminal transmits correctly with any settings, where a real line would garble the
+/// bytes. Linux keeps neither parity nor data bits of a pseudo-terminal (`pty_set_termios`), so they are unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineSettings {
-    /// Bits a second.
+    /// Bits per second.
     pub baud: u32,
     /// Stop bits.
     pub stops: u8,

@@ -1,7 +1,7 @@
-//! A serial port. This is the only file that knows serialport.
+//! A serial port. The only file that uses the crate serialport.
 //!
-//! serialport opens the port and sets the line up; bytes go through a descriptor of our own, because its `write` blocks
-//! whatever its timeout says (measured: 64 KiB with a timeout of 100 ms blocked until the other end closed).
+//! serialport opens and configures the port. Bytes go through a descriptor of our own, because serialport's `write` blocks
+//! regardless of its timeout (measured: 64 KiB with a timeout of 100 ms blocked until the other end closed).
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
@@ -14,28 +14,28 @@ use rustix::termios::QueueSelector;
 
 use super::Link;
 
-/// An open serial port that nobody else can open.
+/// An open serial port, locked against other programs.
 #[derive(Debug)]
 pub struct Serial {
     port: OwnedFd,
 }
 
-/// A serial port that this computer has.
+/// A serial port of this computer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PortInfo {
-    /// The path to open it by.
+    /// The path of the device.
     pub path: String,
-    /// What is known of it, in words.
+    /// A description for people.
     pub description: String,
     /// Whether it looks like the board.
     pub likely: Likely,
 }
 
-/// Whether the board hangs on a port, as far as can be told without opening it.
+/// Whether a port looks like the board, without opening it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Likely {
-    /// It is the serial line of a Raspberry Pi's pins, where the board is plugged on.
+    /// It is the serial port on the pins of a Raspberry Pi, where the board is plugged on.
     Board,
     /// It is a USB adapter.
     Maybe,
@@ -58,8 +58,8 @@ fn port_info(port: serialport::SerialPortInfo) -> PortInfo {
             let name = usb.product.as_deref().or(usb.manufacturer.as_deref()).unwrap_or("serial adapter");
             (format!("USB {:04x}:{:04x} {name}", usb.vid, usb.pid), Likely::Maybe)
         }
-        // A Raspberry Pi has its good UART here; the small one does not keep its speed.
-        _ if port.port_name.ends_with("/ttyAMA0") => ("serial line of the pins".to_owned(), Likely::Board),
+        // The full UART of a Raspberry Pi; the speed of the mini UART varies.
+        _ if port.port_name.ends_with("/ttyAMA0") => ("serial port on the GPIO pins".to_owned(), Likely::Board),
         _ => ("serial port".to_owned(), Likely::No),
     };
     PortInfo { path: port.port_name, description, likely }
@@ -69,10 +69,10 @@ fn port_info(port: serialport::SerialPortInfo) -> PortInfo {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// There is nothing with this name.
-    #[error("there is no such port")]
+    /// The path does not exist.
+    #[error("no such port")]
     Missing,
-    /// Another program has it.
+    /// Another program uses it.
     #[error("another program uses it")]
     InUse,
     /// This user may not open it.
@@ -81,13 +81,13 @@ pub enum OpenError {
     /// It is a file, a folder or another device.
     #[error("it is not a serial port")]
     NotAPort,
-    /// It is the terminal that this program was started from.
+    /// It is the terminal of this program.
     #[error("it is the terminal of this program")]
     OwnTerminal,
-    /// It is the end of a pseudo-terminal where the board would be.
-    #[error("nobody is at its other end")]
-    Nobody,
-    /// Anything else.
+    /// It is the board's end of a pseudo-terminal, such as `/dev/ptmx`.
+    #[error("nothing is connected to it")]
+    NoPeer,
+    /// Any other error.
     #[error("{0}")]
     Other(String),
 }
@@ -95,20 +95,19 @@ pub enum OpenError {
 impl Serial {
     /// Opens a port at `baud` bits a second, 8N1, no flow control.
     ///
-    /// The first thing done is to lock a descriptor of our own, so a port in use is refused with
-    /// [`OpenError::InUse`] before anything of it is changed. serialport locks its own descriptor too (`flock`, since
-    /// 4.7), which would run into an exclusive lock of ours. So ours is exclusive while we try, shared while serialport
-    /// opens with a shared lock of its own, and exclusive again once its descriptor is closed: a second player asks for
-    /// an exclusive lock first, and never gets it.
+    /// Locks a descriptor of our own first, so that a port in use is refused with [`OpenError::InUse`] before anything is
+    /// changed. serialport locks its descriptor too (`flock`, since 4.7), which would conflict with our exclusive lock. So ours
+    /// is exclusive at first, shared while serialport has the port open with a shared lock, and exclusive again afterwards. A
+    /// second player asks for an exclusive lock first, and never gets it.
     pub fn open(path: &Path, baud: u32) -> Result<Self, OpenError> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let port = rustix::fs::open(path, flags, Mode::empty()).map_err(open_error)?;
         if !rustix::termios::isatty(&port) {
             return Err(OpenError::NotAPort);
         }
-        // Whoever opens `/dev/ptmx` makes a new terminal, at which nobody is.
+        // Opening `/dev/ptmx` creates a new terminal, which no program has open.
         if rustix::pty::ptsname(&port, Vec::new()).is_ok() {
-            return Err(OpenError::Nobody);
+            return Err(OpenError::NoPeer);
         }
         if is_own_terminal(&port) {
             return Err(OpenError::OwnTerminal);
@@ -121,17 +120,17 @@ impl Serial {
             .timeout(Duration::from_millis(50))
             .open_native()
             .map_err(|error| OpenError::Other(error.to_string()))?;
-        // The line keeps its settings while any descriptor is open, and ours is.
+        // The port keeps its settings while our descriptor is open.
         drop(set_up);
         lock(&port, FlockOperation::NonBlockingLockExclusive)?;
-        // A courtesy to programs that do not lock; it does not bind root.
+        // For programs that do not lock; root can still open the port.
         let _ = rustix::termios::ioctl_tiocexcl(&port);
-        // What the board said before was said to somebody else.
+        // Discard what the board sent earlier.
         rustix::termios::tcflush(&port, QueueSelector::IFlush).map_err(|error| OpenError::Other(error.to_string()))?;
         Ok(Serial { port })
     }
 
-    /// A port that another process has opened, locked and set up, and shares with this one.
+    /// A port that another process opened, locked and configured, and shares with this one.
     pub(crate) fn inherited(port: OwnedFd) -> io::Result<Self> {
         if !rustix::termios::isatty(&port) {
             return Err(io::Error::other("it is not a serial port"));
@@ -140,15 +139,15 @@ impl Serial {
     }
 }
 
-/// The mark of a port that one program has to itself would outlive this one on a pseudo-terminal, and keep others from it.
+/// Clears the exclusive mode, which would otherwise remain on a pseudo-terminal and lock out other programs.
 impl Drop for Serial {
     fn drop(&mut self) {
         let _ = rustix::termios::ioctl_tiocnxcl(&self.port);
     }
 }
 
-/// Whether this terminal is the one of this process: no other tells a process its session, which is zero where the namespace of the
-/// process does not know it.
+/// Whether this is the terminal of this process: only its own terminal reports a session, which is zero if it is in another
+/// namespace.
 #[expect(unsafe_code, reason = "rustix cannot tell of a session that its namespace does not know")]
 fn is_own_terminal(port: &OwnedFd) -> bool {
     // SAFETY: the descriptor is open.

@@ -1,9 +1,9 @@
-//! The guard: a second process that outlives the player and stops the robot for it.
+//! The guard: a second process that stops the robot if the player cannot.
 //!
-//! It is this program once more, started with a word that only the player knows, in a session of its own. It holds the open
-//! port as its standard input, and one end of a pipe as its standard output. Through the pipe come beats from the loop that
-//! sends. Where the pipe closes without a goodbye, the player has died; where no beat came for too long, it hangs, and is
-//! killed first, because nothing else could keep it from sending after the stop. The bytes of the script do not pass here.
+//! It is this program again, started with a hidden command in its own session. It has the open port as standard input and one
+//! end of a socket as standard output, through which the sending loop sends heartbeats. If the socket closes without a goodbye,
+//! the player has died. If no heartbeat comes for too long, the player hangs; it is killed before the stop, so that it cannot
+//! send afterwards. The bytes of the script do not pass through the guard.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -16,7 +16,7 @@ use super::halt::{Outbox, Stops};
 use super::messages::Stop;
 use super::os::{self, Process, Ready};
 use super::stop::stop_robot;
-use super::watch::{Fate, Heard, Verdict, Watch};
+use super::watchdog::{Decision, Fate, Heard, Watchdog};
 use crate::board::{Board, Hex};
 use crate::clock;
 use crate::link::Serial;
@@ -24,30 +24,30 @@ use crate::source::Place;
 use crate::timeline::Timeline;
 use crate::units::{Micros, Nanos};
 
-/// How long the start of a guard, and its end, may take.
+/// How long a guard may take to start, and to end.
 const START: Duration = Duration::from_secs(5);
 const END: Duration = Duration::from_millis(250);
-/// How long a player that was killed may take to end before the robot is stopped all the same.
+/// How long a killed player may take to end before the robot is stopped anyway.
 const DEATH: Nanos = Nanos::from_millis(20);
-/// How long a guard then waits for that end, to send the stop once more after it.
+/// How long the guard then waits for that end, to send the stop again.
 const LATE_DEATH: Nanos = Nanos::from_millis(2_000);
-/// How long after a beat the next one is sent, if there is time for it after a frame, so that the guard knows the place well.
+/// How long after a heartbeat the next one is sent, if there is time after a frame, so that the guard knows the position.
 const SOON: Nanos = Nanos::from_millis(10);
-/// The longest time between two beats.
+/// The longest time between two heartbeats.
 const MAX_INTERVAL: Nanos = Nanos::from_millis(100);
-/// A guard takes no lateness for a hang that is shorter than twice this: a player that is late says so itself.
+/// A silence shorter than twice this never counts as a hang: a late player reports that itself.
 const LENIENCE: Nanos = Nanos::from_millis(25);
 
-/// One message to the guard: what it means, where the player is, and in a fixed size, so that none is cut.
+/// One message to the guard: its kind and the position of the player. It has a fixed size, so that it is never cut.
 #[derive(Clone, Copy, Debug)]
 struct Record([u8; RECORD]);
 
 const RECORD: usize = 128;
-/// Kind, length of the name, what became of the robot, whether the player has the terminal give it single keys, line, time.
+/// Kind, length of the name, whether the robot was stopped, whether the player reads single keys, line, time.
 const HEAD: usize = 16;
 const STOP_AT: usize = 2;
 const KEYS_AT: usize = 3;
-/// What a guard says when it watches, and when it has let go of the port.
+/// The message of the guard when it watches, and when it has closed the port.
 const READY: [u8; 1] = *b"+";
 const BEAT: u8 = b'b';
 const AT_REST: u8 = b'r';
@@ -59,7 +59,7 @@ impl Record {
         let mut bytes = [0; RECORD];
         let (head, name) = bytes.split_at_mut(HEAD);
         let (file, line) = place.map_or(("", 0), |place| (place.file, place.line));
-        // The end of a long path tells more than its beginning.
+        // Of a long path, keep the end.
         let from = file.ceil_char_boundary(file.len().saturating_sub(name.len()));
         let file = file.get(from..).unwrap_or_default().as_bytes();
         name.iter_mut().zip(file).for_each(|(to, from)| *to = *from);
@@ -82,7 +82,7 @@ impl Record {
         self.0.get(KEYS_AT) == Some(&1)
     }
 
-    /// That the run has ended, and what became of the robot.
+    /// The run has ended; whether the robot was stopped.
     fn ended(at: Micros, place: Option<Place<'_>>, stop: Stop) -> Self {
         let mut record = Record::new(ENDED, at, place);
         if let Some(byte) = record.0.get_mut(STOP_AT) {
@@ -127,44 +127,44 @@ impl Record {
     }
 }
 
-/// What a guard must know of a player.
+/// What a guard needs to know about its player.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Ward {
-    /// A player that is silent for longer than twice this, and for 50 ms at least, is killed.
+    /// A player that is silent for more than twice this, and at least 50 ms, is killed.
     pub max_late: Nanos,
-    /// How many zeros bring a receiver back in step behind a flush: [`zeros_after_flush`](crate::board::Board::zeros_after_flush).
+    /// How many zeros synchronize a receiver after a flush: [`zeros_after_flush`](crate::board::Board::zeros_after_flush).
     pub zeros: usize,
-    /// Whether the guard runs before all ordinary programs.
+    /// Whether the guard has real-time priority.
     pub realtime: bool,
     /// The frames of a stop.
     pub stop: Vec<Vec<u8>>,
 }
 
 impl Ward {
-    /// What the guard of a player of this timeline must know. A frame may be 50 ms late.
+    /// For a player of this timeline, with a `max_late` of 50 ms.
     pub fn of(timeline: &Timeline) -> Self {
         let commands = timeline.events.iter().map(|event| &event.command);
         Ward { zeros: timeline.board.zeros_after_flush(commands), ..Ward::of_board(&timeline.board) }
     }
 
-    /// What the guard of any program on a board must know.
+    /// For any program on a board.
     pub fn of_board(board: &Board) -> Self {
         let stop = Stops::of(board, &[]).frames;
         Ward { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop }
     }
 
-    /// How late a player may be before its guard worries.
+    /// The lateness that the guard tolerates.
     fn patience(&self) -> Nanos {
         self.max_late.max(LENIENCE)
     }
 
-    /// As arguments of a process.
+    /// As process arguments.
     fn arguments(&self) -> [String; 4] {
         [self.patience().0.to_string(), self.zeros.to_string(), self.realtime.to_string(), hex(&self.stop)]
     }
 
-    /// Reads its arguments; `None` if they are not such.
+    /// Reads process arguments; `None` if they are invalid.
     fn read(arguments: &[String]) -> Option<Self> {
         let [max_late, zeros, realtime, stop] = arguments else { return None };
         let (max_late, zeros, realtime) = (max_late.parse().ok()?, zeros.parse().ok()?, realtime.parse().ok()?);
@@ -174,13 +174,13 @@ impl Ward {
 
 /// A player's guard, as the player sees it.
 ///
-/// Dropped without [`Guard::goodbye`], it stops the robot: a player that fails need not do anything.
+/// If dropped without [`Guard::goodbye`], the guard stops the robot.
 #[derive(Debug)]
 pub struct Guard {
     pipe: UnixStream,
     child: Child,
     interval: Nanos,
-    /// When the next beat is welcome, and when it must be sent.
+    /// When the next heartbeat may be sent, and when it must be sent.
     soon: Nanos,
     deadline: Nanos,
     bond: Bond,
@@ -190,21 +190,21 @@ pub struct Guard {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bond {
     Watched,
-    /// It has ended, or lets beats pile up.
+    /// It has ended, or does not read heartbeats.
     Lost,
-    /// It is lost, and the player knows.
+    /// Lost, and reported to the player.
     Known,
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. `program` must hand the five arguments that are added
-    /// to it to [`guard`]: the process, and the fields of its [`Ward`].
+    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the five arguments that are added
+    /// to it to [`guard`]: the process, and the fields of [`Ward`].
     pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &Ward) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
         program.arg(std::process::id().to_string()).args(ward.arguments());
         program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
         let child = program.spawn()?;
-        // With it goes our copy of the guard's end of the pipe.
+        // Closes our copy of the guard's end of the socket.
         drop(program);
         let interval = Nanos(ward.patience().0 / 2).min(MAX_INTERVAL);
         let deadline = clock::now().saturating_add(interval);
@@ -225,46 +225,46 @@ impl Guard {
         let failed = |why: &str| io::Error::other(format!("the guard did not start ({why})"));
         uninterrupted(|| self.pipe.read(&mut ready)).map_err(|error| failed(&error.to_string()))?;
         if ready != READY {
-            return Err(failed("it ended at once"));
+            return Err(failed("it ended immediately"));
         }
         self.pipe.set_nonblocking(true)
     }
 
-    /// What to wait on for its end.
+    /// The descriptor to poll for the end of the guard.
     pub(crate) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         (self.bond == Bond::Watched).then(|| self.pipe.as_fd())
     }
 
-    /// When the next beat must be sent at the latest.
+    /// When the next heartbeat must be sent.
     pub(super) fn deadline(&self) -> Nanos {
         if self.bond == Bond::Watched { self.deadline } else { Nanos::MAX }
     }
 
-    /// Whether a beat is wanted now: it is welcome and there is time for it, or it cannot wait.
+    /// Whether to send a heartbeat now: it may be sent and there is time, or it must be sent.
     pub(crate) fn wants_beat(&self, now: Nanos, has_time: bool) -> bool {
         self.bond == Bond::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
-    /// Tells that the player is alive, where it is, and whether it has the terminal give it single keys.
+    /// Sends a heartbeat with the position of the player, and whether it reads single keys.
     pub(crate) fn beat(&mut self, now: Nanos, at: Micros, place: Option<Place<'_>>, keys: bool) {
         self.soon = now.saturating_add(SOON.min(Nanos(self.interval.0 / 2)));
         self.deadline = now.saturating_add(self.interval);
-        self.tell(Record::new(BEAT, at, place).with_keys(keys));
+        self.send_or_lose(Record::new(BEAT, at, place).with_keys(keys));
     }
 
-    /// Tells that the robot stands, and that no beats will come until the next one.
+    /// Reports that the robot is stopped, and that no heartbeats will come until the next one.
     pub(super) fn rest(&mut self, at: Micros, place: Option<Place<'_>>) {
-        self.tell(Record::new(AT_REST, at, place));
+        self.send_or_lose(Record::new(AT_REST, at, place));
     }
 
-    /// It has ended.
+    /// Records that the guard is lost.
     pub(crate) fn lose(&mut self) {
         if self.bond == Bond::Watched {
             self.bond = Bond::Lost;
         }
     }
 
-    /// Whether it was lost since this was asked last.
+    /// Whether it was lost since the last call.
     pub(crate) fn is_newly_lost(&mut self) -> bool {
         let newly = self.bond == Bond::Lost;
         if newly {
@@ -273,17 +273,17 @@ impl Guard {
         newly
     }
 
-    /// Tells how and where the run has ended, and waits until the guard has let go of the port. From here on it says what became of the robot if
-    /// this process is killed before it has said so itself, and [`Guard::goodbye`] tells it that it has.
+    /// Reports the end of the run, and waits until the guard has closed the port. If this process is killed before it reports the
+    /// end itself and says [`Guard::goodbye`], the guard reports it.
     pub fn ended(&mut self, at: Micros, place: Option<Place<'_>>, stop: Stop) {
-        let told = self.send(Record::ended(at, place, stop));
-        if told.and_then(|()| self.hear(END)).is_err() {
+        let sent = self.send(Record::ended(at, place, stop));
+        if sent.and_then(|()| self.hear(END)).is_err() {
             self.lose();
             let _ = self.child.kill();
         }
     }
 
-    /// Tells that all was said, and waits for the guard's end.
+    /// Reports that everything is done, and waits for the end of the guard.
     pub fn goodbye(mut self) {
         if self.send(Record::new(GOODBYE, Micros::ZERO, None)).and_then(|()| self.hear(END)).is_err() {
             let _ = self.child.kill();
@@ -291,29 +291,29 @@ impl Guard {
         let _ = self.child.wait();
     }
 
-    /// Waits for a word of the guard, or for its end.
+    /// Waits for a message of the guard, or for its end.
     fn hear(&mut self, patience: Duration) -> io::Result<()> {
         self.pipe.set_nonblocking(false)?;
         self.pipe.set_read_timeout(Some(patience))?;
         uninterrupted(|| self.pipe.read(&mut [0])).map(|_| ())
     }
 
-    fn tell(&mut self, record: Record) {
+    fn send_or_lose(&mut self, record: Record) {
         if self.send(record).is_err() {
             self.lose();
         }
     }
 
     fn send(&mut self, record: Record) -> io::Result<()> {
-        // So small a message is taken whole or not at all. A guard that lets them pile up does not watch.
+        // A message this small is never cut. A guard that does not read them does not watch.
         uninterrupted(|| self.pipe.write(&record.0)).map(|_| ())
     }
 }
 
-/// How often a call is made again that a signal has interrupted: no storm of them keeps a run from ending.
+/// How many times an interrupted call is repeated, so that many signals cannot keep a run from ending.
 const MAX_INTERRUPTED: usize = 1_000;
 
-/// Does it again where a signal has interrupted it.
+/// Repeats a call that a signal interrupted.
 fn uninterrupted<T>(mut call: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     for _ in 0..MAX_INTERRUPTED {
         match call() {
@@ -324,78 +324,78 @@ fn uninterrupted<T>(mut call: impl FnMut() -> io::Result<T>) -> io::Result<T> {
     Err(io::ErrorKind::Interrupted.into())
 }
 
-/// What a guard found, and did in the place of its player.
+/// The report of a guard whose player failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Guarded {
-    /// What became of the player.
+    /// How the player failed.
     pub fate: Fate,
-    /// How long it may be silent before it counts as hung.
+    /// The silence after which it counts as hung.
     pub silence: Nanos,
-    /// The last time of the script that it told.
+    /// The last reported time of the script.
     pub at: Micros,
-    /// The last place in the script that it told, as `FILE:LINE`.
+    /// The last reported position in the script, as `FILE:LINE`.
     pub place: Option<String>,
     /// Whether the robot was stopped.
     pub stop: Stop,
 }
 
-/// Frames as an argument: hexadecimal, with commas between them.
+/// Frames as an argument: hex, separated by commas.
 fn hex(frames: &[Vec<u8>]) -> String {
     let frame = |frame: &Vec<u8>| Hex(frame).to_string().replace(' ', "");
     frames.iter().map(frame).collect::<Vec<_>>().join(",")
 }
 
-/// Reads the frames in an argument; `None` if it is not hexadecimal.
+/// Reads the frames in an argument; `None` if it is not hex.
 fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
     let frames = argument.split(',').filter(|frame| !frame.is_empty());
     frames.map(|frame| frame.as_bytes().chunks(2).map(byte).collect()).collect()
 }
 
-/// Runs a guard, in a process of its own: with the port as standard input and the pipe as standard output. The arguments
-/// are those that [`Guard::start`] added. Gives what was done where the player did not say goodbye.
+/// Runs a guard in its own process, with the port as standard input and the socket as standard output. The arguments are those
+/// that [`Guard::start`] added. Returns a report if the player did not say goodbye.
 ///
 /// # Errors
-/// Where a player did not start it, or the system refuses what it needs.
+/// If it was not started by a player, or the system refuses a call.
 pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
-    let stranger = || io::Error::other("only a player can start it");
+    let stranger = || io::Error::other("only `play` and `record` can start it");
     let (player, ward) = arguments.split_first().ok_or_else(stranger)?;
     let (player, ward) = player.parse().ok().zip(Ward::read(ward)).ok_or_else(stranger)?;
     let mut port = Some(Serial::inherited(io::stdin().as_fd().try_clone_to_owned()?)?);
     let mut pipe = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
-    // Somebody who starts it by hand would have a process that only a kill ends.
+    // Refuse to start by hand: only SIGKILL could end the process.
     pipe.peer_addr().map_err(|_| stranger())?;
     let terminal = os::Terminal::remember();
     os::become_guard(ward.realtime);
-    // Its number means it and no other process as long as it is the parent of this one.
+    // The process number is unambiguous only while the player is the parent of this process.
     let player = Process::parent(player)?;
     let stops = Stops::only(ward.stop);
     let mut out = Outbox::new(ward.zeros, stops.frames.iter().map(Vec::len).max().unwrap_or_default());
-    // As long as it has told nothing, it may have changed the terminal.
+    // Before the first heartbeat, the player may have changed the terminal.
     let mut last = Record::new(BEAT, Micros::ZERO, None).with_keys(true);
     pipe.set_nonblocking(true)?;
     pipe.write_all(&READY)?;
 
     let silence = ward.max_late.saturating_mul(2);
-    let mut watch = Watch::new(clock::now(), silence);
+    let mut watch = Watchdog::new(clock::now(), silence);
     let mut heard = Heard::Silence;
     let fate = loop {
         match watch.poll(clock::now(), heard) {
-            Verdict::Listen(until) => heard = listen(&mut pipe, until, &mut last),
-            Verdict::Release => {
+            Decision::Listen(until) => heard = listen(&mut pipe, until, &mut last),
+            Decision::Release => {
                 release(port.take());
-                // Where nobody hears it the player has died, which is heard next.
+                // If this fails, the player has died, which is noticed next.
                 let _ = pipe.write_all(&READY);
                 heard = Heard::Silence;
             }
-            Verdict::Over(fate) => break fate,
-            Verdict::Done => return Ok(None),
+            Decision::Over(fate) => break fate,
+            Decision::Done => return Ok(None),
         }
     };
     let stop = match port {
         None => last.stop(),
         Some(mut port) => {
-            // Also where it seems to have died: nothing may be sent behind the stop.
+            // Even if it seems dead: nothing may be sent after the stop.
             player.kill();
             let has_ended = fate != Fate::Hung || player.has_ended(DEATH);
             if last.has_keys() {
@@ -412,7 +412,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
     Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop }))
 }
 
-/// Lets go of the port, which is standard input, too: whoever plays next must not wait until all was told.
+/// Closes the port, which is also standard input, so that the next player need not wait for the report.
 fn release(port: Option<Serial>) {
     drop(port);
     let _ = File::open("/dev/null").map(rustix::stdio::dup2_stdin);
@@ -421,7 +421,7 @@ fn release(port: Option<Serial>) {
 /// Waits for a message, at most until a time on the clock.
 fn listen(pipe: &mut UnixStream, until: Option<Nanos>, last: &mut Record) -> Heard {
     let timeout = until.map(|until| until.saturating_sub(clock::now()));
-    // What it says does not matter: the read does not wait.
+    // The result does not matter, because the read does not block.
     let _ = os::wait([(Some(pipe.as_fd()), Ready::IN)], timeout);
     let mut buffer = [0; 8 * RECORD];
     match pipe.read(&mut buffer) {
@@ -435,7 +435,7 @@ fn listen(pipe: &mut UnixStream, until: Option<Nanos>, last: &mut Record) -> Hea
             heard
         }
         Err(error) if error.kind() == io::ErrorKind::ConnectionReset => Heard::Closed,
-        // The player may well be alive. If this goes on, it is silent for too long.
+        // The player may be alive; if not, it will be silent for too long.
         Err(_) => Heard::Silence,
     }
 }

@@ -1,8 +1,7 @@
-//! The stop that every early end goes through, as a pure function of time and of what happened.
+//! The stop that every early end uses, as a pure function of time and inputs.
 //!
-//! What is queued is thrown away, then come zeros (a receiver that was cut off in the middle of a frame takes them for the rest of
-//! it), the stop frame three times, buzzer off, and the script's `on abort`. Nothing skips it: a signal changes nothing, and a frame
-//! that could not be written is tried again.
+//! Queued bytes are discarded. Then it sends zeros (which complete a frame that was cut off), the stop frame three times, buzzer
+//! off, and the script's `on abort`. Nothing skips it: signals are ignored, and a failed write is repeated.
 
 use super::messages::{Input, Order, Stop};
 use crate::board::Board;
@@ -11,20 +10,20 @@ use crate::units::{Micros, Nanos};
 
 /// Time between two stop frames.
 const INTERVAL: Nanos = Nanos::from_millis(20);
-/// How long the port may need for one frame before the stop is given up.
+/// How long the port may take for one frame before the stop is given up.
 const PATIENCE: Nanos = Nanos::from_millis(500);
-/// How long after a failure a frame is given to the port again, and how many failures there may be in all.
+/// How long after a failed write it is repeated, and how many writes may fail in all.
 const RETRY: Nanos = Nanos::from_millis(5);
 const MAX_FAILURES: u32 = 10;
-/// The most bytes given to the port at once.
+/// The most bytes written to the port at once.
 const BATCH: usize = 16 * 1024;
 
-/// The frames of a stop and of the `on abort` after it, as bytes: the guard does not depend on a board family.
+/// The frames of a stop and of the following `on abort`, as bytes: the guard does not depend on a board family.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Stops {
-    /// Those that every early end sends. A first one that comes several times is sent at intervals.
+    /// The frames of a stop. The first frame and its repeats are sent at intervals.
     pub frames: Vec<Vec<u8>>,
-    /// Those that follow, with their times from the first of them.
+    /// The frames of `on abort`, with their times from the first of them.
     abort: Vec<(Micros, Vec<u8>)>,
 }
 
@@ -35,44 +34,43 @@ impl Stops {
         Stops { frames, abort: abort.iter().map(|event| (event.at, board.to_frame(&event.command))).collect() }
     }
 
-    /// Only these.
+    /// A stop without `on abort`.
     pub fn only(frames: Vec<Vec<u8>>) -> Self {
         Stops { frames, abort: Vec::new() }
     }
 
-    /// Whether a frame is the first one, or the same again.
+    /// Whether a frame is the first one or a repeat of it.
     fn is_first(&self, at: usize) -> bool {
         self.frames.get(at).is_some_and(|frame| self.frames.first() == Some(frame))
     }
 
-    /// How many of the first frames the port must take: one may be lost after a frame that was cut.
+    /// How many first frames the port must accept: one may be lost after a frame that was cut off.
     fn needed(&self) -> usize {
         (0..self.frames.len()).filter(|at| self.is_first(*at)).count().min(2)
     }
 }
 
-/// Bytes for the port, and how many of them it has taken. Never grows beyond what it was made with.
+/// Bytes for the port, and how many of them it has accepted. Its capacity never grows.
 #[derive(Debug)]
 pub(crate) struct Outbox {
     bytes: Vec<u8>,
     taken: usize,
-    /// How many zeros follow a flush.
+    /// How many zeros are sent after a flush.
     zeros: usize,
 }
 
 impl Outbox {
-    /// An empty one, for frames of at most `longest` bytes. So many zeros bring whoever receives what it holds back in step behind a
-    /// flush.
+    /// An empty outbox, for frames of at most `longest` bytes. `zeros` bytes of zeros synchronize the receiver after a flush.
     pub(crate) fn new(zeros: usize, longest: usize) -> Self {
         Outbox { bytes: Vec::with_capacity(BATCH + longest), taken: 0, zeros }
     }
 
-    /// Of what comes from now on, a receiver may need more zeros.
+    /// Raises the number of zeros, for a receiver that needs more from now on.
     pub(super) fn needs_zeros(&mut self, zeros: usize) {
         self.zeros = self.zeros.max(zeros);
     }
 
-    /// What the port still has to take.
+    /// The bytes that the port has not accepted.
     pub(super) fn rest(&self) -> &[u8] {
         self.bytes.get(self.taken..).unwrap_or_default()
     }
@@ -86,7 +84,7 @@ impl Outbox {
         self.bytes.len() >= BATCH
     }
 
-    /// Appends what `write` writes, a frame.
+    /// Appends a frame, which `write` writes.
     pub(super) fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
         write(&mut self.bytes);
     }
@@ -95,7 +93,7 @@ impl Outbox {
         self.bytes.resize(self.bytes.len() + self.zeros.min(BATCH), 0);
     }
 
-    /// The port took so many of them. Says whether these were the last.
+    /// The port accepted `count` bytes. Returns whether the outbox is empty now.
     pub(super) fn took(&mut self, count: usize) -> bool {
         self.taken = self.taken.saturating_add(count).min(self.bytes.len());
         let all = self.is_empty();
@@ -105,7 +103,7 @@ impl Outbox {
         all
     }
 
-    /// To be taken once more from the beginning.
+    /// Writes everything again from the start.
     fn rewind(&mut self) {
         self.taken = 0;
     }
@@ -121,31 +119,31 @@ impl Outbox {
 pub(super) struct Halt {
     /// Whether `on abort` follows once the robot was stopped.
     aborts: bool,
-    /// How many frames of the stop, and behind them of `on abort`, were taken up.
+    /// How many frames of the stop and then of `on abort` were processed.
     step: usize,
     /// When `abort` began.
     abort_from: Nanos,
-    /// How many stops the port took whole.
+    /// How many stop frames the port accepted completely.
     whole: usize,
     failures: u32,
     /// When the next frame is due.
     next_at: Nanos,
-    /// When the port must have taken the last one.
+    /// When the port must have accepted the last frame.
     give_up: Nanos,
 }
 
 impl Halt {
-    /// A stop that begins at `now`, once what was queued is thrown away, and whether `on abort` follows it.
+    /// A stop that starts at `now`, after queued bytes were discarded. `aborts`: whether `on abort` follows.
     pub(super) fn new(aborts: bool, now: Nanos) -> Self {
         Halt { aborts, step: 0, abort_from: Nanos::ZERO, whole: 0, failures: 0, next_at: now, give_up: now }
     }
 
-    /// How it went so far.
+    /// Whether the robot is stopped.
     pub(super) fn stop(&self, stops: &Stops) -> Stop {
         if self.whole >= stops.needed() { Stop::Sent } else { Stop::NotSent }
     }
 
-    /// How many frames it has given to the port.
+    /// How many frames were written to the port.
     pub(super) fn frames(&self) -> usize {
         self.step
     }
@@ -166,7 +164,7 @@ impl Halt {
             _ => {}
         }
         if !out.is_empty() {
-            // A machine that stalls is no reason to give up: only a port that takes nothing is.
+            // Give up only on a port that accepts nothing, not on a machine that stalls.
             (now <= self.give_up).then_some(match input {
                 Input::Blocked => Order::Wait { until: self.give_up + Nanos(1), writable: true },
                 _ => Order::Write,
@@ -184,7 +182,7 @@ impl Halt {
         }
     }
 
-    /// The next frame of the stop, or of `on abort` behind it, which follows only where the robot was stopped.
+    /// The next frame of the stop, or of `on abort`, which follows only if the robot was stopped.
     fn next_frame<'s>(&mut self, now: Nanos, stops: &'s Stops) -> Option<&'s [u8]> {
         let frame = match self.abort_at(stops) {
             None => stops.frames.get(self.step)?,
@@ -206,7 +204,7 @@ impl Halt {
         Some(frame)
     }
 
-    /// Where in `on abort` it is, once the stop is done.
+    /// The position in `on abort`, once the stop is done.
     fn abort_at(&self, stops: &Stops) -> Option<usize> {
         self.step.checked_sub(stops.frames.len())
     }

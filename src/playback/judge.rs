@@ -1,7 +1,7 @@
-//! What becomes of each `expect`, as a pure function of time and of the reports that came.
+//! Judges each `expect`, as a pure function of time and of the reports received.
 //!
-//! Telemetry is not trusted: a report that is old, unreadable or missing never makes an `expect` pass. The board's reports have no
-//! checksum, so one whose digits were garbled is a report like any other.
+//! A report that is old, unreadable or missing never makes an `expect` pass. The board's reports have no checksum, so a report
+//! with garbled digits cannot be recognized.
 
 use std::fmt;
 
@@ -9,10 +9,10 @@ use crate::board::{Hundredths, Report};
 use crate::timeline::Expectation;
 use crate::units::{Micros, Nanos};
 
-/// How old a report may be to be judged.
+/// The maximum age of a report.
 const FRESH: Nanos = Nanos::from_millis(500);
 
-/// What became of one `expect`.
+/// The result of one `expect`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
     /// Its index in the timeline's expectations.
@@ -25,50 +25,50 @@ pub struct Verdict {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Found {
-    /// A value that fits.
+    /// A value that meets the condition.
     Passed(Hundredths),
-    /// A value that does not.
+    /// A value that does not meet the condition.
     Failed(Hundredths),
-    /// A report so old that it says nothing of now.
+    /// Only a report that is too old; its age.
     Stale(Nanos),
-    /// No report at all.
+    /// No report.
     Nothing,
-    /// No report in the time of a `within`.
+    /// No report during a `within`.
     NothingInTime,
 }
 
-/// In words, behind what was expected.
+/// In words, to follow the condition.
 impl fmt::Display for Found {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Found::Passed(value) | Found::Failed(value) => write!(f, "the board reports {value}"),
             Found::Stale(age) => {
-                write!(f, "the newest report is {:.0} ms old, and only one of the last 500 ms counts", age.in_millis())
+                write!(f, "the newest report is {:.0} ms old, which is more than 500 ms", age.in_millis())
             }
             Found::NothingInTime => {
-                f.write_str("the board has reported nothing in this time; it reports every 0.1 s, from the start on")
+                f.write_str("the board reported nothing in this time; it reports every 0.1 s from the start")
             }
-            Found::Nothing => f.write_str("the board has reported nothing; the first report takes about 0.1 s"),
+            Found::Nothing => f.write_str("the board reported nothing yet; the first report takes about 0.1 s"),
         }
     }
 }
 
 impl Found {
-    /// Whether the `expect` holds.
+    /// Whether the `expect` passed.
     pub fn is_passed(self) -> bool {
         matches!(self, Found::Passed(_))
     }
 }
 
-/// Judges the expectations of a timeline, in the order of time. Allocates nothing once it is made.
+/// Judges the expectations of a timeline in order of time. Does not allocate after its creation.
 #[derive(Debug)]
 pub(super) struct Judge<'t> {
     expects: &'t [Expectation],
-    /// The first that has not begun.
+    /// The first expectation that has not started.
     next: usize,
-    /// Those that wait for a report that fits, with the newest value that came since.
+    /// Expectations that wait for a value, with the newest value received since.
     open: Vec<(usize, Option<Hundredths>)>,
-    /// The newest report, and when it came.
+    /// The newest report and its time.
     newest: Option<(Nanos, Report)>,
 }
 
@@ -77,21 +77,21 @@ impl<'t> Judge<'t> {
         Judge { expects, next: 0, open: Vec::with_capacity(expects.len()), newest: None }
     }
 
-    /// Makes room for so many at once, so that a later pass allocates nothing.
+    /// Reserves room, so that a later pass does not allocate.
     pub(super) fn make_room(&mut self, count: usize) {
         self.open.reserve(count);
     }
 
-    /// Begins again with these; the newest report stays what it is.
+    /// Restarts with other expectations; keeps the newest report.
     pub(super) fn restart(&mut self, expects: &'t [Expectation]) {
         self.expects = expects;
         self.next = 0;
         self.open.clear();
     }
 
-    /// Takes a report that came at `now`, on the clock of the run.
+    /// Takes a report received at `now`, on the clock of the run.
     ///
-    /// `time` is the script's: what comes behind the time of a `within` is too late for it.
+    /// `time` is the time of the script: a report after the end of a `within` is too late.
     pub(super) fn hear(&mut self, time: Nanos, now: Nanos, report: Report, tell: &mut impl FnMut(Verdict)) {
         self.newest = Some((now, report));
         let expects = self.expects;
@@ -110,12 +110,12 @@ impl<'t> Judge<'t> {
         });
     }
 
-    /// Takes a report that nothing waits for.
+    /// Takes a report that no expectation waits for.
     pub(super) fn note(&mut self, now: Nanos, report: Report) {
         self.newest = Some((now, report));
     }
 
-    /// Judges what is due: `time` is the script's, `now` the run's. Gives the first that fails.
+    /// Judges what is due: `time` is the time of the script, `now` of the run. Returns the first failure.
     pub(super) fn poll(&mut self, time: Nanos, now: Nanos, tell: &mut impl FnMut(Verdict)) -> Option<Verdict> {
         let mut failed = None;
         while let Some(due) = self.expects.get(self.next).filter(|due| due.at.nanos() <= time) {
@@ -153,7 +153,7 @@ impl<'t> Judge<'t> {
         failed
     }
 
-    /// When something is due next, in the time of the script.
+    /// When the next expectation is due, in the time of the script.
     pub(super) fn next_due(&self) -> Option<Nanos> {
         let next = self.expects.get(self.next).map(|due| due.at);
         let open = self.open.iter().filter_map(|(at, _)| self.expects.get(*at)).map(|due| due.until);

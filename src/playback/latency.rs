@@ -1,14 +1,14 @@
-//! How exactly this machine keeps time: the way a session waits, with nothing to send.
+//! Measures how well this machine keeps time: waits like a session, without sending.
 
 use super::os;
 use super::session::close_in;
 use crate::clock;
 use crate::units::Nanos;
 
-/// Waits for deadlines `interval` apart for so long, as a session waits for a frame, and tells how late
-/// it was each time. What was overslept is not caught up: the next deadline lies ahead.
+/// Waits for deadlines `interval` apart, for the time `lasts`, as a session waits for a frame, and passes each lateness to `tell`.
+/// Missed deadlines are skipped.
 ///
-/// `realtime` says that this thread has real-time priority. `goes_on` is asked at each deadline.
+/// `realtime`: this thread has real-time priority. Ends early when `goes_on` returns false.
 pub fn lateness(
     interval: Nanos,
     lasts: Nanos,

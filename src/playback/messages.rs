@@ -1,4 +1,4 @@
-//! What the player takes in, what it orders, and what it reports to others.
+//! Inputs, orders and notices of the player.
 
 use std::io;
 
@@ -14,11 +14,11 @@ pub(super) const SIGTSTP: i32 = 20;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Input {
-    /// Nothing but time.
+    /// Only time has passed.
     Tick,
-    /// The port took so many of the bytes.
+    /// The port accepted this number of bytes.
     Wrote(usize),
-    /// The port takes no bytes now.
+    /// The port accepts no bytes now.
     Blocked,
     /// Writing failed, with the system's error number where there is one.
     Failed(Option<i32>),
@@ -26,26 +26,26 @@ pub enum Input {
     HungUp,
     /// This process got a signal.
     Signal(i32),
-    /// This process shall sleep until it is continued (Ctrl-Z on a terminal).
+    /// Suspend this process (Ctrl-Z on a terminal).
     Suspend,
-    /// Somebody at the terminal said that the robot shall stand, until somebody says that it goes on.
+    /// Pause (a key).
     Pause,
-    /// Somebody at the terminal said that a paused run shall go on.
+    /// Continue a paused run (a key).
     Resume,
-    /// Somebody at the terminal said that a paused run shall play what comes next, and pause again.
+    /// Play one step of a paused run (a key).
     Step,
-    /// Somebody at the terminal said that the run shall end.
+    /// End the run (a key).
     Quit,
-    /// Somebody at the terminal asks what the keys are.
+    /// Show the keys (a key).
     Help,
-    /// The guard is gone, or takes no beats.
+    /// The guard has ended, or accepts no heartbeats.
     Unguarded,
     /// Something panicked.
     Panicked,
 }
 
 impl Input {
-    /// What became of bytes that were given to a port.
+    /// The result of a write to a port.
     pub fn of_write(result: io::Result<usize>) -> Self {
         match result {
             Ok(count) => Input::Wrote(count),
@@ -57,7 +57,7 @@ impl Input {
         }
     }
 
-    /// The end that it brings, if it brings one.
+    /// Why this input ends the run, if it does.
     pub(super) fn end(self) -> Option<Cause> {
         match self {
             Input::Signal(signal) => Some(Cause::Signal(signal)),
@@ -82,95 +82,94 @@ impl Input {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Order {
-    /// Give [`Player::bytes`](super::Player::bytes) to the port, in one write.
+    /// Write [`Player::bytes`](super::Player::bytes) to the port, in one write.
     Write,
-    /// Throw away what the port was given but has not sent.
+    /// Discard what the port has not sent yet.
     Discard,
-    /// Wait until this time, from the start; if `writable`, no longer than until the port takes bytes.
+    /// Wait until this time from the start; if `writable`, only until the port accepts bytes.
     Wait {
         /// The deadline.
         until: Nanos,
-        /// Whether to wake as soon as the port takes bytes.
+        /// Whether to wake as soon as the port accepts bytes.
         writable: bool,
     },
-    /// Wait until this time, from the start, and look at nothing else.
+    /// Wait until this time from the start, and ignore all inputs.
     Pause {
         /// The deadline.
         until: Nanos,
     },
-    /// The robot stands: sleep until this process is continued.
+    /// The robot is stopped: suspend this process.
     Suspend,
-    /// Wait until somebody says that the run shall go on, or something ends it.
+    /// Wait until the run is continued or ended.
     Stay,
     /// The run is over.
     Done,
 }
 
-/// What others may want to know while it plays. Small and without anything on the heap, so that it can be handed to
-/// another thread without waiting.
+/// An event of a run. Small and without heap memory, so that it can be passed to another thread without waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Notice {
-    /// This frame is given to the port.
+    /// This frame is sent to the port.
     Sent {
         /// Its index in the timeline.
         event: usize,
         /// How late.
         late: Nanos,
     },
-    /// This frame of the drive was not sent at a pause; what it says holds when the run goes on.
+    /// This drive frame was not sent, because the run is paused; it applies when the run continues.
     Passed {
         /// Its index in the timeline.
         event: usize,
     },
-    /// This frame was left out, because a newer one had overtaken it.
+    /// This frame was dropped, because a newer one replaces it.
     Dropped {
         /// Its index in the timeline.
         event: usize,
     },
-    /// This line is due.
+    /// This `say` line is due.
     Say {
         /// Its index in the timeline's cues.
         cue: usize,
     },
-    /// The port took these bytes, of a frame, a stop or a pause.
+    /// The port accepted these bytes, of a frame, a stop or a pause.
     Wrote(Piece),
-    /// The board has sent a report.
+    /// The board sent a report.
     Report(Report),
-    /// Somebody asks what the keys are.
+    /// Show the keys.
     Help,
     /// An `expect` was judged.
     Judged(Verdict),
-    /// The robot stands, and the process is about to sleep.
+    /// The robot is stopped, and the process is about to be suspended.
     Sleeping {
         /// The time of the script.
         at: Micros,
     },
-    /// Somebody at the terminal is waited for, to say that the run shall go on.
+    /// The run is paused and waits for a key.
     Paused {
         /// The time of the script.
         at: Micros,
     },
-    /// A further pass of a run without end begins.
+    /// The next pass of an endless run starts.
     Pass {
         /// Which one, counted from 1.
         pass: u64,
     },
-    /// It goes on.
+    /// The run continues.
     Resumed {
         /// The time of the script.
         at: Micros,
     },
 }
 
-/// Bytes that a port took, at most as many as a frame of any command has; more are several of these.
+/// Bytes that a port accepted, at most as many as the longest frame has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Piece {
     bytes: [u8; PIECE],
     length: u8,
 }
 
-/// How many bytes are kept together.
+/// The most bytes of a piece.
 const PIECE: usize = 23;
 
 impl Piece {
@@ -198,9 +197,9 @@ impl Piece {
 pub enum Stop {
     /// The run ended as the script says.
     NotNeeded,
-    /// The port took the stop frame, more than once.
+    /// The port accepted the stop frame, more than once.
     Sent,
-    /// It did not: the robot may still be moving.
+    /// The port did not accept it: the robot may still be moving.
     NotSent,
 }
 
@@ -210,15 +209,15 @@ pub enum Stop {
 pub enum Cause {
     /// Everything was sent.
     Finished,
-    /// Somebody at the terminal asked for it.
+    /// A key ended it.
     Quit,
-    /// A signal asked for it.
+    /// A signal ended it.
     Signal(i32),
     /// The port was lost, with the system's error number where there is one.
     Lost(Option<i32>),
-    /// The port stopped taking bytes.
+    /// The port stopped accepting bytes.
     Stalled,
-    /// A frame was later than allowed, by so much in all.
+    /// A frame was later than allowed; its lateness.
     Late(Nanos),
     /// An `expect` failed.
     Expect(Verdict),
@@ -233,17 +232,17 @@ pub enum Cause {
 pub struct Outcome {
     /// Why.
     pub cause: Cause,
-    /// When, in the time of the timeline, with the passes before this one.
+    /// When, in the time of the timeline, including earlier passes.
     pub at: Micros,
-    /// The last command that was taken up; for [`Cause::Late`] the one that was not sent.
+    /// The last command that was processed; for [`Cause::Late`] the one that was not sent.
     pub place: Option<Span>,
     /// Whether the robot was stopped.
     pub stop: Stop,
-    /// Frames of the timeline that the port took whole.
+    /// Frames of the timeline that the port accepted completely.
     pub sent: usize,
-    /// Frames of the timeline that were left out.
+    /// Frames of the timeline that were dropped.
     pub dropped: usize,
-    /// Frames beside the timeline's: those of stops, of `on abort`, and those that go on behind a pause.
+    /// Other frames: of stops, of `on abort`, and those that restore the state after a pause.
     pub extra: usize,
     /// The worst lateness of a frame.
     pub worst_late: Nanos,

@@ -1,8 +1,8 @@
 //! Plays a timeline.
 //!
-//! [`Player`] decides, and has no clock and no port: time and everything that happens are its inputs, so tests play an hour in no
-//! time, on every system. On Linux, with the feature `player`, there is more: a `Session` is the loop that asks it what to do and does
-//! it, under the real clock, and a `Guard` is a second process that stops the robot if this one cannot.
+//! [`Player`] decides what to send. It has no clock and no port: time and events are its inputs, so tests run without waiting, on
+//! every system. On Linux, with the feature `player`, a `Session` is the loop that carries out its orders under the real clock, and a
+//! `Guard` is a second process that stops the robot if this one cannot.
 
 mod halt;
 mod judge;
@@ -20,7 +20,7 @@ mod session;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod stop;
 #[cfg(all(feature = "player", target_os = "linux"))]
-mod watch;
+mod watchdog;
 
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
@@ -35,7 +35,7 @@ mod real {
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
     pub use super::session::Session;
     pub(crate) use super::stop::stop_robot;
-    pub use super::watch::Fate;
+    pub use super::watchdog::Fate;
     pub use crate::clock::now;
 }
 #[cfg(all(feature = "player", target_os = "linux"))]

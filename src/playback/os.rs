@@ -20,14 +20,14 @@ use crate::units::{Micros, Nanos};
 
 pub(crate) use rustix::event::PollFlags as Ready;
 
-/// Waits at most so long (`None`: as long as it takes) until one of these descriptors is ready, and says for
-/// each what it is ready for. A wait that a signal handler interrupts ends with nothing ready.
+/// Waits until one of these descriptors is ready, at most `timeout`, and returns what each is ready for. A signal handler ends the
+/// wait with nothing ready.
 pub(crate) fn wait<const N: usize>(
     watched: [(Option<BorrowedFd<'_>>, Ready); N],
     timeout: Option<Nanos>,
 ) -> io::Result<[Ready; N]> {
     let Some(some) = watched.iter().find_map(|(descriptor, _)| *descriptor) else { return Ok([Ready::empty(); N]) };
-    // What is not watched stands there as one that is, and wakes for nothing of its own.
+    // A descriptor that is not watched is replaced by another one with no events.
     let mut polled = watched.map(|(descriptor, ready)| match descriptor {
         Some(descriptor) => PollFd::from_borrowed_fd(descriptor, ready),
         None => PollFd::from_borrowed_fd(some, Ready::empty()),
@@ -44,23 +44,23 @@ pub(crate) fn wait<const N: usize>(
     }))
 }
 
-/// What poll reports where the other end is gone.
+/// Whether poll reports that the other end is gone.
 pub(crate) fn is_gone(ready: Ready) -> bool {
     ready.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL)
 }
 
-/// The signals that end a run, or let it pause: Ctrl-C, Ctrl-\\, Ctrl-Z, a request to terminate, a closed terminal.
+/// The signals that end or suspend a run: Ctrl-C, Ctrl-\\, Ctrl-Z, a request to terminate, a closed terminal.
 #[derive(Debug)]
 pub struct Signals {
     pipe: UnixStream,
-    /// Whether each of [`CAUGHT`] has come.
+    /// Whether each signal of [`CAUGHT`] was received.
     caught: [(i32, Arc<AtomicBool>); CAUGHT.len()],
     continued: Arc<AtomicBool>,
 }
 
-/// In the order in which they count where several have come: one that ends the run before the one that lets it pause.
+/// In order of priority: signals that end the run precede the one that suspends it.
 const CAUGHT: [i32; 5] = [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGTSTP];
-/// How long a process that wants to sleep waits to be put to sleep: the system puts none to sleep that no shell could wake.
+/// How long a process waits to be suspended: the system suspends none that no shell can continue.
 const DOZE: Nanos = Nanos::from_millis(200);
 
 impl Signals {
@@ -71,11 +71,11 @@ impl Signals {
         unblock(CAUGHT.into_iter().chain([SIGCONT]));
         let flag = |signal| {
             let flag = Arc::new(AtomicBool::new(false));
-            // What was ignored when this program started stays so, as `nohup` and a shell's `&` mean it.
+            // A signal that was ignored at the start stays ignored, as `nohup` and a shell's `&` intend.
             if is_ignored(signal) {
                 return Ok((signal, flag));
             }
-            // In this order, so that the flag is there when the pipe wakes somebody.
+            // In this order, so that the flag is set when the pipe wakes the loop.
             signal_hook::flag::register(signal, Arc::clone(&flag))?;
             signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
             io::Result::Ok((signal, flag))
@@ -83,19 +83,19 @@ impl Signals {
         let [int, term, hup, quit, tstp] = CAUGHT;
         let caught = [flag(int)?, flag(term)?, flag(hup)?, flag(quit)?, flag(tstp)?];
         let (_, continued) = flag(SIGCONT)?;
-        // A recording that grows past the limit of file sizes would kill the player while the robot drives. Ignored, it is
-        // a write that fails. Likewise a terminal that stops programs in the background that write to it or read from it.
+        // SIGXFSZ would kill the player if a recording exceeds the file size limit; ignored, the write fails instead. SIGTTOU and
+        // SIGTTIN would stop a player in the background that writes to the terminal or reads from it.
         ignore([SIGXFSZ, SIGTTOU, SIGTTIN]);
         Ok(Signals { pipe, caught, continued })
     }
 
-    /// The first signal that counts; empties the pipe.
+    /// The received signal with the highest priority; empties the pipe.
     pub(super) fn take(&self) -> Option<i32> {
         self.empty();
         self.pending()
     }
 
-    /// The first signal that counts, without a system call. What it leaves in the pipe only wakes the next wait.
+    /// The received signal with the highest priority, without a system call. Bytes left in the pipe only wake the next wait.
     pub fn pending(&self) -> Option<i32> {
         let mut caught = self.caught.iter();
         caught.find(|(_, flag)| flag.swap(false, Ordering::AcqRel)).map(|(signal, _)| *signal)
@@ -106,18 +106,18 @@ impl Signals {
         while matches!((&self.pipe).read(&mut buffer), Ok(count) if count > 0) {}
     }
 
-    /// Whether a signal has come that ends the run.
+    /// Whether a signal that ends the run was received.
     fn is_ending(&self) -> bool {
         self.caught.iter().any(|(signal, flag)| *signal != SIGTSTP && flag.load(Ordering::Acquire))
     }
 
-    /// Sleeps as a stopped process until it is continued; not where a signal wants the run to end, or where no shell could
-    /// continue it. A further Ctrl-Z meanwhile is not one more pause.
+    /// Suspends this process until it is continued, unless a signal ends the run or no shell can continue it. Further Ctrl-Z
+    /// meanwhile are ignored.
     pub(super) fn suspend(&self) {
         self.continued.store(false, Ordering::Release);
         if !self.is_ending() {
             stop_this_process();
-            // It may be another thread that is stopped first, and none is where the system does not do it.
+            // Another thread may be stopped first, or none if the system refuses.
             let until = crate::clock::now().saturating_add(DOZE);
             while !self.continued.load(Ordering::Acquire) && !self.is_ending() {
                 let left = until.saturating_sub(crate::clock::now());
@@ -139,28 +139,28 @@ impl AsFd for Signals {
     }
 }
 
-/// Whether a terminal talks to this process, and not to another one of its session.
+/// Whether this process is in the foreground of a terminal.
 pub fn is_in_foreground(terminal: impl AsFd) -> bool {
     rustix::termios::tcgetpgrp(terminal).is_ok_and(|group| group.as_raw_nonzero().get() == own_group())
 }
 
-/// The terminal that this process was started from, for somebody to press keys there.
+/// The keys of the terminal that this process was started from.
 #[derive(Debug)]
 pub struct Keys {
     terminal: OwnedFd,
-    /// Whether each key shall count by itself, without Enter and without an echo.
+    /// Whether single keys are read, without Enter and without echo.
     single: bool,
-    /// How the terminal was before, while it is so.
+    /// The original state of the terminal, while single keys are read.
     before: Option<Termios>,
-    /// Whether Enter plays a step and does not go on.
+    /// Whether Enter plays one step instead of continuing.
     pub enter_steps: bool,
-    /// The time of the pause that was told last, in the time of the script.
-    pub(super) told: Option<Micros>,
-    /// How far a key has come that sends more than one character, such as an arrow.
+    /// The time of the script of the last reported pause.
+    pub(super) reported: Option<Micros>,
+    /// The position in the escape sequence of a key, such as an arrow.
     sequence: Sequence,
 }
 
-/// Where in the characters of one key the terminal is: `ESC`, `ESC [ … LETTER` or `ESC O LETTER`.
+/// The position in an escape sequence: `ESC`, `ESC [ … LETTER` or `ESC O LETTER`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sequence {
     Outside,
@@ -169,14 +169,14 @@ enum Sequence {
 }
 
 impl Sequence {
-    /// Takes the next character; gives it back where it is a key by itself.
+    /// Takes the next character; returns it if it is a key by itself.
     fn take(&mut self, character: u8) -> Option<u8> {
         let was = std::mem::replace(self, Sequence::Outside);
         match (was, character) {
             (_, 0x1B) => *self = Sequence::Escape,
             (Sequence::Escape, b'[' | b'O') | (Sequence::Inside, b'0'..=b'9' | b';' | b'?') => *self = Sequence::Inside,
             (Sequence::Inside, b'@'..=b'~') => {}
-            // Escape was pressed by itself, and this behind it.
+            // The Escape key itself, followed by another key.
             _ => return Some(character),
         }
         None
@@ -184,14 +184,14 @@ impl Sequence {
 }
 
 impl Keys {
-    /// Opens it; `None` where there is none. With `single` each key counts by itself, from [`Keys::begin`] on.
+    /// Opens the terminal, if this process has one. With `single`, single keys are read after [`Keys::begin`].
     pub fn open(single: bool) -> Option<Self> {
         let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let terminal = rustix::fs::open("/dev/tty", flags, Mode::empty()).ok()?;
-        Some(Keys { terminal, single, before: None, enter_steps: false, told: None, sequence: Sequence::Outside })
+        Some(Keys { terminal, single, before: None, enter_steps: false, reported: None, sequence: Sequence::Outside })
     }
 
-    /// Takes single keys from now on, where the terminal talks to this process. Ctrl-C and Ctrl-Z stay what they are.
+    /// Starts to read single keys, if this process is in the foreground. Ctrl-C and Ctrl-Z keep their meaning.
     pub fn begin(&mut self) {
         if !self.single || self.before.is_some() || !is_in_foreground(&self.terminal) {
             return;
@@ -203,30 +203,29 @@ impl Keys {
         }
     }
 
-    /// Leaves the terminal as it was.
+    /// Restores the terminal.
     pub fn end(&mut self) {
         if let Some(before) = self.before.take() {
             let _ = rustix::termios::tcsetattr(&self.terminal, OptionalActions::Now, &before);
         }
     }
 
-    /// Whether single keys are taken now.
+    /// Whether single keys are being read.
     pub(super) fn is_single(&self) -> bool {
         self.before.is_some()
     }
 
-    /// The descriptor to wait on, while this process is the one that the terminal talks to.
+    /// The descriptor to poll, while this process is in the foreground.
     pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         is_in_foreground(&self.terminal).then(|| self.terminal.as_fd())
     }
 
-    /// Forgets what was typed before.
+    /// Discards keys typed before.
     pub(super) fn forget(&self) {
         let _ = rustix::termios::tcflush(&self.terminal, QueueSelector::IFlush);
     }
 
-    /// The next key that was typed; of a line its end. `None` where nothing was, or a key that sends more than one character,
-    /// such as an arrow.
+    /// The next key; of a line, its last character. `None` without a key, or if it sends an escape sequence, such as an arrow.
     pub(super) fn key(&mut self) -> Option<u8> {
         let mut buffer = [0; 256];
         if !self.is_single() {
@@ -249,9 +248,9 @@ impl Drop for Keys {
     }
 }
 
-/// A terminal as it was, for a guard to bring it back to that where its player cannot.
+/// The saved state of a terminal, which a guard restores if its player cannot.
 pub(super) struct Terminal {
-    /// The terminal, and its state before.
+    /// The terminal and its original state.
     before: Option<(OwnedFd, Termios)>,
     /// The session of the player, and its group.
     session: i32,
@@ -259,7 +258,7 @@ pub(super) struct Terminal {
 }
 
 impl Terminal {
-    /// Must be asked before the guard leaves its session, and before the player takes single keys.
+    /// Saves the state. Must be called before the guard leaves its session and before the player reads single keys.
     pub(super) fn remember() -> Self {
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
         let opened = rustix::fs::open("/dev/tty", flags, Mode::empty());
@@ -270,13 +269,13 @@ impl Terminal {
         Terminal { before, session: own_session(), group: own_group() }
     }
 
-    /// Brings it back, where it is exactly as a player makes it that takes single keys: where it never did, or where another program has
-    /// set the terminal up for itself, nothing is changed.
+    /// Restores the state, if the terminal is exactly in the state of a player that reads single keys. Otherwise the player or another
+    /// program has changed it, and nothing is done.
     pub(super) fn restore(&self) {
         let Some((terminal, before)) = &self.before else { return };
         let Ok(now) = rustix::termios::tcgetattr(terminal) else { return };
         let is_the_players = is_same(&now, &single_keys(before)) && !is_same(&now, before);
-        // In the end the terminal is the player's, or its shell's, or nobody's.
+        // Only if the player, its shell or no process is in the foreground.
         let foreground = foreground(self.session);
         let is_anothers = foreground.is_some_and(|group| ![self.group, self.session].contains(&group));
         if is_the_players && !is_anothers {
@@ -285,7 +284,7 @@ impl Terminal {
     }
 }
 
-/// A terminal that gives each key by itself, without an echo.
+/// The state of a terminal that delivers single keys without echo.
 fn single_keys(state: &Termios) -> Termios {
     let mut single = state.clone();
     single.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
@@ -298,28 +297,28 @@ fn is_same(one: &Termios, other: &Termios) -> bool {
     modes(one) == modes(other) && codes.iter().all(|code| one.special_codes[*code] == other.special_codes[*code])
 }
 
-/// The group that the terminal of a session talks to, as far as the leader of the session still knows.
+/// The foreground group of the terminal of a session, read from the session leader.
 fn foreground(session: i32) -> Option<i32> {
     let stat = std::fs::read_to_string(format!("/proc/{session}/stat")).ok()?;
-    // Behind the name in brackets: state, parent, group, session, terminal, foreground group.
+    // After the name in parentheses: state, parent, group, session, terminal, foreground group.
     let group: i32 = stat.rsplit_once(')')?.1.split_whitespace().nth(5)?.parse().ok()?;
     (group > 0).then_some(group)
 }
 
-/// What `--realtime` got of what it asked for.
+/// What was granted of `--realtime`.
 #[derive(Debug)]
 pub struct Realtime {
-    /// Whether the sending thread runs before all ordinary ones (`SCHED_FIFO`).
+    /// Real-time priority of the sending thread (`SCHED_FIFO`).
     pub priority: io::Result<()>,
-    /// Whether the program's memory stays in memory.
+    /// Locked memory.
     pub memory: io::Result<()>,
 }
 
-/// The real-time priority of the sending thread, from 1 to 99; its guard's is one higher.
+/// The real-time priority of the sending thread, from 1 to 99; that of its guard is one higher.
 const PRIORITY: i32 = 80;
 
 impl Realtime {
-    /// Asks for real-time priority for this thread, and for the memory that this process has now to stay in memory.
+    /// Requests real-time priority for this thread, and locks the current memory of this process.
     pub fn ask() -> Self {
         Realtime { priority: run_before_others(PRIORITY), memory: lock_memory() }
     }
@@ -329,12 +328,12 @@ fn lock_memory() -> io::Result<()> {
     Ok(rustix::mm::mlockall(MlockAllFlags::CURRENT)?)
 }
 
-/// Lets this thread wake as exactly as the clock can; by default Linux may be 50 µs late.
+/// Makes this thread wake as exactly as possible; by default Linux may be 50 µs late.
 pub(crate) fn wake_exactly() {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
 
-/// What cannot be ignored, or tells of a fault of the program itself, or of a child's end.
+/// Signals that cannot be ignored, that report a fault of the program, or the end of a child.
 const FAULTS: [i32; 10] = [
     libc::SIGKILL,
     libc::SIGSTOP,
@@ -348,10 +347,10 @@ const FAULTS: [i32; 10] = [
     libc::SIGCHLD,
 ];
 
-/// Makes this process a guard: nothing but a kill or a stop reaches it, and it wakes as soon as it can.
+/// Makes this process a guard: only SIGKILL and SIGSTOP affect it, and it wakes as exactly as possible.
 pub(super) fn become_guard(realtime: bool) {
     ignore((1..=libc::SIGRTMAX()).filter(|signal| !FAULTS.contains(signal)));
-    // Fails only for a process that leads its session already.
+    // Fails only if this process is a session leader already.
     let _ = rustix::process::setsid();
     wake_exactly();
     let _ = lock_memory();
@@ -360,17 +359,16 @@ pub(super) fn become_guard(realtime: bool) {
     }
 }
 
-/// Another process, held so that its number cannot come to mean a third one.
+/// Another process, by a descriptor, so that its number cannot be reused for another one.
 #[derive(Debug)]
 pub(super) struct Process(OwnedFd);
 
 impl Process {
-    /// The parent of this process, which must have this number. A parent that has died meanwhile is an error: its number may already
-    /// mean another process.
+    /// The parent of this process, which must have this number. Fails if the parent has died, because its number may be reused.
     pub(super) fn parent(id: i32) -> io::Result<Self> {
         let id = Pid::from_raw(id).ok_or(io::ErrorKind::InvalidInput)?;
         let is_parent = || rustix::process::getppid() == Some(id);
-        let gone = || io::Error::other("the player is gone");
+        let gone = || io::Error::other("the player has ended");
         if !is_parent() {
             return Err(gone());
         }
@@ -378,12 +376,12 @@ impl Process {
         if is_parent() { Ok(Process(process)) } else { Err(gone()) }
     }
 
-    /// Kills it; a process that has ended already stays so.
+    /// Kills it, if it has not ended.
     pub(super) fn kill(&self) {
         let _ = rustix::process::pidfd_send_signal(&self.0, Signal::KILL);
     }
 
-    /// Waits for its end, at most so long.
+    /// Waits for its end, at most `timeout`. Returns whether it has ended.
     pub(super) fn has_ended(&self, timeout: Nanos) -> bool {
         let until = crate::clock::now().saturating_add(timeout);
         loop {
@@ -415,7 +413,7 @@ fn is_ignored(signal: i32) -> bool {
     }
 }
 
-/// Lets these signals reach this thread, and those that it starts, also where the program that started this one has blocked them.
+/// Unblocks these signals for this thread and those that it starts, in case the parent process blocked them.
 #[expect(unsafe_code, reason = "neither the standard library nor rustix can unblock a signal")]
 fn unblock(signals: impl IntoIterator<Item = i32>) {
     // SAFETY: the pointers are to a live set, which is emptied before it is filled and read.
@@ -429,7 +427,7 @@ fn unblock(signals: impl IntoIterator<Item = i32>) {
     }
 }
 
-/// Does what Ctrl-Z does to a program that does not catch it: nothing where no shell could continue it.
+/// Stops this process as Ctrl-Z would; does nothing if no shell can continue it.
 #[expect(unsafe_code, reason = "the handler must be put aside for it, and back")]
 fn stop_this_process() {
     // SAFETY: all pointers are to live values of the type that the calls read and write, and the handler that is put back is
@@ -445,21 +443,21 @@ fn stop_this_process() {
     }
 }
 
-/// The process group of this process. Zero in a namespace that does not know it, which rustix takes for impossible.
+/// The process group of this process. Zero if it is in another namespace, which rustix does not handle.
 #[expect(unsafe_code, reason = "rustix cannot tell of a group that its namespace does not know")]
 fn own_group() -> i32 {
-    // SAFETY: it takes nothing and cannot fail.
+    // SAFETY: it has no arguments and cannot fail.
     unsafe { libc::getpgrp() }
 }
 
-/// The session of this process. Zero, too, where its namespace does not know it, as in a container that was entered from outside.
+/// The session of this process. Zero if it is in another namespace, as in a container that was entered from outside.
 #[expect(unsafe_code, reason = "rustix cannot tell of a session that its namespace does not know")]
 fn own_session() -> i32 {
     // SAFETY: it takes a number, and cannot fail for this process.
     unsafe { libc::getsid(0) }
 }
 
-/// `SCHED_FIFO` for this thread, and for none that it starts.
+/// `SCHED_FIFO` for this thread, but not for threads that it starts.
 #[expect(unsafe_code, reason = "rustix cannot set a scheduling policy")]
 fn run_before_others(priority: i32) -> io::Result<()> {
     let parameters = libc::sched_param { sched_priority: priority };

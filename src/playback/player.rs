@@ -1,7 +1,7 @@
-//! What to do next, as a pure function of time and of what happened.
+//! Decides what to send, as a pure function of time and inputs.
 //!
-//! Late is never caught up: a frame later than the limit is not sent, and the run ends. A sample or a refresh that a newer
-//! frame for the same thing has overtaken is dropped. Every end but the regular one, and every pause, is a [`Halt`].
+//! A frame later than the limit is not sent, and the run ends. A sample or a refresh is dropped if a newer frame for the same
+//! resource is due. Every early end and every pause is a [`Halt`].
 
 use super::halt::{Halt, Outbox, Stops};
 use super::judge::Judge;
@@ -19,28 +19,27 @@ pub struct Player<'t> {
     stops: Stops,
     cues: &'t [Cue],
     judge: Judge<'t>,
-    /// What comes again and again when everything was played.
+    /// The repeated pass of an endless run.
     again: Option<&'t Timeline>,
-    /// What the board was sent, in this pass and before it.
+    /// The commands sent to the board, in this pass and earlier ones.
     state: State,
     pass: u64,
-    /// How long the passes before this one took.
+    /// The duration of the earlier passes.
     passed: Nanos,
     end: Nanos,
     max_late: Nanos,
     phase: Phase,
-    /// When time 0 of the script is, in nanoseconds, or would have been without the pauses; before the run began where steps of a pause went
-    /// ahead of time.
+    /// Time 0 of the script, in nanoseconds from the start, moved by the pauses; negative if steps of a pause were ahead of time.
     origin: i64,
-    /// The next event that was not taken up.
+    /// The next event.
     next: usize,
     next_cue: usize,
     out: Outbox,
-    /// When the bytes for the port were due, in the time of the script.
+    /// When the bytes in `out` were due, in the time of the script.
     due: Nanos,
-    /// How many frames of the timeline are in them.
+    /// How many frames of the timeline are in `out`.
     pending: usize,
-    /// The last event that was taken up.
+    /// The last event that was processed.
     last: Option<usize>,
     sent: usize,
     dropped: usize,
@@ -51,14 +50,14 @@ pub struct Player<'t> {
 #[derive(Clone, Copy, Debug)]
 enum Phase {
     Playing,
-    /// Stopping for good.
+    /// Stopping the robot at the end of the run.
     Ending(Halt, Outcome),
-    /// Stopping for a pause, at a time of the script; how the run ends if the robot cannot be stopped, and whether the
-    /// process sleeps then.
+    /// Stopping the robot for a pause, at a time of the script; how the run ends if that fails, and whether the process is
+    /// suspended.
     Pausing(Halt, Nanos, Outcome, bool),
     /// Playing one step of a pause, up to a time of the script.
     Stepping(Nanos),
-    /// Standing at a time of the script.
+    /// Paused at a time of the script.
     Paused(Nanos),
     Done(Outcome),
 }
@@ -95,7 +94,7 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Plays `again` over and over when everything else was played. It must take some time.
+    /// Repeats `again` forever after the timeline. A pass that takes no time is ignored.
     #[must_use]
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
@@ -105,7 +104,7 @@ impl<'t> Player<'t> {
         self
     }
 
-    /// Begins the next pass at the very moment when the last one was to end.
+    /// Starts the next pass exactly at the end of the last one.
     fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
         self.origin = self.origin.saturating_add_unsigned(self.end.0);
         self.passed += self.end;
@@ -118,12 +117,12 @@ impl<'t> Player<'t> {
         notices(Notice::Pass { pass: self.pass });
     }
 
-    /// The board that it plays for.
+    /// The board of the timeline.
     pub fn board(&self) -> &'t Board {
         self.board
     }
 
-    /// The bytes that the port still has to take.
+    /// The bytes that the port has not accepted.
     pub fn bytes(&self) -> &[u8] {
         self.out.rest()
     }
@@ -136,7 +135,7 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Where the last command that was taken up stands in the script.
+    /// The position in the script of the last command that was processed.
     pub fn place(&self) -> Option<Span> {
         self.span(self.last)
     }
@@ -149,34 +148,34 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// The same, with the passes before this one.
+    /// The time of the run at `now`: the time of the script and the earlier passes.
     pub fn run_time(&self, now: Nanos) -> Nanos {
         self.passed + self.script_time(now)
     }
 
-    /// Takes a report of the board that came at `now`, from the start.
+    /// Takes a report of the board, received at `now` from the start.
     pub fn hear(&mut self, now: Nanos, report: Report, notices: &mut impl FnMut(Notice)) {
         notices(Notice::Report(report));
         let time = self.script_time(now);
         match self.phase {
             Phase::Playing => self.judge.hear(time, now, report, &mut |verdict| notices(Notice::Judged(verdict))),
-            // Behind the end nothing is judged; at a pause what is newest goes on being so.
+            // After the end and during a pause, nothing is judged, but the newest report is kept.
             _ => self.judge.note(now, report),
         }
     }
 
-    /// Whether an `expect` is due at `now`, so that all reports that have come should be heard before.
+    /// Whether an `expect` is due at `now`, so that received reports must be read first.
     pub fn judges_at(&self, now: Nanos) -> bool {
         let is_due = |due: Nanos| due <= self.since_origin(now);
         matches!(self.phase, Phase::Playing) && self.judge.next_due().is_some_and(is_due)
     }
 
-    /// The time of a script that runs, at `now`.
+    /// The time of a running script at `now`.
     fn since_origin(&self, now: Nanos) -> Nanos {
         Nanos(now.0.checked_add_signed(self.origin.saturating_neg()).unwrap_or(0))
     }
 
-    /// What to do at `now`, from the start, after `input` happened.
+    /// Processes an input at `now` from the start, and returns the next order.
     pub fn poll(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         if input == Input::Help {
             notices(Notice::Help);
@@ -198,7 +197,7 @@ impl<'t> Player<'t> {
                 let (at, outcome, sleeps) = (*at, *outcome, *sleeps);
                 match (halt.poll(now, input, &self.stops, &mut self.out), halt.stop(&self.stops)) {
                     (Some(order), _) => order,
-                    // A robot that may still be moving is not left alone.
+                    // End the run, because the robot may still be moving.
                     (None, Stop::NotSent) => self.done(outcome),
                     (None, _) => {
                         self.extra += halt.frames();
@@ -246,7 +245,7 @@ impl<'t> Player<'t> {
             };
         }
         self.say(time, notices);
-        // Before anything that is due at the same time is sent.
+        // Judged before frames that are due at the same time are sent.
         if let Some(failed) = self.judge.poll(time, now, &mut |verdict| notices(Notice::Judged(verdict))) {
             return self.end_early(Cause::Expect(failed), now);
         }
@@ -265,14 +264,14 @@ impl<'t> Player<'t> {
                 if let Some(again) = self.again {
                     self.next_pass(again, notices);
                 }
-                // At this very moment, or a little behind it, the first frames of the next pass are due.
+                // The first frames of the next pass are due now.
                 self.wait(Nanos::ZERO, false)
             }
             None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
     }
 
-    /// To wait until a time of the script.
+    /// An order to wait until a time of the script.
     fn wait(&self, until: Nanos, writable: bool) -> Order {
         Order::Wait { until: Nanos(until.0.saturating_add_signed(self.origin)), writable }
     }
@@ -284,7 +283,7 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Takes up every event that is due. Gives the lateness of one that is too late.
+    /// Processes every event that is due. Returns the lateness of one that is too late.
     fn gather(&mut self, time: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Nanos> {
         let rest = self.events.get(self.next..).unwrap_or_default();
         let is_due = rest.iter().take_while(|event| due(event) <= time).count();
@@ -292,13 +291,12 @@ impl<'t> Player<'t> {
         for (at, event) in ready.iter().enumerate() {
             let index = self.next;
             let late = time - due(event);
-            // Also for a frame that would be dropped: a robot that was not fed for so long may have stopped already, and
-            // must not start again by itself.
+            // Also for a frame that would be dropped: the robot may have stopped already, and must not start again by itself.
             if late > self.max_late {
                 return Some(late);
             }
             let may_drop = matches!(event.kind, Kind::Sample | Kind::Refresh);
-            // What is due at the same time supersedes nothing.
+            // A frame that is due at the same time does not replace it.
             let is_newer =
                 |newer: &Event| due(newer) > due(event) && self.board.supersedes(&newer.command, &event.command);
             if may_drop && ready.iter().skip(at + 1).any(is_newer) {
@@ -322,7 +320,7 @@ impl<'t> Player<'t> {
         None
     }
 
-    /// Goes on to the next event; the board counts as told this one.
+    /// Moves to the next event, and applies this one to the state.
     fn take(&mut self, event: &Event) {
         self.next += 1;
         self.state.apply(self.board, &event.command);
@@ -332,7 +330,7 @@ impl<'t> Player<'t> {
         Some(self.events.get(event?)?.span)
     }
 
-    /// The outcome of a run that ends now, before anything was stopped.
+    /// The outcome of a run that ends now, before the robot is stopped.
     fn outcome_at(&self, cause: Cause, time: Nanos) -> Outcome {
         let place = match cause {
             Cause::Late(_) => Some(self.next),
@@ -360,7 +358,7 @@ impl<'t> Player<'t> {
         self.halt(Phase::Ending(Halt::new(true, now), outcome))
     }
 
-    /// Stops the robot and nothing else: `on abort` is for a run that ends.
+    /// Stops the robot for a pause, without `on abort`.
     fn pause(&mut self, time: Nanos, now: Nanos, sleeps: bool) -> Order {
         let cause = if sleeps { Cause::Signal(SIGTSTP) } else { Cause::Quit };
         let outcome = self.outcome_at(cause, time);
@@ -390,8 +388,7 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Plays what comes next: everything of the next time at which something is commanded, but not the drive, which stands
-    /// at a pause and goes on with what it holds by then.
+    /// Plays the next step: all commands of the next time that has any, except drive commands, which apply when the run continues.
     fn step(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
         let rest = self.events.get(self.next..).unwrap_or_default();
         let Some(at) = rest.iter().find(|event| event.kind != Kind::Refresh).map(due) else { return Order::Stay };
@@ -435,14 +432,14 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Begins paused, at the start of the script.
+    /// Starts paused, at the start of the script.
     #[must_use]
     pub fn paused(mut self) -> Self {
         self.phase = Phase::Paused(Nanos::ZERO);
         self
     }
 
-    /// Brings the robot back to where the pause found it; what was queued then may never have reached it.
+    /// Restores the state from before the pause. Commands that were queued then may not have reached the robot.
     fn restore(&mut self, at: Nanos) {
         for command in self.state.commands(self.board) {
             self.out.push(|bytes| self.board.encode(command, bytes));

@@ -16,35 +16,34 @@ use crate::link::Link;
 use crate::source::Lines;
 use crate::units::{Micros, Nanos};
 
-/// How long before a deadline the loop stops looking at the port.
+/// How long before a deadline the loop stops polling the port.
 const CLOSE: Nanos = Nanos::from_millis(1);
-/// How long before a deadline the loop stops sleeping and looks at the clock instead: longer than a computer
-/// takes to wake; and longer still for a thread with real-time priority, which nothing disturbs. At 200 frames a second
-/// the first is one part in a hundred of a processor.
+/// How long before a deadline the loop spins instead of sleeping: longer than a computer takes to wake, and longer still for a
+/// thread with real-time priority, which nothing disturbs. At 200 frames per second the first is 1 % of a processor.
 const SPIN: Nanos = Micros(50).nanos();
 const REALTIME_SPIN: Nanos = Micros(150).nanos();
 /// How many panics end the run.
 const MAX_PANICS: usize = 10;
-/// How many reads of 256 bytes are made at once: more than a port holds.
+/// The most reads of 256 bytes at once: more than a port buffers.
 const MAX_READS: usize = 512;
-/// How often the port and the keys are looked at where frames follow each other too closely to wait for them.
+/// How often the port and the keys are polled if frames are too close together to wait in between.
 const LOOK: Nanos = Nanos::from_millis(10);
 
-/// One run of a timeline on a board: everything that it needs, made before its first frame.
+/// One run of a timeline on a board: everything it needs, created before the first frame.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Session<'s, L> {
     /// Decides what is sent, and when.
     pub player: Player<'s>,
-    /// The way to the board.
+    /// The connection to the board.
     pub link: L,
-    /// What ends the run early.
+    /// The signals that end the run early.
     pub signals: Signals,
-    /// What stops the robot if this process cannot.
+    /// The process that stops the robot if this process cannot.
     pub guard: Option<Guard>,
-    /// The terminal where a paused run can be continued. Without it Ctrl-Z ends a run.
+    /// The keys that continue a paused run. Without them, Ctrl-Z ends a run.
     pub keys: Option<Keys>,
-    /// Where the lines of the script are, for the guard to name them.
+    /// The lines of the script, for the guard's messages.
     pub lines: Lines<'s>,
     /// Whether this thread has real-time priority.
     pub realtime: bool,
@@ -54,16 +53,16 @@ pub struct Session<'s, L> {
 }
 
 impl<'s, L: Link> Session<'s, L> {
-    /// Without a guard, keys and real-time priority. The guard is started last: from then on the loop must run.
+    /// A session without guard, keys and real-time priority. Start the guard last: from then on the loop must run.
     pub fn new(player: Player<'s>, link: L, signals: Signals, lines: Lines<'s>) -> Self {
         let reports = ReportDecoder::new(player.board().codec.replies);
         Session { player, link, signals, guard: None, keys: None, lines, realtime: false, reports, start: Nanos::ZERO }
     }
 
-    /// Plays until the end, or until something ends the run early. Time 0 is at `start` on the clock of [`now`](super::now), which must
-    /// not be in the future. What happens is passed to `notices` at once, from the thread that sends: it must not wait.
+    /// Plays until the end, or until something ends the run early. Time 0 is `start` on the clock of [`now`](super::now), which must
+    /// not be in the future. Notices are passed to `notices` immediately, from the thread that sends, so it must not block.
     ///
-    /// Afterwards the keys are an ordinary terminal again, and the guard, if there is one, still waits for its goodbye.
+    /// Afterwards the terminal is restored, and the guard, if there is one, still waits for its goodbye.
     pub fn play(&mut self, start: Nanos, mut notices: impl FnMut(Notice)) -> Outcome {
         os::wake_exactly();
         self.start = start;
@@ -71,20 +70,20 @@ impl<'s, L: Link> Session<'s, L> {
         let outcome = self.outlive_panics(&mut notices);
         self.keys = None;
         if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) {
-            // A player that failed before it could stop the robot leaves that to its guard, which kills it first.
+            // If the player failed before it stopped the robot, the guard kills it and stops the robot.
             drop(self.guard.take());
         }
         if let Some(guard) = &mut self.guard {
             guard.ended(outcome.at, outcome.place.map(|span| self.lines.place(span)), outcome.stop);
         }
         if outcome.stop == Stop::NotSent {
-            // What the port never took must not keep it from closing.
+            // Bytes that the port never sent must not delay its closing.
             let _ = self.link.discard();
         }
         outcome
     }
 
-    /// A robot hangs on this: whatever failed, it is stopped. What fails again while stopping is skipped.
+    /// Stops the robot even after a panic. A step of the stop that panics again is skipped.
     fn outlive_panics(&mut self, notices: &mut impl FnMut(Notice)) -> Outcome {
         let mut input = Input::Tick;
         for _ in 0..MAX_PANICS {
@@ -116,8 +115,8 @@ impl<'s, L: Link> Session<'s, L> {
                 input = Input::Unguarded;
             }
             self.beat(false);
-            // Also where deadlines follow each other too closely to look at the port in between. No more than a port holds: a flood
-            // must not keep the loop here.
+            // Also if deadlines are too close together to poll the port in between. Limited, so that a flood of bytes cannot keep the
+            // loop here.
             if input == Input::Tick && self.player.judges_at(self.time()) {
                 input = self.read(MAX_READS, notices);
             }
@@ -126,13 +125,13 @@ impl<'s, L: Link> Session<'s, L> {
                 return outcome;
             }
             input = match order {
-                // Also where one write follows another, and before the first.
+                // Signals are checked before every write.
                 Order::Write => match self.signals.pending() {
                     Some(signal) => self.meaning(signal),
                     None => self.write(notices),
                 },
                 Order::Discard => {
-                    // Where the port is gone there is nothing to discard, and the stop reports it.
+                    // If the port is gone, the stop reports it.
                     let _ = self.link.discard();
                     Input::Tick
                 }
@@ -145,7 +144,7 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
-    /// Offers the port what the player has for it.
+    /// Writes the player's bytes to the port.
     fn write(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
         let bytes = self.player.bytes();
         let result = self.link.write(bytes);
@@ -154,7 +153,7 @@ impl<'s, L: Link> Session<'s, L> {
         Input::of_write(result)
     }
 
-    /// Discards what the board sent before the run: no `expect` is about that.
+    /// Discards reports from before the run.
     fn forget_reports(&mut self) {
         for _ in 0..MAX_READS {
             if !matches!(self.link.read(&mut [0; 256]), Ok(1..)) {
@@ -163,7 +162,7 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
-    /// Reads the reports that have come, without waiting, in at most this number of reads.
+    /// Reads received reports without waiting, in at most `reads` reads.
     fn read(&mut self, reads: usize, notices: &mut impl FnMut(Notice)) -> Input {
         let mut buffer = [0; 256];
         for _ in 0..reads {
@@ -185,12 +184,12 @@ impl<'s, L: Link> Session<'s, L> {
         Input::Tick
     }
 
-    /// What a signal means: Ctrl-Z is a pause where somebody can end it.
+    /// What a signal means: Ctrl-Z suspends only if a key can continue the run.
     fn meaning(&self, signal: i32) -> Input {
         if signal == SIGTSTP && self.keys.is_some() { Input::Suspend } else { Input::Signal(signal) }
     }
 
-    /// Tells the guard that the loop is alive, where that cannot wait, or where there is time for it and it cannot wait long.
+    /// Sends a heartbeat to the guard, if it is due or if there is time for it.
     fn beat(&mut self, has_time: bool) {
         let now = clock::now();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
@@ -200,12 +199,12 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
-    /// When the loop must be awake for the next beat.
+    /// When the loop must be awake for the next heartbeat.
     fn next_beat(&self) -> Nanos {
         self.guard.as_ref().map_or(Nanos::MAX, Guard::deadline)
     }
 
-    /// Waits until `deadline` on the clock, or until something happens.
+    /// Waits until `deadline` on the clock, or for an input.
     fn wait(&mut self, deadline: Nanos, writable: bool, notices: &mut impl FnMut(Notice)) -> Input {
         loop {
             let left = deadline.saturating_sub(clock::now());
@@ -222,7 +221,7 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
-    /// Waits once for the port, a signal, the guard and, if asked to, the keys; until a time on the clock or the next beat.
+    /// Polls the port, signals, the guard and, if requested, the keys once, until a time on the clock or the next heartbeat.
     fn look(&mut self, until: Nanos, writable: bool, keys: bool, notices: &mut impl FnMut(Notice)) -> Input {
         let is_paused = keys;
         let timeout = until.min(self.next_beat()).saturating_sub(clock::now());
@@ -266,7 +265,7 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
-    /// Waits until `deadline` on the clock, whatever happens; only the guard is told that the loop is alive.
+    /// Waits until `deadline` on the clock, ignoring all inputs; sends heartbeats.
     fn pause(&mut self, deadline: Nanos) -> Input {
         while clock::now() < deadline {
             self.beat(false);
@@ -280,7 +279,7 @@ impl<'s, L: Link> Session<'s, L> {
         self.player.script_time(self.time()).micros()
     }
 
-    /// The robot is at rest: sleeps until the shell continues this process.
+    /// The robot is stopped: suspends this process until the shell continues it.
     fn suspend(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
         let place = self.player.place().map(|span| self.lines.place(span));
         let (at, run_time) = (self.script_time(), self.player.run_time(self.time()).micros());
@@ -288,7 +287,7 @@ impl<'s, L: Link> Session<'s, L> {
             guard.rest(run_time, place);
         }
         notices(Notice::Sleeping { at });
-        // The thread that shows that stops too, a moment later.
+        // The observer thread, which is suspended too, needs time to show it.
         clock::sleep_until(clock::now().saturating_add(CLOSE * 100));
         if let Some(keys) = &mut self.keys {
             keys.end();
@@ -297,33 +296,33 @@ impl<'s, L: Link> Session<'s, L> {
         Input::Tick
     }
 
-    /// Waits for somebody to say that the run shall go on, and says so once somebody can.
+    /// Waits for a key that continues the run, and reports the pause once a key can be pressed.
     fn stay(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
-        let mut is_told = false;
+        let mut can_continue = false;
         loop {
             self.beat(true);
             let at = self.script_time();
             let keys = self.keys.as_ref().filter(|keys| keys.descriptor().is_some());
-            let was_told = std::mem::replace(&mut is_told, keys.is_some());
-            if let Some(keys) = self.keys.as_mut().filter(|_| is_told && !was_told) {
+            let could_continue = std::mem::replace(&mut can_continue, keys.is_some());
+            if let Some(keys) = self.keys.as_mut().filter(|_| can_continue && !could_continue) {
                 keys.begin();
-                // What was typed before the pause was not meant for a robot.
-                if keys.told.is_none() {
+                // Discard keys typed before the pause.
+                if keys.reported.is_none() {
                     keys.forget();
                 }
-                // Somebody who asked what the keys are has not been told anything new.
-                if keys.told.replace(at) != Some(at) {
+                // The same pause is not reported again after the help key.
+                if keys.reported.replace(at) != Some(at) {
                     notices(Notice::Paused { at });
                 }
             }
-            // Now and then it looks whether the terminal talks to this process again.
+            // Wakes regularly to check whether this process is in the foreground again.
             let until = clock::now().saturating_add(CLOSE * 100);
-            // What comes at a pause is not shown, but the newest report goes on being the newest.
+            // Reports during a pause are not shown, but the newest one is kept.
             match self.look(until, false, true, &mut |_| {}) {
                 Input::Tick => {}
                 input => {
                     if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {
-                        keys.told = None;
+                        keys.reported = None;
                     }
                     return input;
                 }
@@ -336,7 +335,7 @@ impl<'s, L: Link> Session<'s, L> {
 fn meaning_of(key: u8, keys: &Keys, is_paused: bool) -> Input {
     let enter = if keys.enter_steps { Input::Step } else { Input::Resume };
     match (key, is_paused) {
-        // A line is only asked for at a pause.
+        // A line of input counts only during a pause.
         (b'\n' | b'\r', true) => enter,
         _ if !keys.is_single() => Input::Tick,
         (b' ', true) => Input::Resume,
@@ -348,7 +347,7 @@ fn meaning_of(key: u8, keys: &Keys, is_paused: bool) -> Input {
     }
 }
 
-/// The last millisecond before a deadline.
+/// Waits during the last millisecond before a deadline.
 pub(super) fn close_in(deadline: Nanos, realtime: bool) {
     let spin = if realtime { REALTIME_SPIN } else { SPIN };
     clock::sleep_until(deadline.saturating_sub(spin));

@@ -1,4 +1,4 @@
-//! The stop of whoever has a port and nothing else to do: a guard, and a tap that ends.
+//! Stops the robot, for a guard and for a tap that ends.
 
 use super::halt::{Halt, Outbox, Stops};
 use super::messages::{Input, Order, Stop};
@@ -7,10 +7,10 @@ use crate::clock;
 use crate::link::Link;
 use crate::units::Nanos;
 
-/// The longest time between two beats.
+/// The longest time between two heartbeats.
 const BEAT: Nanos = Nanos::from_millis(20);
 
-/// Stops the robot: what is queued is thrown away, then the stop frames. Meanwhile `beat` tells whoever watches that this goes on.
+/// Stops the robot: discards queued bytes and sends the stop frames. Calls `beat` regularly, for a guard that watches.
 pub(crate) fn stop_robot(port: &mut impl Link, stops: &Stops, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
     let _ = port.discard();
     out.clear();

@@ -1,22 +1,22 @@
-//! Errors and warnings of scripts with their places in words and numbers, as every format of report has them.
+//! Errors and warnings of scripts with their positions, for every report format.
 
 use serde::Serialize;
 
 use crate::diagnostic::{Diagnostics, Severity};
 use crate::source::{Encoding, Lines, Position, Sources};
 
-/// One error or warning at its place. Lines and columns count from 1, columns in characters; the end is behind the last one.
+/// One error or warning. Lines and columns count from 1, columns in characters; the end is exclusive.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The file.
     pub file: String,
-    /// Where it begins.
+    /// First line.
     pub line: usize,
-    /// Where it begins.
+    /// First column.
     pub column: usize,
-    /// Where it ends.
+    /// Last line.
     pub end_line: usize,
-    /// Where it ends.
+    /// Column after the last character.
     pub end_column: usize,
     /// `error` or `warning`.
     pub severity: Severity,
@@ -24,11 +24,11 @@ pub struct Finding {
     pub code: &'static str,
     /// What is wrong.
     pub message: String,
-    /// What to write instead.
+    /// What to do.
     pub help: String,
 }
 
-/// How many errors and warnings there are, listed or not.
+/// The numbers of errors and warnings, listed or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Totals {
     /// Errors.
@@ -38,7 +38,7 @@ pub struct Totals {
 }
 
 impl Totals {
-    /// Adds those of one script.
+    /// Adds the numbers of one script.
     pub fn add(&mut self, diagnostics: &Diagnostics) {
         self.errors += diagnostics.errors();
         self.warnings += diagnostics.warnings();
@@ -49,7 +49,7 @@ impl Totals {
 pub(super) const UNREADABLE: &str = "unreadable";
 
 impl Finding {
-    /// A file that cannot be read, of which no text is known.
+    /// A file that cannot be read.
     pub fn unreadable(file: &str, message: String) -> Self {
         Finding {
             file: file.to_owned(),
@@ -60,12 +60,12 @@ impl Finding {
             severity: Severity::Error,
             code: UNREADABLE,
             message,
-            help: "look at its name, and whether you may read it".to_owned(),
+            help: "check the name and the permissions of the file".to_owned(),
         }
     }
 }
 
-/// The errors and warnings of one script, sorted by place.
+/// The errors and warnings of one script, sorted by position.
 pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
     let lines = Lines::of(sources);
     let place = |offset| {

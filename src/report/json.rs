@@ -1,4 +1,4 @@
-//! JSON, as docs/schemas describes it. Fields may be added, and never change their meaning.
+//! JSON, as described in docs/schemas. Fields may be added, but never change their meaning.
 
 use serde::Serialize;
 use serde_json::json;
@@ -6,7 +6,7 @@ use serde_json::json;
 use super::{Finding, Run, Totals};
 use crate::verify::{Case, Problem};
 
-/// One JSON object: the version of its form, the counts, and every case with its problems.
+/// One JSON object: the format version, the counts, and every case with its problems.
 pub fn cases(cases: &[Case]) -> String {
     #[derive(Serialize)]
     struct Document<'a> {
@@ -34,8 +34,8 @@ pub fn cases(cases: &[Case]) -> String {
     let line = |problem: &'_ Problem| Some(problem.line).filter(|line| *line > 0);
     let rows = cases.iter().map(|case| Row {
         file: &case.name,
-        passed: case.verdict.is_passed(),
-        verdict: case.verdict.words(),
+        passed: case.status.is_passed(),
+        verdict: case.status.words(),
         problems: case
             .problems
             .iter()
@@ -48,14 +48,14 @@ pub fn cases(cases: &[Case]) -> String {
             .collect(),
         left_out: case.left_out,
     });
-    let failed = cases.iter().filter(|case| !case.verdict.is_passed()).count();
-    let orphans = cases.iter().filter(|case| case.verdict.is_orphan()).count();
-    let passed = cases.iter().filter(|case| case.verdict.is_passed() && !case.verdict.is_orphan()).count();
+    let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
+    let orphans = cases.iter().filter(|case| case.status.is_orphan()).count();
+    let passed = cases.iter().filter(|case| case.status.is_passed() && !case.status.is_orphan()).count();
     let document = Document { version: 1, passed, failed, orphans, cases: rows.collect() };
     pretty(&document)
 }
 
-/// One JSON object: the version of its form, how many errors and warnings there are, and the findings that were kept.
+/// One JSON object: the format version, the numbers of errors and warnings, and the findings that were kept.
 pub fn findings(findings: &[Finding], totals: Totals) -> String {
     let Totals { errors, warnings } = totals;
     let left_out = (errors + warnings).saturating_sub(findings.len());
@@ -64,7 +64,7 @@ pub fn findings(findings: &[Finding], totals: Totals) -> String {
     }))
 }
 
-/// One JSON object.
+/// One JSON object: the format version and the result of a run.
 pub fn run(run: &Run) -> String {
     #[derive(Serialize)]
     struct Document<'a> {
@@ -75,8 +75,8 @@ pub fn run(run: &Run) -> String {
     pretty(&Document { version: 1, run })
 }
 
-/// Indented, with a line end.
+/// Indented JSON with a final newline.
 pub(super) fn pretty(document: &impl Serialize) -> String {
-    // Strings and numbers cannot fail to be written.
+    // Serializing strings and numbers cannot fail.
     serde_json::to_string_pretty(document).unwrap_or_default() + "\n"
 }

@@ -1,4 +1,4 @@
-//! `JUnit` files, as Jenkins and `GitLab` read them.
+//! `JUnit` XML, as Jenkins and `GitLab` read it.
 
 use std::io;
 
@@ -6,12 +6,12 @@ use quick_xml::Writer;
 use quick_xml::events::BytesText;
 
 use crate::diagnostic::escaped;
-use crate::verify::{Case, Problem, Verdict};
+use crate::verify::{Case, Problem, Status};
 
-/// What became of scripts.
+/// The results of scripts.
 pub fn cases(cases: &[Case]) -> String {
     let mut writer = Writer::new_with_indent(Vec::new(), b' ', 4);
-    // Nothing can fail that is written to a vector.
+    // Writing to a vector cannot fail.
     let _ = suites(cases, &mut writer);
     let text = String::from_utf8_lossy(writer.get_ref());
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{text}\n")
@@ -20,9 +20,9 @@ pub fn cases(cases: &[Case]) -> String {
 fn suites(cases: &[Case], xml: &mut Writer<Vec<u8>>) -> io::Result<()> {
     let count = |is: fn(&Case) -> bool| cases.iter().filter(|case| is(case)).count().to_string();
     let tests = cases.len().to_string();
-    let failures = count(|case| !case.verdict.is_passed());
-    let skipped = count(|case| case.verdict == Verdict::Orphan);
-    // Jenkins' schema allows `skipped` of a suite, and not of all suites together.
+    let failures = count(|case| !case.status.is_passed());
+    let skipped = count(|case| case.status == Status::Orphan);
+    // Jenkins' schema allows `skipped` in a suite, but not in `testsuites`.
     let suites = [("name", "motionseq"), ("tests", &*tests), ("failures", &*failures), ("errors", "0")];
     let suite = [
         ("name", "motionseq test"),
@@ -43,17 +43,17 @@ fn suites(cases: &[Case], xml: &mut Writer<Vec<u8>>) -> io::Result<()> {
 fn case(case: &Case, xml: &mut Writer<Vec<u8>>) -> io::Result<()> {
     let name = escaped(&case.name);
     let test = xml.create_element("testcase").with_attributes([("name", &*name), ("classname", "motion")]);
-    if case.verdict == Verdict::Orphan {
-        // Jenkins' schema has no words for why.
+    if case.status == Status::Orphan {
+        // Jenkins' schema allows no reason here.
         return test.write_inner_content(|xml| xml.create_element("skipped").write_empty().map(drop)).map(drop);
     }
-    if case.verdict.is_passed() {
+    if case.status.is_passed() {
         return test.write_empty().map(drop);
     }
     let lines = case.problems.iter().map(Problem::located).chain(case.hint());
     let lines: Vec<String> = lines.map(|line| escaped(&line)).collect();
     let code = case.problems.first().map_or("", |problem| problem.code);
-    let failure = [("message", case.verdict.words()), ("type", code)];
+    let failure = [("message", case.status.words()), ("type", code)];
     let write = |xml: &mut Writer<Vec<u8>>| {
         let element = xml.create_element("failure").with_attributes(failure);
         element.write_text_content(BytesText::new(&lines.join("\n"))).map(drop)

@@ -1,4 +1,4 @@
-//! Results as text for other programs: pure functions of the data, one file for each format.
+//! Results as text for other programs: pure functions of the data, one file per format.
 
 pub mod github;
 pub mod json;

@@ -1,10 +1,10 @@
-//! Paths as a repository names them.
+//! Paths relative to a repository.
 
 use std::path::{Component, Path, PathBuf};
 
 use crate::verify::Case;
 
-/// Where paths of annotations count from.
+/// What paths in annotations are relative to.
 #[derive(Clone, Debug)]
 pub struct Repository {
     roots: Vec<PathBuf>,
@@ -12,7 +12,7 @@ pub struct Repository {
 }
 
 impl Repository {
-    /// The same cases, with paths that count from here.
+    /// The same cases with paths relative to the repository.
     pub fn cases(&self, cases: &[Case]) -> Vec<Case> {
         let mut cases = cases.to_vec();
         for case in &mut cases {
@@ -24,15 +24,15 @@ impl Repository {
         cases
     }
 
-    /// `here` is the folder that names of files count from; a file belongs to the first root that it is in. All of them are
-    /// absolute, without links.
+    /// Paths are read relative to `here` and written relative to the first root that contains them. All folders must be absolute
+    /// and without links.
     pub fn new(roots: Vec<PathBuf>, here: PathBuf) -> Self {
         Repository { roots, here }
     }
 
-    /// The path of a file from the root on, with `/` between its parts. What is in no root keeps its name.
+    /// The path relative to its root, with `/` as separator. A file outside of every root keeps its name.
     pub fn path(&self, name: &str) -> String {
-        // `<stdin>` is no path.
+        // `<stdin>` is not a path.
         if name.starts_with('<') {
             return name.to_owned();
         }
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_count_from_the_root() {
+    fn paths_are_relative_to_the_root() {
         let repository = Repository::new(vec!["/repo".into()], "/repo/robots/left".into());
         for (name, path) in [
             ("dance.motion", "robots/left/dance.motion"),

@@ -1,126 +1,126 @@
-//! How a run went, as text for other programs.
+//! The result of a run, for the JSON report.
 
 use serde::Serialize;
 
 use super::Finding;
 use crate::units::Micros;
 
-/// How a run went. Fields may be added, and never change their meaning.
+/// The result of a run. Fields may be added, but never change their meaning.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
     /// The script.
     pub script: String,
     /// Why it ended: `finished`, `quit`, `signal`, `port`, `stalled`, `late`, `expect`, `guard` or `failed`.
     pub reason: &'static str,
-    /// The same in words.
+    /// Why it ended, in words.
     pub cause: String,
     /// The exit code.
     pub exit: u8,
-    /// When it began, as RFC 3339 writes it.
+    /// When it started, in RFC 3339 format.
     pub started: String,
     /// The port; `None` for the virtual board.
     pub port: Option<String>,
-    /// What part of the script was asked for, how fast, how often.
+    /// The selected part, speed and number of passes.
     pub asked: Asked,
-    /// When it ended, in the time of the timeline, with all passes and without the pauses.
+    /// When it ended, in the time of the timeline, including all passes and without the pauses.
     #[serde(rename = "end_us")]
     pub end: Micros,
-    /// How long it took, with the pauses and the stop.
+    /// How long it took, including the pauses and the stop.
     #[serde(rename = "elapsed_us")]
     pub elapsed: Micros,
-    /// How often it stood, for a key or for Ctrl-Z.
+    /// How many times it was paused, by a key or by Ctrl-Z.
     pub pauses: u64,
-    /// Where in the script it ended early.
+    /// The file in which it ended early.
     pub file: Option<String>,
-    /// Where in the script it ended early.
+    /// The line on which it ended early.
     pub line: Option<usize>,
     /// Whether the robot was stopped: `not needed`, `sent` or `not sent`.
     pub stop: &'static str,
-    /// Which pass it was in at the end, counted from 1.
+    /// The last pass, counted from 1.
     pub passes: u64,
-    /// How many frames.
+    /// The numbers of frames.
     pub frames: Frames,
-    /// All bytes that the port took, those of stops among them.
+    /// All bytes that the port accepted, including those of stops.
     pub bytes: u64,
-    /// How late frames were, in microseconds.
+    /// The lateness of frames, in microseconds.
     pub lateness_us: Lateness,
-    /// Frames that were left out, because a newer one had overtaken them.
+    /// Frames that were dropped because a newer one replaced them.
     pub dropped: Vec<Dropped>,
-    /// What was expected, and what came.
+    /// The results of `expect`s.
     pub expects: Vec<Expected>,
     /// Warnings of the script.
     pub warnings: Vec<Finding>,
 }
 
-/// What part of the script was asked for.
+/// The selected part, speed and number of passes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Asked {
-    /// A time or a mark, as it was written.
+    /// `--from`: a time or a mark, as written.
     pub from: Option<String>,
-    /// A time or a mark, as it was written.
+    /// `--to`: a time or a mark, as written.
     pub to: Option<String>,
-    /// 1 is as the script says.
+    /// The speed factor; 1 is normal speed.
     pub speed: f64,
-    /// How many passes; `None` for a run without end.
+    /// The number of passes; `None` for an endless run.
     pub passes: Option<u64>,
 }
 
-/// How many frames.
+/// The numbers of frames.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Frames {
-    /// Of the script, that the port took.
+    /// Frames of the script that the port accepted.
     pub sent: usize,
-    /// Of the script, that were left out.
+    /// Frames of the script that were dropped.
     pub dropped: usize,
-    /// Beside the script: of stops, of `on abort`, behind a pause.
+    /// Other frames: of stops, of `on abort`, after a pause.
     pub extra: usize,
-    /// That are not in `lateness_us` and `dropped`, because nobody could write them down in time.
+    /// Frames that are missing in `lateness_us` and `dropped` because the observer could not keep up.
     pub not_noted: u64,
 }
 
-/// How late, in microseconds.
+/// The lateness of frames, in microseconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Lateness {
-    /// Half of the frames were no later.
+    /// Median.
     pub p50: f64,
-    /// 99 of 100 were no later.
+    /// 99th percentile.
     pub p99: f64,
-    /// The latest.
+    /// Worst.
     pub max: f64,
-    /// How late a frame leaves at the worst on a line of the speed of the script, however punctual the computer is.
+    /// The longest time that a frame waits for the serial line, on a perfect computer.
     pub line: f64,
 }
 
-/// A frame that was left out.
+/// A frame that was dropped.
 #[derive(Clone, Debug, Serialize)]
 pub struct Dropped {
     /// When it was due, in the time of the script.
     #[serde(rename = "t_us")]
     pub at: Micros,
-    /// What it would have said.
+    /// Its command.
     pub command: String,
-    /// Where in the script.
+    /// The file of the script.
     pub file: String,
-    /// Where in the script.
+    /// The line of the script.
     pub line: usize,
 }
 
-/// An `expect` that was judged.
+/// The result of an `expect`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Expected {
     /// When it was due, in the time of the script.
     #[serde(rename = "t_us")]
     pub at: Micros,
-    /// What was wanted.
+    /// The condition.
     pub expect: String,
-    /// What the script says why.
+    /// The reason given in the script.
     pub why: Option<String>,
-    /// What came.
+    /// What was found.
     pub found: String,
-    /// Whether it holds.
+    /// Whether it passed.
     pub passed: bool,
-    /// Where in the script.
+    /// The file of the script.
     pub file: String,
-    /// Where in the script.
+    /// The line of the script.
     pub line: usize,
 }

@@ -26,8 +26,8 @@ pub fn findings(findings: &[Finding]) -> String {
         .chain([json!({
             "id": UNREADABLE,
             "shortDescription": { "text": "A file cannot be read." },
-            "fullDescription": { "text": "A file cannot be read, so that nothing is known of it." },
-            "help": { "text": "Look at its name, and whether you may read it." },
+            "fullDescription": { "text": "A file cannot be read and was not checked." },
+            "help": { "text": "Check the name and the permissions of the file." },
             "defaultConfiguration": { "level": "error" },
         })])
         .collect();
@@ -61,10 +61,10 @@ pub fn findings(findings: &[Finding]) -> String {
     }))
 }
 
-/// A path as a relative reference: what has a meaning in a URI is escaped.
+/// A path as a relative URI reference, percent-encoded.
 fn uri(path: &str) -> String {
     let mut uri = String::new();
-    // Standard input is no path.
+    // `<stdin>` is not a path.
     for byte in path.trim_matches(['<', '>']).bytes() {
         if byte.is_ascii_alphanumeric() || b"/-._~".contains(&byte) {
             uri.push(char::from(byte));

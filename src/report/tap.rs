@@ -3,17 +3,17 @@
 use std::fmt::Write;
 
 use crate::diagnostic::escaped;
-use crate::verify::{Case, Verdict};
+use crate::verify::{Case, Status};
 
-/// What became of scripts, in version 13.
+/// The results of scripts, in version 13.
 pub fn cases(cases: &[Case]) -> String {
     let mut text = format!("TAP version 13\n1..{}\n", cases.len());
     for (case, number) in cases.iter().zip(1..) {
-        let ok = if case.verdict.is_passed() { "ok" } else { "not ok" };
-        // `#` begins a directive, and a line end would end the line.
+        let ok = if case.status.is_passed() { "ok" } else { "not ok" };
+        // An unescaped `#` starts a directive, and a line break would end the line.
         let name = escaped(&case.name).replace('\\', "\\\\").replace('#', "\\#");
-        let skipped = if case.verdict == Verdict::Orphan { " # SKIP there is no script" } else { "" };
-        let _ = writeln!(text, "{ok} {number} - {name}: {}{skipped}", case.verdict.words());
+        let skipped = if case.status == Status::Orphan { " # SKIP no script" } else { "" };
+        let _ = writeln!(text, "{ok} {number} - {name}: {}{skipped}", case.status.words());
         for problem in &case.problems {
             let _ = writeln!(text, "# {}", escaped(&problem.located()));
         }

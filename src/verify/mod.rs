@@ -1,4 +1,4 @@
-//! Compares scripts with their snapshots: compiles, compares, rehearses, and returns data. It prints nothing.
+//! Tests scripts: compiles them, compares them with their snapshots, plays them, and returns the results. Prints nothing.
 
 mod play;
 mod rehearse;
@@ -18,47 +18,47 @@ use crate::units::Micros;
 
 pub use rehearse::{Rehearsal, rehearse};
 
-/// What stands behind the name of a script to make the name of its snapshot.
+/// The extension that makes the name of a snapshot from the name of its script.
 pub const SNAPSHOT: &str = ".frames";
-/// How a script begins that must not compile; the code of its error stands behind it.
+/// The start of a script that must not compile, followed by the code of its error.
 const EXPECT: &str = "# expect-error:";
-/// The code of a frame that is not that of the snapshot.
+/// The code of a difference from the snapshot.
 const DIFFERENCE: &str = "difference";
 /// The code of a problem that sums up others.
 pub const TOTAL: &str = "total";
-/// The code of a snapshot that this program is too old for.
+/// The code of a snapshot that a newer version wrote.
 const NEWER: &str = "newer-snapshot";
 /// The longest snapshot that is read, in bytes.
 const MOST: u64 = 2 << 30;
-/// How many problems of one script are kept.
+/// The most problems of one script that are kept.
 const KEPT: usize = 200;
 
-/// What became of one script.
+/// The result of one script.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
-    /// Its path, as it was found.
+    /// Its path.
     pub name: String,
-    /// How it went.
-    pub verdict: Verdict,
-    /// What is wrong, in the order in which it should be read. Empty where nothing is.
+    /// Whether it passed, and how.
+    pub status: Status,
+    /// The problems, most important first.
     pub problems: Vec<Problem>,
-    /// How many more there are.
+    /// How many more problems there are.
     pub left_out: usize,
 }
 
-/// How it went.
+/// Whether a script passed, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Verdict {
-    /// It sends what its snapshot says.
+pub enum Status {
+    /// It sends the same as its snapshot.
     Same,
-    /// Its snapshot was written: it had none, or another one.
+    /// Its snapshot was written, because it was missing or different.
     Blessed,
-    /// It sends nothing: a file of phrases, for others to use.
+    /// It sends nothing: a file of phrases, for other scripts.
     Phrases,
-    /// It does not compile, as it says itself.
+    /// It does not compile, as it declares.
     ExpectedError,
-    /// It sends something else than its snapshot says.
+    /// It differs from its snapshot.
     Differs,
     /// It has no snapshot.
     NoSnapshot,
@@ -66,37 +66,37 @@ pub enum Verdict {
     BadSnapshot,
     /// It does not compile.
     DoesNotCompile,
-    /// It says that it does not compile, and does, or has another error.
+    /// It declares an error, but compiles or has another error.
     NotAsExpected,
-    /// Something that it expects of the board did not come.
+    /// An `expect` failed.
     ExpectFailed,
-    /// Played, it goes otherwise than it says.
-    PlaysOtherwise,
-    /// It cannot be read, or looked into.
+    /// Playing it failed.
+    PlaysDifferently,
+    /// It cannot be read.
     Unreadable,
-    /// It has warnings, and they are denied.
+    /// It has warnings, and warnings are denied.
     Denied,
-    /// It is a snapshot, and its script is not there.
+    /// It is a snapshot without a script.
     Orphan,
-    /// The same, where warnings are denied.
+    /// It is a snapshot without a script, and warnings are denied.
     DeniedOrphan,
 }
 
-/// One thing that is wrong.
+/// One problem of a script.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// The file, and the line in it, counted from 1; 0 where it is no line in particular.
+    /// The file.
     pub file: String,
-    /// The line.
+    /// The line, counted from 1; 0 if the problem is not about one line.
     pub line: usize,
-    /// The code of an error of the script; `difference` or `snapshot` else.
+    /// The code of an error of the script, or one such as `difference` or `snapshot`.
     pub code: &'static str,
     /// What is wrong, in words.
     pub message: String,
 }
 
 impl Problem {
-    /// Its message, after its place where the words do not name that.
+    /// The message, with its position unless the message contains it.
     pub fn located(&self) -> String {
         let Problem { file, line, code, message } = self;
         match *code {
@@ -107,67 +107,67 @@ impl Problem {
     }
 }
 
-impl Verdict {
-    /// Whether all is well.
+impl Status {
+    /// Whether the script passed.
     pub fn is_passed(self) -> bool {
-        matches!(self, Verdict::Same | Verdict::Blessed | Verdict::Phrases | Verdict::ExpectedError | Verdict::Orphan)
+        matches!(self, Status::Same | Status::Blessed | Status::Phrases | Status::ExpectedError | Status::Orphan)
     }
 
-    /// It in a word or two.
+    /// The status in a few words.
     pub fn words(self) -> &'static str {
         match self {
-            Verdict::Same => "ok",
-            Verdict::Blessed => "blessed",
-            Verdict::Phrases => "ok, phrases only",
-            Verdict::ExpectedError => "ok, fails as expected",
-            Verdict::Differs => "sends something else than its snapshot",
-            Verdict::NoSnapshot => "has no snapshot",
-            Verdict::BadSnapshot => "has a snapshot that is none",
-            Verdict::DoesNotCompile => "does not compile",
-            Verdict::NotAsExpected => "does not fail as it says",
-            Verdict::ExpectFailed => "expects what the board does not report",
-            Verdict::PlaysOtherwise => "plays otherwise than it says",
-            Verdict::Unreadable => "cannot be read",
-            Verdict::Denied => "has warnings, and warnings are denied",
-            Verdict::Orphan | Verdict::DeniedOrphan => "is the snapshot of a script that is not there",
+            Status::Same => "ok",
+            Status::Blessed => "blessed",
+            Status::Phrases => "ok, phrases only",
+            Status::ExpectedError => "ok, fails as expected",
+            Status::Differs => "differs from its snapshot",
+            Status::NoSnapshot => "has no snapshot",
+            Status::BadSnapshot => "has an invalid snapshot",
+            Status::DoesNotCompile => "does not compile",
+            Status::NotAsExpected => "does not fail as expected",
+            Status::ExpectFailed => "an `expect` failed",
+            Status::PlaysDifferently => "failed when played",
+            Status::Unreadable => "cannot be read",
+            Status::Denied => "has warnings, and warnings are denied",
+            Status::Orphan | Status::DeniedOrphan => "is a snapshot without a script",
         }
     }
 
     /// Whether it is a snapshot without a script.
     pub fn is_orphan(self) -> bool {
-        matches!(self, Verdict::Orphan | Verdict::DeniedOrphan)
+        matches!(self, Status::Orphan | Status::DeniedOrphan)
     }
 }
 
 /// Replaces a file, all of it or nothing.
 pub type Replace = fn(&Path, &[u8]) -> io::Result<()>;
 
-/// What is done besides comparing.
+/// How scripts are tested.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Job {
     /// How scripts are compiled.
     pub options: Options,
-    /// How snapshots are written that are missing or differ; `None` where they are left as they are.
+    /// Writes snapshots that are missing or different; `None` keeps them.
     pub bless: Option<Replace>,
-    /// Whether each script is also played, on a virtual board under a clock that jumps.
+    /// Whether each script is also played, on a virtual board under a simulated clock.
     pub play: bool,
-    /// What goes wrong then.
+    /// The faults while playing.
     pub faults: Faults,
     /// Whether warnings fail a script.
     pub deny: bool,
 }
 
 impl Job {
-    /// Comparing only, of scripts that are compiled in this way.
+    /// A job that only compares.
     pub fn new(options: Options) -> Self {
         Job { options, ..Job::default() }
     }
 
-    /// Compares a script with its snapshot, and plays it if that is asked for.
+    /// Tests one script.
     pub fn case(&self, script: &Path) -> Case {
         let name = script.display().to_string();
-        let case = |verdict, problems| Case::new(&name, verdict, problems);
+        let case = |status, problems| Case::new(&name, status, problems);
         let sources = match Sources::read(script, Disk) {
             Ok(sources) => sources,
             Err(error) => return Case::unreadable(script, &error.to_string()),
@@ -179,45 +179,45 @@ impl Job {
                 let wrong = expectation(expected, &compiled.diagnostics);
                 let wrong: Vec<Problem> =
                     wrong.err().into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
-                case(if wrong.is_empty() { Verdict::ExpectedError } else { Verdict::NotAsExpected }, wrong)
+                case(if wrong.is_empty() { Status::ExpectedError } else { Status::NotAsExpected }, wrong)
             }
             (None, None) => {
                 let errors = compiled.diagnostics.iter().filter(|diagnostic| diagnostic.is_error());
-                case(Verdict::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
+                case(Status::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
             }
             (None, Some(timeline)) => {
-                let (mut verdict, mut problems) = if is_phrases(&timeline) {
-                    (Verdict::Phrases, Vec::new())
+                let (mut status, mut problems) = if is_phrases(&timeline) {
+                    (Status::Phrases, Vec::new())
                 } else {
-                    self.hold(script, &timeline, &sources, &lines)
+                    self.compare_and_play(script, &timeline, &sources, &lines)
                 };
                 if self.deny && compiled.diagnostics.warnings() > 0 {
-                    verdict = if verdict.is_passed() { Verdict::Denied } else { verdict };
+                    status = if status.is_passed() { Status::Denied } else { status };
                     problems.extend(compiled.diagnostics.iter().map(|warning| found(warning, &lines)));
                 }
-                case(verdict, problems)
+                case(status, problems)
             }
         }
     }
 
-    /// Holds a script against its snapshot, and plays it if that is asked for.
-    fn hold(
+    /// Compares a script with its snapshot, and plays it if requested.
+    fn compare_and_play(
         &self,
         script: &Path,
         timeline: &Timeline,
         sources: &Sources,
         lines: &Lines<'_>,
-    ) -> (Verdict, Vec<Problem>) {
-        let (mut verdict, mut problems) = self.compare(script, timeline, sources, lines);
+    ) -> (Status, Vec<Problem>) {
+        let (mut status, mut problems) = self.compare(script, timeline, sources, lines);
         if self.play {
             let played = self.play(script, timeline, sources, lines);
-            if verdict.is_passed() && !played.is_empty() {
+            if status.is_passed() && !played.is_empty() {
                 let expects = played.iter().all(|problem| problem.code == play::EXPECT);
-                verdict = if expects { Verdict::ExpectFailed } else { Verdict::PlaysOtherwise };
+                status = if expects { Status::ExpectFailed } else { Status::PlaysDifferently };
             }
             problems.extend(played);
         }
-        (verdict, problems)
+        (status, problems)
     }
 
     fn compare(
@@ -226,7 +226,7 @@ impl Job {
         timeline: &Timeline,
         sources: &Sources,
         lines: &Lines<'_>,
-    ) -> (Verdict, Vec<Problem>) {
+    ) -> (Status, Vec<Problem>) {
         let snapshot = snapshot_of(script);
         let name = snapshot.display().to_string();
         let new = Snapshot::of(timeline);
@@ -234,16 +234,16 @@ impl Job {
         let command = format!("motionseq test --bless {script_name}");
         match (read_old(&timeline.board, &snapshot, &command), self.bless) {
             (Ok(None), None) => {
-                let message = format!("there is no {name}; `{command}` writes it");
-                (Verdict::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
+                let message = format!("{name} is missing; write it with `{command}`");
+                (Status::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
             }
-            // An old format says less of moves than this one.
+            // An old format has fewer details about moves.
             (Ok(Some(old)), write) if old.does_the_same(&new) && (old == new || write.is_none()) => {
-                (Verdict::Same, Vec::new())
+                (Status::Same, Vec::new())
             }
-            (Err(wrong), None) => (Verdict::BadSnapshot, vec![wrong]),
-            // A newer motionseq wrote it, and knows more.
-            (Err(wrong), _) if wrong.code == NEWER => (Verdict::BadSnapshot, vec![wrong]),
+            (Err(wrong), None) => (Status::BadSnapshot, vec![wrong]),
+            // Never overwrite the snapshot of a newer version.
+            (Err(wrong), _) if wrong.code == NEWER => (Status::BadSnapshot, vec![wrong]),
             (_, Some(write)) => bless(script, &snapshot, timeline, write),
             (Ok(Some(old)), None) => {
                 let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
@@ -258,13 +258,13 @@ impl Job {
                     let code = if sums_up && is_total(&change) { TOTAL } else { DIFFERENCE };
                     problem(file, line, code, change.words(origin.as_deref()))
                 });
-                (Verdict::Differs, problems.collect())
+                (Status::Differs, problems.collect())
             }
         }
     }
 }
 
-/// The snapshot at a path, if there is one; `bless` is what writes it.
+/// Reads the snapshot at a path, if there is one; `bless` is the command that writes it.
 fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snapshot>, Problem> {
     let name = path.display().to_string();
     match read_file(path, MOST) {
@@ -272,7 +272,7 @@ fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snaps
             if error.is_newer {
                 return problem(&name, error.line, NEWER, error.why);
             }
-            problem(&name, error.line, "snapshot", format!("{}; `{bless}` writes it anew", error.why))
+            problem(&name, error.line, "snapshot", format!("{}; write it again with `{bless}`", error.why))
         }),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(problem(&name, 0, "snapshot", error.to_string())),
@@ -280,36 +280,36 @@ fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snaps
 }
 
 impl Case {
-    fn new(name: &str, verdict: Verdict, problems: Vec<Problem>) -> Self {
+    fn new(name: &str, status: Status, problems: Vec<Problem>) -> Self {
         let left_out = problems.len().saturating_sub(KEPT);
         let problems = problems.into_iter().take(KEPT).collect();
-        Case { name: name.to_owned(), verdict, problems, left_out }
+        Case { name: name.to_owned(), status, problems, left_out }
     }
 
     /// A script or a folder that cannot be read.
     pub fn unreadable(path: &Path, why: &str) -> Self {
         let name = path.display().to_string();
-        Case::new(&name, Verdict::Unreadable, vec![problem(&name, 0, "unreadable", why.to_owned())])
+        Case::new(&name, Status::Unreadable, vec![problem(&name, 0, "unreadable", why.to_owned())])
     }
 
-    /// A snapshot whose script is not there; whether that fails.
+    /// A snapshot without a script, which fails if warnings are denied.
     pub fn orphan(path: &Path, is_denied: bool) -> Self {
         let name = path.display().to_string();
-        let message = format!("its script is not there; if that is meant: git rm {}", shell_word(&name));
-        let verdict = if is_denied { Verdict::DeniedOrphan } else { Verdict::Orphan };
-        Case::new(&name, verdict, vec![problem(&name, 0, "orphan", message)])
+        let message = format!("its script is missing; if you deleted it: git rm {}", shell_word(&name));
+        let status = if is_denied { Status::DeniedOrphan } else { Status::Orphan };
+        Case::new(&name, status, vec![problem(&name, 0, "orphan", message)])
     }
 
-    /// What to type where the script is meant to send something else than its snapshot says.
+    /// The command that accepts the difference from the snapshot.
     pub fn hint(&self) -> Option<String> {
-        let is_different = self.verdict == Verdict::Differs;
-        is_different.then(|| format!("if that is meant: motionseq test --bless {}", shell_word(&self.name)))
+        let is_different = self.status == Status::Differs;
+        is_different.then(|| format!("if the change is intended: motionseq test --bless {}", shell_word(&self.name)))
     }
 }
 
-/// A name as a shell reads it back.
+/// A name quoted for a shell.
 pub fn shell_word(name: &str) -> String {
-    // What begins like an option is named by its folder.
+    // A name like an option gets a folder.
     let here = if name.starts_with('-') { format!("./{name}") } else { name.to_owned() };
     let name = here.as_str();
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._-+,:@%".contains(&byte) || !byte.is_ascii();
@@ -331,29 +331,29 @@ fn problem(file: &str, line: usize, code: &'static str, message: String) -> Prob
     Problem { file: file.to_owned(), line, code, message }
 }
 
-/// The code of the error that a script says it has, on its first line.
+/// The code of the error that a script declares on its first line.
 pub fn expected_error(source: &Source) -> Option<&str> {
     let text = source.text();
     text.strip_prefix('\u{FEFF}').unwrap_or(text).lines().next()?.strip_prefix(EXPECT).map(str::trim)
 }
 
-/// Whether a script that says which error it has has this one and no other; what is wrong, in words, where it has not.
+/// Checks that a script has the declared error and no other; otherwise returns what is wrong.
 pub fn expectation(expected: &str, diagnostics: &Diagnostics) -> Result<(), String> {
     if expected.is_empty() {
-        return Err(format!("the code of its error is missing, such as `{EXPECT} out-of-range`"));
+        return Err(format!("the code of the error is missing; write `{EXPECT} out-of-range`"));
     }
     if Code::named(expected).is_none() {
-        return Err(format!("there is no code `{expected}`; `motionseq check` shows the codes of a script's errors"));
+        return Err(format!("unknown code `{expected}`; list the codes with `motionseq explain`"));
     }
     let mut errors = diagnostics.iter().filter(|diagnostic| diagnostic.is_error()).map(|error| error.code.name());
     match errors.find(|found| *found != expected) {
-        _ if !diagnostics.has_errors() => Err(format!("it should fail with `{expected}`, and it compiles")),
-        Some(other) => Err(format!("it should fail with `{expected}`, and it has the error `{other}`")),
+        _ if !diagnostics.has_errors() => Err(format!("expected the error `{expected}`, but the script compiles")),
+        Some(other) => Err(format!("expected the error `{expected}`, but found `{other}`")),
         None => Ok(()),
     }
 }
 
-/// Whether a script does nothing: it is there for its phrases.
+/// Whether a script does nothing: it only defines phrases.
 fn is_phrases(timeline: &Timeline) -> bool {
     timeline.events.is_empty() && timeline.cues.is_empty() && timeline.end == Micros::ZERO
 }
@@ -365,16 +365,16 @@ pub(crate) fn snapshot_of(script: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Writes a snapshot, whole or not at all.
-fn bless(script: &Path, snapshot: &Path, timeline: &Timeline, write: Replace) -> (Verdict, Vec<Problem>) {
+/// Writes a snapshot, all of it or nothing.
+fn bless(script: &Path, snapshot: &Path, timeline: &Timeline, write: Replace) -> (Status, Vec<Problem>) {
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
     let written = write_snapshot(&name, timeline, &mut text).and_then(|()| write(snapshot, &text));
     match written {
-        Ok(()) => (Verdict::Blessed, Vec::new()),
+        Ok(()) => (Status::Blessed, Vec::new()),
         Err(error) => {
-            let message = format!("it cannot be written: {error}; what was there before still is");
-            (Verdict::BadSnapshot, vec![problem(&snapshot.display().to_string(), 0, "snapshot", message)])
+            let message = format!("cannot write it: {error}; the old snapshot is unchanged");
+            (Status::BadSnapshot, vec![problem(&snapshot.display().to_string(), 0, "snapshot", message)])
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Scripts that are played: on the virtual board, with what they expect, and with the faults that they name.
+//! Plays scripts on the virtual board: checks their `expect`s and the faults that they declare with `# rehearse:`.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -14,15 +14,15 @@ use crate::sim::Settings;
 use crate::source::{Lines, Sources};
 use crate::timeline::{Moment, Snapshot, Timeline, write_aborted};
 
-/// How a comment begins that names faults to rehearse.
+/// The start of a comment that declares faults to rehearse.
 const REHEARSE: &str = "rehearse";
 /// The code of an `expect` that failed.
 pub(super) const EXPECT: &str = "expect";
-/// The code of a run that went otherwise than the script says.
+/// The code of a run that failed.
 const PLAY: &str = "play";
 
 impl Job {
-    /// Plays a script; gives what is wrong.
+    /// Plays a script and returns the problems.
     pub(super) fn play(
         &self,
         script: &Path,
@@ -47,13 +47,13 @@ impl Job {
         }
         problems.extend(left_over(script, &named).into_iter().map(|path| {
             let path = path.display().to_string();
-            let help = format!("no line of the script rehearses it any more: git rm {}", shell_word(&path));
+            let help = format!("no `# rehearse:` line of the script uses it: git rm {}", shell_word(&path));
             problem(&path, 0, "orphan", help)
         }));
         problems
     }
 
-    /// What else than an `expect` went wrong.
+    /// The problem of a run that failed for another reason than an `expect`.
     fn went_wrong(&self, rehearsal: &Rehearsal, timeline: &Timeline, name: &str, lines: &Lines<'_>) -> Option<Problem> {
         let place = rehearsal.outcome.place.map(|span| lines.place(span));
         let (file, line) = place.map_or((name, 0), |place| (place.file, place.line));
@@ -61,28 +61,28 @@ impl Job {
         let why = match rehearsal.outcome.cause {
             Cause::Expect(_) => return None,
             Cause::Finished if !rehearsal.is_complete(timeline) => {
-                format!("frame {} was given to the port otherwise than `render` says", rehearsal.given + 1)
+                format!("frame {} sent to the port differs from `render`", rehearsal.given + 1)
             }
             Cause::Finished => {
                 let received = &rehearsal.received;
                 match received.first_fault {
-                    Some((byte, fault)) => format!("the board cannot use byte {byte} and what follows: {fault}"),
-                    // With frames lost on purpose nobody knows.
+                    Some((byte, fault)) => format!("the board cannot decode the bytes from {byte}: {fault}"),
+                    // If frames were lost on purpose, the state is unknown.
                     None if received.lost == 0 && !rehearsal.is_at_rest(timeline) => {
-                        "it does not end at rest: a `move` needs a `wait` for as long as it takes".to_owned()
+                        "the robot is moving at the end; add a `wait` as long as the last `move` takes".to_owned()
                     }
                     None => return None,
                 }
             }
             Cause::Lost(_) => format!("the port was lost at {at:.6} s; {}", frames(timeline, rehearsal)),
-            Cause::Stalled => format!("the port stopped taking bytes at {at:.6} s; {}", frames(timeline, rehearsal)),
+            Cause::Stalled => format!("the port stopped accepting bytes at {at:.6} s; {}", frames(timeline, rehearsal)),
             _ => format!("the run ended at {at:.6} s; {}", frames(timeline, rehearsal)),
         };
         let with = if self.faults.is_none() { String::new() } else { format!("with {}: ", self.faults) };
         Some(problem(file, line, PLAY, with + &why))
     }
 
-    /// Holds what goes out when a fault ends the run against its snapshot.
+    /// Compares the frames that are sent when a fault ends the run with their snapshot.
     #[expect(clippy::too_many_arguments, reason = "a rehearsal and what it is held against")]
     fn aborts(
         &self,
@@ -96,7 +96,7 @@ impl Job {
         let script_name = script.display().to_string();
         let here = |code, message: String| vec![problem(&script_name, line, code, message)];
         if rehearsal.aborted.is_empty() {
-            let message = format!("with {faults} nothing ends this script early, so nothing is rehearsed");
+            let message = format!("{faults} does not end this script early, so nothing is rehearsed");
             return here(PLAY, message);
         }
         let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
@@ -116,7 +116,7 @@ impl Job {
             }
             (Ok(None), None) => {
                 let message =
-                    format!("there is no {}; `{bless}` writes it; {}", path.display(), frames(timeline, rehearsal));
+                    format!("{} is missing; write it with `{bless}`; {}", path.display(), frames(timeline, rehearsal));
                 here("snapshot", message)
             }
             (Ok(Some(old)), None) => {
@@ -124,26 +124,26 @@ impl Job {
                 let changes = diff(&old, &new, |_| None::<usize>);
                 let words = changes.iter().filter(|change| !change.what.is_total());
                 let words = words
-                    .map(|change| format!("rehearsing {faults}, {}; if that is meant: {bless}", change.words(None)));
+                    .map(|change| format!("with {faults}: {}; if the change is intended: {bless}", change.words(None)));
                 words.flat_map(|message| here(DIFFERENCE, message)).collect()
             }
         }
     }
 }
 
-/// The comments of a script that name faults, each with its line.
+/// The `# rehearse:` comments of a script with their lines.
 fn rehearsals(text: &str) -> impl Iterator<Item = (usize, Result<&str, String>)> {
     text.lines().zip(1..).filter_map(|(text, line)| {
         let (_, comment) = text.rsplit_once('#')?;
         let comment = comment.trim();
         let head = comment.get(..REHEARSE.len()).filter(|head| head.eq_ignore_ascii_case(REHEARSE))?;
         let faults = comment.strip_prefix(head).and_then(|rest| rest.strip_prefix(':')).filter(|_| head == REHEARSE);
-        // What only looks like it is no reason to rehearse nothing in silence.
+        // A comment that is only similar is an error, so that it is not silently ignored.
         Some((line, faults.map(str::trim).ok_or_else(|| "write `# rehearse: unplug@4s`".to_owned())))
     })
 }
 
-/// Snapshots of rehearsals of a script that it does not name.
+/// Snapshots of rehearsals that a script does not declare.
 fn left_over(script: &Path, named: &[PathBuf]) -> Vec<PathBuf> {
     let folder = script.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = script.file_name().unwrap_or_default().as_encoded_bytes();
@@ -161,7 +161,7 @@ fn left_over(script: &Path, named: &[PathBuf]) -> Vec<PathBuf> {
     found
 }
 
-/// Every `expect` that failed, at its line.
+/// The failed `expect`s with their lines.
 fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<Problem> {
     let failed = rehearsal.verdicts.iter().filter(|verdict| !verdict.found.is_passed());
     let problems = failed.filter_map(|verdict| {
@@ -174,17 +174,21 @@ fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<
     problems.collect()
 }
 
-/// What goes out when a run ends early, in words.
+/// The frames that are sent when a run ends early.
 fn frames(timeline: &Timeline, rehearsal: &Rehearsal) -> String {
     let said = |moment: &Moment| format!("`{}`", timeline.board.show(&moment.command));
     let frames: Vec<String> = rehearsal.aborted.iter().map(said).collect();
-    if frames.is_empty() { "nothing goes out".to_owned() } else { format!("what goes out is {}", frames.join(", ")) }
+    if frames.is_empty() {
+        "no frames are sent then".to_owned()
+    } else {
+        format!("frames sent then: {}", frames.join(", "))
+    }
 }
 
-/// The path of the snapshot of what goes out when a fault ends the run.
+/// The path of the snapshot of a rehearsal.
 fn aborted_of(script: &Path, faults: &Faults) -> PathBuf {
     let mut name = script.as_os_str().to_owned();
-    // A name of a file has no blanks and slashes.
+    // File names have no spaces and no slashes.
     name.push(format!(".{}{SNAPSHOT}", faults.to_string().replace([' ', '/'], "")));
     PathBuf::from(name)
 }

@@ -1,4 +1,4 @@
-//! What a run shows while it is played: the progress line, `say` lines, pauses.
+//! What a run shows while it plays: the progress line, `say` lines, pauses.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,20 +9,20 @@ use motionseq::playback::{Notice, Verdict, now};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
-use super::super::progress::bar;
+use super::super::progress_bar::bar;
 use super::super::screen::Screen;
-use super::super::show::ScriptTime;
+use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};
 use super::observer::Observer;
 
-/// How a run is shown while it is played.
+/// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(in super::super) enum Progress {
-    /// One line, redrawn in place, on a terminal
+    /// One line that is redrawn, on a terminal
     Auto,
-    /// One line each second, for pipes and screen readers
+    /// One line per second, for pipes and screen readers
     Plain,
-    /// Only what happens
+    /// No progress line
     None,
 }
 
@@ -30,23 +30,23 @@ pub(in super::super) enum Progress {
 const SECOND: Duration = Duration::from_secs(1);
 
 /// The keys.
-const KEYS: &str = "space: pause, and go on · Enter: go on, or a step with --step · s: one step of a pause, without the drive · q: stop and end · ?: this";
+const KEYS: &str = "space: pause or continue · Enter: continue, or one step with --step · s: one step while paused, drive stopped · q: stop and exit · ?: help";
 
-/// What is added to the progress of a paused run.
+/// Shown in the progress line of a paused run.
 const PAUSED: &str = "paused";
 
-/// What is on the screen.
+/// Shows a run.
 pub(super) struct Display {
     screen: Screen,
     progress: Progress,
-    /// Whether single keys count, and whether Enter plays a step, too.
+    /// Whether single keys work, and whether Enter plays a step.
     has_keys: bool,
     steps: bool,
-    /// What a time of the run is in the script.
+    /// Converts times of the run to times of the script.
     script: ScriptTime,
     /// Whether the keys of a pause were shown.
     has_shown_keys: bool,
-    /// What the board was sent so far, the worst lateness, how many frames were dropped, and the pass.
+    /// The commands sent so far, the worst lateness, the number of dropped frames, and the pass.
     state: State,
     worst_late: Nanos,
     dropped: usize,
@@ -59,7 +59,7 @@ pub(super) struct Display {
 
 /// The time of the script, for the progress line.
 enum Clock {
-    /// Time 0 was then on the clock of [`now`], or would have been without the pauses.
+    /// Time 0 on the clock of [`now`], moved by the pauses.
     Runs(Nanos),
     /// Paused at a time of the script.
     Paused(Micros),
@@ -79,7 +79,7 @@ impl Observer for Display {
                     self.state.apply(&timeline.board, &event.command);
                     self.worst_late = self.worst_late.max(late);
                 }
-                // At a pause it is a step, which somebody follows with the eyes.
+                // While paused, this is a step, which is always shown.
                 if self.screen.is_verbose() || matches!(self.clock, Clock::Paused(_)) {
                     self.frame(timeline, "", event);
                 }
@@ -88,7 +88,7 @@ impl Observer for Display {
                 if let Some(event) = timeline.events.get(event) {
                     self.state.apply(&timeline.board, &event.command);
                 }
-                self.frame(timeline, "not sent, as the drive stands: ", event);
+                self.frame(timeline, "not sent while paused: ", event);
             }
             Notice::Dropped { event } => {
                 self.dropped += 1;
@@ -96,16 +96,20 @@ impl Observer for Display {
             }
             Notice::Sleeping { at } => {
                 self.clock = Clock::Paused(at);
-                self.screen.ask(&format!("{at:.3} s: the robot stands; `fg` comes back to it"));
+                self.screen.ask(&format!("{at:.3} s: suspended, robot stopped; resume with `fg`"));
             }
             Notice::Help => self.screen.ask(KEYS),
             Notice::Paused { at } => {
                 self.clock = Clock::Paused(at);
                 let how = match (self.has_keys, self.steps) {
                     _ if std::mem::replace(&mut self.has_shown_keys, true) => "",
-                    (false, _) => "; Enter goes on (the robot may move at once), Ctrl-C ends",
-                    (true, false) => "; space or Enter goes on (the robot may move at once), s plays one step, q ends",
-                    (true, true) => "; space goes on (the robot may move at once), Enter or s plays one step, q ends",
+                    (false, _) => "; Enter continues (the robot may move at once), Ctrl-C exits",
+                    (true, false) => {
+                        "; space or Enter continues (the robot may move at once), s plays one step, q exits"
+                    }
+                    (true, true) => {
+                        "; space continues (the robot may move at once), Enter or s plays one step, q exits"
+                    }
                 };
                 self.screen.ask(&format!("{at:.3} s: paused{}{how}", self.script.words(at)));
             }
@@ -113,14 +117,14 @@ impl Observer for Display {
             Notice::Pass { pass } => {
                 self.pass = pass;
                 self.clock = Clock::Runs(at);
-                // The line about the run says it, too.
+                // The progress line shows it too.
                 if self.screen.is_verbose() {
                     self.screen.note(&format!("pass {pass}"));
                 }
             }
             Notice::Resumed { at: script } => {
                 self.clock = Clock::Runs(at - script.nanos());
-                self.screen.note(&format!("{script:.3} s: goes on"));
+                self.screen.note(&format!("{script:.3} s: continued"));
             }
             _ => {}
         }
@@ -130,7 +134,7 @@ impl Observer for Display {
         let progress = self.progress;
         match progress {
             Progress::Auto => self.screen.live(&self.line(timeline)),
-            // What has not changed is not repeated.
+            // An unchanged line is not repeated.
             Progress::Plain if self.shown_at.elapsed() >= SECOND && self.is_further(timeline) => {
                 self.shown_at = Instant::now();
                 self.screen.note(&self.line(timeline));
@@ -141,10 +145,10 @@ impl Observer for Display {
 }
 
 impl Display {
-    /// A screen on which a run is shown; on a terminal with keys, it says so.
+    /// Shows a run on a screen, and the keys if they work.
     pub(super) fn new(screen: Screen, progress: Progress, script: ScriptTime, has_keys: bool, steps: bool) -> Self {
         if has_keys {
-            screen.note("space pauses, q stops and ends, ? shows all keys");
+            screen.note("keys: space pauses, q stops and exits, ? shows all");
         }
         Display {
             screen,
@@ -170,7 +174,7 @@ impl Display {
         }
     }
 
-    /// Whether the run is further than in the last plain line: after a suspension, the clock is ahead of it for a moment.
+    /// Whether the run has advanced since the last plain line: after a suspension, the clock is ahead for a moment.
     fn is_further(&mut self, timeline: &Timeline) -> bool {
         let now = (self.pass, self.time(timeline));
         let is_further = matches!(self.clock, Clock::Runs(_)) && now > self.shown;
@@ -180,14 +184,14 @@ impl Display {
         is_further
     }
 
-    /// An `expect` that holds; one that fails is shown at the end.
+    /// Shows an `expect` that passed; one that failed is shown at the end.
     fn judged(&self, timeline: &Timeline, verdict: Verdict) {
         if let (Some(due), true) = (timeline.expects.get(verdict.expect), verdict.found.is_passed()) {
             self.screen.note(&format!("{:.3} s: expect {}: {}", due.at, due.expect, verdict.found));
         }
     }
 
-    /// A line about one frame.
+    /// Shows one frame.
     fn frame(&self, timeline: &Timeline, what: &str, event: usize) {
         if let Some(event) = timeline.events.get(event) {
             let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
@@ -199,9 +203,9 @@ impl Display {
     fn line(&self, timeline: &Timeline) -> String {
         let (end, now) = (timeline.end, self.time(timeline));
         let mut line = format!("{now:.3} / {end:.3} s");
-        // The bar gives way to the words on a narrow terminal.
+        // On a narrow terminal, the words take precedence over the bar.
         let room = if self.screen.is_live() { self.screen.live_width() } else { self.screen.width() };
-        // A pipe and a screen reader can do without.
+        // Plain lines have no bar.
         let room_for_bar = room.saturating_sub(line.len() + 50);
         let bar = bar(now.0, end.0, if self.progress == Progress::Plain { 0 } else { room_for_bar });
         for part in std::iter::once(bar).chain(self.parts(timeline, now)).filter(|part| !part.is_empty()) {
@@ -222,7 +226,7 @@ impl Display {
         }
     }
 
-    /// What is said of a run besides its time, the most important first.
+    /// The parts of the line after the time, the most important first.
     fn parts(&self, timeline: &Timeline, now: Micros) -> Vec<String> {
         let mut parts = Vec::new();
         if matches!(self.clock, Clock::Paused(_)) {
@@ -239,11 +243,11 @@ impl Display {
             next = Some(format!("next {} at {:.3} s", mark.name, mark.at));
         }
         let board = &timeline.board;
-        let stands = matches!(self.clock, Clock::Paused(_));
-        parts.push(if stands { AT_REST.to_owned() } else { drive_words(board, &self.state) });
+        let is_paused = matches!(self.clock, Clock::Paused(_));
+        parts.push(if is_paused { AT_REST.to_owned() } else { drive_words(board, &self.state) });
         parts.extend(next);
         if self.worst_late >= Nanos::from_millis(1) {
-            parts.push(format!("worst {} late", self.worst_late.short()));
+            parts.push(format!("worst lateness {}", self.worst_late.short()));
         }
         parts.extend(active_words(board, &self.state));
         parts

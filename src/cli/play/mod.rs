@@ -1,11 +1,11 @@
-//! `motionseq play`: sends a script to a board, in time.
+//! `motionseq play`: sends a script to a board on schedule.
 
 mod display;
-mod end;
+mod finish;
 mod observer;
 mod observers;
 mod port;
-mod results;
+mod result_files;
 mod run_log;
 
 use std::io;
@@ -23,80 +23,81 @@ use motionseq::source::Lines;
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos, NotATime};
 
-use super::Script;
+use super::Options;
 use super::exit::Exit;
 use super::screen::{Screen, Warnings};
-use super::show::{Show, Staged};
+use super::selection::{Selected, Selection};
 use display::{Display, Progress};
-use end::End;
+use finish::Finish;
 use observers::Observers;
 use port::{Port, system};
-use results::{Paths, Results};
+use result_files::{ResultFiles, ResultPaths};
 use run_log::Run;
 
 pub(super) use port::refused;
 
-/// Play a script on a board, or on a virtual one
+/// Play a script on a robot or on a virtual board
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                        on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0    on a Raspblock\n  motionseq play show.motion --from bow --speed 0.5          from the mark `bow` on, at half speed\n\nCtrl-C (or Ctrl-\\) stops the robot and ends. Ctrl-Z stops the robot and sleeps; after `fg`, Enter goes on.\nOn a terminal (not with -q or TERM=dumb): space pauses and goes on, q stops and ends, ? shows the keys.\nAt a pause, s plays what is sent next, at one time: of a move, one sample. The drive stands meanwhile.\nTimes that are shown are those of the run, with a lead-in and --speed; --from and --to are times of the script.\nA second process, the guard, stops the robot if this one is killed, and kills it if it hangs.\nEverything that play says goes to standard error."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                         # on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0     # on a Raspblock\n  motionseq play scripts/dance.motion --from spin --speed 0.5 # from a mark, at half speed\n  motionseq play scripts/dance.motion --loop forever --report run.json\n\nKeys:\n  space     pause or continue\n  s         play one step while paused; the drive stays stopped\n  q         stop the robot and exit\n  ?         show the keys\n  Ctrl-C    stop the robot and exit, also without a terminal\n  Ctrl-Z    stop the robot and suspend; after `fg`, Enter continues\n\nThe keys work on a terminal, without `-q`. A step is one command, or one sample of a move.\nProgress shows the time of the run; `--from` and `--to` are times of the script.\nA second process, the guard, stops the robot if play is killed or hangs.\nAll messages go to standard error."
 )]
 pub(super) struct Play {
-    #[command(flatten)]
-    script: Script,
-    #[command(flatten)]
-    show: Show,
-    /// The serial port of the board, or else what `MOTIONSEQ_PORT` names; without it a virtual board takes the frames
+    /// Script to read, or `-` for standard input
+    file: PathBuf,
+    /// Serial port of the board, such as /dev/serial0 [default: `MOTIONSEQ_PORT`, else a virtual board]
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
-    /// Stop and end when a frame is later than this, from 1ms to 10s [default: 50ms, on the virtual board 1s]
+    /// Stop the robot if a frame is later than TIME, from 1ms to 10s [default: 50ms; 1s on the virtual board]
     #[arg(long, value_name = "TIME", value_parser = max_late)]
     max_late: Option<Nanos>,
-    /// Run before all other programs and stay in memory, as far as the system allows
+    /// Use real-time priority and locked memory, if permitted
     #[arg(long)]
     realtime: bool,
-    /// Play without the process that stops the robot if this one is killed or hangs
+    /// Start no guard: nothing stops the robot if play is killed or hangs
     #[arg(long)]
     no_guard: bool,
-    /// What goes wrong on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
+    /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// How the run is shown while it goes on
+    /// How to show progress
     #[arg(long, value_enum, default_value_t = Progress::Auto)]
     progress: Progress,
-    /// Begin paused: space begins, s plays one step
+    /// Start paused: space continues, s plays one step
     #[arg(long)]
     paused: bool,
-    /// Begin paused, and play one step for each Enter; the drive stands
+    /// Start paused and play one step per Enter; the drive stays stopped
     #[arg(long)]
     step: bool,
     #[command(flatten)]
-    results: Paths,
+    selection: Selection,
+    #[command(flatten)]
+    results: ResultPaths,
+    #[command(flatten)]
+    options: Options,
 }
 
 fn max_late(text: &str) -> Result<Nanos, String> {
     match text.parse::<Micros>() {
-        Ok(time) if time < Micros::from_millis(1) => Err("no computer is that exact; write 1ms or more".into()),
+        Ok(time) if time < Micros::from_millis(1) => Err("too short; write 1ms or more".into()),
         Ok(time) if time <= Micros::from_millis(10_000) => Ok(time.nanos()),
-        Ok(_) | Err(NotATime::TooLong) => Err("a robot is not left alone for so long; write 10s or less".into()),
+        Ok(_) | Err(NotATime::TooLong) => Err("too long; write 10s or less".into()),
         Err(_) => Err("write a time such as 50ms or 1s".into()),
     }
 }
 
-/// A frame later than this ends the run: on a real port, and on the virtual board.
+/// The default of `--max-late`: on a real port, and on the virtual board.
 const MAX_LATE: [Nanos; 2] = [Nanos::from_millis(50), Nanos::from_millis(1_000)];
 
 impl Play {
-    /// Compiles the script, opens the port, plays, and says how it went.
+    /// Compiles the script, opens the port, plays, and reports the result.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         self.play(screen).unwrap_or_else(|exit| exit)
     }
 
     fn play(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let (sources, staged) =
-            self.show.compile(&self.script.file, &self.script.options, Warnings::Counted, screen)?;
-        let Staged { timeline, again, first_pass, script, diagnostics } = staged;
-        let results = Results::open(&self.results, &sources, screen)?;
+        let (sources, selected) = self.selection.compile(&self.file, &self.options, Warnings::Counted, screen)?;
+        let Selected { timeline, again, first_pass, script, diagnostics } = selected;
+        let results = ResultFiles::open(&self.results, &sources, screen)?;
         self.check_terminal(screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
@@ -104,7 +105,7 @@ impl Play {
         let Port { link, board } =
             Port::open(path.as_deref(), &timeline, self.faults(path.is_some(), screen)?, screen)?;
 
-        // From here on there is a port. Everything that may fail or wait is made before the first frame.
+        // The port is open. Everything that may fail or wait is done before the first frame.
         let (files, report) = results.start(&timeline.board, &sources, screen)?;
         let (timeline, again) = (Arc::new(timeline), again.map(Arc::new));
         let keys = Keys::open(screen.is_live());
@@ -116,51 +117,50 @@ impl Play {
         let mut session = Session::new(player, Stalling::new(link, stalls), signals, Lines::of(&sources));
         session.keys = keys;
         session.realtime = self.realtime && become_realtime(screen);
-        // The last of all: from here on the player must beat.
+        // The guard is started last, because from then on the player must send heartbeats.
         let mut ward = Ward::of(&timeline);
         (ward.max_late, ward.realtime) = (self.limit(path.is_some()), self.realtime);
         session.guard = self.guard(session.link.descriptor(), &ward, board.is_some(), screen).map_err(|error| {
-            // A Ctrl-C reaches the guard, too, while it starts.
+            // Ctrl-C also reaches a guard that is starting.
             session.signals.pending().map_or_else(|| system(screen, &error), Exit::Signal)
         })?;
         if let Some(keys) = &mut session.keys {
             keys.enter_steps = self.step;
-            // The guard has seen the terminal as it was.
+            // The guard has saved the state of the terminal.
             keys.begin();
         }
 
         let (start, started) = (now(), SystemTime::now());
-        // The time that is shown begins here, too.
-        observers.put(start, Notice::Pass { pass: 1 });
+        // The clock of the progress line starts here too.
+        observers.notify_at(start, Notice::Pass { pass: 1 });
         if let Some(board) = &board {
             board.begin(start);
         }
-        let outcome = session.play(start, |notice| observers.tell(notice));
+        let outcome = session.play(start, |notice| observers.notify(notice));
         let elapsed = (now() - start).micros();
 
         let Session { link, guard, .. } = session;
         let port = path.map(|path| path.display().to_string());
-        // The virtual board ends when its port is closed. A real port is closed when everything was said: the system may wait for it as
-        // long as half a minute.
+        // The virtual board ends when its port is closed. A real port is closed last, because closing it may take half a minute.
         let held = Some(link).filter(|_| port.is_some());
-        let asked = self.show.asked();
+        let asked = self.selection.asked();
         let run = Run { sources: &sources, timeline: &timeline, asked, first_pass, port, started, elapsed, outcome };
-        let exit = End { screen: *screen, run, report: report.map(|report| (report, diagnostics)), board, guard }
-            .tell(observers.end());
+        let exit = Finish { screen: *screen, run, report: report.map(|report| (report, diagnostics)), board, guard }
+            .report(observers.end());
         drop(held);
         Ok(exit)
     }
 
-    /// Whether there is a terminal where it is asked for.
+    /// Checks that there is a terminal if the options need one.
     fn check_terminal(&self, screen: &Screen) -> Result<(), Exit> {
         if (self.paused || self.step) && !(screen.is_live() && Keys::open(false).is_some()) {
-            screen.error("--paused and --step need a terminal in the foreground: no redirected standard error, no -q, no TERM=dumb");
+            screen.error("`--paused` and `--step` need a terminal: run in the foreground, without `-q`, TERM=dumb or a redirected standard error");
             return Err(Exit::Usage);
         }
         Ok(())
     }
 
-    /// The port that is asked for. A variable that is empty is one that is not set.
+    /// The port. An empty variable counts as not set.
     fn port_path(&self) -> Option<PathBuf> {
         let port = self.port.clone().or_else(|| std::env::var_os("MOTIONSEQ_PORT").map(PathBuf::from));
         port.filter(|port| !port.as_os_str().is_empty())
@@ -171,11 +171,11 @@ impl Play {
         self.max_late.unwrap_or(if is_real { on_port } else { on_virtual })
     }
 
-    /// What goes wrong on the virtual board.
+    /// The faults of the virtual board.
     fn faults(&self, is_real: bool, screen: &Screen) -> Result<Faults, Exit> {
         let faults = self.fault.clone().unwrap_or_default();
         if is_real && !faults.is_none() {
-            screen.error("faults happen on the virtual board only: leave out `--fault` or the port");
+            screen.error("`--fault` works only on the virtual board; remove `--fault` or the port");
             return Err(Exit::Usage);
         }
         Ok(faults)
@@ -197,14 +197,14 @@ impl Play {
 
     fn guard(&self, port: BorrowedFd<'_>, ward: &Ward, with_board: bool, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
-            screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
+            screen.note("no guard: nothing stops the robot if motionseq is killed or hangs");
             return Ok(None);
         }
         super::guard::start(port, ward, with_board, screen).map(Some)
     }
 }
 
-/// Asks for what `--realtime` means and says what was refused. Gives whether this thread runs before all others.
+/// Requests real-time priority and locked memory, and reports what was refused. Returns whether this thread has the priority.
 pub(super) fn become_realtime(screen: &Screen) -> bool {
     let got = Realtime::ask();
     for (result, what, line) in [
@@ -213,7 +213,7 @@ pub(super) fn become_realtime(screen: &Screen) -> bool {
     ] {
         if let Err(error) = result {
             screen.note(&format!(
-                "--realtime: no {what}, so it plays without: {error}; to allow it to users of the group dialout, add the line `{line}` to /etc/security/limits.conf and log in again"
+                "--realtime: no {what} ({error}); to permit it for the group dialout, add `{line}` to /etc/security/limits.conf and log in again"
             ));
         }
     }

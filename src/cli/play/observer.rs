@@ -1,4 +1,4 @@
-//! What follows a run: shows it, writes it down, counts.
+//! The observer of a run: shows, records, logs or counts it.
 
 use std::sync::Arc;
 
@@ -6,11 +6,11 @@ use motionseq::playback::Notice;
 use motionseq::timeline::Timeline;
 use motionseq::units::Nanos;
 
-/// Follows a run from its own thread.
+/// Follows a run from the observers' thread.
 pub(super) trait Observer {
-    /// Something happened at a time on the clock of [`now`](motionseq::playback::now), in a pass that plays this timeline.
+    /// Takes a notice with its time on the clock of [`now`](motionseq::playback::now), in a pass that plays this timeline.
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice);
 
-    /// Some time has passed.
+    /// Called regularly.
     fn update(&mut self, _: &Timeline) {}
 }

@@ -1,4 +1,4 @@
-//! The thread on which a run is observed: shown, recorded, logged, counted. Motion never waits for it.
+//! The thread that shows, records, logs and counts a run. Motion never waits for it.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -22,57 +22,57 @@ use super::run_log::RunLog;
 
 /// How often the ring is emptied.
 const UPDATE: Duration = Duration::from_millis(40);
-/// Room for what happens between two updates. The line carries 11,520 bytes a second.
+/// How many notices fit between two updates. The line carries 11,520 bytes per second.
 const ROOM: usize = 32 * 1024;
-/// How long the end waits for the thread: all that it has to do is to empty the ring.
+/// How long the end waits for the thread, which only has to empty the ring.
 const PATIENCE: Duration = Duration::from_millis(1_500);
 
-/// What a run is written to while it is played.
+/// The files that are written while a run plays.
 pub(super) struct Files {
-    /// The bytes that the port takes.
+    /// The bytes that the port accepts.
     pub(super) recording: Option<Recording>,
-    /// Everything that happens, and the text that it comes from.
+    /// The log, and the script that it refers to.
     pub(super) log: Option<(Log, Sources)>,
 }
 
-/// The near end of the ring, for the thread that sends.
+/// The sending end of the ring, for the thread that plays.
 pub(super) struct Observers {
     ring: Producer<(Nanos, Notice)>,
     observed: Receiver<Observed>,
-    /// All bytes that the port took.
+    /// All bytes that the port accepted.
     bytes: u64,
-    /// What did not fit the ring: bytes that the port took, and anything else.
+    /// What did not fit in the ring: bytes that the port accepted, and other notices.
     lost_bytes: u64,
     lost_notices: u64,
 }
 
-/// What the observers have when nothing more is sent.
+/// The results of the observers.
 pub(super) struct Observed {
     pub(super) run: RunLog,
-    /// What became of the recording.
+    /// Whether the recording is complete.
     pub(super) recorded: io::Result<()>,
-    /// The log, which waits for the last line, and the timeline that was played last.
+    /// The log, which still needs its last line, and the timeline that was played last.
     pub(super) log: Option<(TimelineLog, Arc<Timeline>)>,
 }
 
 impl Observers {
-    /// Starts the thread. A run without end plays `timelines[1]` after the first pass.
+    /// Starts the thread. An endless run plays `timelines[1]` after the first pass.
     pub(super) fn start(timelines: [Arc<Timeline>; 2], display: Display, files: Files) -> io::Result<Self> {
         let (ring, notices) = RingBuffer::new(ROOM);
-        let (tell, observed) = mpsc::channel();
+        let (done, observed) = mpsc::channel();
         start_thread("observers", move || {
-            let _ = tell.send(observe(notices, timelines, display, files));
+            let _ = done.send(observe(notices, timelines, display, files));
         })?;
         Ok(Observers { ring, observed, bytes: 0, lost_bytes: 0, lost_notices: 0 })
     }
 
-    /// Passes on what happened just now. Where the thread cannot follow, it misses something, and that is counted.
-    pub(super) fn tell(&mut self, notice: Notice) {
-        self.put(now(), notice);
+    /// Passes on a notice. If the ring is full, the notice is lost and counted.
+    pub(super) fn notify(&mut self, notice: Notice) {
+        self.notify_at(now(), notice);
     }
 
-    /// Passes on what happened at a time on the clock of [`now`].
-    pub(super) fn put(&mut self, at: Nanos, notice: Notice) {
+    /// Passes on a notice with a time on the clock of [`now`].
+    pub(super) fn notify_at(&mut self, at: Nanos, notice: Notice) {
         let bytes = match &notice {
             Notice::Wrote(piece) => Some(piece.bytes().len() as u64),
             _ => None,
@@ -86,23 +86,23 @@ impl Observers {
         }
     }
 
-    /// Ends the thread, and gives what it has.
+    /// Ends the thread and returns its results.
     pub(super) fn end(self) -> Observed {
         let Observers { ring, observed, bytes, lost_bytes, lost_notices } = self;
         drop(ring);
         let mut observed = observed.recv_timeout(PATIENCE).unwrap_or_else(|_| {
-            let failed = Err(io::Error::other("the thread that keeps it failed"));
+            let failed = Err(io::Error::other("the thread that writes it failed"));
             Observed { run: RunLog::new(), recorded: failed, log: None }
         });
         (observed.run.bytes, observed.run.not_noted) = (bytes, lost_notices);
         if lost_bytes > 0 && observed.recorded.is_ok() {
-            observed.recorded = Err(io::Error::other(format!("{lost_bytes} bytes did not fit the buffer")));
+            observed.recorded = Err(io::Error::other(format!("{lost_bytes} bytes did not fit in the buffer")));
         }
         observed
     }
 }
 
-/// Passes everything to every observer, until the ring has ended and is empty.
+/// Passes every notice to every observer until the ring is closed and empty.
 fn observe(
     mut notices: Consumer<(Nanos, Notice)>,
     [first, again]: [Arc<Timeline>; 2],
@@ -120,7 +120,7 @@ fn observe(
     observers.extend(recording.as_mut().map(|recording| recording as &mut dyn Observer));
     observers.push(&mut display);
     loop {
-        // Looked at before the ring is emptied, so that nothing is left in it at the end.
+        // Checked before the ring is emptied, so that nothing is left in it at the end.
         let is_last = notices.is_abandoned();
         while let Ok((at, notice)) = notices.pop() {
             for observer in &mut observers {
@@ -143,7 +143,7 @@ fn observe(
     Observed { run, recorded, log: log.map(|log| (log, timeline)) }
 }
 
-/// A log, and where the lines of the script are.
+/// A log and the lines of the script.
 struct Logged<'l>(&'l mut TimelineLog, &'l Lines<'l>);
 
 impl Observer for Logged<'_> {
@@ -152,22 +152,22 @@ impl Observer for Logged<'_> {
     }
 }
 
-/// `--record`: a thread of its own writes the bytes that the port took.
+/// `--record`: a thread that writes the bytes that the port accepted.
 pub(super) struct Recording(Worker<Box<[u8]>, io::Result<()>>);
 
 impl Recording {
-    /// How many pieces may wait to be written.
+    /// How many writes may be queued.
     const ROOM: usize = 64 * 1024;
-    /// How long the end waits for a file that takes nothing.
+    /// How long the end waits for a blocked file.
     const PATIENCE: Duration = Duration::from_millis(750);
 
-    /// Starts one into an open file.
+    /// Starts recording to an open file.
     pub(super) fn start(mut file: File) -> io::Result<Self> {
         let write = move |pieces: &Receiver<Box<[u8]>>| pieces.iter().try_for_each(|piece| file.write_all(&piece));
         Worker::start("recording", Self::ROOM, write).map(Recording)
     }
 
-    /// Ends it; an error where it is not complete.
+    /// Ends the recording; fails if it is incomplete.
     fn end(self) -> io::Result<()> {
         let (written, lost) = self.0.end(Self::PATIENCE, "it");
         written.map_err(io::Error::other)??;

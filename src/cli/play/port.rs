@@ -34,33 +34,31 @@ impl Port {
             return Ok(Port { link, board: None });
         }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
-        // By its path, so that a rehearsal takes the way of the real thing.
+        // Opened by its path, like a real port.
         let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
-        screen.note("no --port given: playing on the built-in virtual board");
+        screen.note("no --port: playing on the built-in virtual board");
         let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
         let board = Served::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }
 }
 
-/// The system refused something that a run needs.
+/// Reports that the system refused something that a run needs.
 pub(super) fn system(screen: &Screen, error: &io::Error) -> Exit {
     screen.error(&format!("cannot play: {error}; nothing was sent"));
     Exit::Port
 }
 
-/// Says why a port cannot be opened, and what to do.
+/// Reports why a port cannot be opened, and what to do.
 pub(in super::super) fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
     let help = match error {
         OpenError::Missing => {
-            "`motionseq ports` lists those that there are; on a Raspberry Pi it is usually /dev/serial0".to_owned()
+            "list the ports with `motionseq ports`; on a Raspberry Pi, try `--port /dev/serial0`".to_owned()
         }
-        OpenError::InUse => {
-            "close that program (a paused motionseq? see `jobs`), or wait until it has ended".to_owned()
-        }
+        OpenError::InUse => "close that program (a suspended motionseq is listed by `jobs`)".to_owned(),
         OpenError::Forbidden => permission(path),
-        OpenError::NotAPort | OpenError::OwnTerminal | OpenError::Nobody => {
-            "name the device that the board hangs on, usually /dev/serial0".to_owned()
+        OpenError::NotAPort | OpenError::OwnTerminal | OpenError::NoPeer => {
+            "write the port of the board, such as `--port /dev/serial0`".to_owned()
         }
         _ => "check the cable and the port".to_owned(),
     };
@@ -71,10 +69,10 @@ pub(in super::super) fn refused(screen: &Screen, path: &Path, error: &OpenError)
     }
 }
 
-/// How a user comes by the permission to open a port: the group of its node, if that may.
+/// How to get permission to open a port: by joining the group of its device, if the group may open it.
 fn permission(path: &Path) -> String {
     let Ok(meta) = path.metadata() else {
-        return "the folder that it is in may not be read".to_owned();
+        return "you may not read the folder of the port".to_owned();
     };
     let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
     let name = groups.lines().find_map(|line| {
@@ -84,9 +82,9 @@ fn permission(path: &Path) -> String {
     });
     match name {
         Some(name) if meta.mode() & 0o060 == 0o060 && meta.gid() != 0 => {
-            format!("run `sudo usermod -aG {name} $USER`, then log out and in again")
+            format!("run `sudo usermod -aG {name} $USER`, then log out and log in again")
         }
-        _ => "only its owner may open it; a udev rule with GROUP=\"dialout\", MODE=\"0660\" gives it to the users of that group"
+        _ => "only its owner may open it; a udev rule with GROUP=\"dialout\", MODE=\"0660\" permits it for that group"
             .to_owned(),
     }
 }

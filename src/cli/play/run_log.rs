@@ -1,4 +1,4 @@
-//! What came of a run: what is counted while it is played, and the report that is made of it.
+//! The result of a run: counters, the closing line and the report.
 
 use std::io;
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use motionseq::timeline::Timeline;
 use motionseq::timeline::wire::load;
 use motionseq::units::{Micros, Nanos};
 
-use super::super::ending::{closing_line, signal_name, stop_words};
 use super::super::exit::Exit;
+use super::super::run_summary::{closing_line, signal_name, stop_words};
 use super::super::screen::plural;
 use super::observer::Observer;
 
-/// The most dropped frames that are named, and the most `expect`s.
+/// The most dropped frames and the most `expect`s that are listed.
 const NAMED: usize = 1_000;
 
-/// What is counted while a run is played. Frames and expectations are those of the timeline that was played then.
+/// Counters of a run. Frames and expectations refer to the timeline that was playing.
 pub(super) struct RunLog {
-    /// How late frames were, in nanoseconds; `None` only where there is no room for it.
+    /// The lateness of frames, in nanoseconds; `None` if memory ran out.
     lateness: Option<Histogram<u64>>,
     dropped: Vec<(Arc<Timeline>, usize)>,
     verdicts: Vec<(Arc<Timeline>, Verdict)>,
@@ -33,15 +33,15 @@ pub(super) struct RunLog {
     is_paused: bool,
     /// The board's last report.
     pub(super) report: Option<Report>,
-    /// All bytes that the port took.
+    /// All bytes that the port accepted.
     pub(super) bytes: u64,
-    /// How many notices did not fit the ring.
+    /// How many notices did not fit in the ring.
     pub(super) not_noted: u64,
 }
 
 impl RunLog {
     pub(super) fn new() -> Self {
-        // From a nanosecond to a minute, to three digits; what is later counts as a minute.
+        // From a nanosecond to a minute, to three digits; longer times count as a minute.
         let lateness = Histogram::new_with_bounds(1, 60_000_000_000, 3).ok();
         RunLog {
             lateness,
@@ -100,7 +100,7 @@ pub(super) struct Run<'r> {
 impl Run<'_> {
     pub(super) fn exit(&self) -> Exit {
         match self.outcome.cause {
-            // Who asked for the end and did not get the stop must know.
+            // A quit that could not stop the robot is an error.
             Cause::Quit if self.outcome.stop == Stop::NotSent => Exit::Port,
             Cause::Finished | Cause::Quit => Exit::Ok,
             Cause::Signal(signal) => Exit::Signal(signal),
@@ -112,24 +112,24 @@ impl Run<'_> {
         }
     }
 
-    /// Why it ended.
+    /// Why the run ended.
     fn cause(&self) -> String {
         match self.outcome.cause {
             Cause::Finished => match self.outcome.dropped {
                 0 => "everything was sent".to_owned(),
                 dropped => {
-                    format!("everything was sent but {}, which newer ones had overtaken", plural(dropped, "frame"))
+                    format!("everything was sent except {} replaced by newer ones", plural(dropped, "frame"))
                 }
             },
-            Cause::Quit => "ended by q".into(),
+            Cause::Quit => "stopped by q".into(),
             Cause::Signal(signal) => signal_name(signal),
             Cause::Lost(None) => "the port hung up".into(),
             Cause::Lost(Some(error)) => format!("the port was lost ({})", io::Error::from_raw_os_error(error)),
-            Cause::Stalled => "the port stopped taking bytes".into(),
+            Cause::Stalled => "the port stopped accepting bytes".into(),
             Cause::Late(late) => format!("a frame was {:.0} ms late", late.in_millis()),
             Cause::Expect(verdict) => self.timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
             Cause::Unguarded => "the guard of this run was lost".into(),
-            _ => "motionseq failed, which is a bug".into(),
+            _ => "motionseq failed; this is a bug".into(),
         }
     }
 
@@ -137,7 +137,7 @@ impl Run<'_> {
         self.outcome.cause != Cause::Finished
     }
 
-    /// The one line that says what happened; of an early end also where, when, and what became of the robot.
+    /// The closing line: the cause and, of an early end, the place, the time and whether the robot was stopped.
     pub(super) fn closing_line(&self) -> String {
         let Outcome { at, stop, .. } = self.outcome;
         match self.place() {
@@ -149,7 +149,7 @@ impl Run<'_> {
         }
     }
 
-    /// Where in the script it ended early: at the `expect` that failed, or at the last frame.
+    /// Where in the script the run ended early: at the failed `expect`, or at the last frame.
     fn place(&self) -> Option<Span> {
         let failed = match self.outcome.cause {
             Cause::Expect(verdict) => self.timeline.expects.get(verdict.expect).map(|expect| expect.span),
@@ -158,12 +158,12 @@ impl Run<'_> {
         failed.or(self.outcome.place).filter(|_| self.is_early())
     }
 
-    /// How much later than it is due a frame leaves at the worst, on a line of this speed.
+    /// The longest time that a frame waits for the serial line.
     pub(super) fn line_late(&self) -> Micros {
         load(self.timeline).worst.map_or(Micros::ZERO, |(_, late)| late)
     }
 
-    /// The pass in which it ended; all passes are in one timeline.
+    /// The pass in which the run ended, if all passes are in one timeline.
     fn pass(&self) -> u64 {
         let Some(count @ 2..) = self.asked.passes else { return 1 };
         let at = self.outcome.at;

@@ -1,6 +1,6 @@
-//! The commands that need a port, on systems other than Linux: they say that they need it.
+//! Stand-ins, on other systems, for the commands that need Linux: each reports that it does.
 
-/// A command that reports that it needs Linux, whatever its arguments are.
+/// A command that takes any arguments and reports that it needs Linux.
 macro_rules! needs_linux {
     ($($module:ident $name:ident $about:literal)*) => {$(
         pub(super) mod $module {
@@ -20,7 +20,7 @@ macro_rules! needs_linux {
 
             impl $name {
                 pub(in super::super) fn run(&self, screen: &Screen) -> Exit {
-                    screen.error(concat!("`motionseq ", stringify!($module), "` needs Linux, for its serial ports and clocks"));
+                    screen.error(concat!("`motionseq ", stringify!($module), "` needs Linux, for serial ports and exact timing"));
                     Exit::Usage
                 }
             }
@@ -29,9 +29,9 @@ macro_rules! needs_linux {
 }
 
 needs_linux! {
-    play Play "Play a script on a robot, or on a virtual board (Linux only)"
-    board Board "Be a virtual board that any program opens as its serial port (Linux only)"
-    record Record "Record what another program sends (Linux only)"
+    play Play "Play a script on a robot or on a virtual board (Linux only)"
+    board Board "Run a virtual board that other programs open as a serial port (Linux only)"
+    record Record "Record what another program sends as a script (Linux only)"
     ports Ports "List the serial ports (Linux only)"
-    latency Latency "Measure how well this computer keeps time (Linux only)"
+    latency Latency "Measure how well this machine keeps time (Linux only)"
 }

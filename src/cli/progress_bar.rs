@@ -1,17 +1,17 @@
-//! How far long work is: a bar on a terminal, nothing elsewhere.
+//! A progress bar for long work, on terminals only.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use super::screen::Screen;
 
-/// Work that takes no longer than this, in milliseconds, is not worth a bar.
+/// Work that takes less than this, in milliseconds, shows no bar.
 const PATIENCE: u64 = 200;
-/// How long a bar stands, in milliseconds.
+/// Time between two updates, in milliseconds.
 const REFRESH: u64 = 100;
 
-/// Counts what is done of so many things, and draws it; whoever drops it takes the bar away.
-pub(super) struct Progress<'s> {
+/// Counts finished items and draws a bar. Dropping it clears the bar.
+pub(super) struct ProgressBar<'s> {
     screen: &'s Screen,
     what: &'static str,
     total: usize,
@@ -21,19 +21,19 @@ pub(super) struct Progress<'s> {
     next: AtomicU64,
 }
 
-impl<'s> Progress<'s> {
+impl<'s> ProgressBar<'s> {
     pub(super) fn new(screen: &'s Screen, what: &'static str, total: usize) -> Self {
         let (done, next) = (AtomicUsize::new(0), AtomicU64::new(PATIENCE));
-        Progress { screen, what, total, done, begin: Instant::now(), next }
+        ProgressBar { screen, what, total, done, begin: Instant::now(), next }
     }
 
-    /// So many more are done. From any thread.
+    /// Adds finished items, from any thread.
     pub(super) fn add(&self, count: usize) {
         let done = self.done.fetch_add(count, Ordering::Relaxed) + count;
         let now = u64::try_from(self.begin.elapsed().as_millis()).unwrap_or(u64::MAX);
         let next = self.next.load(Ordering::Relaxed);
         let is_due = now >= next
-            // One thread draws.
+            // Only one thread draws.
             && self.next.compare_exchange(next, now.saturating_add(REFRESH), Ordering::Relaxed, Ordering::Relaxed).is_ok();
         if is_due {
             self.draw(done);
@@ -48,7 +48,7 @@ impl<'s> Progress<'s> {
     }
 }
 
-impl Drop for Progress<'_> {
+impl Drop for ProgressBar<'_> {
     fn drop(&mut self) {
         if self.next.load(Ordering::Relaxed) > PATIENCE {
             self.screen.live("");
@@ -56,7 +56,7 @@ impl Drop for Progress<'_> {
     }
 }
 
-/// `█████░░░░░`, at most 20 columns in so much room.
+/// `█████░░░░░`, at most 20 columns and at most `room`.
 pub(super) fn bar(done: u64, total: u64, room: usize) -> String {
     let width = u64::try_from(room.min(20)).unwrap_or(0);
     let filled = u128::from(done) * u128::from(width);

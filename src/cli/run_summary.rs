@@ -1,4 +1,4 @@
-//! What is said at the end of a run, by `play`, its guard and `board`.
+//! The messages at the end of a run, for `play`, its guard and `board`.
 
 use motionseq::board::{Board, ON_SILENCE};
 use motionseq::playback::Stop;
@@ -7,7 +7,7 @@ use motionseq::units::Micros;
 
 use super::screen::{Screen, plural};
 
-/// What a virtual board has received, in words.
+/// Shows what a virtual board received.
 pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received) {
     let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
     screen.note(&format!(
@@ -18,7 +18,7 @@ pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received)
     let pose = received.pose;
     if (pose.x_cm, pose.y_cm, pose.yaw_deg) != (0.0, 0.0, 0.0) {
         screen.note(&format!(
-            "in its nominal units the robot has moved {} and {}, and turned {}",
+            "the robot moved {} and {} and turned {}, in nominal units",
             way(pose.x_cm, " cm", ["to the right", "to the left"]),
             way(pose.y_cm, " cm", ["forward", "back"]),
             way(pose.yaw_deg, "°", ["clockwise", "counterclockwise"])
@@ -26,12 +26,12 @@ pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received)
     }
     if received.lost > 0 {
         let lost = plural(usize::try_from(received.lost).unwrap_or(usize::MAX), "frame");
-        screen.note(&format!("by the fault that was asked for, {lost} did not reach it"));
+        screen.note(&format!("--fault: {lost} did not reach the board"));
     }
     if let Some((at, fault)) = received.first_fault {
         let count = |count, word| plural(usize::try_from(count).unwrap_or(usize::MAX), word);
         let (frames, bytes) = (count(received.not_understood, "frame"), count(received.skipped, "byte"));
-        screen.note(&format!("it could not use {frames} and {bytes}; the first at byte {at}: {fault}"));
+        screen.note(&format!("the board ignored {frames} and {bytes}; the first at byte {at}: {fault}"));
     }
 }
 
@@ -40,17 +40,17 @@ fn way(value: f64, unit: &str, [ahead, back]: [&str; 2]) -> String {
     format!("{:.1}{unit} {}", value.abs(), if value < 0.0 { back } else { ahead })
 }
 
-/// What a board was last told, in words.
+/// The last state of a board.
 fn described(board: &Board, received: &Received) -> String {
     let state = &received.state;
     let mut words = Vec::new();
     for (id, resource) in board.resources.iter().enumerate().rev().filter(|(_, resource)| resource.rest.is_some()) {
-        let (name, told) = (&resource.name, state.last(id));
-        let is_active = told.is_some_and(|told| board.is_active(told));
-        words.push(match told.map(|told| board.show(told)) {
-            Some(told) if resource.needs_refresh && received.moves => format!("{name} runs: {told}"),
-            Some(told) if resource.needs_refresh && is_active => {
-                format!("it was left at {told}, and the virtual board has stopped by itself; {ON_SILENCE}")
+        let (name, last) = (&resource.name, state.last(id));
+        let is_active = last.is_some_and(|last| board.is_active(last));
+        words.push(match last.map(|last| board.show(last)) {
+            Some(last) if resource.needs_refresh && received.moves => format!("{name} is running: {last}"),
+            Some(last) if resource.needs_refresh && is_active => {
+                format!("{name} was left at {last}, and the virtual board stopped by itself; {ON_SILENCE}")
             }
             _ if is_active => format!("{name} is {}", resource.activity),
             _ => format!("{name} {}", resource.idle),
@@ -59,16 +59,16 @@ fn described(board: &Board, received: &Received) -> String {
     for (id, resource) in
         board.resources.iter().enumerate().filter(|(_, found)| found.rest.is_none() && found.is_exclusive)
     {
-        let told =
-            state.last(id).and_then(|told| Some((board.verb(told.verb())?.axes.last()?, *told.values().last()?)));
-        if let Some((axis, value)) = told {
+        let last =
+            state.last(id).and_then(|last| Some((board.verb(last.verb())?.axes.last()?, *last.values().last()?)));
+        if let Some((axis, value)) = last {
             words.push(format!("{} at {value} {}", resource.name, axis.unit.symbol()).trim_end().to_owned());
         }
     }
     words.join(", ")
 }
 
-/// What became of the robot, for the end of a closing line.
+/// Whether the robot was stopped, for the end of a closing line.
 pub(super) fn stop_words(stop: Stop) -> &'static str {
     match stop {
         Stop::Sent | Stop::NotNeeded => "stop: sent",
@@ -76,20 +76,20 @@ pub(super) fn stop_words(stop: Stop) -> &'static str {
     }
 }
 
-/// What happened, where in the script, when, and what became of the robot.
+/// The cause, the place in the script, the time, and whether the robot was stopped.
 pub(super) fn closing_line(cause: &str, place: Option<String>, at: Micros, robot: &str) -> String {
     let place = place.map(|place| format!(" at {place}")).unwrap_or_default();
     format!("{cause}{place}, {at:.3} s into the run; {robot}")
 }
 
-/// A signal that ended a run, in words.
+/// What a signal that ended a run means.
 pub(super) fn signal_name(signal: i32) -> String {
     match signal {
         1 => "the terminal was closed (SIGHUP)".into(),
         2 => "stopped by Ctrl-C".into(),
         3 => "stopped by Ctrl-\\ (SIGQUIT)".into(),
         20 => "stopped by Ctrl-Z (SIGTSTP)".into(),
-        15 => "asked to terminate (SIGTERM)".into(),
+        15 => "terminated (SIGTERM)".into(),
         other => format!("stopped by signal {other}"),
     }
 }

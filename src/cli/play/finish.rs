@@ -1,4 +1,4 @@
-//! The end of a run: what is said when nothing more is sent.
+//! The end of a run: summary, closing line, report and exit code.
 
 use motionseq::board::Board;
 use motionseq::diagnostic::Diagnostics;
@@ -6,35 +6,35 @@ use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::Served;
 use motionseq::timeline::wire::LATE;
 
-use super::super::ending::board_summary;
 use super::super::exit::Exit;
 use super::super::log::Level;
+use super::super::run_summary::board_summary;
 use super::super::screen::{PATIENCE, Screen, plural};
 use super::observers::Observed;
-use super::results::Report;
+use super::result_files::Report;
 use super::run_log::{Run, RunLog};
 
-/// What is left of a run when nothing more is sent.
-pub(super) struct End<'r> {
+/// Everything needed to report a run that has ended.
+pub(super) struct Finish<'r> {
     pub(super) screen: Screen,
     pub(super) run: Run<'r>,
-    /// The report, if one is asked for, and what is wrong with the script.
+    /// The report file, if there is one, and the warnings of the script.
     pub(super) report: Option<(Report, Diagnostics)>,
     pub(super) board: Option<Served>,
-    /// Learns that everything was said.
+    /// Gets the goodbye once everything is reported.
     pub(super) guard: Option<Guard>,
 }
 
-impl End<'_> {
-    /// Says how it went; gives the exit code. First what is written at once, then what the screen may wait for.
-    pub(super) fn tell(self, observed: Observed) -> Exit {
-        let End { screen, run, report, board, guard } = self;
+impl Finish<'_> {
+    /// Reports the run and returns the exit code. Files are written first, because standard error may be blocked.
+    pub(super) fn report(self, observed: Observed) -> Exit {
+        let Finish { screen, run, report, board, guard } = self;
         let Observed { run: counted, recorded, log } = observed;
         let report =
             report.map(|(report, diagnostics)| (report.path.clone(), report.write(run.report(&counted, &diagnostics))));
         let mut is_whole = recorded.is_ok();
         if let Err(error) = recorded {
-            screen.warning(&format!("the recording is not complete: {error}; the motion was not changed by that"));
+            screen.warning(&format!("the recording is incomplete: {error}; motion was not affected"));
         }
         summary(&screen, &run, &counted);
         board_end(&screen, &run.timeline.board, board);
@@ -49,7 +49,7 @@ impl End<'_> {
             (Cause::Quit, Stop::Sent) => screen.note(&line),
             _ => screen.error(&line),
         }
-        // A guard that gets no goodbye says it in the place of a screen that takes nothing.
+        // If standard error is blocked, the guard gets no goodbye and writes the closing line itself.
         let is_said = Screen::is_written(PATIENCE);
         if let Some(guard) = guard.filter(|_| is_said || !run.is_early()) {
             guard.goodbye();
@@ -58,7 +58,7 @@ impl End<'_> {
             && let Err(error) = write()
         {
             is_whole = false;
-            screen.warning(&format!("the report {} is not complete: {error}", path.display()));
+            screen.warning(&format!("the report {} is incomplete: {error}", path.display()));
         }
         match run.exit() {
             Exit::Ok if !is_whole => Exit::Usage,
@@ -83,20 +83,20 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
     let dropped = if *dropped == 0 { String::new() } else { format!(", {dropped} dropped") };
     let extra = match *extra {
         0 => String::new(),
-        count => format!(", and {} of stops, pauses and `on abort`", plural(count, "frame")),
+        count => format!(", plus {} for stops, pauses and `on abort`", plural(count, "frame")),
     };
     let (sent, worst) = (plural(*sent, "frame"), worst_late.in_millis());
-    screen.note(&format!("sent {sent}{dropped} in {at:.3} s{extra}; the worst was {worst:.3} ms late"));
+    screen.note(&format!("sent {sent}{dropped} in {at:.3} s{extra}; worst lateness {worst:.3} ms"));
     if let Some(report) = &counted.report {
         screen.note(&format!("last report of the board: {}", timeline.board.report(report)));
     }
     let (baud, late) = (timeline.baud, run.line_late());
     if late > LATE {
-        screen.note(&format!("a line of {baud} baud carries a frame up to {} later than that", late.short()));
+        screen.note(&format!("at {baud} baud, a frame waits up to {} for the serial line", late.short()));
     }
 }
 
-/// What became of the virtual board.
+/// Reports the end of the virtual board.
 fn board_end(screen: &Screen, board: &Board, served: Option<Served>) {
     match served.map(|served| served.join(PATIENCE)) {
         None => {}

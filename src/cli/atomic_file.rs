@@ -1,38 +1,38 @@
-//! Files that are replaced as a whole.
+//! Files that are replaced atomically.
 
 use std::fs::{File, Metadata};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Replaces what a file contains, all of it or nothing.
-pub(super) fn replace_file(path: &Path, text: &[u8]) -> io::Result<()> {
-    let mut file = Replacement::begin(path)?;
+/// Replaces the content of a file, all of it or nothing.
+pub(super) fn write_atomically(path: &Path, text: &[u8]) -> io::Result<()> {
+    let mut file = AtomicFile::begin(path)?;
     file.write_all(text)?;
     file.finish()
 }
 
-/// What replaces a file once it is whole: until then it is another file next to it, which is removed if it never is. Anything that
-/// is not a file, such as a pipe or `/dev/null`, is written in place, and so is a file whose owner could not be kept.
+/// A file that is written next to its destination and renamed when it is complete, or removed if it never is. A destination
+/// that is not a regular file, such as a pipe or `/dev/null`, is written in place, and so is a file whose owner cannot be kept.
 #[derive(Debug)]
-pub(super) struct Replacement {
+pub(super) struct AtomicFile {
     file: File,
-    /// The file next to it, and the one that it replaces.
+    /// The temporary file and the destination; `None` if it is written in place.
     part: Option<(PathBuf, PathBuf)>,
 }
 
-impl Replacement {
-    /// Begins one; a link leads to the file that is replaced. Owner, group and mode stay.
+impl AtomicFile {
+    /// Starts writing; links are followed. Owner, group and mode are kept.
     pub(super) fn begin(path: &Path) -> io::Result<Self> {
         let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let old = path.metadata().ok();
         if old.as_ref().is_some_and(|old| !old.is_file()) {
-            return Ok(Replacement { file: open_in_place(&path)?, part: None });
+            return Ok(AtomicFile { file: open_in_place(&path)?, part: None });
         }
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(format!(".{}.part", std::process::id()));
         let part = path.with_file_name(name);
         let file = File::create(&part)?;
-        let new = Replacement { file, part: Some((part, path)) };
+        let new = AtomicFile { file, part: Some((part, path)) };
         match old.map(|old| new.becomes(&old)) {
             None | Some(Ok(true)) => Ok(new),
             Some(Err(error)) => Err(error),
@@ -40,12 +40,12 @@ impl Replacement {
                 let Some((_, path)) = new.part.clone() else { return Ok(new) };
                 let file = open_in_place(&path)?;
                 file.set_len(0)?;
-                Ok(Replacement { file, part: None })
+                Ok(AtomicFile { file, part: None })
             }
         }
     }
 
-    /// Gives it the mode, the owner and the group of another file; says whether it may have them.
+    /// Sets the mode, owner and group of another file; returns whether that was permitted.
     #[cfg(unix)]
     fn becomes(&self, old: &Metadata) -> io::Result<bool> {
         use std::os::unix::fs::{MetadataExt as _, fchown};
@@ -59,7 +59,7 @@ impl Replacement {
         Ok(true)
     }
 
-    /// A new file inherits the rights of its folder.
+    /// A new file inherits the permissions of its folder.
     #[cfg(not(unix))]
     #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as on Unix")]
     fn becomes(&self, _: &Metadata) -> io::Result<bool> {
@@ -71,7 +71,7 @@ impl Replacement {
         self.part.is_none()
     }
 
-    /// It is whole.
+    /// Completes the file.
     pub(super) fn finish(mut self) -> io::Result<()> {
         let Some((part, path)) = &self.part else { return self.file.flush() };
         self.file.sync_all()?;
@@ -81,7 +81,7 @@ impl Replacement {
     }
 }
 
-impl Write for Replacement {
+impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.file.write(bytes)
     }
@@ -91,7 +91,7 @@ impl Write for Replacement {
     }
 }
 
-impl Drop for Replacement {
+impl Drop for AtomicFile {
     fn drop(&mut self) {
         if let Some((part, _)) = &self.part {
             let _ = std::fs::remove_file(part);

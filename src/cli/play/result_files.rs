@@ -1,4 +1,4 @@
-//! The files that a run is written to: `--record`, `--report` and `--log`.
+//! The result files of a run: `--record`, `--report` and `--log`.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -11,74 +11,76 @@ use clap::Args;
 use motionseq::board::Board;
 use motionseq::source::Sources;
 
+use super::super::atomic_file::AtomicFile;
 use super::super::exit::Exit;
 use super::super::log::Log;
 use super::super::output::Force;
-use super::super::replace::Replacement;
 use super::super::screen::{PATIENCE, Screen};
 use super::super::worker::Worker;
-use super::super::{growing, output};
+use super::super::{growing_file, output};
 use super::observers::{Files, Recording};
 use super::port::system;
 
-/// The files that are asked for.
+/// The result files that are requested.
 #[derive(Debug, Args)]
-pub(super) struct Paths {
-    /// Write the exact bytes that the port took to this file
-    #[arg(long, value_name = "FILE")]
+pub(super) struct ResultPaths {
+    /// Write the bytes that the port accepted to FILE
+    #[arg(long, value_name = "FILE", help_heading = "Result files")]
     record: Option<PathBuf>,
-    /// Write how the run went to this file, as JSON
-    #[arg(long, value_name = "FILE")]
+    /// Write a JSON report of the run to FILE
+    #[arg(long, value_name = "FILE", help_heading = "Result files")]
     report: Option<PathBuf>,
-    /// Write everything that happens to this MCAP file: frames, state, lateness, telemetry, marks and `say`; Foxglove shows it
-    #[arg(long, value_name = "FILE")]
+    /// Write an MCAP log for Foxglove to FILE: frames, state, lateness, telemetry, marks and `say`
+    #[arg(long, value_name = "FILE", help_heading = "Result files")]
     log: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
 }
 
-/// Open files with their names. What they contain stays until [`start`](Results::start).
-pub(super) struct Results<'p> {
+/// The open result files. Their old content is kept until [`start`](ResultFiles::start).
+pub(super) struct ResultFiles<'p> {
     recording: Option<(&'p Path, File)>,
-    /// `None` for the file where the report replaces it when it is complete.
-    report: Option<(&'p Path, Option<Replacement>)>,
+    /// The file is `None` if the report replaces it when it is complete.
+    report: Option<(&'p Path, Option<AtomicFile>)>,
     log: Option<(&'p Path, File)>,
 }
 
-impl<'p> Results<'p> {
-    /// Opens the files that are asked for, each of them a different one.
-    pub(super) fn open(paths: &'p Paths, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
+impl<'p> ResultFiles<'p> {
+    /// Opens the requested files, which must be different files.
+    pub(super) fn open(paths: &'p ResultPaths, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
         let inputs = output::Inputs::of_sources(sources);
-        let Paths { record, report, log, force } = paths;
+        let ResultPaths { record, report, log, force } = paths;
         let asked = [("--record", record), ("--report", report), ("--log", log)];
         let mut places: Vec<(&str, PathBuf)> = Vec::new();
         for (option, path) in asked {
             let Some(path) = path else { continue };
-            let place = growing::place(path);
+            let place = growing_file::place(path);
             if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
-                return Err(refused(screen, path, &io::Error::other(format!("it is the file of {other}"))));
+                return Err(refused(screen, path, &io::Error::other(format!("it is also the file of `{other}`"))));
             }
-            places.extend((!growing::takes_everything(path)).then_some((option, place)));
+            places.extend((!growing_file::takes_everything(path)).then_some((option, place)));
         }
-        Ok(Results {
-            recording: open_one(record.as_deref(), screen, |path| growing::open(path, &inputs, *force))?,
+        Ok(ResultFiles {
+            recording: open_one(record.as_deref(), screen, |path| growing_file::open(path, &inputs, *force))?,
             report: open_one(report.as_deref(), screen, |path| {
                 output::whole(path, &inputs, *force).map(|file| file.is_in_place().then_some(file))
             })?,
-            log: open_one(log.as_deref(), screen, |path| growing::create(path, &inputs).map(|created| created.file))?,
+            log: open_one(log.as_deref(), screen, |path| {
+                growing_file::create(path, &inputs).map(|created| created.file)
+            })?,
         })
     }
 
-    /// Discards what the files contain, and starts the threads that write them.
+    /// Discards the old content of the files, and starts the threads that write them.
     pub(super) fn start(
         self,
         board: &Arc<Board>,
         sources: &Sources,
         screen: &Screen,
     ) -> Result<(Files, Option<Report>), Exit> {
-        let Results { recording, report, log } = self;
+        let ResultFiles { recording, report, log } = self;
         if let Some((path, file)) = &recording {
-            growing::begin(file).map_err(|error| refused(screen, path, &error))?;
+            growing_file::begin(file).map_err(|error| refused(screen, path, &error))?;
         }
         let log = log.map(|(path, file)| {
             let log = Log::start(file, path, Arc::clone(board), *screen);
@@ -97,7 +99,7 @@ fn refused(screen: &Screen, path: &Path, error: &io::Error) -> Exit {
     Exit::Usage
 }
 
-/// Opens a file for a result, if one is asked for, or says why it cannot.
+/// Opens a requested file, or reports why it cannot be opened.
 fn open_one<'p, T>(
     path: Option<&'p Path>,
     screen: &Screen,
@@ -107,28 +109,28 @@ fn open_one<'p, T>(
     open(path).map(|opened| Some((path, opened))).map_err(|error| refused(screen, path, &error))
 }
 
-/// The thread that writes a report, made before the first frame: at the end the system may have none to give.
+/// The thread that writes a report. Started before the first frame, because it may be impossible later.
 pub(super) struct Report {
     pub(super) path: PathBuf,
     writer: Worker<String, io::Result<()>>,
 }
 
 impl Report {
-    fn start(path: &Path, file: Option<Replacement>) -> io::Result<Self> {
+    fn start(path: &Path, file: Option<AtomicFile>) -> io::Result<Self> {
         let place = path.to_owned();
         let writer = Worker::start("report", 1, move |texts: &Receiver<String>| {
             let Ok(text) = texts.recv() else { return Ok(()) };
-            let mut file = file.map_or_else(|| Replacement::begin(&place), Ok)?;
+            let mut file = file.map_or_else(|| AtomicFile::begin(&place), Ok)?;
             file.write_all(text.as_bytes())?;
             file.finish()
         })?;
         Ok(Report { path: path.to_owned(), writer })
     }
 
-    /// Begins to write it; the result waits for the file, at most as long as for the screen.
+    /// Starts to write the report. The returned function waits for the file, at most [`PATIENCE`].
     pub(super) fn write(mut self, text: String) -> impl FnOnce() -> io::Result<()> {
         let until = Instant::now() + PATIENCE;
-        // A thread that has failed is reported at its end.
+        // If the thread has failed, its end reports it.
         self.writer.send(text);
         move || {
             let (written, _) = self.writer.end(until.saturating_duration_since(Instant::now()), "it");

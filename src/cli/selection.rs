@@ -1,4 +1,4 @@
-//! Which part of a script is rendered or played, how fast, and how often.
+//! The selected part of a script, its speed and its number of passes: `--from`, `--to`, `--speed`, `--loop`, `--lead-in`.
 
 use std::path::Path;
 
@@ -15,43 +15,42 @@ use super::exit::Exit;
 use super::screen::{Screen, Warnings};
 use super::{Options, read};
 
-/// Which part of a script, how fast, and how often: without end, or with one (`Passes`).
+/// The selection. `play` may loop forever ([`Loop`]); other commands have a number of passes ([`Passes`]).
 #[derive(Debug, Args)]
-pub(super) struct Show<L: Args = Loop> {
-    /// Begin at this time of the script, or at this mark; the servos are brought there first
-    #[arg(long, value_name = "TIME|MARK")]
+pub(super) struct Selection<L: Args = Loop> {
+    /// Start at this time or mark of the script; servos move to their positions there first
+    #[arg(long, value_name = "TIME|MARK", help_heading = "Part and speed")]
     from: Option<String>,
-    /// End at this time of the script, or at this mark; an `expect` that is not over by then is left out
-    #[arg(long, value_name = "TIME|MARK")]
+    /// End at this time or mark of the script; an `expect` that ends later is left out
+    #[arg(long, value_name = "TIME|MARK", help_heading = "Part and speed")]
     to: Option<String>,
-    /// Run so fast, from 0.1 to 10: commands, moves and holds; refreshes and the speeds of the drive stay, so at 0.5 the
-    /// robot drives twice as far
-    #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1")]
+    /// Scale the speed, from 0.1 to 10; drive speeds do not change, so at 0.5 the robot drives twice as far
+    #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1", help_heading = "Part and speed")]
     speed: Speed,
     #[command(flatten)]
     passes: L,
-    /// How long servos have to get where they are at the beginning of a part
-    #[arg(long, value_name = "TIME", value_parser = lead_in, default_value = "1s")]
+    /// Time for the servos to move to their positions at `--from`
+    #[arg(long, value_name = "TIME", value_parser = lead_in, default_value = "1s", help_heading = "Part and speed")]
     lead_in: Micros,
 }
 
-/// How often, perhaps without end.
+/// The number of passes, or forever.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Loop {
-    /// Run it N times, or `forever`; where a part begins in the middle, each pass first brings the servos back there
-    #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1")]
+    /// Repeat N times, or `forever`; with `--from`, servos return to their start positions before each pass
+    #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1", help_heading = "Part and speed")]
     count: Count,
 }
 
-/// How often, for what must end.
+/// The number of passes.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Passes {
-    /// Run it N times; where a part begins in the middle, each pass first brings the servos back there
-    #[arg(long = "loop", value_name = "N", value_parser = times, default_value = "1")]
+    /// Repeat N times; with `--from`, servos return to their start positions before each pass
+    #[arg(long = "loop", value_name = "N", value_parser = times, default_value = "1", help_heading = "Part and speed")]
     times: u64,
 }
 
-/// How often.
+/// The number of passes, or forever.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Count {
     Times(u64),
@@ -71,18 +70,18 @@ impl From<Passes> for Count {
 }
 
 fn speed(text: &str) -> Result<Speed, String> {
-    Speed::of(text).ok_or_else(|| "write a number from 0.1 to 10 with at most three digits behind its point".into())
+    Speed::of(text).ok_or_else(|| "write a number from 0.1 to 10 with at most three decimals, such as 0.5".into())
 }
 
 fn count(text: &str) -> Result<Count, String> {
     match text {
         "forever" => Ok(Count::Forever),
-        text => times(text).map(Count::Times).map_err(|why| why + ", or `forever`"),
+        text => times(text).map(Count::Times).map_err(|help| help + ", or `forever`"),
     }
 }
 
 fn times(text: &str) -> Result<u64, String> {
-    text.parse().ok().filter(|times| *times > 0).ok_or_else(|| "write how often, 1 or more".into())
+    text.parse().ok().filter(|times| *times > 0).ok_or_else(|| "write a number of passes, 1 or more".into())
 }
 
 fn lead_in(text: &str) -> Result<Micros, NotATime> {
@@ -90,33 +89,33 @@ fn lead_in(text: &str) -> Result<Micros, NotATime> {
     if time <= Micros::DAY { Ok(time) } else { Err(NotATime::TooLong) }
 }
 
-/// How many frames of a run without end are checked together.
+/// How many frames of an endless run are checked together.
 const MANY: usize = 200_000;
 
-/// A script as it is shown: what comes first, and what comes again and again behind it.
-pub(super) struct Staged {
+/// A selected part of a script, ready to play: the first pass and, for an endless run, the pass that is repeated.
+pub(super) struct Selected {
     pub(super) timeline: Timeline,
-    /// For a run without end.
+    /// The repeated pass of an endless run.
     pub(super) again: Option<Timeline>,
-    /// How long the first pass takes, where there are several.
+    /// How long the first pass takes.
     pub(super) first_pass: Micros,
-    /// How times of the run and of the script go together.
+    /// Converts times of the run to times of the script.
     pub(super) script: ScriptTime,
-    /// What is wrong with the script; no errors.
+    /// The warnings of the script.
     pub(super) diagnostics: Diagnostics,
 }
 
-/// How times of a run and times of its script go together, in a run that is not simply the script from its start.
+/// Converts times of a run to times of its script.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ScriptTime {
-    /// Where in the script the part begins, after so long a lead-in, both in the time of the run.
+    /// Where the part begins in the script, and how long the lead-in is, both in the time of the run.
     pub(super) from: Micros,
     pub(super) lead: Micros,
     pub(super) speed: Speed,
 }
 
 impl ScriptTime {
-    /// ` (1.200 s in the script)`, where that is not the time of the run.
+    /// ` (1.200 s in the script)`, unless that is the time of the run.
     pub(super) fn words(self, at: Micros) -> String {
         if (self.from, self.lead) == (Micros::ZERO, Micros::ZERO) && self.speed.factor() == 1.0 {
             return String::new();
@@ -126,22 +125,22 @@ impl ScriptTime {
     }
 }
 
-impl<L: Args + Copy + Into<Count>> Show<L> {
-    /// Compiles a script, and takes out of it what is asked for.
+impl<L: Args + Copy + Into<Count>> Selection<L> {
+    /// Compiles a script and selects the part.
     pub(super) fn compile(
         &self,
         file: &Path,
         options: &Options,
         warnings: Warnings,
         screen: &Screen,
-    ) -> Result<(Sources, Staged), Exit> {
+    ) -> Result<(Sources, Selected), Exit> {
         let sources = Sources::new(read(file, screen)?, Disk);
         let compiled = options.compile_at(&sources, screen, self.speed, warnings);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         let mut diagnostics = compiled.diagnostics.clone();
-        match self.stage(&whole, options.max_events, &mut diagnostics) {
+        match self.select(&whole, options.max_events, &mut diagnostics) {
             Ok((timeline, again, first_pass)) => {
-                // What one pass has was shown already.
+                // The diagnostics of one pass were shown already.
                 let shown: Vec<&Diagnostic> = compiled.diagnostics.iter().collect();
                 let mut found = Diagnostics::default();
                 let new = diagnostics.iter().filter(|one| !shown.contains(one));
@@ -154,7 +153,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                 let from = moment(&self.from).unwrap_or_default();
                 let length = moment(&self.to).unwrap_or(whole.end).min(whole.end) - from;
                 let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
-                Ok((sources, Staged { timeline, again, first_pass, script, diagnostics }))
+                Ok((sources, Selected { timeline, again, first_pass, script, diagnostics }))
             }
             Err(why) => {
                 screen.error(&why);
@@ -163,7 +162,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         }
     }
 
-    /// What is asked for, for a report.
+    /// The selection, for a report.
     pub(super) fn asked(&self) -> Asked {
         let passes = match self.passes.into() {
             Count::Times(times) => Some(times),
@@ -172,9 +171,9 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         Asked { from: self.from.clone(), to: self.to.clone(), speed: self.speed.factor(), passes }
     }
 
-    /// What comes first, for a run without end what comes again and again, and how long the first pass takes. What is wrong with
-    /// several passes goes to `diagnostics`.
-    fn stage(
+    /// The first pass (or all passes), the repeated pass of an endless run, and how long the first pass takes. Adds what is wrong
+    /// with several passes to `diagnostics`.
+    fn select(
         &self,
         whole: &Timeline,
         max_events: usize,
@@ -185,22 +184,22 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         let to = moment(&self.to)?;
         if from > whole.end {
             let end = self.speed.of_script(whole.end);
-            return Err(format!("--from is after the end of the script, which is {end:.3} s long"));
+            return Err(format!("`--from` is after the end of the script, which takes {end:.3} s"));
         }
         if to.is_some_and(|to| to <= from) {
-            return Err("--to is not after --from: nothing is left between them".to_owned());
+            return Err("`--to` must be later than `--from`".to_owned());
         }
         let asked = Clip::new(from, to, self.lead_in);
         let first = clip(whole, &asked, &State::default());
         let first_pass = first.end;
-        // Behind a pass it is known where everything is.
+        // After a pass, the state of the board is known.
         let again = || clip(whole, &asked, &state_after(&first));
         match self.passes.into() {
             Count::Times(1) => Ok((first, None, first_pass)),
             Count::Times(times) => {
                 let again = again();
                 let timeline = passes(&first, &again, times, max_events).ok_or_else(|| {
-                    format!("{times} passes are more than 24 hours or {max_events} frames: write fewer")
+                    format!("{times} passes take more than 24 hours or {max_events} frames; write a smaller `--loop`")
                 })?;
                 check_passes(&first, &again, &timeline, diagnostics);
                 Ok((timeline, None, first_pass))
@@ -208,9 +207,9 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
             Count::Forever => {
                 let again = again();
                 if again.end == Micros::ZERO {
-                    return Err("this takes no time, and cannot go on forever".to_owned());
+                    return Err("a pass that takes no time cannot loop forever".to_owned());
                 }
-                // What the line cannot carry grows from pass to pass.
+                // If the line cannot carry a pass, the delay grows with each pass.
                 let enough = MANY / again.events.len().max(1);
                 let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
                 let all = passes(&first, &again, enough, usize::MAX);
@@ -220,7 +219,7 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
         }
     }
 
-    /// A time of the script, or a mark, as it is at this speed.
+    /// The time of a time or mark of the script, at this speed.
     fn moment(&self, text: &str, whole: &Timeline) -> Result<Micros, String> {
         if let Some(time) = Time::parse(text).filter(|time| *time <= Time::LONGEST) {
             return Ok(self.speed.time(time).micros());
@@ -231,7 +230,10 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
             (Some(_), Some(_)) => {
                 let all = whole.marks.iter().filter(|mark| mark.name == text).take(5);
                 let all: Vec<String> = all.map(|mark| format!("{:.3}", self.speed.of_script(mark.at))).collect();
-                Err(format!("the mark `{text}` is there more than once, at {} s: write a time", all.join(", ")))
+                Err(format!(
+                    "the mark `{text}` occurs more than once, at {} s; write one of these times",
+                    all.join(", ")
+                ))
             }
             (None, _) => {
                 let mut all: Vec<&str> = whole.marks.iter().map(|mark| mark.name.as_str()).collect();
@@ -239,11 +241,11 @@ impl<L: Args + Copy + Into<Count>> Show<L> {
                 all.truncate(12);
                 let known = match all.as_slice() {
                     [] => "the script has no marks".to_owned(),
-                    all => format!("its marks are {}", all.join(", ")),
+                    all => format!("the marks are {}", all.join(", ")),
                 };
                 let is_number = Time::parse(&format!("{text}s")).is_some();
                 let seconds = if is_number { format!("{text}s") } else { "1.5s".to_owned() };
-                Err(format!("`{text}` is no time such as {seconds}, and no mark of the script; {known}"))
+                Err(format!("`{text}` is neither a time such as {seconds} nor a mark of the script; {known}"))
             }
         }
     }

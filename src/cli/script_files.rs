@@ -1,4 +1,4 @@
-//! Finds scripts, and snapshots that have lost theirs.
+//! Finds scripts, and snapshots without a script.
 
 use std::ffi::OsStr;
 use std::io::ErrorKind;
@@ -6,22 +6,21 @@ use std::path::{Path, PathBuf};
 
 use walkdir::{DirEntry, WalkDir};
 
-/// The files below some paths.
+/// The scripts and snapshots in some paths.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Found {
-    /// Every script, sorted by name, each folder's files together.
+pub(super) struct ScriptFiles {
+    /// Scripts, sorted by name, folder by folder.
     pub(super) scripts: Vec<PathBuf>,
-    /// Snapshots whose script is not there.
+    /// Snapshots without a script.
     pub(super) orphans: Vec<PathBuf>,
-    /// What could not be looked into, and why.
+    /// Paths that cannot be read, and why.
     pub(super) unreadable: Vec<(PathBuf, String)>,
 }
 
-/// Finds the scripts below each path: `*.motion` in folders, and any file that is named itself; a snapshot that is
-/// named stands for its script. Links are followed, but not
-/// round in a circle; names that begin with a dot are passed over.
-pub(super) fn find(paths: &[PathBuf]) -> Found {
-    let mut found = Found::default();
+/// Finds the scripts in each path: `*.motion` in folders, and each path that is a file itself; a snapshot counts as its script.
+/// Follows links, except cycles, and ignores hidden files.
+pub(super) fn find_scripts(paths: &[PathBuf]) -> ScriptFiles {
+    let mut found = ScriptFiles::default();
     for path in paths {
         let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().as_encoded_bytes().starts_with(b".");
         let walk = WalkDir::new(path).follow_links(true).sort_by_file_name();
@@ -29,7 +28,7 @@ pub(super) fn find(paths: &[PathBuf]) -> Found {
             match entry {
                 Ok(entry) if entry.file_type().is_dir() => {}
                 Ok(entry) => {
-                    // `./dance.motion` is `dance.motion` to whoever reads it.
+                    // Show `./dance.motion` as `dance.motion`.
                     let path = entry.path().strip_prefix(".").unwrap_or(entry.path());
                     found.take(path, entry.depth() == 0);
                 }
@@ -37,9 +36,9 @@ pub(super) fn find(paths: &[PathBuf]) -> Found {
                     let at = error.path().unwrap_or(path);
                     let at = at.strip_prefix("./").unwrap_or(at).to_owned();
                     let why = match error.loop_ancestor() {
-                        Some(ancestor) => format!("the link leads back to {}", ancestor.display()),
+                        Some(ancestor) => format!("the link forms a cycle with {}", ancestor.display()),
                         None if error.io_error().is_some_and(|error| error.kind() == ErrorKind::NotFound) => {
-                            "there is nothing with this name".to_owned()
+                            "no such file or directory".to_owned()
                         }
                         None => error.io_error().map_or_else(|| error.to_string(), ToString::to_string),
                     };
@@ -53,9 +52,9 @@ pub(super) fn find(paths: &[PathBuf]) -> Found {
     found
 }
 
-impl Found {
+impl ScriptFiles {
     fn take(&mut self, path: &Path, is_named: bool) {
-        // A name is bytes: not all of them are UTF-8.
+        // A name need not be UTF-8.
         let name = path.file_name().unwrap_or_default();
         let script = script_of(name).map(|script| path.with_file_name(script));
         if let Some(script) = script {
@@ -70,13 +69,13 @@ impl Found {
     }
 }
 
-/// The name of the script that a snapshot belongs to, if a name is one: `dance.motion` of `dance.motion.frames`, and of
-/// `dance.motion.unplug@4s.frames` of a rehearsal.
+/// The name of the script of a snapshot: `dance.motion` for `dance.motion.frames`, and for `dance.motion.unplug@4s.frames` of a
+/// rehearsal. `None` if it is not the name of a snapshot.
 fn script_of(name: &OsStr) -> Option<&OsStr> {
     let is = |name: &OsStr, end: &str| Path::new(name).extension().is_some_and(|extension| extension == end);
     let mut stem = Some(name).filter(|name| is(name, "frames")).and_then(|name| Path::new(name).file_stem());
     while let Some(script) = stem.filter(|stem| !is(stem, "motion")) {
-        // Without a dot in it, nothing is left to take off.
+        // Without a dot there is no extension to remove.
         stem = Path::new(script).file_stem().filter(|shorter| *shorter != script);
     }
     stem

@@ -1,30 +1,30 @@
-//! Files that grow while a run goes on: recordings and logs.
+//! Files that grow during a run: recordings and logs.
 
 use std::fs::{File, Metadata};
 use std::io::{self, Write as _};
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
+use super::atomic_file::open_in_place;
 use super::output::{Force, Inputs, check};
-use super::replace::open_in_place;
 use super::screen::Screen;
 
-/// Opens a file for a result that grows while it is written. What is in it stays until [`begin`]. Never waits for the reader of a
-/// named pipe.
+/// Opens a file that grows while it is written. Its old content is kept until [`begin`]. Never waits for the reader of a named
+/// pipe.
 pub(super) fn open(path: &Path, inputs: &Inputs, force: Force) -> io::Result<File> {
     check(path, inputs, force)?;
     open_in_place(path)
 }
 
-/// A file that was made for what cannot be made again.
+/// A file for a result that cannot be produced again.
 pub(super) struct Created {
     pub(super) file: File,
-    /// Whether it was not there before.
+    /// Whether it did not exist before.
     is_new: bool,
 }
 
 impl Created {
-    /// Takes the file away again where this run has made it, and nothing was written.
+    /// Removes the file if this run created it and wrote nothing.
     pub(super) fn undo(self, path: &Path) {
         let is_it =
             |meta: &Metadata| self.file.metadata().is_ok_and(|own| (own.dev(), own.ino()) == (meta.dev(), meta.ino()));
@@ -34,67 +34,67 @@ impl Created {
     }
 }
 
-/// Makes a file for what cannot be made again. One that is there, with anything in it, stays as it is.
+/// Creates a file for a result that cannot be produced again. Refuses an existing file that is not empty.
 pub(super) fn create(path: &Path, inputs: &Inputs) -> io::Result<Created> {
     let is_new = path.symlink_metadata().is_err();
     let file = open(path, inputs, Force::ALWAYS)?;
     let of_file = file.metadata()?;
     if of_file.is_file() && of_file.len() > 0 {
-        return Err(io::Error::other("it is there already, and stays as it is; choose another name"));
+        return Err(io::Error::other("it exists and is not overwritten; choose another name"));
     }
     Ok(Created { file, is_new })
 }
 
-/// Where a path leads, also where nothing is there yet.
+/// The canonical path, even if there is no file yet.
 pub(super) fn place(path: &Path) -> PathBuf {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let by_folder = || Some(folder.canonicalize().ok()?.join(path.file_name()?));
     path.canonicalize().ok().or_else(by_folder).unwrap_or_else(|| path.to_owned())
 }
 
-/// Whether any number of results may go there, such as to `/dev/null`.
+/// Whether several outputs may share this path, such as `/dev/null`.
 pub(super) fn takes_everything(path: &Path) -> bool {
     path.metadata().is_ok_and(|meta| !meta.is_file())
 }
 
-/// Whether two open files are one.
+/// Whether two open files are the same file.
 pub(super) fn is_same(left: &File, right: &File) -> bool {
     let identity = |file: &File| file.metadata().map(|meta| (meta.is_file(), meta.dev(), meta.ino()));
     matches!((identity(left), identity(right)), (Ok(left), Ok(right)) if left.0 && left == right)
 }
 
-/// Throws away what stood in the file before.
+/// Discards the old content of a file.
 pub(super) fn begin(file: &File) -> io::Result<()> {
     if file.metadata()?.is_file() { file.set_len(0) } else { Ok(()) }
 }
 
-/// A file that grows, and whose end may change until it is settled. It is whole at every moment, so that nothing is lost where the
-/// program is killed or the power is cut. To anything but a file, such as a pipe, only what is settled goes.
-pub(super) struct Growing {
+/// A file that grows, with a tail that may still change. The file is complete at every moment, so that nothing is lost if the
+/// program is killed or the power is cut. A pipe or a device gets only the settled bytes.
+pub(super) struct GrowingFile {
     file: File,
     pub(super) is_file: bool,
-    /// What it is called in messages.
+    /// Its name in messages.
     name: String,
     screen: Screen,
-    /// How much of what is settled it has, in bytes, and what is settled but not written.
+    /// How many settled bytes are written, and the settled bytes that are not.
     at: u64,
     pending: Vec<u8>,
-    /// The end that it has, which is not settled.
+    /// The tail that is written.
     end: Vec<u8>,
-    /// What replaces something that was settled, and where.
+    /// Bytes that replace settled ones, and their position.
     amendment: Option<(u64, Vec<u8>)>,
-    /// Whether it may be longer than what it should contain, and whether the disk may not have it yet.
+    /// Whether it may be longer than its content, and whether it may not be on the disk yet.
     is_uncut: bool,
     is_unsynced: bool,
-    /// Why the last write failed.
+    /// The error of the last write.
     failing: Option<String>,
 }
 
-impl Growing {
+impl GrowingFile {
     pub(super) fn new(file: File, name: String, screen: Screen) -> Self {
         let is_file = file.metadata().is_ok_and(|meta| meta.is_file());
         let (pending, end) = (Vec::new(), Vec::new());
-        Growing {
+        GrowingFile {
             file,
             is_file,
             name,
@@ -109,50 +109,50 @@ impl Growing {
         }
     }
 
-    /// How long it is without its end, in bytes, once everything is written.
+    /// Its length without the tail, in bytes, once everything is written.
     pub(super) fn length(&self) -> u64 {
         self.at + self.pending() as u64
     }
 
-    /// How many bytes are settled but not written.
+    /// How many settled bytes are not written.
     pub(super) fn pending(&self) -> usize {
         self.pending.len()
     }
 
-    /// Drops what is not written.
+    /// Discards the bytes that are not written.
     #[cfg(feature = "mcap")]
     pub(super) fn forget(&mut self) {
         self.pending = Vec::new();
     }
 
-    /// Why the last write failed, if it did.
+    /// The error of the last write, if it failed.
     pub(super) fn failing(&self) -> Option<&str> {
         self.failing.as_deref()
     }
 
-    /// Replaces what was settled at a place by as many other bytes, with the next write.
+    /// Replaces settled bytes at a position by the same number of other bytes, with the next write.
     pub(super) fn amend(&mut self, at: u64, bytes: &[u8]) {
         self.amendment = Some((at, bytes.to_vec()));
     }
 
-    /// Writes what is settled, and an end that may change. Where that fails, `whole` is written in their place, which makes the
-    /// file whole, and it is tried again with the next write.
+    /// Writes settled bytes and a tail that may change. If that fails, writes the tail `whole` instead, which completes the file,
+    /// and tries again with the next write.
     pub(super) fn write(&mut self, settled: &[u8], end: &[u8], whole: &[u8]) {
         self.pending.extend_from_slice(settled);
         let result = if self.is_file { self.write_over(end, whole) } else { self.write_on() };
         let was_failing = self.failing.is_some();
         self.failing = result.err().map(|error| error.to_string());
-        let Growing { name, screen, .. } = self;
+        let GrowingFile { name, screen, .. } = self;
         match &self.failing {
             Some(error) if !was_failing => {
-                screen.warning(&format!("{name} cannot be written: {error}; it is tried again"));
+                screen.warning(&format!("cannot write {name}: {error}; retrying"));
             }
-            None if was_failing => screen.note(&format!("{name} is written again")),
+            None if was_failing => screen.note(&format!("writing {name} works again")),
             _ => {}
         }
     }
 
-    /// Writes over the last end. A shorter one is followed by line feeds until the file is cut.
+    /// Overwrites the last tail. If the new one is shorter, line feeds fill the rest until the file is truncated.
     fn write_over(&mut self, end: &[u8], whole: &[u8]) -> io::Result<()> {
         if let Some((at, bytes)) = &self.amendment {
             let waiting = at.checked_sub(self.at).and_then(|from| usize::try_from(from).ok());
@@ -170,7 +170,7 @@ impl Growing {
         let padding = vec![b'\n'; usize::try_from(spare).unwrap_or_default()];
         let text = [&self.pending, end, &padding].concat();
         if let Err(error) = self.file.write_all_at(&text, self.at) {
-            // Half a piece is worth nothing, or worse.
+            // A partial write would damage the file.
             self.end.clear();
             self.is_uncut = true;
             self.file.set_len(self.at)?;
@@ -191,7 +191,7 @@ impl Growing {
         self.sync()
     }
 
-    /// Has the disk keep it: the power of a robot may be cut at any time.
+    /// Writes the file to the disk, because the power of a robot may be cut at any time.
     fn sync(&mut self) -> io::Result<()> {
         if self.is_unsynced {
             self.file.sync_data()?;
@@ -200,7 +200,7 @@ impl Growing {
         Ok(())
     }
 
-    /// Appends to a pipe or a device. Bytes that it has taken are not written again.
+    /// Appends to a pipe or a device. Bytes that were written are not written again.
     fn write_on(&mut self) -> io::Result<()> {
         while !self.pending.is_empty() {
             match self.file.write(&self.pending) {
