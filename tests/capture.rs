@@ -42,7 +42,7 @@ fn bytes_outside_of_frames_are_shown_and_skipped() {
 0\t00 11\t\tskipped 2: no frame starts here
 2\tFF FE 04 01 01 07\t\tskipped 6: checksum 0x07 instead of 0x06
 8\tFF FE 40 01 01 42\traw 0x40 0x01\tunknown: no command has this function and length
-14\tFF FE 02 03 01 00 01 07\traw 0x02 0x01 0x00 0x01\tunknown: 1 is outside 500 to 2500
+14\tFF FE 02 03 01 00 01 07\traw 0x02 0x01 0x00 0x01\tunknown: 1 is out of range (500 to 2500)
 22\tFF FE 02 03\t\tskipped 4: the stream ends inside a frame
 ";
     assert_eq!(text, expected);

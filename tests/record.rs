@@ -10,7 +10,7 @@ use crate::support::board::{OnBoard, board, say};
 use crate::support::host::{Host, frames, has, link, rocker, stop};
 use crate::support::{messages, run, stderr};
 use motionseq::board::Command;
-use motionseq::capture::{Decoded, Reading, ScriptWriter, TimedDecoder, decode, decode_to_script};
+use motionseq::capture::{Decoded, Reading, ScriptWriter, TimedDecoder, decode, to_script};
 use motionseq::program::{Ease, Options};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::{Kind, Timeline, write_listing, write_snapshot};
@@ -59,7 +59,7 @@ fn recorded(exact: bool, frames: &[(u64, Vec<u8>)]) -> String {
 fn decoded_script(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
     let bytes: Vec<u8> = frames.iter().flat_map(|(_, frame)| frame.clone()).collect();
     let mut out = Vec::new();
-    decode_to_script(&bytes[..], Reading::default(), exact, &mut out).unwrap();
+    to_script(&bytes[..], Reading::default(), exact, &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -642,7 +642,7 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
 /// A capture as a script, and the totals.
 fn script_of(capture: &[u8], exact: bool, baud: Option<u32>) -> (String, Decoded) {
     let mut out = Vec::new();
-    let decoded = decode_to_script(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
+    let decoded = to_script(capture, Reading::default().with_baud(baud), exact, &mut out).unwrap();
     (String::from_utf8(out).unwrap(), decoded)
 }
 

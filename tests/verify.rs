@@ -94,7 +94,7 @@ fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     assert_eq!(
         stdout(&output),
         "FAILED dance.motion: differs from its snapshot\n  \
-         at 0.000 s (dance.motion:2, nod, pass 1): servo 2 1700 -> 1750, and so once more at 0.300 s\n  \
+         at 0.000 s (dance.motion:2, nod, pass 1): servo 2 1700 -> 1750, the same once more at 0.300 s\n  \
          if the change is intended: motionseq test --bless dance.motion\n"
     );
     assert_eq!(stderr(&output), "4 scripts: 3 passed, 1 failed\n");

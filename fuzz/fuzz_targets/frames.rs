@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use motionseq::board::{Decoder, Item, raspblock};
-use motionseq::capture::{Reading, decode, decode_to_script};
+use motionseq::capture::{Reading, decode, to_script};
 use motionseq::diagnostic::Code;
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
@@ -50,7 +50,7 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
     assert!(String::from_utf8(listing).is_ok());
     for exact in [false, true] {
         let mut script = Vec::new();
-        decode_to_script(bytes.as_slice(), Reading::default(), exact, &mut script).expect("nothing in a stream is fatal");
+        to_script(bytes.as_slice(), Reading::default(), exact, &mut script).expect("nothing in a stream is fatal");
         let script = String::from_utf8(script).expect("a script is text");
         let sources = Sources::from(Source::new("x.motion", script.as_str()));
         let compiled = motionseq::compile(&sources, &Options::default());

@@ -5,9 +5,9 @@
 //! its commands. This module knows which bytes go over the wire; it knows neither times nor ports.
 //!
 //! - [`Board`] is the table; [`Verb`] is one command, [`Axis`] one value of it, [`Resource`] what
-//! it sets.
+//!   it sets.
 //! - [`Command`] is a verb with its values; [`Board::encode`] and [`Board::decode`] convert it to
-//! bytes and back.
+//!   bytes and back.
 //! - [`Decoder`] finds frames in a stream and reports the bytes that it skips.
 //! - [`State`] is the last command of each resource.
 

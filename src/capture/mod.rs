@@ -162,7 +162,7 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
 ///
 /// # Errors
 /// If reading or writing fails.
-pub fn decode_to_script(
+pub fn to_script(
     input: impl Read,
     reading: Reading,
     exact: bool,

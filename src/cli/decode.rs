@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, decode_to_script};
+use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, to_script};
 
 use motionseq::board::Board;
 use motionseq::source::{Disk, Files as _};
@@ -82,11 +82,8 @@ impl Decode {
         let reading =
             capture::Reading::default().with_timing(timing).with_baud(self.baud).with_board(Arc::clone(&board));
         let mut out = BufWriter::with_capacity(64 * 1024, out);
-        let decoded = if is_script {
-            decode_to_script(input, reading, self.exact, &mut out)
-        } else {
-            decode(input, reading, &mut out)
-        };
+        let decoded =
+            if is_script { to_script(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
         let flushed = out.flush();
         drop(out);
         let flushed = flushed.and_then(|()| file.map_or(Ok(()), AtomicFile::finish));
