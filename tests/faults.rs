@@ -548,7 +548,7 @@ fn pause_and_resume(with_shell: bool) {
     assert_at_rest(&received);
     assert!(
         text.contains("s: suspended, robot stopped; resume with `fg`\n")
-            && text.contains("s: paused; Enter goes on (")
+            && text.contains("s: paused; Enter continues (")
             && text.contains("s: continued\n"),
         "{text}"
     );

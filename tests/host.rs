@@ -69,7 +69,7 @@ fn an_overloaded_line_and_a_running_drive_are_reported() {
     for _ in 0..20 {
         port.write_all(&rocker(5)).unwrap();
     }
-    host.says("more than the line carries");
+    host.says("more than the line can carry");
     drop(port);
     host.says("has not stopped the robot; what the board does when frames stop is unknown");
     let (listing, _) = host.end();

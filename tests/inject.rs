@@ -574,7 +574,7 @@ fn output_that_cannot_be_written_changes_no_motion() {
     assert_eq!(warnings(&no_output_to("", &full)), 1);
     assert_eq!(fs::metadata(&full).unwrap().len(), 16_384);
     let text = result_to("", "--log", &disk.0.path("log"), 2);
-    assert!(text.contains("is not complete: No space left on device"), "{text}");
+    assert!(text.contains("is incomplete: No space left on device"), "{text}");
     output_to(&format!("2>{full}"), "/dev/null");
     no_output_to(&format!(">{full} 2>&1"), &disk.0.path("y"));
 }

@@ -266,7 +266,7 @@ fn a_full_disk_is_reported_and_changes_nothing_else() {
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("sent 22 frames"), "{said}");
-    assert!(said.contains("the log /dev/full is not complete: No space left on device"), "{said}");
+    assert!(said.contains("the log /dev/full is incomplete: No space left on device"), "{said}");
 }
 
 #[test]

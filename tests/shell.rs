@@ -74,7 +74,7 @@ fn bash_completes_the_marks_of_the_script() {
     let folder = scratch("marks");
     // A mark that occurs more than once is not accepted as a time.
     assert_eq!(offered(&folder, &["play", "dance.motion", "--from", ""]), ["bow", "back"]);
-    assert_eq!(offered(&folder, &["play", "--from", "ba", "dance.motion"]), [""; 0], "the last word is completed");
+    assert_eq!(offered(&folder, &["play", "--from", "ba", "dance.motion"]), ["dance.motion"], "the last word is completed");
     assert_eq!(offered(&folder, &["render", "dance.motion", "--to", "ba"]), ["back"]);
     assert_eq!(offered(&folder, &["plot", "dance.motion", "--to", "=", "bo"]), ["bow"]);
     assert_eq!(offered(&folder, &["play", r"my\ show.motion", "--from", ""]), ["intro"]);
@@ -132,14 +132,14 @@ fn manual_pages_are_valid_and_complete() {
 }
 
 #[test]
-fn the_readme_has_the_exit_codes_of_the_manual_page() {
+fn the_documents_have_the_exit_codes_of_the_manual_page() {
     let page = stdout(&run(&["man"]));
     let (_, status) = page.split_once(".SH EXIT STATUS\n").unwrap();
     let (status, _) = status.split_once(".SH ").unwrap();
     let terms = status.lines().filter_map(|line| line.strip_prefix("\\fB")?.strip_suffix("\\fR"));
     let codes: BTreeSet<String> = terms.map(str::to_owned).collect();
-    let readme = fs::read_to_string("README.md").unwrap();
-    let cells = readme.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next());
+    let document = fs::read_to_string("docs/cli.md").unwrap();
+    let cells = document.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next());
     let documented: BTreeSet<String> = cells.map(|cell| cell.trim().trim_matches('`').to_owned()).collect();
     assert!(codes.len() > 8 && codes.is_subset(&documented), "{codes:?} {documented:?}");
 }

@@ -343,7 +343,7 @@ fn a_blocked_report_hides_no_closing_line() {
     kill_process(Pid::from_child(&child), Signal::INT).unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     assert!(lines.any(|line| line.ends_with("; stop: sent")), "the closing line comes");
-    assert!(lines.any(|line| line.contains("is not complete")), "and that the report is not complete");
+    assert!(lines.any(|line| line.contains("is incomplete")), "and that the report is incomplete");
     assert_eq!(child.wait().unwrap().code(), Some(130));
     received.extend(bytes(&far.rest()));
     assert_stopped(&received);

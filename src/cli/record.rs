@@ -150,7 +150,7 @@ impl Record {
             (Some(why), name) => {
                 let name = name.unwrap_or_else(|| "standard output".to_owned());
                 output::exit(
-                    Err(io::Error::other(format!("{why}; the recording is not complete"))),
+                    Err(io::Error::other(format!("{why}; the recording is incomplete"))),
                     Some(name.as_ref()),
                     screen,
                 )

@@ -174,6 +174,7 @@ const PIECE: usize = 23;
 
 impl Piece {
     /// All these bytes, in pieces.
+    #[cfg(all(feature = "player", target_os = "linux"))]
     pub(super) fn all(bytes: &[u8]) -> impl Iterator<Item = Self> {
         bytes.chunks(PIECE).map(|chunk| {
             let mut piece = Piece { bytes: [0; PIECE], length: 0 };

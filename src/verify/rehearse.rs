@@ -21,13 +21,13 @@ pub struct Rehearsal {
     pub verdicts: Vec<Verdict>,
     /// How many frames of the timeline the port was given, one after another and byte for byte.
     pub given: usize,
-    /// What the port was given behind the end of the motion: the stop, `on abort`. Times count from the start of the script.
+    /// What was written to the port after the end of the motion: the stop, `on abort`. Times count from the start of the script.
     pub aborted: Vec<Moment>,
     /// What the board has received.
     pub received: Received,
 }
 
-/// The port, the line behind it, and the board.
+/// The port, the line and the board.
 struct Line<'t> {
     board: Faulty,
     /// What is on its way: when it has arrived, and the bytes.
@@ -96,7 +96,7 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults) -> Rehe
                 line.pass(now);
                 Input::Tick
             }
-            // Nobody is there to pause a rehearsal.
+            // A rehearsal is never paused.
             Order::Suspend | Order::Stay | Order::Done => Input::Panicked,
         };
     };

@@ -151,7 +151,7 @@ impl Log {
         let lost = (lost > 0).then(|| format!("{lost} entries came faster than they could be written"));
         let why_not = failed.unwrap_or_else(Some).or(lost);
         if let Some(why) = &why_not {
-            screen.warning(&format!("the log {} is not complete: {why}; this affects only the log", path.display()));
+            screen.warning(&format!("the log {} is incomplete: {why}; this affects only the log", path.display()));
         }
         why_not.is_none()
     }
