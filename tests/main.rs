@@ -33,7 +33,6 @@ mod host;
 mod house;
 mod inject;
 mod log;
-mod messages;
 mod outputs;
 mod play;
 mod player;

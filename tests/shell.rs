@@ -74,7 +74,11 @@ fn bash_completes_the_marks_of_the_script() {
     let folder = scratch("marks");
     // A mark that occurs more than once is not accepted as a time.
     assert_eq!(offered(&folder, &["play", "dance.motion", "--from", ""]), ["bow", "back"]);
-    assert_eq!(offered(&folder, &["play", "--from", "ba", "dance.motion"]), ["dance.motion"], "the last word is completed");
+    assert_eq!(
+        offered(&folder, &["play", "--from", "ba", "dance.motion"]),
+        ["dance.motion"],
+        "the last word is completed"
+    );
     assert_eq!(offered(&folder, &["render", "dance.motion", "--to", "ba"]), ["back"]);
     assert_eq!(offered(&folder, &["plot", "dance.motion", "--to", "=", "bo"]), ["bow"]);
     assert_eq!(offered(&folder, &["play", r"my\ show.motion", "--from", ""]), ["intro"]);
