@@ -150,7 +150,8 @@ impl Modules {
     fn exports(&self, module: &[String]) -> BTreeMap<String, Vec<String>> {
         let code = self.0.get(module).map_or("", String::as_str);
         let paths = uses(code).filter(|(is_export, ..)| *is_export).flat_map(|(_, _, paths)| paths);
-        paths.filter_map(|path| Some((path.last()?.clone(), path))).collect()
+        // A path of one part is the module's own.
+        paths.filter(|path| path.len() > 1).filter_map(|path| Some((path.last()?.clone(), path))).collect()
     }
 
     /// The module that a path leads to from another one. What a module only re-exports leads to where it is.

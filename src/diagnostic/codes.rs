@@ -154,7 +154,7 @@ codes! {
         "servo 1 1500\n"
 
     NotYet "not-yet" Error "This version of motionseq does not support this word yet."
-        "The word is reserved for a later version of motionseq."
+        "The word is reserved for a later version of motionseq, so it is not a name, either. Remove the line, or update motionseq."
         "robots left, right\nservo 1 1500\n"
         "servo 1 1500\n"
 

@@ -3,6 +3,7 @@
 //! No stage prints. Each one adds to a [`Diagnostics`]; whoever shows them attaches the source once, with [`Attached`].
 
 mod codes;
+mod macros;
 mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,6 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::source::{Source, SourceError, Span};
 
 pub use codes::{Code, Severity};
+pub(crate) use macros::{bail, diagnostic, report};
 pub use show::{Attached, Printable, escaped};
 
 /// How many errors of one script are kept. The rest are only counted, so that a large broken file stays small.
@@ -56,21 +58,14 @@ impl Diagnostic {
             SourceError::Unreadable { .. } => None,
             SourceError::TooLarge(name) => Some((
                 Source::new(name, ""),
-                Diagnostic::new(
-                    Code::SourceTooLarge,
-                    Span::default(),
-                    "the script is larger than 64 MiB",
-                    "split it into several scripts; nothing of it was read",
-                ),
+                diagnostic!(SourceTooLarge, Span::default(), "the script is larger than 64 MiB";
+                    help: "split it into several scripts; nothing of it was read"),
             )),
             SourceError::NotUtf8 { lossy, at, byte } => Some((
                 lossy,
-                Diagnostic::new(
-                    Code::NotUtf8,
-                    Span::new(at, at + '\u{FFFD}'.len_utf8()),
-                    format!("the byte 0x{byte:02X} is not UTF-8 text"),
-                    "save the file as UTF-8 in your editor; a script is plain text",
-                ),
+                diagnostic!(NotUtf8, Span::new(at, at + '\u{FFFD}'.len_utf8()),
+                    "the byte 0x{byte:02X} is not UTF-8 text";
+                    help: "save the file as UTF-8 in your editor; a script is plain text"),
             )),
         }
     }

@@ -13,7 +13,7 @@ use super::trace::Traces;
 use super::value::{self, Quantity};
 use super::words::{is_name, is_reserved};
 use crate::board::Board;
-use crate::diagnostic::{Code, Diagnostic, Diagnostics, MAX_ERRORS};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics, MAX_ERRORS, bail, diagnostic, report};
 use crate::random::SplitMix;
 use crate::source::{Sources, Span};
 use crate::syntax::{Binary, Expression, Lost, Name, Node, NodeKind, NumberShape, Value, ValueKind};
@@ -64,42 +64,21 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         self.diagnostics.push(self.traces.attach(diagnostic, here));
     }
 
-    /// Reports what is wrong at a place, and what to write instead.
-    pub(super) fn report(&mut self, code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) {
-        self.push(Diagnostic::new(code, span, message, help));
-    }
-
     /// Reports an unknown name. Errors beyond those that are kept are only counted.
     pub(super) fn report_unknown(&mut self, code: Code, unknown: Unknown<'s>, message: String, help: String) {
         let errors = self.diagnostics.errors();
-        self.report(code, unknown.name.span, message, help);
+        self.push(Diagnostic::new(code, unknown.name.span, message, help));
         if errors < MAX_ERRORS.min(self.diagnostics.errors()) {
             self.pending.add(code, unknown);
         }
-    }
-
-    /// Reports what is wrong, for what has no result because of it.
-    pub(super) fn refuse<T>(
-        &mut self,
-        code: Code,
-        span: Span,
-        message: impl Into<String>,
-        help: impl Into<String>,
-    ) -> Option<T> {
-        self.report(code, span, message, help);
-        None
     }
 
     /// A value that must be a quantity; `None` where it is none, which is reported.
     pub(super) fn value(&mut self, value: &Value<'s>) -> Option<Quantity> {
         let quantity = match &value.kind {
             ValueKind::Number(shape, text) => self.number(*shape, text, value.span),
-            ValueKind::Text(_) => self.refuse(
-                Code::Arguments,
-                value.span,
-                "a number is needed here, not a text",
-                "take the quotation marks away",
-            ),
+            ValueKind::Text(_) => bail!(self, Arguments, value.span, "a number is needed here, not a text";
+                help: "take the quotation marks away"),
             ValueKind::Word(word) => self.name(word, value.span),
             ValueKind::Expression(expression) => self.expression(expression),
         }?;
@@ -243,12 +222,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {
-        let diagnostic = Diagnostic::new(
-            Code::Name,
-            name.span,
-            format!("the name `{}` is given twice", name.text),
-            "choose another name for one of the two",
-        );
+        let diagnostic = diagnostic!(Name, name.span, "the name `{}` is given twice", name.text;
+            help: "choose another name for one of the two");
         self.push(diagnostic.label("again here").related(first, "first given here"));
         None
     }
@@ -257,12 +232,12 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
         let text = name.text;
         if is_reserved(self.board, text) {
-            let message = format!("`{text}` is a word of the language");
-            return self.refuse(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
+            bail!(self, Name, name.span, "`{text}` is a word of the language";
+                help: "choose another name, such as `my_{text}`");
         }
         if !is_name(text) {
-            let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
-            return self.refuse(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
+            bail!(self, Name, name.span, "names are written in small letters, digits and `_`";
+                help: "write `{}`", text.to_lowercase().replace('-', "_"));
         }
         if let Some(first) = self.scope.taken(text) {
             return self.given_twice(name, first);
@@ -279,15 +254,15 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         match quantity {
             Quantity::Truth(truth) => Some(truth),
             other => {
-                let message = format!("true or false is needed here, not {}", other.kind());
-                self.refuse(Code::Unit, span, message, "compare it: `n > 0`, `n == 3`")
+                bail!(self, Unit, span, "true or false is needed here, not {}", other.kind();
+                    help: "compare it: `n > 0`, `n == 3`")
             }
         }
     }
 
     fn kinds<T>(&mut self, span: Span, message: &str) -> Option<T> {
-        let help = "`+`, `-`, `%` and comparisons need one kind on both sides, `*` at most one unit, `/` the same kind or a bare number behind it";
-        self.refuse(Code::Unit, span, message, help)
+        bail!(self, Unit, span, "{message}";
+            help: "`+`, `-`, `%` and comparisons need one kind on both sides, `*` at most one unit, `/` the same kind or a bare number behind it")
     }
 
     fn mismatch<T>(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<T> {
@@ -295,7 +270,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     fn arithmetic<T>(&mut self, span: Span, message: &str) -> Option<T> {
-        self.refuse(Code::Arithmetic, span, message, "change the numbers, or decide with `if` before it is done")
+        bail!(self, Arithmetic, span, "{message}"; help: "change the numbers, or decide with `if` before it is done")
     }
 
     /// A float that is a number.
@@ -400,9 +375,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
 
     /// Refuses a number where a time is needed.
     pub(super) fn needs_unit<T>(&mut self, number: f64, span: Span) -> Option<T> {
-        let message = format!("a time needs a unit, and {number} has none");
-        let help = format!("write `{number}s` for seconds or `{number}ms` for milliseconds");
-        self.refuse(Code::Unit, span, message, help)
+        bail!(self, Unit, span, "a time needs a unit, and {number} has none";
+            help: "write `{number}s` for seconds or `{number}ms` for milliseconds")
     }
 
     fn by_zero(&mut self, span: Span) -> Option<Quantity> {
@@ -437,13 +411,12 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 }
                 None => format!("the functions are {}", list(names())),
             };
-            return self.refuse(Code::UnknownName, span, format!("there is no function `{name}`"), help);
+            bail!(self, UnknownName, span, "there is no function `{name}`"; help: "{help}");
         };
         let (fewest, most) = function.count;
         if !(fewest..=most).contains(&arguments.len()) {
-            let message = format!("`{name}` cannot be called with {} values", arguments.len());
-            let help = format!("write `{}`", function.usage);
-            return self.refuse(Code::Arguments, span, message, help);
+            bail!(self, Arguments, span, "`{name}` cannot be called with {} values", arguments.len();
+                help: "write `{}`", function.usage);
         }
         let first = *arguments.first()?;
         match function.compute {
@@ -493,9 +466,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 let chosen = chosen.and_then(|index| usize::try_from(index).ok()?.checked_add(1));
                 let found = chosen.and_then(|index| arguments.get(index).copied());
                 if found.is_none() {
-                    let message = format!("`nth` has no value number {first}");
-                    let help = format!("count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2));
-                    self.report(Code::OutOfRange, span, message, help);
+                    report!(self, OutOfRange, span, "`nth` has no value number {first}";
+                        help: "count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2));
                 }
                 found
             }

@@ -8,7 +8,7 @@ use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use crate::board::{self, Hundredths, Report};
-use crate::diagnostic::Code;
+use crate::diagnostic::bail;
 use crate::syntax::{Item, Value, ValueKind};
 
 /// What a report says, and what is wanted of it.
@@ -121,8 +121,8 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
     // `expect voltage = 10V`.
     if let Some((measured, named)) = all.iter().find_map(|measured| Some((measured, args.named(measured.name())?))) {
         let (name, (_, sample)) = (measured.name(), measured.sample());
-        let help = format!("to compare, write `==`, or better a range: `expect {name} in {sample}`");
-        return args.eval.refuse(Code::Arguments, named.span, "nothing is compared here", help);
+        bail!(args.eval, Arguments, named.span, "nothing is compared here";
+            help: "to compare, write `==`, or better a range: `expect {name} in {sample}`");
     }
     let value = args.next()?;
     let names: Vec<&str> = all.iter().map(Measured::name).collect();
@@ -144,20 +144,19 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
         Item::One(Value { kind: ValueKind::Word("in"), negative: false, .. }) => {
             let range = args.next_argument()?;
             let Item::Range(ends) = &range.item else {
-                let help =
-                    format!("write both ends with `..` between them: `expect {name} in {}`", measured.sample().1);
-                return args.eval.refuse(Code::Arguments, range.span, "`in` needs a range", help);
+                bail!(args.eval, Arguments, range.span, "`in` needs a range";
+                    help: "write both ends with `..` between them: `expect {name} in {}`", measured.sample().1);
             };
             let (low, high) = (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
             if low > high {
-                let help = "the smaller value stands first";
-                return args.eval.refuse(Code::OutOfRange, range.span, "nothing is in this range", help);
+                bail!(args.eval, OutOfRange, range.span, "nothing is in this range";
+                    help: "the smaller value stands first");
             }
             Wanted::In(low, high)
         }
         _ => {
-            let help = format!("write {} or `in`, such as `expect voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
-            return args.eval.refuse(Code::Arguments, sign.span, "nothing is compared here", help);
+            bail!(args.eval, Arguments, sign.span, "nothing is compared here";
+                help: "write {} or `in`, such as `expect voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
         }
     };
     let why = match args.more().then(|| args.next()).flatten() {
@@ -167,8 +166,8 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
             Some(inner.replace("\\\"", "\"").replace("\\\\", "\\"))
         }
         Some(other) => {
-            let help = "write why between quotation marks, or take it away: `expect voltage > 10V \"charge me\"`";
-            return args.eval.refuse(Code::Arguments, other.span, "nothing else stands here but why", help);
+            bail!(args.eval, Arguments, other.span, "nothing else stands here but why";
+                help: "write why between quotation marks, or take it away: `expect voltage > 10V \"charge me\"`");
         }
     };
     let within = match args.behind("within") {
@@ -177,9 +176,8 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
             let value = args.one(operand)?;
             let time = arguments::time(value, args.eval)?;
             if time <= Time::ZERO {
-                let help = "write a time such as `within 2s`, or leave it out";
-                let message = "`within` needs a time above zero";
-                return args.eval.refuse(Code::OutOfRange, value.span, message, help);
+                bail!(args.eval, OutOfRange, value.span, "`within` needs a time above zero";
+                    help: "write a time such as `within 2s`, or leave it out");
             }
             Some(time)
         }
@@ -199,8 +197,8 @@ fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, mea
                 Quantity::Number(number) => format!("write `{number}{unit}`"),
                 _ => format!("write it with its unit, such as `expect {name} in {sample}`"),
             };
-            let message = format!("`{name}` is compared with {what}, not with {}", other.kind());
-            args.eval.refuse(Code::Unit, value.span, message, help)
+            bail!(args.eval, Unit, value.span, "`{name}` is compared with {what}, not with {}", other.kind();
+                help: "{help}")
         }
     }
 }

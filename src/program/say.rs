@@ -1,8 +1,10 @@
 //! The words of a `say`.
 
+use std::fmt::Display;
+
 use super::evaluator::Evaluator;
 use super::template::{Piece, pieces};
-use crate::diagnostic::Code;
+use crate::diagnostic::bail;
 use crate::source::Span;
 use crate::syntax::{Value, ValueKind};
 
@@ -10,18 +12,16 @@ use crate::syntax::{Value, ValueKind};
 pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option<String> {
     let span = value.span;
     let ValueKind::Text(quoted) = value.kind else {
-        let message = "`say` needs a text";
-        let help = "write it between quotation marks: `say \"here I go\"`";
-        return eval.refuse(Code::Arguments, value.span, message, help);
+        bail!(eval, Arguments, value.span, "`say` needs a text";
+            help: "write it between quotation marks: `say \"here I go\"`");
     };
     let mut text = String::with_capacity(quoted.len());
     for piece in pieces(quoted) {
         match piece {
             Piece::Char(c) => text.push(c),
             Piece::LoneBackslash => {
-                let message = "a `\\` in a text stands before `\"` or `\\` only";
-                let help = "write `\\\\` for a backslash";
-                return eval.refuse(Code::Arguments, value.span, message, help);
+                bail!(eval, Arguments, value.span, "a `\\` in a text stands before `\"` or `\\` only";
+                    help: "write `\\\\` for a backslash");
             }
             Piece::Name(name) => match eval.scope.value(name) {
                 Some(found) => text.push_str(&found.to_string()),
@@ -33,7 +33,7 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
     Some(text)
 }
 
-fn unknown<T>(message: impl Into<String>, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<T> {
-    let help = "put the name of a `let` between `{` and `}`; write `{{` and `}}` to show braces";
-    eval.refuse(Code::UnknownName, span, message, help)
+fn unknown<T>(message: impl Display, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<T> {
+    bail!(eval, UnknownName, span, "{message}";
+        help: "put the name of a `let` between `{{` and `}}`; write `{{{{` and `}}}}` to show braces")
 }

@@ -5,14 +5,13 @@ use super::pending::{Unknown, Used};
 use super::suggest::{list, suggest};
 use super::words::{self, COMMANDS, SETTINGS, Word};
 use crate::board::Board;
-use crate::diagnostic::Code;
+use crate::diagnostic::{Code, bail, report};
 use crate::source::Span;
 use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
 
 impl<'s> Evaluator<'s, '_> {
     pub(super) fn top_level<T>(&mut self, word: &str, span: Span) -> Option<T> {
-        let message = format!("`{word}` stands at the top level only");
-        self.refuse(Code::TopLevel, span, message, "move it out of the block")
+        bail!(self, TopLevel, span, "`{word}` stands at the top level only"; help: "move it out of the block")
     }
 
     /// Reports unknown words in a block that may never run. Calls in a phrase are checked where it is defined.
@@ -39,19 +38,17 @@ impl<'s> Evaluator<'s, '_> {
             return;
         }
         if word == "at" {
-            let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
-            let message = "a line has one start time, and this is a second one";
-            self.report(Code::StartTime, command.head.span, message, help);
+            report!(self, StartTime, command.head.span, "a line has one start time, and this is a second one";
+                help: "keep one of the two, or add them up: `at 1s + 2s stop`");
             return;
         }
         if self.scope.phrase(word).is_some() {
-            let help = format!("write `{word}(…)`, with no blank before the `(`");
-            let message = format!("`{word}` is a `def`, and is called with parentheses");
-            self.report(Code::Syntax, command.head.span, message, help);
+            report!(self, Syntax, command.head.span, "`{word}` is a `def`, and is called with parentheses";
+                help: "write `{word}(…)`, with no blank before the `(`");
             return;
         }
         let help = self.suggestion(word);
-        self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
+        report!(self, UnknownWord, command.head.span, "there is no command `{word}`"; help: "{help}");
     }
 
     /// Reports a call of an unknown phrase. `servo(1, 1500)` is how other languages write a command.
@@ -74,7 +71,7 @@ impl<'s> Evaluator<'s, '_> {
     /// `let` with anything behind it that is not a name, `=` and a value.
     pub(super) fn malformed_let<T>(&mut self, command: &Command<'s>) -> Option<T> {
         let help = self.mended_let(command);
-        self.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help)
+        bail!(self, Syntax, command.span, "a `let` is a name, `=` and its value"; help: "{help}")
     }
 
     /// `let a 5`, as it was most likely meant; the name is meant to exist.

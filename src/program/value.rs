@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
 use crate::syntax::NumberShape;
 use crate::units::{Measure, NotATime, UNITS, Unit};
@@ -106,12 +106,8 @@ pub(super) fn unit_meant(word: &str) -> Option<&'static str> {
 
 /// What the language has and this version does not.
 pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
-    Diagnostic::new(
-        Code::NotYet,
-        span,
-        format!("{what} belongs to the language, but this version of motionseq cannot run it yet"),
-        "write the plain commands and times instead, or update motionseq",
-    )
+    diagnostic!(NotYet, span, "{what} belongs to the language, but this version of motionseq cannot run it yet";
+        help: "write the plain commands and times instead, or update motionseq")
 }
 
 /// Reads a number with its unit, in a place where a beat and a bar are this long.
@@ -131,12 +127,9 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
             let time = digits.parse().ok().and_then(|number: f64| one.by_number(number));
             time.map(Quantity::Time).ok_or_else(|| odd(text, span))
         }
-        NumberShape::Ratio => Err(Diagnostic::new(
-            Code::Number,
-            span,
-            format!("`{text}` is a division, and divisions as arguments need parentheses"),
-            format!("write `({text})`"),
-        )),
+        NumberShape::Ratio => Err(diagnostic!(Number, span,
+            "`{text}` is a division, and divisions as arguments need parentheses";
+            help: "write `({text})`")),
         NumberShape::Odd => Err(odd(text, span)),
     }
 }
@@ -177,7 +170,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
             None => format!("the units are {}", list(names())),
         },
     };
-    Err(Diagnostic::new(Code::Unit, span, format!("`{name}` is not a unit"), help))
+    Err(diagnostic!(Unit, span, "`{name}` is not a unit"; help: "{help}"))
 }
 
 /// A decimal number. Whole ones, which most are, take a shorter way to the same number.
@@ -205,18 +198,10 @@ pub(super) fn small(digits: &str) -> Option<f64> {
 /// A time, as [`duration`](super::duration) reads it.
 fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     duration::read(text).map(Quantity::Time).map_err(|wrong| match wrong {
-        NotATime::Order => Diagnostic::new(
-            Code::Number,
-            span,
-            format!("the units of `{text}` do not fall from long to short"),
-            "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`",
-        ),
-        NotATime::TooLong => Diagnostic::new(
-            Code::Number,
-            span,
-            format!("`{text}` is longer than 292 years"),
-            "a script is at most 24 hours long",
-        ),
+        NotATime::Order => diagnostic!(Number, span, "the units of `{text}` do not fall from long to short";
+            help: "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`"),
+        NotATime::TooLong => diagnostic!(Number, span, "`{text}` is longer than 292 years";
+            help: "a script is at most 24 hours long"),
         NotATime::Malformed => odd(text, span),
     })
 }
@@ -236,7 +221,7 @@ fn odd(text: &str, span: Span) -> Diagnostic {
         "a number is digits, perhaps with one point, and a unit right behind: `1500us`, `0.5s`, `1m30s`"
     };
     let shown: String = text.chars().take(40).collect();
-    Diagnostic::new(Code::Number, span, format!("`{shown}` is not a number"), help)
+    diagnostic!(Number, span, "`{shown}` is not a number"; help: "{help}")
 }
 
 /// The whole number nearest to `number`, halves away from zero; `None` far outside of what anything here needs.

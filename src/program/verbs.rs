@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use super::arguments::{Arguments, Bound};
 use super::motion::{Glide, Motion};
 use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
-use crate::diagnostic::Code;
+use crate::diagnostic::{bail, report};
 use crate::syntax::{Item, Value};
 
 /// What a line with a verb says.
@@ -35,9 +35,8 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
     }
     let command = Command::new(id, &values);
     if let Sets::Opaque(_) = verb.sets {
-        let message = "nothing checks what this frame makes the robot do";
-        let help = "use the command that sends it, or end the line with `# allow: raw-frame`";
-        args.eval.report(Code::RawFrame, args.command.span, message, help);
+        report!(args.eval, RawFrame, args.command.span, "nothing checks what this frame makes the robot do";
+            help: "use the command that sends it, or end the line with `# allow: raw-frame`");
     }
     Some(Spoken::Command(command))
 }
@@ -122,9 +121,8 @@ fn list(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: 
     let count = axis.count();
     if given.len() != count {
         let (name, called, (least, most)) = (&axis.name, &axis.what, axis.range);
-        let message = format!("`{name}` has {count} {called}");
-        let help = format!("write `{name}={letters}`, each {least} to {most}");
-        args.eval.report(Code::Arguments, argument.span, message, help);
+        report!(args.eval, Arguments, argument.span, "`{name}` has {count} {called}";
+            help: "write `{name}={letters}`, each {least} to {most}");
     }
     (values.len() == count && given.len() == count).then_some(values)
 }
@@ -143,9 +141,8 @@ fn bytes(args: &mut Arguments<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) ->
     }
     let length = values.len();
     if length > most {
-        let message = format!("a frame carries at most {most} bytes, and these are {length}");
-        let help = "split it into several frames";
-        return args.eval.refuse(Code::OutOfRange, args.command.span, message, help);
+        bail!(args.eval, OutOfRange, args.command.span, "a frame carries at most {most} bytes, and these are {length}";
+            help: "split it into several frames");
     }
     is_complete.then_some(values)
 }
@@ -160,8 +157,8 @@ fn has_axis(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     // Reports that more is needed where nothing was given.
     let argument = args.next_argument()?;
     let row = args.row();
-    let message = format!("`{}` wants each value with its axis", row.name);
-    args.eval.report(Code::Arguments, argument.span, message, row.how());
+    report!(args.eval, Arguments, argument.span, "`{}` wants each value with its axis", row.name;
+        help: "{}", row.how());
     // The rest of them would only repeat it.
     while args.more() {
         args.next_argument();

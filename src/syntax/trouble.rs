@@ -1,6 +1,6 @@
 //! Words for what cannot be read: what stands there, and what the user probably meant.
 
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
 use crate::units::Unit;
 
@@ -15,7 +15,7 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
     }
     if let Some(help) = negation(text, before) {
         let span = Span::new(start, start + first.len_utf8());
-        return Diagnostic::new(Code::Syntax, span, format!("`{first}` cannot be read here"), help);
+        return diagnostic!(Syntax, span, "`{first}` cannot be read here"; help: "{help}");
     }
     let help = match first {
         '.' if text.starts_with("..") && before.contains('(') => {
@@ -56,7 +56,7 @@ pub(super) fn unreadable(text: &str, start: usize, before: &str) -> Diagnostic {
     // Point at the first character, or at the first word; the rest may be fine.
     let shown = if word.is_empty() { text.get(..first.len_utf8()).unwrap_or_default() } else { word };
     let span = Span::new(start, start + shown.len());
-    Diagnostic::new(Code::Syntax, span, format!("`{shown}` cannot be read here"), help)
+    diagnostic!(Syntax, span, "`{shown}` cannot be read here"; help: "{help}")
 }
 
 /// `!` as other languages write it, where what to write is known.
@@ -83,7 +83,7 @@ fn behind_a_number(word: &str, before: &str) -> Option<impl FnOnce(usize) -> Dia
             format!("write them together: `{number}{word}`"),
         );
         let length = word.len();
-        move |start| Diagnostic::new(Code::Unit, Span::new(start, start + length), message, help)
+        move |start| diagnostic!(Unit, Span::new(start, start + length), "{message}"; help: "{help}")
     })
 }
 
@@ -112,7 +112,7 @@ fn colon(text: &str, before: &str) -> &'static str {
 /// A calculation as an argument, or what looks like one.
 pub(super) fn lacks_parentheses(written: &str, span: Span) -> Diagnostic {
     let written = on_one_line(written);
-    let trouble = |message: &str, help: String| Diagnostic::new(Code::Syntax, span, message.to_owned(), help);
+    let trouble = |message: &str, help: String| diagnostic!(Syntax, span, "{}", message; help: "{help}");
     if let Some((sign, (value, comment))) =
         ["//", "/*"].into_iter().find_map(|sign| Some((sign, written.split_once(sign)?)))
     {
@@ -160,26 +160,14 @@ fn on_one_line(written: &str) -> String {
 
 /// Two arguments that touch.
 pub(super) fn lacks_blank(first: &str, second: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "a blank is missing between two arguments",
-        format!(
-            "write `{0} {1}`, `({0}{1})` for a calculation, or two points for a range: `500..1950`",
-            on_one_line(first),
-            on_one_line(second)
-        ),
-    )
+    diagnostic!(Syntax, span, "a blank is missing between two arguments";
+        help: "write `{0} {1}`, `({0}{1})` for a calculation, or two points for a range: `500..1950`", on_one_line(first), on_one_line(second))
 }
 
 /// A `;` with nothing beside it.
 pub(super) fn joins_nothing(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::EmptyPlace,
-        span,
-        "`;` joins two commands, but one is missing here",
-        "take the `;` away; a line ends by itself",
-    )
+    diagnostic!(EmptyPlace, span, "`;` joins two commands, but one is missing here";
+        help: "take the `;` away; a line ends by itself")
 }
 
 /// Something on the line of a block that has ended.
@@ -192,149 +180,96 @@ pub(super) fn behind_a_block(text: &str, span: Span) -> Diagnostic {
         "else" => "an `else` has nothing but its block, `} else { … }`; with a condition write `} else if n > 1 { … }`",
         _ => "put it on a line of its own, or a `;` before it to start both together",
     };
-    Diagnostic::new(Code::Syntax, span, "a block ends its statement, but something stands behind it", help)
+    diagnostic!(Syntax, span, "a block ends its statement, but something stands behind it"; help: "{help}")
 }
 
 /// A line that starts with a time.
 pub(super) fn starts_with_time(written: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "a line starts with a word, not with a time",
-        match written.strip_prefix('-') {
-            None => format!(
-                "write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`"
-            ),
-            Some(time) => format!("write when it starts, such as `at 1s …`, or before a mark: `at bow - {time} …`"),
-        },
-    )
+    diagnostic!(Syntax, span, "a line starts with a word, not with a time";
+    help: "{}", match written.strip_prefix('-') {
+        None => format!(
+            "write `at {written} …` to start at that time, `+{written} …` to start so much later, or `wait {written}`"
+        ),
+        Some(time) => format!("write when it starts, such as `at 1s …`, or before a mark: `at bow - {time} …`"),
+    })
 }
 
 /// A line that starts with anything else that is no word.
 pub(super) fn starts_with_no_word(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "a line starts with the name of a command",
-        "write one command a line, such as `servo 1 1500`",
-    )
+    diagnostic!(Syntax, span, "a line starts with the name of a command";
+        help: "write one command a line, such as `servo 1 1500`")
 }
 
 /// Arguments or a block behind a call.
 pub(super) fn behind_a_call(written: &str, name: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        format!("`{written}` is a call, and nothing stands behind a call"),
-        format!("how long a `def` takes is said inside it; a command has a blank behind its name: `{name} …`"),
-    )
+    diagnostic!(Syntax, span, "`{written}` is a call, and nothing stands behind a call";
+        help: "how long a `def` takes is said inside it; a command has a blank behind its name: `{name} …`")
 }
 
 /// A second start time behind a `;`.
 pub(super) fn late_start(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Joined,
-        span,
-        "a start time covers the whole line, so it stands first in it",
-        "give this command a line of its own",
-    )
+    diagnostic!(Joined, span, "a start time covers the whole line, so it stands first in it";
+        help: "give this command a line of its own")
 }
 
 /// `at servo 1 1500`: the command was read as the name of a mark.
 pub(super) fn no_time(word: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::StartTime,
-        span,
-        "`at` needs a time before the command",
-        if word == "beat" {
-            "write `at bar 1 beat 3 …`".to_owned()
-        } else {
-            format!("for example `at 0.5s {word} …`")
-        },
-    )
+    diagnostic!(StartTime, span, "`at` needs a time before the command";
+    help: "{}", if word == "beat" {
+        "write `at bar 1 beat 3 …`".to_owned()
+    } else {
+        format!("for example `at 0.5s {word} …`")
+    })
 }
 
 /// `at 1s` alone, or `at stop`.
 pub(super) fn no_command(written: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::StartTime,
-        span,
-        "a start time and a command stand together, and one of them is missing",
-        format!("write the command on the same line: `{written} stop`"),
-    )
+    diagnostic!(StartTime, span, "a start time and a command stand together, and one of them is missing";
+        help: "write the command on the same line: `{written} stop`")
 }
 
 /// `left:` alone.
 pub(super) fn no_command_for(robot: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "a robot is named, but no command",
-        format!("write the command on the same line: `{robot}: stop`"),
-    )
+    diagnostic!(Syntax, span, "a robot is named, but no command";
+        help: "write the command on the same line: `{robot}: stop`")
 }
 
 /// What passed the scan and still cannot be read at all, which no script should manage.
 pub(super) fn beyond_the_grammar(at: usize) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        Span::new(at, at + 1),
-        "this cannot be read",
-        "write one command a line, such as `servo 1 1500`",
-    )
+    diagnostic!(Syntax, Span::new(at, at + 1), "this cannot be read";
+        help: "write one command a line, such as `servo 1 1500`")
 }
 
 /// `a < b < c`.
 pub(super) fn chained(span: Span) -> Diagnostic {
-    Diagnostic::new(Code::Syntax, span, "comparisons do not chain", "write `a < b and b < c`")
+    diagnostic!(Syntax, span, "comparisons do not chain"; help: "write `a < b and b < c`")
 }
 
 /// `max(a = 1)`.
 pub(super) fn named_in_a_function(name: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        format!("`{name}` takes no names in a calculation"),
-        "write the values in their order; only calls of a `def` on a line of their own take names",
-    )
+    diagnostic!(Syntax, span, "`{name}` takes no names in a calculation";
+        help: "write the values in their order; only calls of a `def` on a line of their own take names")
 }
 
 /// `()`.
 pub(super) fn nothing_inside(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "nothing stands inside these parentheses",
-        "write a calculation, such as `(1500us + 200us)`",
-    )
+    diagnostic!(Syntax, span, "nothing stands inside these parentheses";
+        help: "write a calculation, such as `(1500us + 200us)`")
 }
 
 /// `use lib/phrases.motion`.
 pub(super) fn file_without_marks(name: &str, span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "the name of a file stands between quotation marks",
-        format!("write `use \"{name}\"`"),
-    )
+    diagnostic!(Syntax, span, "the name of a file stands between quotation marks"; help: "write `use \"{name}\"`")
 }
 
 /// `--set 2x=5`.
 pub(super) fn no_name(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Name,
-        span,
-        "this is not the name of a value",
-        "write `--set NAME=VALUE` with the name of a `let`, such as `--set depth=300us`",
-    )
+    diagnostic!(Name, span, "this is not the name of a value";
+        help: "write `--set NAME=VALUE` with the name of a `let`, such as `--set depth=300us`")
 }
 
 /// `--set x=`, or `--set x=1;`.
 pub(super) fn no_value(span: Span) -> Diagnostic {
-    Diagnostic::new(
-        Code::Syntax,
-        span,
-        "this cannot be read as a value",
-        "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`",
-    )
+    diagnostic!(Syntax, span, "this cannot be read as a value";
+        help: "write `--set NAME=VALUE` with a value such as `3`, `1500us` or `2 beats`")
 }

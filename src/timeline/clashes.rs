@@ -7,7 +7,7 @@
 
 use super::{Event, Timeline, occupied};
 use crate::board::{Board, Needs, ResourceId};
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
 use crate::program::{Action, Step, TraceId, Traces};
 use crate::source::Span;
 use crate::units::Micros;
@@ -125,20 +125,15 @@ fn exclusive<'b>(board: &'b Board, resources: &'b [ResourceId]) -> impl Iterator
 }
 
 fn missing(needs: &Needs, span: Span) -> Diagnostic {
-    let help = format!("put this line before it: `{}`", needs.line);
-    Diagnostic::new(Code::MoveMode, span, needs.message.as_ref(), help)
+    diagnostic!(MoveMode, span, "{}", needs.message.as_ref(); help: "put this line before it: `{}`", needs.line)
 }
 
 fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied) -> Diagnostic {
     let thing = board.resource(resource).map(|resource| &*resource.name).unwrap_or_default();
     let at = second.start;
     if first.instant {
-        return Diagnostic::new(
-            Code::Clash,
-            second.span,
-            format!("{thing} is told two things at {at:.6} s"),
-            "keep one of the two, or let time pass between them: a plain command takes none (`wait 0.5s`, or `+0.5s` before a line in `together`)",
-        )
+        return diagnostic!(Clash, second.span, "{thing} is told two things at {at:.6} s";
+            help: "keep one of the two, or let time pass between them: a plain command takes none (`wait 0.5s`, or `+0.5s` before a line in `together`)")
         .label("this")
         .related(first.span, "and this");
     }
@@ -148,8 +143,7 @@ fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied)
     } else {
         format!("start it at {end}s or later, on a line of its own, or make the other one shorter")
     };
-    let message = format!("{thing} is busy until {end:.6} s, and this starts at {at:.6} s");
-    Diagnostic::new(Code::Clash, second.span, message, help)
+    diagnostic!(Clash, second.span, "{thing} is busy until {end:.6} s, and this starts at {at:.6} s"; help: "{help}")
         .label("starts too early")
         .related(first.span, "still running")
 }

@@ -10,7 +10,7 @@ use super::suggest::{list, suggest};
 use super::time::Time;
 use super::value::{self, Quantity};
 use super::words::{self, MODIFIERS, Signature, Word, is_modifier};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Code, Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
 use crate::units::{Measure, Unit};
@@ -58,15 +58,13 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         match &command.block {
             Some(block) if !row.block => {
                 let span = Span { end: block.span.start + 1, ..block.span };
-                let message = format!("`{}` takes no block", row.name);
-                return eval.refuse(Code::Arguments, span, message, "end the line before the `{`");
+                bail!(eval, Arguments, span, "`{}` takes no block", row.name; help: "end the line before the `{{`");
             }
             // Its brace was reported to be missing its partner.
             None if row.block && eval.diagnostics.has(Code::Unclosed) => return None,
             None if row.block => {
-                let message = format!("`{}` needs a block behind it", row.name);
-                let help = format!("{}; its `{{` stands on the same line", row.how());
-                return eval.refuse(Code::Arguments, command.span, message, help);
+                bail!(eval, Arguments, command.span, "`{}` needs a block behind it", row.name;
+                    help: "{}; its `{{` stands on the same line", row.how());
             }
             _ => {}
         }
@@ -113,9 +111,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 && is_modifier(word)
             {
                 let from = text_of(&ends.0).unwrap_or_else(|| "A".to_owned());
-                let help = format!("write where it goes: `{from} -> B {word} …`");
-                let message = "the value behind `->` is missing";
-                return self.eval.refuse(Code::Arguments, argument.span, message, help);
+                bail!(self.eval, Arguments, argument.span, "the value behind `->` is missing";
+                    help: "write where it goes: `{from} -> B {word} …`");
             }
             match argument.name {
                 None => positional.push(argument),
@@ -136,9 +133,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let Some(operand) = operand else {
             let example =
                 MODIFIERS.iter().find(|(modifier, _)| *modifier == word.text).map_or("", |(_, example)| example);
-            let message = format!("something is missing behind `{}`", word.text);
-            let help = format!("for example `{example}`");
-            return self.eval.refuse(Code::Arguments, word.span, message, help);
+            bail!(self.eval, Arguments, word.span, "something is missing behind `{}`", word.text;
+                help: "for example `{example}`");
         };
         if self.modifiers.iter().any(|(name, _)| name.text == word.text) {
             return self.twice(word.text, word.span);
@@ -148,8 +144,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     }
 
     fn twice<T>(&mut self, name: &str, span: Span) -> Option<T> {
-        let message = format!("`{name}` stands here twice");
-        self.eval.refuse(Code::Arguments, span, message, "keep one of the two")
+        bail!(self.eval, Arguments, span, "`{name}` stands here twice"; help: "keep one of the two")
     }
 
     /// Reports everything that was not taken. `None` where there was anything.
@@ -168,12 +163,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             clean = false;
             let message = format!("`{}` takes no more arguments", row.name);
             let help = self.meant(argument).unwrap_or_else(|| usage.clone());
-            self.eval.report(Code::Arguments, argument.span, message, help);
+            report!(self.eval, Arguments, argument.span, "{message}"; help: "{help}");
         }
         for argument in self.named {
             clean = false;
             let name = argument.name.map_or("", |name| name.text);
-            self.eval.report(Code::Arguments, argument.span, format!("`{}` has no `{name}=`", row.name), usage.clone());
+            report!(self.eval, Arguments, argument.span, "`{}` has no `{name}=`", row.name; help: "{usage}");
         }
         for (word, operand) in self.modifiers {
             clean = false;
@@ -182,8 +177,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 ("ease", _) if row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
                 _ => usage.clone(),
             };
-            let message = format!("`{}` takes no `{}`", row.name, word.text);
-            self.eval.report(Code::Arguments, word.span.to(operand.span), message, help);
+            report!(self.eval, Arguments, word.span.to(operand.span), "`{}` takes no `{}`", row.name, word.text;
+                help: "{help}");
         }
         clean.then_some(())
     }
@@ -245,7 +240,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let message = format!("`{}` needs more than this", self.row().name);
         let span =
             self.command.arguments.last().map_or(self.command.head.span, |last| self.command.head.span.to(last.span));
-        self.eval.report(Code::Arguments, span, message, self.row().how());
+        report!(self.eval, Arguments, span, "{message}"; help: "{}", self.row().how());
     }
 
     /// Whether arguments without a name are left.
@@ -289,9 +284,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 Ok(Lasting::Over(over, ease))
             }
             (Some(hold), Some(over)) => {
-                let message = "`over` and `for` do not stand together";
-                let help = "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it";
-                self.eval.report(Code::Arguments, hold.span.to(over.span), message, help);
+                report!(self.eval, Arguments, hold.span.to(over.span), "`over` and `for` do not stand together";
+                    help: "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it");
                 Err(())
             }
         }
@@ -301,9 +295,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let value = self.one(operand).ok_or(())?;
         let time = time(value, self.eval).ok_or(())?;
         if time <= Time::ZERO {
-            let message = format!("`{word}` needs a time above zero");
-            let help = "write a time such as `0.5s`, or leave the command out";
-            self.eval.report(Code::OutOfRange, value.span, message, help);
+            report!(self.eval, OutOfRange, value.span, "`{word}` needs a time above zero";
+                help: "write a time such as `0.5s`, or leave the command out");
             return Err(());
         }
         Ok(time)
@@ -321,7 +314,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                     list(super::ease::CURVES.iter().map(|curve| curve.name))
                 ),
             };
-            self.eval.report(Code::Arguments, argument.span, "there is no such easing", help);
+            report!(self.eval, Arguments, argument.span, "there is no such easing"; help: "{help}");
         }
         found
     }
@@ -355,7 +348,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 (format!("`{}` compares, and nothing is compared here", sign.text), self.row().how())
             }
         };
-        self.eval.refuse(Code::Arguments, argument.span, message, help)
+        bail!(self.eval, Arguments, argument.span, "{message}"; help: "{help}")
     }
 }
 
@@ -417,18 +410,18 @@ pub(super) fn blank_before_unit(value: &Value<'_>, word: Name<'_>) -> Option<Dia
             let unit = value::unit_meant(word.text)?;
             let bare = number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
             bare.then(|| {
-                let message = format!("no blank stands between a number and `{}`", word.text);
-                Diagnostic::new(Code::Unit, span, message, format!("write them together: `{number}{unit}`"))
+                diagnostic!(Unit, span, "no blank stands between a number and `{}`", word.text;
+                    help: "write them together: `{number}{unit}`")
             })
         }
         ValueKind::Word(name) if matches!(word.text, "beat" | "beats" | "bar" | "bars") => {
             let one = if word.text.starts_with("beat") { "beat" } else { "bar" };
             let message = format!("`{}` stands behind a number only", word.text);
-            Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1 {one})`")))
+            Some(diagnostic!(Unit, span, "{message}"; help: "multiply: `({name} * 1 {one})`"))
         }
         ValueKind::Word(name) if !value.negative && is_time(word.text) => {
             let message = format!("`{}` stands behind a number only", word.text);
-            Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1{})`", word.text)))
+            Some(diagnostic!(Unit, span, "{message}"; help: "multiply: `({name} * 1{})`", word.text))
         }
         _ => None,
     }
@@ -449,8 +442,7 @@ pub(super) fn time<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Optio
                 Quantity::Moment(_) => "a mark is a moment: write `at` before it, or take two of them apart: `(b - a)`",
                 _ => "write a time such as `0.5s`, `250ms` or `2 beats`",
             };
-            let message = format!("a time is needed here, not {}", other.kind());
-            eval.refuse(Code::Unit, value.span, message, help)
+            bail!(eval, Unit, value.span, "a time is needed here, not {}", other.kind(); help: "{help}")
         }
     }
 }

@@ -5,7 +5,7 @@ use super::super::suggest::{list, suggest};
 use super::super::value::{self, Quantity};
 use super::Arguments;
 use crate::board::{Axis, Unit};
-use crate::diagnostic::Code;
+use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Item, Value, ValueKind};
 
@@ -68,9 +68,8 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         let number = self.number(value, bound.what)?;
         let (what, (least, most)) = (bound.what, bound.range);
         if libm::trunc(number) != number {
-            let message = format!("{what} is a whole number, and {number} is not");
-            let help = format!("write one from {least} to {most}, or round it: `round(…)`");
-            return self.eval.refuse(Code::NotWhole, value.span, message, help);
+            bail!(self.eval, NotWhole, value.span, "{what} is a whole number, and {number} is not";
+                help: "write one from {least} to {most}, or round it: `round(…)`");
         }
         self.in_range(number, value.span, bound)
     }
@@ -84,12 +83,9 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
                 let (least, most) = (f64::from(least), f64::from(most));
                 Some(least + degrees / 180.0 * (most - least))
             }
-            (Quantity::Degrees(_), Unit::Micros { .. }) => self.eval.refuse(
-                Code::OutOfRange,
-                value.span,
-                "a servo turns from 0 to 180 degrees",
-                "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`",
-            ),
+            (Quantity::Degrees(_), Unit::Micros { .. }) => bail!(self.eval, OutOfRange, value.span,
+                "a servo turns from 0 to 180 degrees";
+                help: "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`"),
             (other, _) => {
                 let help = "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`";
                 self.wrong_unit(value.span, what, other, help);
@@ -111,8 +107,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("write one of {}", list(words.iter().copied())),
         };
-        let message = format!("`{}` does not know `{found}`", self.row().name);
-        self.eval.refuse(Code::Arguments, value.span, message, help)
+        bail!(self.eval, Arguments, value.span, "`{}` does not know `{found}`", self.row().name; help: "{help}")
     }
 
     /// A bare number.
@@ -127,8 +122,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     }
 
     fn wrong_unit(&mut self, span: Span, what: &str, found: Quantity, help: &str) {
-        let message = format!("{what} is needed here, not {}", found.kind());
-        self.eval.report(Code::Unit, span, message, help);
+        report!(self.eval, Unit, span, "{what} is needed here, not {}", found.kind(); help: "{help}");
     }
 
     fn in_range(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
@@ -144,9 +138,9 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             };
             let symbol = unit.symbol();
             let blank = if symbol.is_empty() { "" } else { " " };
-            let message = format!("{what} is from {least} to {most}{blank}{symbol}, and {number} is outside");
-            let help = format!("write a value from {least} to {most}{because}");
-            self.eval.report(Code::OutOfRange, span, message, help);
+            report!(self.eval, OutOfRange, span,
+                "{what} is from {least} to {most}{blank}{symbol}, and {number} is outside";
+                help: "write a value from {least} to {most}{because}");
         }
         checked
     }

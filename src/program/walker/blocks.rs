@@ -8,7 +8,7 @@ use super::super::weight::Weight;
 use super::commands::At;
 use super::fixed::Fixed;
 use super::{Frame, Walker};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Block, Name};
 
@@ -39,21 +39,20 @@ impl<'s> Walker<'s, '_> {
         args.finish()?;
         let count = count?;
         if count < 0.0 || libm::floor(count) != count {
-            let message = format!("a block cannot be repeated {count} times");
-            let help = "write a whole number from 0 on, or round it: `floor(…)`";
-            return self.eval.refuse(Code::NotWhole, value.span, message, help);
+            bail!(self.eval, NotWhole, value.span, "a block cannot be repeated {count} times";
+                help: "write a whole number from 0 on, or round it: `floor(…)`");
         }
         // Beyond this it is too much in any case.
         let passes = value::round(count).map_or(u64::MAX, |count| u64::from(count.unsigned_abs()));
         if let Some((every, span)) = every.filter(|(every, _)| *every <= Time::ZERO) {
-            let message = format!("`every` needs a time above zero, and {every} is not");
-            return self.eval.refuse(Code::OutOfRange, span, message, "write a time such as `every 1 beat`");
+            bail!(self.eval, OutOfRange, span, "`every` needs a time above zero, and {every} is not";
+                help: "write a time such as `every 1 beat`");
         }
         let name = match name {
             None => None,
             Some((Some(name), _)) => Some(name),
             Some((None, span)) => {
-                return self.eval.refuse(Code::Arguments, span, "a name is needed behind `as`", "write `as i`");
+                bail!(self.eval, Arguments, span, "a name is needed behind `as`"; help: "write `as i`");
             }
         };
         let weight = self.bounds.of_block(block, &self.eval).times(passes);
@@ -93,9 +92,9 @@ impl<'s> Walker<'s, '_> {
                 Some((every, span)) => {
                     let next = at.start.plus(every.times(pass + 1));
                     if end > next {
-                        let message = format!("pass {number} takes {}, which is longer than {every}", end.minus(now));
-                        let help = "make the body shorter, or the time behind `every` longer";
-                        return self.eval.refuse(Code::TooLong, span, message, help);
+                        bail!(self.eval, TooLong, span,
+                            "pass {number} takes {}, which is longer than {every}", end.minus(now);
+                            help: "make the body shorter, or the time behind `every` longer");
                     }
                     next
                 }
@@ -119,7 +118,7 @@ impl<'s> Walker<'s, '_> {
             return self.eval.top_level("on abort", span);
         }
         if let Some(first) = self.on_abort {
-            let diagnostic = Diagnostic::new(Code::Abort, span, "there are two `on abort`", "keep one of the two");
+            let diagnostic = diagnostic!(Abort, span, "there are two `on abort`"; help: "keep one of the two");
             let diagnostic = diagnostic.label("again here").related(first, "first here");
             self.eval.push(diagnostic);
             return None;
@@ -134,9 +133,7 @@ impl<'s> Walker<'s, '_> {
         self.bounds.done.events = sent;
         let steps = std::mem::replace(&mut self.program.steps, steps);
         if end > LONGEST {
-            let message = format!("`on abort` takes {end}");
-            let help = "make it shorter: at most 2 s";
-            return self.eval.refuse(Code::Abort, span, message, help);
+            bail!(self.eval, Abort, span, "`on abort` takes {end}"; help: "make it shorter: at most 2 s");
         }
         self.program.abort = Some(Abort { steps, end });
         self.on_abort = Some(span);
@@ -145,7 +142,7 @@ impl<'s> Walker<'s, '_> {
 
     /// Reports a command for the drive in `on abort`.
     pub(super) fn drive_in_abort(&mut self, span: Span) {
-        let help = "leave it out: the drive was stopped before, and stays so";
-        self.eval.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
+        report!(self.eval, Abort, span, "the drive does nothing in `on abort`";
+            help: "leave it out: the drive was stopped before, and stays so");
     }
 }

@@ -11,7 +11,7 @@ use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
-use crate::diagnostic::Code;
+use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::Command;
 
@@ -52,7 +52,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             Does::Use => self.use_(at),
             Does::Abort => self.on_abort(at),
             Does::Let => self.eval.malformed_let(command),
-            Does::Malformed(message, help) => self.eval.refuse(Code::Syntax, command.span, message, help),
+            Does::Malformed(message, help) => bail!(self.eval, Syntax, command.span, "{message}"; help: "{help}"),
             // A line with a setting is not run as a command.
             Does::Set(_) | Does::Later => None,
         }
@@ -68,9 +68,8 @@ impl<'s, 'd> Walker<'s, 'd> {
             return self.taken_back("wait", value.span);
         }
         if at.frame.together.is_some() {
-            let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
-            let message = "a `wait` delays nothing inside `together`";
-            self.eval.report(Code::WaitInTogether, at.command.span, message, help);
+            report!(self.eval, WaitInTogether, at.command.span, "a `wait` delays nothing inside `together`";
+                help: "write `+TIME` before the line that should start later, such as `+1s stop`");
         }
         Some(at.start.plus(time))
     }
@@ -91,8 +90,8 @@ impl<'s, 'd> Walker<'s, 'd> {
         let expect = expect::expect(&mut args)?;
         args.finish()?;
         if self.in_abort {
-            let help = "leave it out: what is sent on abort cannot be ended early";
-            return self.eval.refuse(Code::Abort, at.command.span, "there is no `expect` in `on abort`", help);
+            bail!(self.eval, Abort, at.command.span, "there is no `expect` in `on abort`";
+                help: "leave it out: what is sent on abort cannot be ended early");
         }
         let length = expect.why.as_ref().map_or(0, String::len);
         // The reason is there twice for a while.
@@ -108,11 +107,11 @@ impl<'s, 'd> Walker<'s, 'd> {
         let name = bare_word(argument);
         args.finish()?;
         let Some(name) = name else {
-            return self.eval.refuse(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
+            bail!(self.eval, Arguments, argument.span, "a mark is a name"; help: "write `mark bow`");
         };
         if self.in_abort {
-            let help = "write times: `at 0.5s …`";
-            return self.eval.refuse(Code::Abort, at.command.span, "there is no mark in `on abort`", help);
+            bail!(self.eval, Abort, at.command.span, "there is no mark in `on abort`";
+                help: "write times: `at 0.5s …`");
         }
         self.eval.is_free(name)?;
         if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
@@ -153,8 +152,8 @@ impl<'s, 'd> Walker<'s, 'd> {
                 return Some(end);
             }
             (Spoken::Motion(motion), _) if motion.has_start() => {
-                let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
-                self.eval.report(Code::Arguments, span, "`A -> B` needs a time", help);
+                report!(self.eval, Arguments, span, "`A -> B` needs a time";
+                    help: "write how long it takes, such as `over 2s`, or only the value where it goes");
                 return Some(end);
             }
             (Spoken::Motion(motion), _) => motion.target(board)?,
@@ -162,8 +161,8 @@ impl<'s, 'd> Walker<'s, 'd> {
         };
         let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
-            let message = format!("`{}` takes no `for`", board.show(&sent));
-            self.eval.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
+            report!(self.eval, Arguments, span, "`{}` takes no `for`", board.show(&sent);
+                help: "give the time a line of its own: `wait 2s`");
             return Some(end);
         }
         self.send(start, span, sent, hold);

@@ -6,7 +6,7 @@ use super::super::time::Time;
 use super::super::words;
 use super::commands::At;
 use super::{Frame, Set, Walker};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::{Source, Sources, Span};
 use crate::syntax::{self, Block, Let, Statement, Value, ValueKind};
 
@@ -42,8 +42,8 @@ impl<'s> Walker<'s, '_> {
     /// Adds a file to those that were read; `None` where it is too much, which is reported at `span`.
     fn add(&mut self, source: Source, span: Span) -> Option<&'s Source> {
         self.eval.sources.add(source).or_else(|| {
-            let message = "all files together are larger than 64 MiB";
-            self.eval.refuse(Code::SourceTooLarge, span, message, "use fewer or shorter files")
+            bail!(self.eval, SourceTooLarge, span, "all files together are larger than 64 MiB";
+                help: "use fewer or shorter files")
         })
     }
 
@@ -67,15 +67,15 @@ impl<'s> Walker<'s, '_> {
             return Some(());
         }
         if self.files.loading.len() > MAX_DEPTH {
-            let message = format!("files use each other more than {MAX_DEPTH} deep here");
-            return self.eval.refuse(Code::Use, value.span, message, "use fewer files inside each other");
+            bail!(self.eval, Use, value.span, "files use each other more than {MAX_DEPTH} deep here";
+                help: "use fewer files inside each other");
         }
         let errors = self.eval.diagnostics.errors();
         let source = match self.eval.sources.load(&path) {
             Ok(source) => source,
             Err(error) => {
-                let help = "look at the name of the file, and whether it is a script";
-                return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
+                bail!(self.eval, Use, value.span, "{}", error.to_string();
+                    help: "look at the name of the file, and whether it is a script");
             }
         };
         let source = self.add(source, value.span)?;
@@ -103,14 +103,14 @@ impl<'s> Walker<'s, '_> {
     /// The file that is meant by the name behind `use`, which must not be one that is being read.
     fn resolve(&mut self, value: &Value<'s>, span: Span) -> Option<PathBuf> {
         let ValueKind::Text(quoted) = value.kind else {
-            let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
-            return self.eval.refuse(Code::Arguments, value.span, "`use` needs the name of a file", help);
+            bail!(self.eval, Arguments, value.span, "`use` needs the name of a file";
+                help: "write its name between quotation marks: `use \"lib/phrases.motion\"`");
         };
         let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
         // One system would take it, and the others would not.
         if name.contains('\\') {
-            let help = format!("write `use \"{}\"`, on Windows too", name.replace('\\', "/"));
-            return self.eval.refuse(Code::Use, value.span, "the parts of a file name are separated by `/`", help);
+            bail!(self.eval, Use, value.span, "the parts of a file name are separated by `/`";
+                help: "write `use \"{}\"`, on Windows too", name.replace('\\', "/"));
         }
         let sources = self.eval.sources;
         let resolve = |name: &str| sources.resolve(sources.file(span), name);
@@ -123,13 +123,13 @@ impl<'s> Walker<'s, '_> {
                     Some(near) => format!("did you mean `use \"{near}\"`?"),
                     None => "name a script in the folder of the main script, or in a folder inside it".to_owned(),
                 };
-                return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
+                bail!(self.eval, Use, value.span, "{}", error.to_string(); help: "{help}");
             }
         };
         let Some(at) = self.files.loading.iter().position(|(loading, _)| *loading == path) else { return Some(path) };
         let message = format!("{name} ends up using itself");
         let mut diagnostic =
-            Diagnostic::new(Code::Use, value.span, message, "move what both files need into a third one");
+            diagnostic!(Use, value.span, "{message}"; help: "move what both files need into a third one");
         for (_, span) in self.files.loading.iter().skip(at + 1) {
             diagnostic = diagnostic.related(*span, "used here");
         }
@@ -153,8 +153,9 @@ impl<'s> Walker<'s, '_> {
                         }
                         _ => "move it into a `def`, or into the script that uses this file",
                     };
-                    let message = "a file that is used holds only `use`, `let` and `def`";
-                    self.eval.report(Code::Use, part.statement.span(), message, help);
+                    report!(self.eval, Use, part.statement.span(),
+                        "a file that is used holds only `use`, `let` and `def`";
+                        help: "{help}");
                 }
             }
         }

@@ -23,7 +23,7 @@ use fixed::Fixed;
 
 use super::{Options, Program, Settings};
 use crate::board::Board;
-use crate::diagnostic::{Code, Diagnostics};
+use crate::diagnostic::{Diagnostics, bail, report};
 use crate::source::{Sources, Span};
 use crate::syntax::{Block, Expression, If, Line, LineRef, Lines, Part, Statement};
 
@@ -135,23 +135,23 @@ impl<'s> Walker<'s, '_> {
                     "name a `let` of the script itself, outside of all blocks and not of a file that it uses".to_owned()
                 }
             };
-            let message = format!("the script has no `let {name}` at its top level");
-            self.eval.report(Code::UnknownName, set.span, message, help);
+            report!(self.eval, UnknownName, set.span, "the script has no `let {name}` at its top level";
+                help: "{help}");
         }
         // Whatever could not be run has said why; were that forgotten, it must not pass in silence.
         if let Some(span) = self.failed.filter(|_| !self.eval.diagnostics.has_errors()) {
-            let help = "write it in another way, and report this";
-            self.eval.report(Code::Syntax, span, "this line could not be run", help);
+            report!(self.eval, Syntax, span, "this line could not be run";
+                help: "write it in another way, and report this");
         }
         if !frame.begun && !self.eval.diagnostics.has_errors() {
-            let help = "write a command, such as `servo 1 1500`";
-            self.eval.report(Code::EmptyScript, Span::new(0, 0), "the script does nothing", help);
+            report!(self.eval, EmptyScript, Span::new(0, 0), "the script does nothing";
+                help: "write a command, such as `servo 1 1500`");
         }
         // A script that does nothing is there for its phrases. What was not run because of an error may have used a name.
         let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
         if !is_phrases && !self.eval.diagnostics.has_errors() {
             for (name, span) in self.eval.scope.unused() {
-                self.eval.report(Code::Unused, span, format!("nothing uses `{name}`"), "take it away, or use it");
+                report!(self.eval, Unused, span, "nothing uses `{name}`"; help: "take it away, or use it");
             }
         }
         Program { end: frame.latest, traces: self.eval.traces, ..self.program }
@@ -269,9 +269,8 @@ impl<'s> Walker<'s, '_> {
             return None;
         }
         if joined && let Some((word, span)) = stands_alone(self.eval.board, &part.statement) {
-            let help =
-                "give it a line of its own; what `;` joins starts together and takes as long as its longest part";
-            return self.eval.refuse(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
+            bail!(self.eval, Joined, span, "`{word}` cannot be joined to other commands";
+                help: "give it a line of its own; what `;` joins starts together and takes as long as its longest part");
         }
         match &part.statement {
             Statement::Block(block) => Some(self.block(block, start, false, frame)),

@@ -10,7 +10,7 @@ use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::words;
 use super::{Frame, Walker};
-use crate::diagnostic::Code;
+use crate::diagnostic::{bail, report};
 use crate::syntax::{Call, Def, Let, Name};
 
 impl<'s> Walker<'s, '_> {
@@ -49,9 +49,9 @@ impl<'s> Walker<'s, '_> {
             let twice = parameters.insert(parameter.name.text, at).is_some();
             if twice || words::is_reserved(self.eval.board, parameter.name.text) || !words::is_name(parameter.name.text)
             {
-                let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
-                let help = "give each parameter a name of its own, in small letters, that is no word of the language";
-                return self.eval.refuse(Code::Name, parameter.name.span, message, help);
+                bail!(self.eval, Name, parameter.name.span,
+                    "`{}` cannot be the name of this parameter", parameter.name.text;
+                    help: "give each parameter a name of its own, in small letters, that is no word of the language");
             }
         }
         // Called or not, it uses the names that stand above it.
@@ -97,14 +97,12 @@ impl<'s> Walker<'s, '_> {
                 Some(slot @ None) => *slot = value,
                 Some(Some(_)) => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
-                    let message = "this parameter is given twice";
-                    let help = "keep one of the two";
-                    return self.eval.refuse(Code::Arguments, span, message, help);
+                    bail!(self.eval, Arguments, span, "this parameter is given twice"; help: "keep one of the two");
                 }
                 None => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
-                    let message = format!("`{}` has no such parameter", call.name.text);
-                    return self.eval.refuse(Code::Arguments, span, message, signature(&phrase.def));
+                    bail!(self.eval, Arguments, span, "`{}` has no such parameter", call.name.text;
+                        help: "{}", signature(&phrase.def));
                 }
             }
             value?;
@@ -118,8 +116,10 @@ impl<'s> Walker<'s, '_> {
                 (Some(value), _) => Some(value),
                 (None, Some(default)) => self.eval.expression(default),
                 (None, None) => {
-                    let message = format!("`{}` needs a value for `{}`", call.name.text, parameter.name.text);
-                    self.eval.refuse(Code::Arguments, call.span, message, signature(&phrase.def))
+                    let (name, parameter) = (call.name.text, parameter.name.text);
+                    report!(self.eval, Arguments, call.span, "`{name}` needs a value for `{parameter}`";
+                        help: "{}", signature(&phrase.def));
+                    None
                 }
             };
             match value {

@@ -5,7 +5,7 @@ use super::super::value::not_yet;
 use super::super::words::{self, Does, Row, Setting, Word};
 use super::super::{Settings, settings};
 use super::{Frame, Walker};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
 use crate::syntax::{Command, Line, Part, Statement};
 
@@ -38,7 +38,7 @@ impl<'s> Walker<'s, '_> {
     ) -> Option<Diagnostic> {
         let name = row.name;
         let in_block = row.in_block && !frame.top;
-        let wrong = |message, help| Some(Diagnostic::new(Code::SettingPlace, span, message, help));
+        let wrong = |message, help| Some(diagnostic!(SettingPlace, span, "{message}"; help: "{help}"));
         if row.does == Does::Later {
             return Some(not_yet(span, &format!("the setting `{name}`")));
         }

@@ -5,7 +5,7 @@ use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::words;
 use super::Walker;
-use crate::diagnostic::Code;
+use crate::diagnostic::bail;
 use crate::source::Span;
 use crate::syntax::{Line, Moment, Origin, Start, Statement, Value, ValueKind};
 
@@ -36,8 +36,8 @@ impl<'s> Walker<'s, '_> {
             at = self.eval.exact(moved, value.span)?;
         }
         if at < block {
-            let help = "write a time from the start of its block on";
-            return self.eval.refuse(Code::StartTime, moment.span, "nothing starts before its own block", help);
+            bail!(self.eval, StartTime, moment.span, "nothing starts before its own block";
+                help: "write a time from the start of its block on");
         }
         Some(at)
     }
@@ -52,16 +52,15 @@ impl<'s> Walker<'s, '_> {
                 let count = self.count_from_one(beat, "a beat")?;
                 let beats = tempo.beats();
                 if count >= f64::from(beats) + 1.0 {
-                    let message = format!("there is no beat {count} in a bar of {beats}");
-                    let help = "write the next bar, or another `meter`";
-                    return self.eval.refuse(Code::OutOfRange, beat.span, message, help);
+                    bail!(self.eval, OutOfRange, beat.span, "there is no beat {count} in a bar of {beats}";
+                        help: "write the next bar, or another `meter`");
                 }
                 self.eval.exact(tempo.beat().by_number(count), beat.span)?.minus(tempo.beat())
             }
         };
         if libm::floor(number) != number {
-            let help = "write a whole number, and the beat behind it: `bar 2 beat 2.5`";
-            return self.eval.refuse(Code::NotWhole, bar.span, "a bar is counted in whole numbers", help);
+            bail!(self.eval, NotWhole, bar.span, "a bar is counted in whole numbers";
+                help: "write a whole number, and the beat behind it: `bar 2 beat 2.5`");
         }
         let bars = self.eval.exact(tempo.bar().by_number(number), bar.span)?.minus(tempo.bar());
         Some(block.plus(bars).plus(beat))
@@ -72,8 +71,8 @@ impl<'s> Walker<'s, '_> {
         if let ValueKind::Word(word) = value.kind
             && words::find(self.eval.board, word).is_some()
         {
-            let help = format!("for example `at 0.5s {word} …`");
-            return self.eval.refuse(Code::StartTime, value.span, "`at` needs a time before the command", help);
+            bail!(self.eval, StartTime, value.span, "`at` needs a time before the command";
+                help: "for example `at 0.5s {word} …`");
         }
         self.no_unit_behind(value, line)?;
         let origin = match value.kind {
@@ -82,17 +81,15 @@ impl<'s> Walker<'s, '_> {
         };
         match origin {
             Quantity::Moment(_) if self.in_abort => {
-                let help = "write a time: `on abort` counts from its own start";
-                let message = "a mark of the script means nothing in `on abort`";
-                self.eval.refuse(Code::Abort, value.span, message, help)
+                bail!(self.eval, Abort, value.span, "a mark of the script means nothing in `on abort`";
+                    help: "write a time: `on abort` counts from its own start")
             }
             Quantity::Moment(moment) => Some(moment),
             Quantity::Time(time) => Some(block.plus(time)),
             Quantity::Number(number) => self.eval.needs_unit(number, value.span),
             other => {
-                let message = format!("a time or a mark is needed here, not {}", other.kind());
-                let help = "write a time such as `0.5s`, `bar 2` or the name of a mark";
-                self.eval.refuse(Code::Unit, value.span, message, help)
+                bail!(self.eval, Unit, value.span, "a time or a mark is needed here, not {}", other.kind();
+                    help: "write a time such as `0.5s`, `bar 2` or the name of a mark")
             }
         }
     }
@@ -102,8 +99,8 @@ impl<'s> Walker<'s, '_> {
         match self.eval.value(value)? {
             Quantity::Number(count) if count >= 1.0 => Some(count),
             _ => {
-                let help = "write `at bar 1 beat 1` for the very start; a beat may have decimals";
-                self.eval.refuse(Code::OutOfRange, value.span, format!("{what} is a bare number, counted from 1"), help)
+                bail!(self.eval, OutOfRange, value.span, "{what} is a bare number, counted from 1";
+                    help: "write `at bar 1 beat 1` for the very start; a beat may have decimals")
             }
         }
     }
@@ -121,7 +118,7 @@ impl<'s> Walker<'s, '_> {
 
     /// A delay below zero; `word` is what it is written behind.
     pub(super) fn taken_back<T>(&mut self, word: &str, span: Span) -> Option<T> {
-        let help = "write `at TIME` to start a line at an earlier time";
-        self.eval.refuse(Code::OutOfRange, span, format!("time cannot be taken back with `{word}`"), help)
+        bail!(self.eval, OutOfRange, span, "time cannot be taken back with `{word}`";
+            help: "write `at TIME` to start a line at an earlier time")
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::{Kind, Tween};
 use super::{Origin, Scheduler};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::diagnostic;
 use crate::program::{MAX_STEPS, Motion, Move, Time, broken_limit};
 
 impl Scheduler<'_> {
@@ -59,7 +59,7 @@ impl Scheduler<'_> {
             self.full = true;
             let message = format!("the moves of the script have more than {MAX_STEPS} samples");
             let help = "make them shorter, or choose a lower `rate`";
-            self.report(Diagnostic::new(Code::TooManySteps, from.span, message, help), from);
+            self.report(diagnostic!(TooManySteps, from.span, "{message}"; help: "{help}"), from);
         }
         false
     }
@@ -83,7 +83,7 @@ impl Scheduler<'_> {
                 };
                 let help = format!("{help}: `{}`", motion.with_starts(board));
                 let message = format!("nobody knows where the {} starts", motion.name(board, at));
-                self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
+                self.report(diagnostic!(UnknownStart, from.span, "{message}"; help: "{help}"), from);
                 // Origin here on it is known, so that one mistake is one message.
                 if let Some(target) = motion.target(board) {
                     self.state.apply(board, &target);
@@ -108,12 +108,9 @@ impl Scheduler<'_> {
             Err(wrong) => {
                 let name = going.motion.name(board, wrong);
                 let value = values.get(wrong).copied().unwrap_or(0.0);
-                let diagnostic = Diagnostic::new(
-                    Code::OutOfRange,
-                    from.span,
-                    format!("on the way the {name} gets to {value:.0}, which is out of range"),
-                    "choose an easing that does not overshoot, or stay further inside the range",
-                );
+                let diagnostic = diagnostic!(OutOfRange, from.span,
+                    "on the way the {name} gets to {value:.0}, which is out of range";
+                    help: "choose an easing that does not overshoot, or stay further inside the range");
                 self.report(diagnostic, from);
                 return false;
             }
