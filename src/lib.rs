@@ -120,7 +120,7 @@ fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -
     }
     // All errors at once, but none that is only there because something else is missing.
     if is_correct || program.times_known {
-        timeline::order(&mut program, diagnostics);
+        timeline::order(&mut program, sources, diagnostics);
     }
     is_correct.then(|| timeline::timeline(program, options.events, diagnostics))
 }

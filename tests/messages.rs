@@ -4,6 +4,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use motionseq::diagnostic::{Code, Diagnostic};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 
@@ -16,6 +17,9 @@ fn said(text: &str) -> String {
     for diagnostic in &compiled.diagnostics {
         let place = lines.place(diagnostic.span);
         write!(said, "line {}: {}: {}", place.line, diagnostic.code, diagnostic.message).unwrap();
+        if let Some(label) = &diagnostic.label {
+            write!(said, " [{label}]").unwrap();
+        }
         for related in &diagnostic.related {
             write!(said, " [line {}: {}]", lines.place(related.span).line, related.label).unwrap();
         }
@@ -41,4 +45,40 @@ fn a_message_shows_what_to_write() {
         }
     }
     assert!(wrong.is_empty(), "{wrong}");
+}
+
+/// What is said about a script, as data.
+fn diagnostics(sources: &Sources) -> Vec<Diagnostic> {
+    motionseq::compile(sources, &Options::default()).diagnostics.iter().cloned().collect()
+}
+
+/// Scripts with mistakes: the example of each code, and the scripts of two folders.
+fn scripts_with_mistakes() -> Vec<String> {
+    let examples = Code::ALL.iter().map(|code| code.example().0.to_owned());
+    let folders = ["tests/messages", "tests/frames"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder));
+    let entries = folders.iter().flat_map(|folder| folder.read_dir().unwrap()).map(|entry| entry.unwrap().path());
+    let scripts = entries.filter(|path| path.extension().is_some_and(|extension| extension == "motion"));
+    examples.chain(scripts.filter_map(|path| std::fs::read_to_string(path).ok())).collect()
+}
+
+#[test]
+fn each_fix_removes_its_error() {
+    let mut remaining = String::new();
+    let mut count = 0;
+    for text in scripts_with_mistakes() {
+        let sources = Sources::from(Source::new("case", text));
+        for found in diagnostics(&sources) {
+            let Some(fix) = &found.fix else { continue };
+            count += 1;
+            let fixed = fix.apply(sources.main()).unwrap();
+            let is_same = |other: &Diagnostic| {
+                (other.code, &other.message, other.span.start) == (found.code, &found.message, found.span.start)
+            };
+            if diagnostics(&Sources::from(Source::new("case", fixed.clone()))).iter().any(is_same) {
+                writeln!(remaining, "{}: {}\n{fixed}", found.code, found.message).unwrap();
+            }
+        }
+    }
+    assert!(remaining.is_empty(), "{remaining}");
+    assert!(count > 150, "{count}");
 }

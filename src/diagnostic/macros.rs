@@ -2,17 +2,20 @@
 
 /// A [`Diagnostic`](super::Diagnostic): `diagnostic!(OutOfRange, span, "{what} is out of range"; help: "write `{line}`")`.
 ///
-/// `write: SPAN => "TEXT"` instead of `help` says "write `TEXT`", and is a fix: it replaces the span by the text.
+/// After the help, `fix: SPAN => "TEXT"` adds a correction: it replaces the span by the text. `write: SPAN => "TEXT"` instead of the help
+/// is a correction with the help "write `TEXT`".
 macro_rules! diagnostic {
-    ($code:ident, $span:expr, $message:literal $(, $value:expr)*; help: $help:literal $(, $of_help:expr)* $(,)?) => {
+    ($code:ident, $span:expr, $message:literal $(, $value:expr)*; help: $help:literal $(, $of_help:expr)*
+        $(; fix: $at:expr => $text:literal $(, $of_text:expr)*)?) => {
         $crate::diagnostic::Diagnostic::new(
             $crate::diagnostic::Code::$code,
             $span,
             format!($message $(, $value)*),
             format!($help $(, $of_help)*),
         )
+        $(.fix($at, format!($text $(, $of_text)*)))?
     };
-    ($code:ident, $span:expr, $message:literal $(, $value:expr)*; write: $at:expr => $text:literal $(, $of_text:expr)* $(,)?) => {
+    ($code:ident, $span:expr, $message:literal $(, $value:expr)*; write: $at:expr => $text:literal $(, $of_text:expr)*) => {
         $crate::diagnostic::Diagnostic::new(
             $crate::diagnostic::Code::$code,
             $span,

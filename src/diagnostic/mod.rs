@@ -28,6 +28,26 @@ pub struct Related {
     pub label: String,
 }
 
+/// A correction of a script: a text that replaces a span.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Edit {
+    /// What is replaced. It is in one file, and empty for a text that is inserted.
+    pub span: Span,
+    /// The text that replaces it.
+    pub text: String,
+}
+
+impl Edit {
+    /// The text of a file with this correction; `None` if the span is not in the file.
+    pub fn apply(&self, source: &Source) -> Option<String> {
+        let (base, text, range) = (source.base() as usize, source.text(), self.span.range());
+        let before = text.get(..range.start.checked_sub(base)?)?;
+        let after = text.get(range.end.checked_sub(base)?..)?;
+        Some([before, &self.text, after].concat())
+    }
+}
+
 /// One error or warning.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
@@ -43,12 +63,22 @@ pub struct Diagnostic {
     pub related: Vec<Related>,
     /// What to write instead.
     pub help: String,
+    /// The correction, if there is only one.
+    pub fix: Option<Edit>,
 }
 
 impl Diagnostic {
     /// A diagnostic with the words that say what is wrong, and those that say what to write instead.
     pub fn new(code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
-        Diagnostic { code, span, message: message.into(), label: None, related: Vec::new(), help: help.into() }
+        Diagnostic {
+            code,
+            span,
+            message: message.into(),
+            label: None,
+            related: Vec::new(),
+            help: help.into(),
+            fix: None,
+        }
     }
 
     /// What is wrong with a file that was read but is no script, with the text to show it in. `None` for a file that
@@ -73,6 +103,20 @@ impl Diagnostic {
     /// Whether it stops the script from compiling.
     pub fn is_error(&self) -> bool {
         self.code.severity() == Severity::Error
+    }
+
+    /// Adds a correction.
+    #[must_use]
+    pub(crate) fn fix(mut self, span: Span, text: impl Into<String>) -> Self {
+        self.fix = Some(Edit { span, text: text.into() });
+        self
+    }
+
+    /// Adds a correction that the help shows.
+    #[must_use]
+    pub(crate) fn write(mut self, span: Span, text: String) -> Self {
+        self.help = format!("write `{text}`");
+        self.fix(span, text)
     }
 
     /// Adds a word or two that stand at the place itself.
@@ -144,7 +188,7 @@ impl Diagnostics {
             && self.seen.insert((by.code, by.span))
         {
             self.errors += 1;
-            self.kept.insert(place, Diagnostic { related, ..by });
+            self.kept.insert(place, Diagnostic { related: [by.related, related].concat(), ..by });
         }
     }
 

@@ -61,7 +61,7 @@ impl Bounds {
     pub(super) fn allow(&mut self, more: Weight, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<()> {
         let weight = self.done.plus(more);
         if weight.steps > MAX_STEPS {
-            report!(eval, TooManySteps, span, "the script takes more than {MAX_STEPS} steps to unroll";
+            report!(eval, TooManySteps, span, "the script has more than {MAX_STEPS} steps";
                 help: "repeat less often");
         } else if weight.events > self.max_events as u64 {
             report!(eval, TooManyEvents, span, "the script sends more than {} frames", self.max_events;
@@ -71,7 +71,7 @@ impl Bounds {
                 help: "repeat less often, or move less often");
         } else if weight.kept > MAX_KEPT {
             report!(eval, TooManyEvents, span, "the marks, `say`s and `expect`s of the script take more than 48 MiB";
-                help: "repeat them less often, or make their texts shorter");
+                help: "repeat them less often, or make their strings shorter");
         } else {
             return Some(());
         }
@@ -82,8 +82,8 @@ impl Bounds {
     /// Whether a block or a call may run inside so many others.
     pub(super) fn allow_depth(&mut self, depth: usize, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
         if depth > MAX_DEPTH {
-            report!(eval, Nesting, span, "blocks and calls run more than {MAX_DEPTH} deep here";
-                help: "call fewer phrases inside each other");
+            report!(eval, Nesting, span, "blocks and calls are nested more than {MAX_DEPTH} deep";
+                help: "call fewer phrases in each other");
             self.exhausted = true;
         }
         depth <= MAX_DEPTH
@@ -94,8 +94,8 @@ impl Bounds {
     pub(super) fn check_length(&mut self, latest: Time, span: Span, eval: &mut Evaluator<'_, '_>) {
         if latest > Time::LONGEST && !self.too_long {
             self.too_long = true;
-            report!(eval, TooLong, span, "the script reaches beyond 24 hours here";
-                help: "make it shorter; a script is at most 24 hours long");
+            report!(eval, TooLong, span, "the script exceeds 24 hours here";
+                help: "make it shorter; a script may last at most 24 hours");
         }
     }
 

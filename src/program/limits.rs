@@ -55,13 +55,13 @@ fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnosti
             Limit { low: f64::from(least), ..limit.clone() }
         };
         let name = board.limited_name(limited);
-        let message = format!("{name} is limited to {low}..{high}, and this sends {value}: {why}");
+        let message = format!("{value} is outside of the limit {low}..{high} of {name}: {why}");
         let stay = if is_above { format!("at or below {high}") } else { format!("at or above {low}") };
         let help = format!("stay {stay}, or, {unless}, widen the limit: `{}`", wide.line(board));
         return diagnostic!(Limit, span, "{message}"; help: "{help}").label("outside the limit");
     };
     let wide = Limit { low: low.min(value.into()), high: high.max(value.into()), ..limit.clone() };
-    diagnostic!(Limit, span, "this sends {value}, and the script limits it to {low}..{high}";
+    diagnostic!(Limit, span, "{value} is outside of the limit {low}..{high}";
         help: "stay inside, or widen the limit: `{}`", wide.line(board))
     .label("outside the limit")
     .related(set, "limited here")

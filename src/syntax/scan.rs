@@ -204,7 +204,7 @@ impl<'s> Scan<'s, '_> {
         self.beyond_reading = true;
         self.open.clear();
         report!(self, LineTooLong, self.span(from, from + 1), "this line is longer than 64 KiB";
-            help: "break it into several lines; the script was not read any further");
+            help: "break it into several lines; the rest of the script was not read");
     }
 
     /// Behind a line break outside of all `( )`: a piece that is long enough ends here, unless the next line is empty, or a
@@ -249,31 +249,32 @@ impl<'s> Scan<'s, '_> {
             report!(self.diagnostics, Allow, comment, "{message}"; help: "{help}");
         };
         if before.get(line..).is_none_or(|code| code.trim().is_empty()) {
-            let help = "put it at the end of the line that has the warning".to_owned();
-            return report("this comment stands on a line of its own, and so allows nothing".to_owned(), help);
+            let help = "write it at the end of the line that has the warning".to_owned();
+            return report("this comment is on a line of its own, so it allows nothing".to_owned(), help);
         }
         // Behind a code may stand why.
         let names = comments.flat_map(|codes| codes.split(',')).filter_map(|words| words.split_whitespace().next());
         for name in names.take(MAX_ALLOWED) {
-            match Code::named(name).map(|code| (code, code.severity())) {
-                Some((code, Severity::Warning)) => {
-                    self.diagnostics.allow(code, Span::new(self.base + line, self.base + to));
-                }
-                Some((_, Severity::Error)) => {
-                    report!(self.diagnostics, Allow, comment, "`{name}` is an error";
-                        help: "mend what it says; only warnings can be allowed");
-                }
-                None => {
-                    let warnings = Code::ALL.iter().filter(|code| code.severity() == Severity::Warning);
-                    let warnings: Vec<_> = warnings.map(|code| code.name()).collect();
-                    let help = match name {
-                        "tilt-range" => {
-                            "servo 2 is limited to 500..1950 now: `limit servo 2 500..2500` widens it".to_owned()
-                        }
-                        _ => format!("the warnings are: {}", warnings.join(", ")),
-                    };
-                    report!(self.diagnostics, Allow, comment, "there is no warning `{name}`"; help: "{help}");
-                }
+            let (warnings, errors): (Vec<Code>, Vec<Code>) =
+                Code::all_named(name).into_iter().partition(|code| code.severity() == Severity::Warning);
+            for code in &warnings {
+                self.diagnostics.allow(*code, Span::new(self.base + line, self.base + to));
+            }
+            if !errors.is_empty() {
+                report!(self.diagnostics, Allow, comment, "`{name}` is an error";
+                    help: "correct the line; only warnings can be allowed");
+            } else if warnings.is_empty() {
+                let help = match name {
+                    "tilt-range" => {
+                        "servo 2 is limited to 500..1950 now: `limit servo 2 500..2500` widens it".to_owned()
+                    }
+                    _ => {
+                        let warnings = Code::ALL.iter().filter(|code| code.severity() == Severity::Warning);
+                        let warnings: Vec<_> = warnings.map(|code| code.name()).collect();
+                        format!("the warnings are: {}", warnings.join(", "))
+                    }
+                };
+                report!(self.diagnostics, Allow, comment, "there is no warning `{name}`"; help: "{help}");
             }
         }
     }
@@ -297,8 +298,8 @@ impl<'s> Scan<'s, '_> {
         if at > from + 1 {
             self.blanks.push((from + 1, at, '"'));
         }
-        report!(self, Unclosed, self.span(from, at), "this text has no closing quotation mark";
-            help: "end it with `\"` on the same line; inside a text write `\\\"` for a quotation mark");
+        report!(self, Unclosed, self.span(from, at), "this string has no closing quotation mark";
+            help: "end it with `\"` on the same line; inside a string, write `\\\"` for a quotation mark");
         at
     }
 
@@ -316,8 +317,8 @@ impl<'s> Scan<'s, '_> {
             self.beyond_reading = true;
             self.open.clear();
             report!(self, Nesting, self.span(at, at + 1),
-                "brackets are nested more than {MAX_NESTING} deep here";
-                help: "take inner blocks out; the rest of the script was not read");
+                "brackets are nested more than {MAX_NESTING} deep";
+                help: "nest fewer blocks; the rest of the script was not read");
             return None;
         }
         self.open.push((bracket, at, self.piece));
@@ -334,7 +335,7 @@ impl<'s> Scan<'s, '_> {
             self.blanks.push((at, at + 1, ' '));
             let name = char::from(bracket);
             report!(self, Unopened, self.span(at, at + 1), "this `{name}` closes nothing";
-                help: "take it away, or put a `{}` where it should begin", char::from(opening));
+                help: "remove it, or write a `{}` where it should begin", char::from(opening));
             return at + 1;
         };
         // What was opened behind the partner was never closed.
@@ -361,13 +362,17 @@ impl<'s> Scan<'s, '_> {
         self.blanks.push((from, from + 1, ' '));
         let closing = if bracket == b'(' { ')' } else { '}' };
         let open = char::from(bracket);
-        let diagnostic = diagnostic!(Unclosed, self.span(from, from + 1), "this `{open}` is never closed";
-            help: "put a `{closing}` where it should end")
-        .label("opened here");
-        self.push(match noticed {
-            Some(at) => diagnostic.related(self.span(at, at + 1), format!("a `{closing}` is missing before this")),
-            None => diagnostic,
-        });
+        let span = self.span(from, from + 1);
+        self.push(
+            match noticed {
+                Some(at) => diagnostic!(Unclosed, span, "this `{open}` is not closed";
+                help: "write a `{closing}` where it should end")
+                .related(self.span(at, at + 1), format!("a `{closing}` is missing before this")),
+                None => diagnostic!(Unclosed, span, "this `{open}` is still open at the end of the file";
+                help: "write a `{closing}` where it should end"),
+            }
+            .label("opened here"),
+        );
     }
 
     /// A run of hidden characters, reported once.
@@ -383,7 +388,7 @@ impl<'s> Scan<'s, '_> {
             b'\r' => "a carriage return without a line feed".to_owned(),
             _ => format!("the control character U+{byte:04X}"),
         };
-        report!(self, ControlCharacter, self.span(from, from + length), "{name} stands here";
+        report!(self, ControlCharacter, self.span(from, from + length), "there is {name} here";
             help: "delete it; a script is plain text");
         from + length
     }

@@ -1,6 +1,6 @@
-//! When a line starts, where it says so: `+TIME`, `at TIME`, `at MARK`, `at bar N beat M`.
+//! When a line with a start time starts: `+TIME`, `at TIME`, `at MARK`, `at bar N beat M`.
 
-use super::super::arguments::{self, blank_before_unit};
+use super::super::arguments::{self, misplaced_unit};
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::words;
@@ -14,10 +14,10 @@ impl<'s> Walker<'s, '_> {
     pub(super) fn start(&mut self, start: &Start<'s>, line: &Line<'s>, block: Time, now: Time) -> Option<Time> {
         match start {
             Start::After(value) => {
-                self.no_unit_behind(value, line)?;
+                self.no_separate_unit(value, line)?;
                 let delay = arguments::time(value, &mut self.eval)?;
                 if delay < Time::ZERO {
-                    return self.taken_back("+", value.span);
+                    return self.negative("+", value.span);
                 }
                 Some(now.plus(delay))
             }
@@ -36,8 +36,8 @@ impl<'s> Walker<'s, '_> {
             at = self.eval.exact(moved, value.span)?;
         }
         if at < block {
-            bail!(self.eval, StartTime, moment.span, "nothing starts before its own block";
-                help: "write a time from the start of its block on");
+            bail!(self.eval, StartTime, moment.span, "this is before the start of the block";
+                help: "write a time after the start of the block");
         }
         Some(at)
     }
@@ -52,21 +52,21 @@ impl<'s> Walker<'s, '_> {
                 let count = self.count_from_one(beat, "a beat")?;
                 let beats = tempo.beats();
                 if count >= f64::from(beats) + 1.0 {
-                    bail!(self.eval, OutOfRange, beat.span, "there is no beat {count} in a bar of {beats}";
+                    bail!(self.eval, OutOfRange, beat.span, "beat {count} is out of range (1 to {beats})";
                         help: "write the next bar, or another `meter`");
                 }
                 self.eval.exact(tempo.beat().by_number(count), beat.span)?.minus(tempo.beat())
             }
         };
         if libm::floor(number) != number {
-            bail!(self.eval, NotWhole, bar.span, "a bar is counted in whole numbers";
-                help: "write a whole number, and the beat behind it: `bar 2 beat 2.5`");
+            bail!(self.eval, NotWhole, bar.span, "a bar must be a whole number";
+                help: "write a whole number, and then the beat: `bar 2 beat 2.5`");
         }
         let bars = self.eval.exact(tempo.bar().by_number(number), bar.span)?.minus(tempo.bar());
         Some(block.plus(bars).plus(beat))
     }
 
-    /// The moment that a value behind `at` is.
+    /// The moment that a value after `at` means.
     fn origin(&mut self, value: &Value<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
         if let ValueKind::Word(word) = value.kind
             && words::find(self.eval.board, word).is_some()
@@ -74,14 +74,14 @@ impl<'s> Walker<'s, '_> {
             bail!(self.eval, StartTime, value.span, "`at` needs a time before the command";
                 help: "for example `at 0.5s {word} …`");
         }
-        self.no_unit_behind(value, line)?;
+        self.no_separate_unit(value, line)?;
         let origin = match value.kind {
             ValueKind::Word(word) if !value.negative => self.eval.moment_name(word, value.span)?,
             _ => self.eval.value(value)?,
         };
         match origin {
             Quantity::Moment(_) if self.in_abort => {
-                bail!(self.eval, Abort, value.span, "a mark of the script means nothing in `on abort`";
+                bail!(self.eval, Abort, value.span, "a mark of the script cannot be used in `on abort`";
                     help: "write a time: `on abort` counts from its own start")
             }
             Quantity::Moment(moment) => Some(moment),
@@ -99,26 +99,26 @@ impl<'s> Walker<'s, '_> {
         match self.eval.value(value)? {
             Quantity::Number(count) if count >= 1.0 => Some(count),
             _ => {
-                bail!(self.eval, OutOfRange, value.span, "{what} is a bare number, counted from 1";
-                    help: "write `at bar 1 beat 1` for the very start; a beat may have decimals")
+                bail!(self.eval, OutOfRange, value.span, "{what} is a number without a unit, counted from 1";
+                    help: "the block starts at `bar 1 beat 1`; a beat may have decimals")
             }
         }
     }
 
     /// `at 1 s stop`: the unit was read as a command.
-    fn no_unit_behind(&mut self, value: &Value<'s>, line: &Line<'s>) -> Option<()> {
+    fn no_separate_unit(&mut self, value: &Value<'s>, line: &Line<'s>) -> Option<()> {
         let head = match line.parts.first().map(|part| &part.statement) {
             Some(Statement::Command(command)) => command.head,
             _ => return Some(()),
         };
-        let Some(diagnostic) = blank_before_unit(value, head) else { return Some(()) };
+        let Some(diagnostic) = misplaced_unit(value, head) else { return Some(()) };
         self.eval.push(diagnostic);
         None
     }
 
-    /// A delay below zero; `word` is what it is written behind.
-    pub(super) fn taken_back<T>(&mut self, word: &str, span: Span) -> Option<T> {
-        bail!(self.eval, OutOfRange, span, "time cannot be taken back with `{word}`";
+    /// A negative delay after `word`.
+    pub(super) fn negative<T>(&mut self, word: &str, span: Span) -> Option<T> {
+        bail!(self.eval, OutOfRange, span, "`{word}` needs a time that is not negative";
             help: "write `at TIME` to start a line at an earlier time")
     }
 }
