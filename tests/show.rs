@@ -329,9 +329,9 @@ fn passes_are_checked_together() {
     let drives = script("drives", "stop\nwait 1s\nrocker x=1\n");
     for (path, words) in [
         (&flood, "begins to leave"),
-        (&twice, "servo 1 is told two things at 1.000000 s"),
-        (&two_servos, "servo 2 is told two things at 1.000000 s"),
-        (&drives, "the drive is told two things at 1.000000 s"),
+        (&twice, "servo 1 gets two commands at 1.000000 s"),
+        (&two_servos, "servo 2 gets two commands at 1.000000 s"),
+        (&drives, "the drive gets two commands at 1.000000 s"),
     ] {
         assert_eq!(run(&["render", path]).status.code(), Some(0), "{path}");
         let output = run(&["render", path, "--loop", "100"]);

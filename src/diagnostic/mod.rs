@@ -105,10 +105,10 @@ impl Diagnostic {
         self.code.severity() == Severity::Error
     }
 
-    /// Adds a correction.
+    /// Adds a correction, unless its text was cut.
     #[must_use]
     pub(crate) fn fix(mut self, span: Span, text: impl Into<String>) -> Self {
-        self.fix = Some(Edit { span, text: text.into() });
+        self.fix = Some(Edit { span, text: text.into() }).filter(|edit| !edit.text.ends_with('…'));
         self
     }
 

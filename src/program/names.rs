@@ -9,6 +9,9 @@ use crate::diagnostic::{Code, Diagnostic, MAX_ERRORS, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Name, foreign};
 
+/// The most characters of a script that a message repeats.
+const LONGEST_SHOWN: usize = 200;
+
 impl<'s> Evaluator<'s, '_> {
     /// Reports an unknown name. Errors beyond those that are kept are only counted.
     pub(super) fn report_unknown(&mut self, code: Code, unknown: Unknown<'s>, message: String, help: String) {
@@ -118,7 +121,7 @@ impl<'s> Evaluator<'s, '_> {
         self.sources.file(span).slice(span)
     }
 
-    /// What was written at a place, on one line, with other texts at the places in it, which come in order.
+    /// What was written at a place, on one line, with other texts at the places in it, which come in order. A long one is cut.
     pub(super) fn rewritten(&self, whole: Span, edits: &[(Span, String)]) -> String {
         let mut text = String::new();
         let mut at = whole.start;
@@ -128,7 +131,12 @@ impl<'s> Evaluator<'s, '_> {
             at = span.end;
         }
         text.push_str(self.written(Span { start: at, end: whole.end }));
-        text.split_whitespace().collect::<Vec<_>>().join(" ")
+        let mut text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        if let Some((end, _)) = text.char_indices().nth(LONGEST_SHOWN) {
+            text.truncate(end);
+            text.push('…');
+        }
+        text
     }
 
     pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {

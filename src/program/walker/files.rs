@@ -127,7 +127,7 @@ impl<'s> Walker<'s, '_> {
             }
         };
         let Some(at) = self.files.loading.iter().position(|(loading, _)| *loading == path) else { return Some(path) };
-        let message = format!("{name} ends up using itself");
+        let message = format!("{name} uses itself");
         let mut diagnostic =
             diagnostic!(Use, value.span, "{message}"; help: "move what both files need into a third file");
         for (_, span) in self.files.loading.iter().skip(at + 1) {
