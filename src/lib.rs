@@ -84,7 +84,7 @@ pub mod timeline;
 pub mod units;
 pub mod verify;
 
-use diagnostic::{Code, Diagnostic, Diagnostics};
+use diagnostic::{Diagnostics, report};
 use program::{Options, Time};
 use source::{Sources, Span};
 use timeline::Timeline;
@@ -113,15 +113,14 @@ fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -
     if is_correct {
         program = program.at_speed(options.speed);
         if program.end > Time::LONGEST {
-            let help = "play it faster, or only a part of it; a script is at most 24 hours long";
-            let message = "at this speed the script is longer than 24 hours";
-            diagnostics.push(Diagnostic::new(Code::TooLong, Span::new(0, 0), message, help));
+            report!(diagnostics, TooLong, Span::new(0, 0), "at this speed the script is longer than 24 hours";
+                help: "play it faster, or only a part of it; a script is at most 24 hours long");
             return None;
         }
     }
     // All errors at once, but none that is only there because something else is missing.
     if is_correct || program.times_known {
-        timeline::order(&mut program, diagnostics);
+        timeline::order(&mut program, sources, diagnostics);
     }
     is_correct.then(|| timeline::timeline(program, options.events, diagnostics))
 }

@@ -189,12 +189,12 @@ fn hostile_scripts_stay_small() {
     let scratch = Scratch::new("hostile");
     let cases = [
         ("nul.motion", vec![0; 3_000_000], "a NUL byte"),
-        ("long_line.motion", b"servo 1 1500 ".repeat(5_000), "takes no more arguments"),
+        ("long_line.motion", b"servo 1 1500 ".repeat(5_000), "needs a line of its own"),
         ("many_errors.motion", b"servoo\n".repeat(10_000), "and 9500 more errors not shown"),
         ("far.motion", b"at 1000000000000000000000000000000s stop\n".to_vec(), "at most 15 digits"),
         ("minus.motion", [&b"servo 1 "[..], &b"-".repeat(50_000), b"5\n"].concat(), "error"),
         ("quotes.motion", b"\"".repeat(50_001), "no closing quotation mark"),
-        ("texts.motion", [&b"say "[..], &b"\"\"".repeat(30_000), b"\n"].concat(), "blank is missing"),
+        ("texts.motion", [&b"say "[..], &b"\"\"".repeat(30_000), b"\n"].concat(), "no space between"),
         (
             "blank_lines.motion",
             [&b"stop now\n"[..], &b"\n".repeat(1_000_000), b"# x"].concat(),

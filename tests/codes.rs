@@ -72,6 +72,11 @@ fn explain_prints_the_table_and_each_row() {
         assert!(all.contains(code.name()));
         assert_eq!(text.contains("# allow: "), code.severity() == Severity::Warning || text.contains("`# allow"));
     }
+    // A code that was divided is explained by those that replace it.
+    let text = stdout(&run(&["explain", "arguments"]));
+    for code in ["missing-argument", "unexpected-argument", "block"] {
+        assert!(text.contains(&format!("error {code}: ")), "{text}");
+    }
     let output = run(&["explain", "clsh"]);
     assert_eq!(
         (output.status.code(), stderr(&output).as_str()),
@@ -97,9 +102,10 @@ fn a_comment_allows_every_warning_on_its_line_and_no_other() {
     assert_eq!(run(&["check", "--deny", "warnings", &many]).status.code(), Some(0));
     for (comment, message) in [
         ("servo 2 1900 # allow: clash", "`clash` is an error"),
+        ("servo 2 1900 # allow: arguments", "`arguments` is an error"),
         ("servo 2 1900 # allow: nonsense", "there is no warning `nonsense`"),
         ("servo 2 1900 # allow: tilt-range", "`limit servo 2 500..2500`"),
-        ("# allow: raw-frame\nraw 0x04 0", "this comment stands on a line of its own"),
+        ("# allow: raw-frame\nraw 0x04 0", "this comment is on a line of its own"),
         ("say \"# allow: raw-frame\"; raw 0x04 0", "raw-frame"),
     ] {
         let output = run(&["check", "--deny", "warnings", &script("not-allowed", comment)]);

@@ -241,13 +241,13 @@ fn its_errors_use_its_words() {
     assert_eq!(first("fan on; fan off\n"), (Code::Clash, "the fan gets two commands at 0.000000 s".to_owned()));
     let (code, message) = first("lamp 2 0 -> 9 over 1s; lamp 2 5\n");
     assert!(code == Code::Clash && message.starts_with("lamp 2 is busy until 1.000000 s"), "{message}");
-    let message = "a level is from 0 to 1000, and 1001 is outside".to_owned();
+    let message = "level 1001 is out of range (0 to 1000)".to_owned();
     assert_eq!(first("lamp 1 1001\n"), (Code::OutOfRange, message));
-    assert_eq!(first("lamp 4 10\n").1, "a lamp number is from 1 to 3, and 4 is outside");
+    assert_eq!(first("lamp 4 10\n").1, "lamp number 4 is out of range (1 to 3)");
     assert_eq!(first("lamp 1 10 over 1s\n").0, Code::UnknownStart);
     assert_eq!(first("fan on\nwait 1s\n"), (Code::LeftRunning, "the fan is still on when the script ends".to_owned()));
     assert_eq!(first("limit lamp 2 0..500\nlamp 2 501\n").0, Code::Limit);
-    assert_eq!(first("chime loud\n").1, "`chime` does not know `loud`");
+    assert_eq!(first("chime loud\n").1, "`chime` does not take `loud`");
     let compiled = motionseq::compile(&Source::new("x", "blink\n").into(), &Options::default().with_board(lamps()));
     assert_eq!(compiled.diagnostics.iter().next().unwrap().help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
     // Words of another family are unknown.
@@ -255,7 +255,7 @@ fn its_errors_use_its_words() {
         assert_eq!(first(line).0, Code::UnknownWord, "{line}");
     }
     // It reports warmth, and no quantity of another board.
-    assert_eq!(first("expect voltage > 3V\n").0, Code::Arguments);
+    assert_eq!(first("expect voltage > 3V\n").0, Code::InvalidArgument);
     assert!(wrong("expect warmth > 3 within 1s\n").is_empty());
 }
 

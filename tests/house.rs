@@ -54,7 +54,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("svg::node", "src/plot/canvas.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
     ("humantime::", "src/units.rs"),
-    ("rtrb::", "src/link/recorder.rs"),
+    ("rtrb::", ""),
     ("signal_hook", "src/playback/os.rs"),
     ("unsafe ", "src/playback/os.rs src/link/serial.rs"),
     ("quick_xml::", "src/report/junit.rs"),
@@ -66,8 +66,8 @@ const AT_HOME: &[(&str, &str)] = &[
     ("rustix::", "src/clock.rs src/playback/os.rs src/playback/guard.rs src/link"),
     ("Instant::now", ""),
     ("thread::sleep", ""),
-    ("println!", ""),
-    ("print!", ""),
+    ("println!", "src/syntax/foreign.rs"),
+    ("print!", "src/syntax/foreign.rs"),
 ];
 
 /// The Rust files of a folder and its subfolders.
@@ -152,7 +152,8 @@ impl Modules {
     fn exports(&self, module: &[String]) -> BTreeMap<String, Vec<String>> {
         let code = self.0.get(module).map_or("", String::as_str);
         let paths = uses(code).filter(|(is_export, ..)| *is_export).flat_map(|(_, _, paths)| paths);
-        paths.filter_map(|path| Some((path.last()?.clone(), path))).collect()
+        // A path of one part is the module's own.
+        paths.filter(|path| path.len() > 1).filter_map(|path| Some((path.last()?.clone(), path))).collect()
     }
 
     /// The module that a path refers to from another one. Re-exports are followed.

@@ -33,6 +33,7 @@ mod host;
 mod house;
 mod inject;
 mod log;
+mod messages;
 mod outputs;
 mod play;
 mod player;

@@ -81,16 +81,10 @@ fn files_that_use_each_other_are_shown() {
     );
     let text = folder.render("main.motion");
     assert!(
-        text.contains("a.motion ends up using itself")
-            && text.contains("b.motion:1:5")
-            && text.contains("a.motion:1:5"),
+        text.contains("a.motion uses itself") && text.contains("b.motion:1:5") && text.contains("a.motion:1:5"),
         "{text}"
     );
-    assert!(
-        folder.render("self.motion").contains("self.motion ends up using itself"),
-        "{}",
-        folder.render("self.motion")
-    );
+    assert!(folder.render("self.motion").contains("self.motion uses itself"), "{}", folder.render("self.motion"));
 }
 
 #[test]
@@ -134,9 +128,9 @@ fn unusable_files_are_refused_with_a_reason() {
     for words in [
         "missing.motion cannot be used: no such file",
         "it is a folder",
-        "the name of a file stands between quotation marks",
-        "`use` stands at the top level only",
-        "a file that is used holds only `use`, `let` and `def`",
+        "the name of a file needs quotation marks",
+        "`use` is not allowed inside a block",
+        "a used file may contain only `use`, `let` and `def`",
         "does.motion:2:1",
         "does.motion:3:1",
         "broken.motion:1:21",
@@ -160,7 +154,7 @@ fn a_setting_in_a_used_file_is_the_only_mistake() {
         text.contains("before the first command of the main script") && text.contains("first in a `def`"),
         "{text}"
     );
-    assert!(!text.contains("nothing is called"), "{text}");
+    assert!(!text.contains("unknown name"), "{text}");
 }
 
 #[test]
@@ -178,7 +172,7 @@ fn blocks_of_a_used_file_may_have_a_tempo() {
     assert_eq!(lines, ["1.000000", "7.000000", "7.500000"], "{text}");
     let text = folder.render("wrong.motion");
     assert!(
-        text.contains("`tempo` stands behind a command") && text.contains("the setting `rate` stands in a block"),
+        text.contains("`tempo` comes after a command") && text.contains("the setting `rate` is inside a block"),
         "{text}"
     );
 }
@@ -195,7 +189,7 @@ fn one_name_in_two_files_shows_both() {
     );
     let text = folder.render("main.motion");
     assert!(
-        text.contains("the name `nod` is given twice")
+        text.contains("the name `nod` is defined twice")
             && text.contains("b.motion:1:5")
             && text.contains("a.motion:1:5"),
         "{text}"
@@ -208,7 +202,7 @@ fn a_mistake_in_a_used_file_shows_the_call() {
         Folder::new("calls", &[("main.motion", "use \"lib.motion\"\nlook(to = 9999)\n"), ("lib.motion", PHRASES)]);
     let text = folder.render("main.motion");
     assert!(
-        text.contains("9999 is outside")
+        text.contains("pulse width 9999 is out of range")
             && text.contains("lib.motion:2:30")
             && text.contains("called here")
             && text.contains("main.motion:2:1"),
@@ -241,7 +235,8 @@ fn each_file_knows_its_own_defs_below() {
         ],
     );
     let said = folder.render("main.motion");
-    for words in ["`second` stands below this `def`", "nothing is called `last`", "`last` is defined further down"] {
+    for words in ["`second` is defined below this `def`", "there is no phrase `last`", "`last` is defined further down"]
+    {
         assert_eq!(said.matches(words).count(), 1, "{words}: {said}");
     }
 }
@@ -263,8 +258,8 @@ fn set_replaces_a_top_level_let_from_outside() {
     let changed = stdout(&with("to=600us * 2 / 1us"));
     assert!(changed.contains("servo 1 2400") && changed.contains("servo 1 700"), "{changed}");
     for (set, words) in [
-        ("nothing=5", "the script has no `let nothing`"),
-        ("to=5s", "10000000 is outside"),
+        ("nothing=5", "the script has no top-level `let nothing`"),
+        ("to=5s", "pulse width 10000000 is out of range"),
         ("to=@", "cannot be read"),
         ("to=1\nservo 2 1000", "this cannot be read as a value"),
         ("to=1; stop", "this cannot be read as a value"),
@@ -274,17 +269,17 @@ fn set_replaces_a_top_level_let_from_outside() {
         ("to=", "cannot be read as a value"),
         ("to=1 let y = 2", "`let` cannot be read here"),
         ("to=[1, 2]", "there are no lists"),
-        ("to=(1", "this `(` is never closed"),
+        ("to=(1", "this `(` is still open at the end of the file"),
         ("to=1, 2", "`,` cannot be read here"),
         ("to={ stop }", "this cannot be read as a value"),
         ("to=servo 1 1500", "cannot be read"),
         ("2x=5", "this is not the name of a value"),
         ("let to=5", "this is not the name of a value"),
         ("to # old=5", "this is not the name of a value"),
-        ("to(=5", "this `(` is never closed"),
+        ("to(=5", "this `(` is still open at the end of the file"),
         ("=5", "this is not the name of a value"),
         ("tö=5", "this is not the name of a value"),
-        ("wait=5s", "the script has no `let wait`"),
+        ("wait=5s", "the script has no top-level `let wait`"),
         ("To=5", "did you mean `to`?"),
     ] {
         let output = with(set);
@@ -328,5 +323,5 @@ fn texts_of_an_editor_are_used() {
     let circle =
         compiled(&[("show/a.motion", "use \"lib/b.motion\"\nstop\n"), ("show/lib/b.motion", "use \"../a.motion\"\n")]);
     let messages: Vec<&str> = circle.diagnostics.iter().map(|found| found.message.as_str()).collect();
-    assert_eq!(messages, ["../a.motion ends up using itself"]);
+    assert_eq!(messages, ["../a.motion uses itself"]);
 }

@@ -22,12 +22,12 @@ impl Explain {
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let text = match &self.code {
             None => {
-                let rows = Code::ALL.iter().map(|code| format!("{:<18} {}", code.name(), code.title()));
+                let rows = Code::ALL.iter().map(|code| format!("{:<20} {}", code.name(), code.title()));
                 rows.collect::<Vec<_>>().join("\n") + "\n"
             }
-            Some(name) => match Code::named(name.trim_matches(['[', ']', '`'])) {
-                Some(code) => explained(code),
-                None => {
+            Some(name) => match Code::all_named(name.trim_matches(['[', ']', '`'])).as_slice() {
+                codes @ [_, ..] => codes.iter().map(|code| explained(*code)).collect::<Vec<_>>().join("\n"),
+                [] => {
                     let near = motionseq::program::suggest(name, Code::ALL.iter().map(|code| code.name()));
                     let help = match near {
                         Some(near) => format!("did you mean `motionseq explain {near}`?"),

@@ -64,10 +64,30 @@ macro_rules! codes {
     };
 }
 
+/// Codes of older versions, and those that they were divided into.
+const DIVIDED: &[(&str, &[Code])] = &[(
+    "arguments",
+    &[
+        Code::MissingArgument,
+        Code::UnexpectedArgument,
+        Code::DuplicateArgument,
+        Code::InvalidArgument,
+        Code::Block,
+        Code::Comparison,
+        Code::UnknownEasing,
+    ],
+)];
+
 impl Code {
-    /// The code with this name.
+    /// The code with this name. [`Code::all_named`] also knows older names.
     pub fn named(name: &str) -> Option<Code> {
         Code::ALL.iter().copied().find(|code| code.name() == name)
+    }
+
+    /// The code with this name; for the name of a code that was divided, those that replace it. Empty for an unknown name.
+    pub fn all_named(name: &str) -> Vec<Code> {
+        let divided = DIVIDED.iter().find(|(old, _)| *old == name).map(|(_, codes)| codes.to_vec());
+        divided.unwrap_or_else(|| Code::named(name).into_iter().collect())
     }
 }
 
@@ -131,9 +151,39 @@ codes! {
         "let a = 1\nservo 1 (1500 + a)\n"
 
     Syntax "syntax" Error "This cannot be read."
-        "The words, numbers and operators of this line do not form a statement. The help shows what is expected."
+        "The words, numbers and operators of this line do not form a statement. The help shows what is expected. Some common mistakes \
+        have codes of their own: `foreign-syntax`, `ambiguous-character`, `missing-parentheses`, `missing-space` and `call`."
         "let a 5\nservo 1 (1500 + a)\n"
         "let a = 5\nservo 1 (1500 + a)\n"
+
+    ForeignSyntax "foreign-syntax" Error "This is written as in another language."
+        "The line is Python, C, G-code or the like. The help shows the same in this language."
+        "for i in range(4):\n"
+        "repeat 4 as i { servo (i + 1) 1500 }\n"
+
+    AmbiguousCharacter "ambiguous-character" Error "A character looks like another one."
+        "Text that was copied from a web page or a word processor often contains characters that only look like those of a keyboard: \
+        no-break spaces, long dashes, curved quotation marks. The message gives the code of the character, and the help what to type \
+        instead."
+        "say “hello”\n"
+        "say \"hello\"\n"
+
+    MissingParentheses "missing-parentheses" Error "A calculation is written without parentheses."
+        "Spaces separate arguments, so a calculation as an argument needs parentheses. A minus sign directly before a number, as in \
+        `-8`, is part of the number."
+        "servo 1 1500 + 100\n"
+        "servo 1 (1500 + 100)\n"
+
+    MissingSpace "missing-space" Error "There is no space between two arguments."
+        "Arguments are separated by spaces. A range is written with two dots: `900..1700`."
+        "wheels 8-8 8 -8\n"
+        "wheels 8 -8 8 -8 for 1s\n"
+
+    Call "call" Error "A command or a phrase is called in the wrong way."
+        "A command is written without parentheses: `servo 1 1500`. A phrase of your own is called with parentheses directly after its \
+        name, and alone: `nod(2)`. How long it takes is decided in its `def`."
+        "servo(1, 1500)\n"
+        "servo 1 1500\n"
 
     EmptyPlace "empty-place" Error "A command is missing before or after a `;`."
         "`;` joins commands that start together, so it needs a command on each side. A line does not need a `;` at its end."
@@ -154,15 +204,48 @@ codes! {
         "servo 1 1500\n"
 
     NotYet "not-yet" Error "This version of motionseq does not support this word yet."
-        "The word is reserved for a later version of motionseq. Update motionseq, or remove the line."
+        "The word is reserved for a later version of motionseq, so it cannot be a name either. Remove the line, or update motionseq."
         "robots left, right\nservo 1 1500\n"
         "servo 1 1500\n"
 
-    Arguments "arguments" Error "A command has too few, too many or the wrong arguments."
-        "Each command takes certain arguments in a certain order; the help shows its form. Values with a name, such as `x=10`, \
-        may stand in any order."
+    MissingArgument "missing-argument" Error "An argument is missing."
+        "Each command, function and phrase needs certain arguments; the help shows its form."
         "servo 1\n"
         "servo 1 1500\n"
+
+    UnexpectedArgument "unexpected-argument" Error "There is an argument too many."
+        "The command, function or phrase does not take this argument, or takes fewer of them. Only one command may be on a line, unless \
+        a `;` starts several together."
+        "stop 5\n"
+        "stop\n"
+
+    DuplicateArgument "duplicate-argument" Error "An argument is given twice."
+        "A value with a name, such as `x=10`, and a word such as `for` may be given once. A command takes either `for` or `over`."
+        "rocker x=5 x=6 for 1s\n"
+        "rocker x=5 y=6 for 1s\n"
+
+    InvalidArgument "invalid-argument" Error "An argument has the wrong form."
+        "The command takes something else here: one of several words, a number, a range, a string, or a value with the name of its axis. \
+        The help shows what."
+        "buzzer loud\n"
+        "buzzer on for 200ms\n"
+
+    Block "block" Error "A block is missing, or is not expected here."
+        "`repeat`, `together` and `on abort` need a block, which begins with `{` on the same line. Other commands take none. Nothing but \
+        a comment, a `;` or an `else` may follow the `}` of a block on its line."
+        "repeat 3\nservo 1 1500\n"
+        "repeat 3 { buzzer on for 50ms }\n"
+
+    Comparison "comparison" Error "An `expect` does not compare anything."
+        "`expect` compares a value with `<`, `<=`, `>`, `>=` or `==`, or with a range: `in 9V..12V`."
+        "wait 1s\nexpect voltage = 10V\n"
+        "wait 1s\nexpect voltage > 10V\n"
+
+    UnknownEasing "unknown-easing" Error "There is no easing with this name."
+        "The easings are `linear`, and `in-`, `out-` or `in-out-` with the name of a curve, such as `in-out-sine`. docs/language lists \
+        the curves."
+        "servo 1 1000 -> 1500 over 1s ease ease-in\n"
+        "servo 1 1000 -> 1500 over 1s ease in-sine\n"
 
     Unit "unit" Error "A unit is missing or wrong."
         "A time needs a unit, because 5 could be seconds or milliseconds. Values of different kinds, such as a time and an angle, \
@@ -273,6 +356,18 @@ nod()
         Write `+D` before a statement to delay it."
         "together {\n  servo 1 1500\n  wait 1s\n  servo 2 1500\n}\n"
         "together {\n  servo 1 1500\n  +1s servo 2 1500\n}\n"
+
+    LetInRepeat "let-in-repeat" Warning "A `let` in a `repeat` does not count from pass to pass."
+        "A name that is defined in a `repeat` is new in each pass, and forgotten at its end. So `let x = x + 1` gives `x` the same value \
+        in each pass. To count, name the number of the pass with `as`, and calculate with it."
+        "let x = 1\nrepeat 3 {\n  let x = x + 1\n  servo x 1500\n  wait 1s\n}\n"
+        "repeat 3 as i {\n  servo (i + 2) 1500\n  wait 1s\n}\n"
+
+    EarlyExpect "early-expect" Warning "An `expect` comes before the first report."
+        "`expect` checks the newest report. The board sends reports from the start of the script on, ten times per second, so none has \
+        arrived at the very start, and the run ends there. Wait first, or write `within`."
+        "expect voltage > 10V\n"
+        "expect voltage > 10V within 2s\n"
 
     Allow "allow" Warning "An `# allow:` comment names an unknown warning."
         "`# allow: CODE` at the end of a line suppresses the warnings with that code on this line. Separate several codes with commas. \

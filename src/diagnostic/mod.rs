@@ -3,6 +3,7 @@
 //! No stage prints. Each one adds to a [`Diagnostics`]; whoever shows them attaches the source once, with [`Attached`].
 
 mod codes;
+mod macros;
 mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,6 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::source::{Source, SourceError, Span};
 
 pub use codes::{Code, Severity};
+pub(crate) use macros::{bail, diagnostic, report};
 pub use show::{Attached, Printable, escaped};
 
 /// How many errors of one script are kept. The rest are only counted, so that a large broken file stays small.
@@ -24,6 +26,26 @@ pub struct Related {
     pub span: Span,
     /// What stands there.
     pub label: String,
+}
+
+/// A correction of a script: a text that replaces a span.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Edit {
+    /// What is replaced. It is in one file, and empty for a text that is inserted.
+    pub span: Span,
+    /// The text that replaces it.
+    pub text: String,
+}
+
+impl Edit {
+    /// The text of a file with this correction; `None` if the span is not in the file.
+    pub fn apply(&self, source: &Source) -> Option<String> {
+        let (base, text, range) = (source.base() as usize, source.text(), self.span.range());
+        let before = text.get(..range.start.checked_sub(base)?)?;
+        let after = text.get(range.end.checked_sub(base)?..)?;
+        Some([before, &self.text, after].concat())
+    }
 }
 
 /// One error or warning.
@@ -41,12 +63,22 @@ pub struct Diagnostic {
     pub related: Vec<Related>,
     /// What to write instead.
     pub help: String,
+    /// The correction, if there is only one.
+    pub fix: Option<Edit>,
 }
 
 impl Diagnostic {
     /// A diagnostic with the words that say what is wrong, and those that say what to write instead.
     pub fn new(code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
-        Diagnostic { code, span, message: message.into(), label: None, related: Vec::new(), help: help.into() }
+        Diagnostic {
+            code,
+            span,
+            message: message.into(),
+            label: None,
+            related: Vec::new(),
+            help: help.into(),
+            fix: None,
+        }
     }
 
     /// What is wrong with a file that was read but is no script, with the text to show it in. `None` for a file that
@@ -56,21 +88,14 @@ impl Diagnostic {
             SourceError::Unreadable { .. } => None,
             SourceError::TooLarge(name) => Some((
                 Source::new(name, ""),
-                Diagnostic::new(
-                    Code::SourceTooLarge,
-                    Span::default(),
-                    "the script is larger than 64 MiB",
-                    "split it into several scripts; nothing of it was read",
-                ),
+                diagnostic!(SourceTooLarge, Span::default(), "the script is larger than 64 MiB";
+                    help: "split it into several scripts; nothing of it was read"),
             )),
             SourceError::NotUtf8 { lossy, at, byte } => Some((
                 lossy,
-                Diagnostic::new(
-                    Code::NotUtf8,
-                    Span::new(at, at + '\u{FFFD}'.len_utf8()),
-                    format!("the byte 0x{byte:02X} is not UTF-8 text"),
-                    "save the file as UTF-8 in your editor; a script is plain text",
-                ),
+                diagnostic!(NotUtf8, Span::new(at, at + '\u{FFFD}'.len_utf8()),
+                    "the byte 0x{byte:02X} is not UTF-8 text";
+                    help: "save the file as UTF-8 in your editor; a script is plain text"),
             )),
         }
     }
@@ -78,6 +103,20 @@ impl Diagnostic {
     /// Whether it stops the script from compiling.
     pub fn is_error(&self) -> bool {
         self.code.severity() == Severity::Error
+    }
+
+    /// Adds a correction, unless its text was cut.
+    #[must_use]
+    pub(crate) fn fix(mut self, span: Span, text: impl Into<String>) -> Self {
+        self.fix = Some(Edit { span, text: text.into() }).filter(|edit| !edit.text.ends_with('…'));
+        self
+    }
+
+    /// Adds a correction that the help shows.
+    #[must_use]
+    pub(crate) fn write(mut self, span: Span, text: String) -> Self {
+        self.help = format!("write `{text}`");
+        self.fix(span, text)
     }
 
     /// Adds a word or two that stand at the place itself.
@@ -149,7 +188,7 @@ impl Diagnostics {
             && self.seen.insert((by.code, by.span))
         {
             self.errors += 1;
-            self.kept.insert(place, Diagnostic { related, ..by });
+            self.kept.insert(place, Diagnostic { related: [by.related, related].concat(), ..by });
         }
     }
 

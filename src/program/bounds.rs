@@ -6,7 +6,7 @@ use super::evaluator::Evaluator;
 use super::time::Time;
 use super::weight::{self, Weight};
 use super::{Action, MAX_STEPS};
-use crate::diagnostic::Code;
+use crate::diagnostic::report;
 use crate::source::Span;
 use crate::syntax::Block;
 
@@ -61,18 +61,17 @@ impl Bounds {
     pub(super) fn allow(&mut self, more: Weight, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<()> {
         let weight = self.done.plus(more);
         if weight.steps > MAX_STEPS {
-            let message = format!("the script takes more than {MAX_STEPS} steps to unroll");
-            eval.report(Code::TooManySteps, span, message, "repeat less often");
+            report!(eval, TooManySteps, span, "the script has more than {MAX_STEPS} steps";
+                help: "repeat less often");
         } else if weight.events > self.max_events as u64 {
-            let message = format!("the script sends more than {} frames", self.max_events);
-            let help = "repeat less often, or allow more with `--max-events`";
-            eval.report(Code::TooManyEvents, span, message, help);
+            report!(eval, TooManyEvents, span, "the script sends more than {} frames", self.max_events;
+                help: "repeat less often, or allow more with `--max-events`");
         } else if weight.moves > MAX_MOVES {
-            let message = format!("the script has more than {MAX_MOVES} moves");
-            eval.report(Code::TooManyEvents, span, message, "repeat less often, or move less often");
+            report!(eval, TooManyEvents, span, "the script has more than {MAX_MOVES} moves";
+                help: "repeat less often, or move less often");
         } else if weight.kept > MAX_KEPT {
-            let message = "the marks, `say`s and `expect`s of the script take more than 48 MiB";
-            eval.report(Code::TooManyEvents, span, message, "repeat them less often, or make their texts shorter");
+            report!(eval, TooManyEvents, span, "the marks, `say`s and `expect`s of the script take more than 48 MiB";
+                help: "repeat them less often, or make their strings shorter");
         } else {
             return Some(());
         }
@@ -83,8 +82,8 @@ impl Bounds {
     /// Whether a block or a call may run inside so many others.
     pub(super) fn allow_depth(&mut self, depth: usize, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
         if depth > MAX_DEPTH {
-            let message = format!("blocks and calls run more than {MAX_DEPTH} deep here");
-            eval.report(Code::Nesting, span, message, "call fewer phrases inside each other");
+            report!(eval, Nesting, span, "blocks and calls are nested more than {MAX_DEPTH} deep";
+                help: "call fewer phrases in each other");
             self.exhausted = true;
         }
         depth <= MAX_DEPTH
@@ -95,8 +94,8 @@ impl Bounds {
     pub(super) fn check_length(&mut self, latest: Time, span: Span, eval: &mut Evaluator<'_, '_>) {
         if latest > Time::LONGEST && !self.too_long {
             self.too_long = true;
-            let help = "make it shorter; a script is at most 24 hours long";
-            eval.report(Code::TooLong, span, "the script reaches beyond 24 hours here", help);
+            report!(eval, TooLong, span, "the script exceeds 24 hours here";
+                help: "make it shorter; a script may last at most 24 hours");
         }
     }
 

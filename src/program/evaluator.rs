@@ -5,18 +5,17 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
-use super::pending::{Pending, Unknown, Used};
+use super::pending::Pending;
 use super::scope::Scope;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
-use super::words::{is_name, is_reserved};
 use crate::board::Board;
-use crate::diagnostic::{Code, Diagnostic, Diagnostics, MAX_ERRORS};
+use crate::diagnostic::{Diagnostic, Diagnostics, bail, report};
 use crate::random::SplitMix;
 use crate::source::{Sources, Span};
-use crate::syntax::{Binary, Expression, Lost, Name, Node, NodeKind, NumberShape, Value, ValueKind};
+use crate::syntax::{Binary, Expression, Lost, Node, NodeKind, NumberShape, Value, ValueKind};
 
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
@@ -39,6 +38,13 @@ pub(super) struct Evaluator<'s, 'd> {
     pub(super) sources: &'s Sources,
     /// Unknown words that were reported.
     pub(super) unknown: HashSet<Span>,
+}
+
+/// The place of an operator, with the steps that lead to its operands and itself.
+#[derive(Clone, Copy)]
+struct Operands<'e, 's> {
+    span: Span,
+    nodes: &'e [Node<'s>],
 }
 
 impl<'s, 'd> Evaluator<'s, 'd> {
@@ -64,42 +70,12 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         self.diagnostics.push(self.traces.attach(diagnostic, here));
     }
 
-    /// Reports what is wrong at a place, and what to write instead.
-    pub(super) fn report(&mut self, code: Code, span: Span, message: impl Into<String>, help: impl Into<String>) {
-        self.push(Diagnostic::new(code, span, message, help));
-    }
-
-    /// Reports an unknown name. Errors beyond those that are kept are only counted.
-    pub(super) fn report_unknown(&mut self, code: Code, unknown: Unknown<'s>, message: String, help: String) {
-        let errors = self.diagnostics.errors();
-        self.report(code, unknown.name.span, message, help);
-        if errors < MAX_ERRORS.min(self.diagnostics.errors()) {
-            self.pending.add(code, unknown);
-        }
-    }
-
-    /// Reports what is wrong, for what has no result because of it.
-    pub(super) fn refuse<T>(
-        &mut self,
-        code: Code,
-        span: Span,
-        message: impl Into<String>,
-        help: impl Into<String>,
-    ) -> Option<T> {
-        self.report(code, span, message, help);
-        None
-    }
-
     /// A value that must be a quantity; `None` where it is none, which is reported.
     pub(super) fn value(&mut self, value: &Value<'s>) -> Option<Quantity> {
         let quantity = match &value.kind {
             ValueKind::Number(shape, text) => self.number(*shape, text, value.span),
-            ValueKind::Text(_) => self.refuse(
-                Code::Arguments,
-                value.span,
-                "a number is needed here, not a text",
-                "take the quotation marks away",
-            ),
+            ValueKind::Text(_) => bail!(self, InvalidArgument, value.span, "a number is needed here, not a string";
+                help: "remove the quotation marks"),
             ValueKind::Word(word) => self.name(word, value.span),
             ValueKind::Expression(expression) => self.expression(expression),
         }?;
@@ -115,7 +91,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             let result = match node.kind {
                 NodeKind::Number(shape, text) => self.number(shape, text, node.span)?,
                 NodeKind::Text(_) => {
-                    return self.kinds(node.span, "a text cannot be calculated with");
+                    return self.kinds(node.span, "a string has no place in a calculation");
                 }
                 NodeKind::Name(name) => self.name(name, node.span)?,
                 NodeKind::Negate => {
@@ -143,7 +119,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 NodeKind::Binary(operator) => {
                     let right = stack.pop()?;
                     let left = stack.pop()?;
-                    self.binary(operator, left, right, node.span)?
+                    let nodes = expression.nodes.get(..at).unwrap_or_default();
+                    self.binary(operator, left, right, Operands { span: node.span, nodes })?
                 }
                 NodeKind::Call(name, count) => {
                     let arguments = stack.split_off(stack.len().checked_sub(count)?);
@@ -171,7 +148,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         self.lost.may_hold(name) || self.pending.lost.may_hold(name)
     }
 
-    fn name(&mut self, name: &'s str, span: Span) -> Option<Quantity> {
+    pub(super) fn name(&mut self, name: &'s str, span: Span) -> Option<Quantity> {
         match name {
             "true" => return Some(Quantity::Truth(true)),
             "false" => return Some(Quantity::Truth(false)),
@@ -188,90 +165,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         None
     }
 
-    /// The value of a name before a command: a mark, or a time.
-    pub(super) fn moment_name(&mut self, name: &'s str, span: Span) -> Option<Quantity> {
-        if let Some(value) = self.scope.value(name) {
-            return Some(value);
-        }
-        if is_reserved(self.board, name) {
-            return self.name(name, span);
-        }
-        if !self.may_exist(name) {
-            let help = match self.scope.near(name, false) {
-                Some(near) => format!("did you mean `{near}`?"),
-                None => format!(
-                    "name the moment on a line above, `mark {name}`, or write a time: `at 1s …`; a mark in a `repeat` or `def` is known only there"
-                ),
-            };
-            self.unknown_value(name, span, format!("there is no mark `{name}` here"), help);
-        }
-        None
-    }
-
-    fn unknown_value(&mut self, text: &'s str, span: Span, message: String, help: String) {
-        let unknown = Unknown { name: Name { text, span }, used: Used::Value, may_exist: false };
-        self.report_unknown(Code::UnknownName, unknown, message, help);
-    }
-
-    fn unknown_name(&mut self, name: &'s str, span: Span) {
-        let help = match self.scope.near(name, false) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None if name.contains('-') => format!("for a difference write `({})`", name.replace('-', " - ")),
-            None => match u8::from_str_radix(name, 16) {
-                Ok(byte) if name.len() == 2 && !is_name(name) => {
-                    format!("write a hexadecimal number with `0x`: `0x{byte:02X}`")
-                }
-                Ok(byte) if name.len() == 2 => format!(
-                    "name it on a line above, `let {name} = …`, or write a hexadecimal number with `0x`: `0x{byte:02X}`"
-                ),
-                _ if name.starts_with(|c: char| c.is_ascii_uppercase()) => {
-                    format!("names begin with a small letter: `let {} = …` on a line above", name.to_lowercase())
-                }
-                _ if is_reserved(self.board, name) && functions::find(name).is_none() => {
-                    format!("`{name}` is a word of the language and has no value; look at what stands before it")
-                }
-                _ if functions::find(name).is_some() => {
-                    let example = if name == "random" { "5, 10" } else { "…" };
-                    format!("write its arguments right behind it, with commas: `{name}({example})`")
-                }
-                _ => format!(
-                    "name it on a line above: `let {name} = …`, or `mark {name}` for a moment; a `def` sees only what stands above it, and what a `repeat` or `def` names is forgotten behind it"
-                ),
-            },
-        };
-        self.unknown_value(name, span, format!("nothing is called `{name}` here"), help);
-    }
-
-    pub(super) fn given_twice<T>(&mut self, name: Name<'s>, first: Span) -> Option<T> {
-        let diagnostic = Diagnostic::new(
-            Code::Name,
-            name.span,
-            format!("the name `{}` is given twice", name.text),
-            "choose another name for one of the two",
-        );
-        self.push(diagnostic.label("again here").related(first, "first given here"));
-        None
-    }
-
-    /// Whether a name may be given here; where not, that is reported.
-    pub(super) fn is_free(&mut self, name: Name<'s>) -> Option<()> {
-        let text = name.text;
-        if is_reserved(self.board, text) {
-            let message = format!("`{text}` is a word of the language");
-            return self.refuse(Code::Name, name.span, message, format!("choose another name, such as `my_{text}`"));
-        }
-        if !is_name(text) {
-            let help = format!("write `{}`", text.to_lowercase().replace('-', "_"));
-            return self.refuse(Code::Name, name.span, "names are written in small letters, digits and `_`", help);
-        }
-        if let Some(first) = self.scope.taken(text) {
-            return self.given_twice(name, first);
-        }
-        Some(())
-    }
-
     fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {
-        quantity.negated().or_else(|| self.kinds(span, &format!("{} has no minus", quantity.kind())))
+        quantity.negated().or_else(|| self.kinds(span, &format!("{} cannot be negative", quantity.kind())))
     }
 
     /// A condition.
@@ -279,23 +174,34 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         match quantity {
             Quantity::Truth(truth) => Some(truth),
             other => {
-                let message = format!("true or false is needed here, not {}", other.kind());
-                self.refuse(Code::Unit, span, message, "compare it: `n > 0`, `n == 3`")
+                bail!(self, Unit, span, "a condition is needed here, not {}", other.kind();
+                    help: "compare it: `n > 0`, `n == 3`")
             }
         }
     }
 
     fn kinds<T>(&mut self, span: Span, message: &str) -> Option<T> {
-        let help = "`+`, `-`, `%` and comparisons need one kind on both sides, `*` at most one unit, `/` the same kind or a bare number behind it";
-        self.refuse(Code::Unit, span, message, help)
+        bail!(self, Unit, span, "{message}";
+            help: "`+`, `-`, `%` and comparisons need two values of one kind; `*` takes at most one unit, and `/` the same kind twice or a divisor without a unit")
     }
 
-    fn mismatch<T>(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<T> {
-        self.kinds(span, &format!("this does not go with {} and {}", left.kind(), right.kind()))
+    fn mismatch<T>(&mut self, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<T> {
+        let operator = self.written(at.span).split('(').next().unwrap_or_default();
+        let message = format!("`{operator}` cannot combine {} and {}", left.kind(), right.kind());
+        // `1500 + 200us`: the unit of the one is what the other lacks.
+        if let [.., a, b, _] = at.nodes
+            && let Some((number, other)) = lacking((left, a), (right, b)).or_else(|| lacking((right, b), (left, a)))
+            && let Some(unit) = unit_of(self.written(other))
+        {
+            let whole = a.span.to(b.span);
+            let text = self.rewritten(whole, &[(number, format!("{}{unit}", self.written(number)))]);
+            bail!(self, Unit, at.span, "{message}"; write: whole => "{text}");
+        }
+        self.kinds(at.span, &message)
     }
 
     fn arithmetic<T>(&mut self, span: Span, message: &str) -> Option<T> {
-        self.refuse(Code::Arithmetic, span, message, "change the numbers, or decide with `if` before it is done")
+        bail!(self, Arithmetic, span, "{message}"; help: "change the numbers, or exclude this case with `if`")
     }
 
     /// A float that is a number.
@@ -303,11 +209,12 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         if number.is_finite() {
             return Some(number);
         }
-        self.arithmetic(span, "this has no result that is a number")
+        self.arithmetic(span, "the result is not a number")
     }
 
     #[expect(clippy::too_many_lines, reason = "a table of operators and kinds")]
-    fn binary(&mut self, operator: Binary, left: Quantity, right: Quantity, span: Span) -> Option<Quantity> {
+    fn binary(&mut self, operator: Binary, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<Quantity> {
+        let span = at.span;
         use Quantity::{Moment, Number, Time, Truth};
         match operator {
             Binary::Less | Binary::LessOrEqual | Binary::Greater | Binary::GreaterOrEqual | Binary::Equal => {
@@ -316,7 +223,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                     _ => match (below(left, right), below(right, left)) {
                         (Some(less), Some(more)) => (less, more),
                         _ => {
-                            return self.mismatch(left, right, span);
+                            return self.mismatch(left, right, at);
                         }
                     },
                 };
@@ -334,24 +241,24 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 }
                 _ => {
                     let Some(((a, left_unit), (b, right_unit))) = left.float().zip(right.float()) else {
-                        return self.mismatch(left, right, span);
+                        return self.mismatch(left, right, at);
                     };
                     let unit = match (left, right) {
                         (_, Number(_)) => left_unit,
                         (Number(_), _) => right_unit,
                         _ => {
-                            return self.mismatch(left, right, span);
+                            return self.mismatch(left, right, at);
                         }
                     };
                     self.finite(a * b, span).map(unit)
                 }
             },
-            Binary::Divide => self.divide(left, right, span),
+            Binary::Divide => self.divide(left, right, at),
             Binary::Remainder => match (left, right) {
                 (Time(_), Time(super::Time::ZERO)) => self.by_zero(span),
                 (Time(left), Time(right)) => self.exact(left.remainder(right), span).map(Time),
                 _ => {
-                    let (a, b, unit) = self.same(left, right, span)?;
+                    let (a, b, unit) = self.same(left, right, at)?;
                     if b == 0.0 {
                         return self.by_zero(span);
                     }
@@ -367,7 +274,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                     (Time(a), Moment(b)) if plus => self.exact(sum(a, b), span).map(Moment),
                     (Moment(a), Moment(b)) if !plus => self.exact(sum(a, b), span).map(Time),
                     _ => {
-                        let (a, b, unit) = self.same(left, right, span)?;
+                        let (a, b, unit) = self.same(left, right, at)?;
                         self.finite(if plus { a + b } else { a - b }, span).map(unit)
                     }
                 }
@@ -375,7 +282,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         }
     }
 
-    fn divide(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<Quantity> {
+    fn divide(&mut self, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<Quantity> {
+        let span = at.span;
         use Quantity::{Number, Time};
         match (left, right) {
             (_, Number(0.0)) => self.by_zero(span),
@@ -389,7 +297,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 self.finite(a / b, span).map(unit)
             }
             _ => {
-                let (a, b, _) = self.same(left, right, span)?;
+                let (a, b, _) = self.same(left, right, at)?;
                 if b == 0.0 {
                     return self.by_zero(span);
                 }
@@ -400,9 +308,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
 
     /// Refuses a number where a time is needed.
     pub(super) fn needs_unit<T>(&mut self, number: f64, span: Span) -> Option<T> {
-        let message = format!("a time needs a unit, and {number} has none");
-        let help = format!("write `{number}s` for seconds or `{number}ms` for milliseconds");
-        self.refuse(Code::Unit, span, message, help)
+        bail!(self, Unit, span, "a time needs a unit";
+            help: "write `{number}s` for seconds or `{number}ms` for milliseconds")
     }
 
     fn by_zero(&mut self, span: Span) -> Option<Quantity> {
@@ -410,19 +317,24 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     pub(super) fn exact<T>(&mut self, time: Option<T>, span: Span) -> Option<T> {
-        let message = "the result, or a number on the way to it, is too large for a time, which is at most 292 years";
+        let message = "the result, or an intermediate result, is too large for a time, which is at most 292 years";
         time.or_else(|| self.arithmetic(span, message))
     }
 
     /// The floats of two quantities of one kind, and their unit.
     #[expect(clippy::type_complexity, reason = "a unit is the way back to a quantity")]
-    fn same(&mut self, left: Quantity, right: Quantity, span: Span) -> Option<(f64, f64, fn(f64) -> Quantity)> {
+    fn same(
+        &mut self,
+        left: Quantity,
+        right: Quantity,
+        at: Operands<'_, 's>,
+    ) -> Option<(f64, f64, fn(f64) -> Quantity)> {
         if std::mem::discriminant(&left) == std::mem::discriminant(&right)
             && let (Some((a, unit)), Some((b, _))) = (left.float(), right.float())
         {
             return Some((a, b, unit));
         }
-        self.mismatch(left, right, span)
+        self.mismatch(left, right, at)
     }
 
     #[expect(clippy::too_many_lines, reason = "a table of functions")]
@@ -433,17 +345,19 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             let help = match suggest(name, names()) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None if self.scope.phrase(name).is_some() => {
-                    format!("`{name}` is a `def`, which gives no value: call it on a line of its own")
+                    format!("`{name}` is a `def`, which has no value: call it on a line of its own")
                 }
                 None => format!("the functions are {}", list(names())),
             };
-            return self.refuse(Code::UnknownName, span, format!("there is no function `{name}`"), help);
+            bail!(self, UnknownName, span, "there is no function `{name}`"; help: "{help}");
         };
         let (fewest, most) = function.count;
-        if !(fewest..=most).contains(&arguments.len()) {
-            let message = format!("`{name}` cannot be called with {} values", arguments.len());
-            let help = format!("write `{}`", function.usage);
-            return self.refuse(Code::Arguments, span, message, help);
+        let count = arguments.len();
+        if count < fewest {
+            bail!(self, MissingArgument, span, "`{name}` needs {}, not {count}", values(fewest); help: "write `{}`", function.usage);
+        }
+        if count > most {
+            bail!(self, UnexpectedArgument, span, "`{name}` takes {}, not {count}", values(most); help: "write `{}`", function.usage);
         }
         let first = *arguments.first()?;
         match function.compute {
@@ -473,7 +387,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 for &other in arguments.iter().skip(1) {
                     let (low, high) = if largest { (best, other) } else { (other, best) };
                     let Some(better) = below(low, high) else {
-                        return self.mismatch(best, other, span);
+                        return self.mismatch(best, other, Operands { span, nodes: &[] });
                     };
                     if better {
                         best = other;
@@ -493,26 +407,26 @@ impl<'s, 'd> Evaluator<'s, 'd> {
                 let chosen = chosen.and_then(|index| usize::try_from(index).ok()?.checked_add(1));
                 let found = chosen.and_then(|index| arguments.get(index).copied());
                 if found.is_none() {
-                    let message = format!("`nth` has no value number {first}");
-                    let help = format!("count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2));
-                    self.report(Code::OutOfRange, span, message, help);
+                    report!(self, OutOfRange, span, "`nth` has no value with the index {first}";
+                        help: "count from 0 to {}, in whole numbers", arguments.len().saturating_sub(2));
                 }
                 found
             }
             Compute::Random => {
                 self.varies = true;
+                let at = Operands { span, nodes: &[] };
                 let part = self.random.next() >> 11;
                 let upper = *arguments.get(1)?;
-                let width = self.binary(Binary::Subtract, upper, first, span)?;
+                let width = self.binary(Binary::Subtract, upper, first, at)?;
                 let step = match width {
                     Quantity::Time(time) => {
                         let step = time.scaled(i64::try_from(part).ok()?, 1 << 53);
                         Quantity::Time(self.exact(step, span)?)
                     }
                     #[expect(clippy::cast_precision_loss, reason = "53 bits fit a float")]
-                    _ => self.binary(Binary::Multiply, width, Quantity::Number(part as f64 / TWO_53), span)?,
+                    _ => self.binary(Binary::Multiply, width, Quantity::Number(part as f64 / TWO_53), at)?,
                 };
-                self.binary(Binary::Add, first, step, span)
+                self.binary(Binary::Add, first, step, at)
             }
             Compute::Pick => {
                 let count = u64::try_from(arguments.len()).ok()?;
@@ -522,6 +436,23 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             }
         }
     }
+}
+
+/// The places of a number without a unit, and of the time that it is combined with.
+fn lacking(number: (Quantity, &Node<'_>), time: (Quantity, &Node<'_>)) -> Option<(Span, Span)> {
+    let is_literal = |node: &Node<'_>| matches!(node.kind, NodeKind::Number(..));
+    let is_lacking = matches!((number.0, time.0), (Quantity::Number(_), Quantity::Time(_)));
+    (is_lacking && is_literal(number.1) && is_literal(time.1)).then_some((number.1.span, time.1.span))
+}
+
+/// The unit that ends a number.
+fn unit_of(number: &str) -> Option<&str> {
+    let unit = number.trim_start_matches(|c: char| c.is_ascii_digit() || c == '.');
+    (unit.len() < number.len() && !unit.is_empty() && !unit.contains(' ')).then_some(unit)
+}
+
+fn values(count: usize) -> String {
+    if count == 1 { "1 value".to_owned() } else { format!("{count} values") }
 }
 
 /// The exact remainder of a division by `b`, which is not zero; it has the sign of `b`.

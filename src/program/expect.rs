@@ -8,19 +8,19 @@ use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use crate::board::{self, Hundredths, Report};
-use crate::diagnostic::Code;
+use crate::diagnostic::bail;
 use crate::syntax::{Item, Value, ValueKind};
 
-/// What a report says, and what is wanted of it.
+/// A value of a report, and what it should be.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expect {
     /// Which of its values.
     pub measured: Measured,
-    /// What is wanted.
+    /// What it should be.
     pub wanted: Wanted,
-    /// How long a report may take that fits; `None` where the newest one must.
+    /// The time in which a report must match; `None` if the newest report must match.
     pub within: Option<Time>,
-    /// What the script says why.
+    /// The reason that the script gives.
     pub why: Option<String>,
 }
 
@@ -32,7 +32,7 @@ pub struct Measured {
     quantity: Arc<board::Quantity>,
 }
 
-/// What is wanted of a value, in volts or degrees.
+/// What a value should be, in volts or degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Wanted {
@@ -66,7 +66,7 @@ impl Measured {
         report.value(self.row)
     }
 
-    /// What it is compared with, and a range of that.
+    /// What it is compared with, and an example of a range.
     fn sample(&self) -> (&'static str, &'static str) {
         match self.unit() {
             "V" => ("a voltage", "9V..12.6V"),
@@ -79,7 +79,7 @@ impl Measured {
 impl Wanted {
     /// Whether a value fits.
     pub fn fits(self, value: Hundredths) -> bool {
-        // The quotient is the float nearest to the decimal, as a literal is.
+        // The quotient is the float nearest to the decimal, like a literal.
         let exact = value.number();
         match self {
             Wanted::Less(bound) => exact < bound,
@@ -93,7 +93,7 @@ impl Wanted {
     }
 }
 
-/// As a script says it: `voltage > 10V within 2s`.
+/// As a script writes it: `voltage > 10V within 2s`.
 impl fmt::Display for Expect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, unit) = (self.measured.name(), self.measured.unit());
@@ -112,7 +112,7 @@ impl fmt::Display for Expect {
     }
 }
 
-/// Reads what stands behind `expect`.
+/// Reads the arguments of `expect`.
 #[expect(clippy::too_many_lines, reason = "one line, read from left to right")]
 pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
     let board = args.eval.board;
@@ -121,15 +121,15 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
     // `expect voltage = 10V`.
     if let Some((measured, named)) = all.iter().find_map(|measured| Some((measured, args.named(measured.name())?))) {
         let (name, (_, sample)) = (measured.name(), measured.sample());
-        let help = format!("to compare, write `==`, or better a range: `expect {name} in {sample}`");
-        return args.eval.refuse(Code::Arguments, named.span, "nothing is compared here", help);
+        bail!(args.eval, Comparison, named.span, "`=` does not compare";
+            help: "write `==`, or better a range: `expect {name} in {sample}`");
     }
     let value = args.next()?;
     let names: Vec<&str> = all.iter().map(Measured::name).collect();
     let name = args.word(value, &names)?;
     let measured = all.iter().find(|measured| measured.name() == name)?.clone();
-    let sign = args.next_argument()?;
-    let wanted = match &sign.item {
+    let operator = args.next_argument()?;
+    let wanted = match &operator.item {
         Item::Comparison(sign) => {
             let value = args.next()?;
             let bound = bound(args, value, &measured)?;
@@ -144,20 +144,19 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
         Item::One(Value { kind: ValueKind::Word("in"), negative: false, .. }) => {
             let range = args.next_argument()?;
             let Item::Range(ends) = &range.item else {
-                let help =
-                    format!("write both ends with `..` between them: `expect {name} in {}`", measured.sample().1);
-                return args.eval.refuse(Code::Arguments, range.span, "`in` needs a range", help);
+                bail!(args.eval, Comparison, range.span, "`in` needs a range";
+                    help: "write both ends, with `..` between them: `expect {name} in {}`", measured.sample().1);
             };
             let (low, high) = (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
             if low > high {
-                let help = "the smaller value stands first";
-                return args.eval.refuse(Code::OutOfRange, range.span, "nothing is in this range", help);
+                bail!(args.eval, OutOfRange, range.span, "this range is empty";
+                    help: "write the smaller value first");
             }
             Wanted::In(low, high)
         }
         _ => {
-            let help = format!("write {} or `in`, such as `expect voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
-            return args.eval.refuse(Code::Arguments, sign.span, "nothing is compared here", help);
+            bail!(args.eval, Comparison, operator.span, "a comparison is needed here";
+                help: "write {} or `in`, such as `expect voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
         }
     };
     let why = match args.more().then(|| args.next()).flatten() {
@@ -167,19 +166,18 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
             Some(inner.replace("\\\"", "\"").replace("\\\\", "\\"))
         }
         Some(other) => {
-            let help = "write why between quotation marks, or take it away: `expect voltage > 10V \"charge me\"`";
-            return args.eval.refuse(Code::Arguments, other.span, "nothing else stands here but why", help);
+            bail!(args.eval, UnexpectedArgument, other.span, "only a reason may follow the comparison";
+                help: "write the reason in quotation marks, or remove it: `expect voltage > 10V \"charge me\"`");
         }
     };
-    let within = match args.behind("within") {
+    let within = match args.modified_by("within") {
         None => None,
         Some(operand) => {
             let value = args.one(operand)?;
             let time = arguments::time(value, args.eval)?;
             if time <= Time::ZERO {
-                let help = "write a time such as `within 2s`, or leave it out";
-                let message = "`within` needs a time above zero";
-                return args.eval.refuse(Code::OutOfRange, value.span, message, help);
+                bail!(args.eval, OutOfRange, value.span, "`within` needs a time greater than zero";
+                    help: "write a time such as `within 2s`, or remove it");
             }
             Some(time)
         }
@@ -187,7 +185,7 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
     Some(Expect { measured, wanted, within, why })
 }
 
-/// A value in the unit of what is measured.
+/// A value in the unit of the measured value.
 fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
     match (args.eval.value(value)?, measured.unit()) {
         (Quantity::Volts(bound), "V") | (Quantity::Degrees(bound), "deg") | (Quantity::Number(bound), "") => {
@@ -197,10 +195,10 @@ fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, mea
             let (name, (what, sample)) = (measured.name(), measured.sample());
             let help = match other {
                 Quantity::Number(number) => format!("write `{number}{unit}`"),
-                _ => format!("write it with its unit, such as `expect {name} in {sample}`"),
+                _ => format!("write it with a unit, such as `expect {name} in {sample}`"),
             };
-            let message = format!("`{name}` is compared with {what}, not with {}", other.kind());
-            args.eval.refuse(Code::Unit, value.span, message, help)
+            bail!(args.eval, Unit, value.span, "`{name}` is compared with {what}, not with {}", other.kind();
+                help: "{help}")
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `limit`: ranges that a script sets for itself, and those that hold where it sets none.
 
 use crate::board::{Board, Command, Limited};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
 
 /// One limited range.
@@ -55,14 +55,14 @@ fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnosti
             Limit { low: f64::from(least), ..limit.clone() }
         };
         let name = board.limited_name(limited);
-        let message = format!("{name} is limited to {low}..{high}, and this sends {value}: {why}");
+        let message = format!("{value} is outside of the limit {low}..{high} of {name}: {why}");
         let stay = if is_above { format!("at or below {high}") } else { format!("at or above {low}") };
         let help = format!("stay {stay}, or, {unless}, widen the limit: `{}`", wide.line(board));
-        return Diagnostic::new(Code::Limit, span, message, help).label("outside the limit");
+        return diagnostic!(Limit, span, "{message}"; help: "{help}").label("outside the limit");
     };
     let wide = Limit { low: low.min(value.into()), high: high.max(value.into()), ..limit.clone() };
-    let message = format!("this sends {value}, and the script limits it to {low}..{high}");
-    Diagnostic::new(Code::Limit, span, message, format!("stay inside, or widen the limit: `{}`", wide.line(board)))
-        .label("outside the limit")
-        .related(set, "limited here")
+    diagnostic!(Limit, span, "{value} is outside of the limit {low}..{high}";
+        help: "stay inside, or widen the limit: `{}`", wide.line(board))
+    .label("outside the limit")
+    .related(set, "limited here")
 }

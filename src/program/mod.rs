@@ -13,6 +13,7 @@ mod expect;
 mod functions;
 mod limits;
 mod motion;
+mod names;
 mod pending;
 mod say;
 mod scope;

@@ -22,8 +22,20 @@ pub(super) struct Binding<'s> {
     used: bool,
     /// Whether a warning is wanted where nothing does: a `let` of the main script.
     watched: bool,
-    /// Whether it is a `mark`.
-    mark: bool,
+    kind: Kind,
+}
+
+/// What gave a name its value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// A `let`.
+    Let,
+    /// A parameter.
+    Parameter,
+    /// The `as` of a `repeat`.
+    Counter,
+    /// A `mark`.
+    Mark,
 }
 
 /// A `def`, with what it sees.
@@ -118,6 +130,20 @@ impl<'s> Scope<'s> {
         self.local.get(name)?.last().copied().filter(|&at| at >= since)
     }
 
+    /// Where the value of a name was defined.
+    pub(super) fn defined_at(&self, name: &str) -> Option<Span> {
+        let visible = if self.top { self.globals.len() } else { self.visible };
+        let local = self.local_since(self.floor, name).and_then(|at| self.locals.get(at));
+        let global = || self.global.get(name).filter(|at| **at < visible).and_then(|at| self.globals.get(*at));
+        local.or_else(global).map(|binding| binding.span)
+    }
+
+    /// Whether a name is the number of a pass of a `repeat`.
+    pub(super) fn is_counter(&self, name: &str) -> bool {
+        let local = self.local_since(self.floor, name).and_then(|at| self.locals.get(at));
+        local.is_some_and(|binding| binding.kind == Kind::Counter)
+    }
+
     /// Counts the name of a value as used.
     pub(super) fn touch_value(&mut self, name: &str) {
         let _ = self.value(name);
@@ -155,11 +181,10 @@ impl<'s> Scope<'s> {
         local.or_else(global).map(|binding| binding.span)
     }
 
-    /// Gives a name in this block. `watched` names get a warning where nothing uses them.
-    pub(super) fn bind(&mut self, name: Name<'s>, value: Quantity, watched: bool) {
-        let mark = matches!(value, Quantity::Moment(_)) && !watched;
-        let watched = watched && self.main;
-        let binding = Binding { name: name.text, value, span: name.span, used: false, watched, mark };
+    /// Gives a name in this block. A `let` of the main script that is never used gets a warning.
+    pub(super) fn bind(&mut self, name: Name<'s>, value: Quantity, kind: Kind) {
+        let watched = kind == Kind::Let && self.main;
+        let binding = Binding { name: name.text, value, span: name.span, used: false, watched, kind };
         if self.top {
             self.global.insert(name.text, self.globals.len());
             self.globals.push(binding);
@@ -251,9 +276,7 @@ impl<'s> Scope<'s> {
         }
         self.block = mark.block;
         self.top = mark.top;
-        let marks = ended
-            .into_iter()
-            .filter(|binding| !forget_marks && matches!(binding.value, Quantity::Moment(_)) && binding.mark);
+        let marks = ended.into_iter().filter(|binding| !forget_marks && binding.kind == Kind::Mark);
         if self.top {
             for mark in marks {
                 self.global.insert(mark.name, self.globals.len());

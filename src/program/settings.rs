@@ -1,4 +1,4 @@
-//! What each setting changes: one function each, which reads its arguments.
+//! What each setting changes: one function per setting, which reads its arguments.
 
 use super::Settings;
 use super::arguments::{self, Arguments, text_of};
@@ -8,10 +8,10 @@ use super::time::Time;
 use super::value::Quantity;
 use super::words::Setting;
 use crate::board::{Board, Limited, ON_SILENCE, ResourceId, Sets, Takes, Unit, Verb};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
-/// Reads the arguments of a setting; `None` where they are wrong, which is reported.
+/// Reads the arguments of a setting; `None` if they are wrong, which is reported.
 pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     match setting {
         Setting::Language => language(args),
@@ -31,9 +31,8 @@ fn language(args: &mut Arguments<'_, '_, '_, '_>) -> Option<()> {
     if (version - 1.0).abs() < f64::EPSILON {
         return Some(());
     }
-    let message = format!("this motionseq reads version 1 of the language, not {version}");
-    let help = "update motionseq, or write `language 1` if the script was written for it";
-    args.eval.refuse(Code::LanguageVersion, value.span, message, help)
+    bail!(args.eval, LanguageVersion, value.span, "this motionseq reads version 1 of the language, not {version}";
+        help: "update motionseq, or write `language 1` if the script was written for it")
 }
 
 fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
@@ -42,15 +41,16 @@ fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option
         Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => {
             settings.period = Time::from_millis(1_000).over_number(rate)?;
         }
+        Quantity::Number(rate) => {
+            bail!(args.eval, Unit, value.span, "a rate needs the unit `hz`"; help: "write `rate {rate}hz`"; fix: value.span => "{rate}hz")
+        }
         Quantity::Hertz(_) => {
-            let message = "a rate is from 1 to 200 hz";
-            let help = "write a rate such as `rate 50hz`";
-            return args.eval.refuse(Code::OutOfRange, value.span, message, help);
+            bail!(args.eval, OutOfRange, value.span, "the rate is out of range (1hz to 200hz)";
+                help: "write a rate such as `rate 50hz`");
         }
         other => {
-            let message = format!("a frequency is needed here, not {}", other.kind());
-            let help = "write a rate such as `rate 50hz`";
-            return args.eval.refuse(Code::Unit, value.span, message, help);
+            bail!(args.eval, Unit, value.span, "a frequency is needed here, not {}", other.kind();
+                help: "write a rate such as `rate 50hz`");
         }
     }
     Some(())
@@ -65,14 +65,12 @@ fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Opt
     }
     let interval = arguments::time(value, args.eval)?;
     if !(Time::from_millis(10)..=Time::from_millis(1_000)).contains(&interval) {
-        let message = "a refresh interval is from 10 ms to 1 s";
-        let help = "write an interval such as `refresh 50ms`, or `refresh off`";
-        return args.eval.refuse(Code::OutOfRange, value.span, message, help);
+        bail!(args.eval, OutOfRange, value.span, "the refresh interval is out of range (10ms to 1s)";
+            help: "write an interval such as `refresh 50ms`, or `refresh off`");
     }
     if interval > Time::from_millis(500) {
-        let message = "a drive frame that is sent again so seldom may not keep the robot moving";
-        let help = format!("{ON_SILENCE}. Stay at or below `refresh 500ms`");
-        args.eval.report(Code::SlowRefresh, value.span, message, help);
+        report!(args.eval, SlowRefresh, value.span, "with this `refresh`, the robot may stop between two drive frames";
+            help: "{ON_SILENCE}. Write `refresh 500ms` or less");
     }
     settings.refresh = Some(interval);
     Some(())
@@ -92,13 +90,16 @@ fn tempo(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
             settings.tempo = settings.tempo.at(bpm)?;
             settings.has_tempo = true;
         }
+        Quantity::Number(bpm) => {
+            bail!(args.eval, Unit, value.span, "a tempo needs the unit `bpm`"; help: "write `tempo {bpm}bpm`"; fix: value.span => "{bpm}bpm")
+        }
         Quantity::Tempo(_) => {
-            let help = "write a tempo such as `tempo 120bpm`";
-            return args.eval.refuse(Code::OutOfRange, value.span, "a tempo is from 1 to 1000 bpm", help);
+            bail!(args.eval, OutOfRange, value.span, "the tempo is out of range (1bpm to 1000bpm)";
+                help: "write a tempo such as `tempo 120bpm`");
         }
         other => {
-            let message = format!("a tempo is needed here, not {}", other.kind());
-            return args.eval.refuse(Code::Unit, value.span, message, "write a tempo such as `tempo 120bpm`");
+            bail!(args.eval, Unit, value.span, "a tempo is needed here, not {}", other.kind();
+                help: "write a tempo such as `tempo 120bpm`");
         }
     }
     Some(())
@@ -115,9 +116,8 @@ fn meter(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
         _ => None,
     };
     let Some(beats) = beats else {
-        let message = "a meter is two numbers with a `/` between them, each 1 to 64";
-        let help = "write `meter 3/4` for three beats a bar";
-        return args.eval.refuse(Code::Arguments, value.span, message, help);
+        bail!(args.eval, InvalidArgument, value.span, "a meter is two numbers with a `/` between them, each from 1 to 64";
+            help: "write `meter 3/4` for three beats per bar");
     };
     settings.tempo = settings.tempo.of(beats);
     settings.has_tempo = true;
@@ -143,9 +143,8 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
         let limited = |part: &crate::board::Part| Limited { verb: part.verb, index: Some(part.index), axis: None };
         let names: Vec<String> = parts.iter().map(|part| board.limited_name(limited(part))).collect();
         let lines: Vec<String> = names.iter().map(|name| format!("`limit {name} {range}`")).collect();
-        let help = format!("limit each of the two: {}", lines.join(", "));
-        let message = format!("`{word}` is {}, which have a limit each", names.join(" and "));
-        return args.eval.refuse(Code::Arguments, thing.span, message, help);
+        bail!(args.eval, InvalidArgument, thing.span, "`{word}` sets {}, which have one limit each", names.join(" and ");
+            help: "write {}", lines.join(" and "));
     }
     let words: Vec<&str> = limitable(board).map(|verb| &*verb.word).collect();
     let word = args.word(thing, &words)?;
@@ -160,17 +159,17 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
         return Some(limited);
     }
     let argument = args.next_argument()?;
-    let given = arguments::bare_word(argument).map(|word| word.text);
+    let given = argument.bare_word().map(|word| word.text);
     limited.axis = names.iter().position(|name| Some(*name) == given);
     if limited.axis.is_none() {
         let message = match given {
             Some(given) => format!("`{word}` has no axis `{given}`"),
-            None => format!("which axis of `{word}` is limited is missing"),
+            None => format!("the axis of `{word}` is missing"),
         };
         let range = if given.is_some() { args.next_argument() } else { Some(argument) };
         let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
-        let help = format!("its axes are {}: `limit {word} x {range}`", list(names.iter().copied()));
-        return args.eval.refuse(Code::Arguments, argument.span, message, help);
+        bail!(args.eval, InvalidArgument, argument.span, "{message}";
+            help: "its axes are {}: write `limit {word} x {range}`", list(names.iter().copied()));
     }
     Some(limited)
 }
@@ -198,8 +197,8 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
         return speed(resource, args, settings);
     }
     let Item::Range(ends) = &argument.item else {
-        let help = "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`";
-        return args.eval.refuse(Code::Arguments, argument.span, "a range is needed here", help);
+        bail!(args.eval, InvalidArgument, argument.span, "a range is needed here";
+            help: "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`");
     };
     let axis = board.axis(limited)?;
     let (min, max) = axis.range;
@@ -209,15 +208,15 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
     };
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
-        let message = format!("a limit lies inside the board's own range, {min}..{max}, smaller value first");
-        let help = "narrow the range; the smaller value stands first";
-        return args.eval.refuse(Code::OutOfRange, argument.span, message, help);
+        bail!(args.eval, OutOfRange, argument.span,
+            "a limit must be within the range of the board, {min}..{max}";
+            help: "narrow the range, and write the smaller value first");
     }
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
     if let Some(first) = first {
         let diagnostic =
-            Diagnostic::new(Code::SettingPlace, args.command.span, "this is limited twice", "keep one of the two");
+            diagnostic!(SettingPlace, args.command.span, "there are two limits for this"; help: "keep one of the two");
         args.eval.push(diagnostic.label("again here").related(first, "first limited here"));
         return None;
     }
@@ -226,16 +225,15 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
     Some(())
 }
 
-/// `limit servo N speed PULSE`: how far a servo goes in a second.
+/// `limit servo N speed PULSE`: how far a servo turns in a second.
 fn speed(resource: ResourceId, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
     let speed = args.micros(value, "a speed", Unit::None)?;
     let range = 100.0..=100_000.0;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
     let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
-        let message = "a servo's speed is 100 to 100000 µs of pulse width a second";
-        let help = "60° in 0.12 s is 5500: write `limit servo 2 speed 5500us`";
-        return args.eval.refuse(Code::OutOfRange, value.span, message, help);
+        bail!(args.eval, OutOfRange, value.span, "the speed is out of range (100 to 100000 µs of pulse width per second)";
+            help: "60° in 0.12 s is 5500: `limit servo 2 speed 5500us`");
     };
     *settings.speeds.get_mut(resource)? = Some(speed);
     Some(())

@@ -51,6 +51,16 @@ impl Traces {
         self.path.push((span, pass, None));
     }
 
+    /// The pass that the innermost `repeat` or call is in: counted from 1, and 0 for a call and outside of both.
+    pub(super) fn pass(&self) -> u32 {
+        self.path.last().map_or(0, |(_, pass, _)| *pass)
+    }
+
+    /// The innermost call or `repeat` that is run.
+    pub(super) fn latest(&self) -> Span {
+        self.path.last().map_or(Span::default(), |(span, ..)| *span)
+    }
+
     /// Goes back out.
     pub(super) fn leave(&mut self) {
         self.path.pop();

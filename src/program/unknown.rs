@@ -1,21 +1,20 @@
-//! Words that are not where they belong, or that nothing is called.
+//! Unknown words at the start of a statement, and words that are not allowed there.
 
 use super::evaluator::Evaluator;
 use super::pending::{Unknown, Used};
 use super::suggest::{list, suggest};
-use super::words::{self, COMMANDS, SETTINGS, Word};
+use super::words::{self, COMMANDS, SETTINGS};
 use crate::board::Board;
-use crate::diagnostic::Code;
+use crate::diagnostic::{Code, bail, diagnostic, report};
 use crate::source::Span;
-use crate::syntax::{Block, Command, Item, Name, Statement, Value, ValueKind};
+use crate::syntax::{Argument, Block, Command, Item, Name, Statement, Value, ValueKind, foreign};
 
 impl<'s> Evaluator<'s, '_> {
     pub(super) fn top_level<T>(&mut self, word: &str, span: Span) -> Option<T> {
-        let message = format!("`{word}` stands at the top level only");
-        self.refuse(Code::TopLevel, span, message, "move it out of the block")
+        bail!(self, TopLevel, span, "`{word}` is not allowed inside a block"; help: "move it out of the block")
     }
 
-    /// Reports unknown words in a block that may never run. Calls in a phrase are checked where it is defined.
+    /// Reports unknown words in a block that may never run. The calls in a phrase are checked where it is defined.
     pub(super) fn check_words(&mut self, block: &Block<'s>, in_phrase: bool) {
         block.visit(&mut |line| {
             for statement in line.statements() {
@@ -39,19 +38,55 @@ impl<'s> Evaluator<'s, '_> {
             return;
         }
         if word == "at" {
-            let help = "keep one of the two, or add them up: `at 1s + 2s stop`";
-            let message = "a line has one start time, and this is a second one";
-            self.report(Code::StartTime, command.head.span, message, help);
+            report!(self, StartTime, command.head.span, "a line has only one start time";
+                help: "keep one of the two, or add them up: `at 1s + 2s stop`");
             return;
         }
         if self.scope.phrase(word).is_some() {
-            let help = format!("write `{word}(…)`, with no blank before the `(`");
-            let message = format!("`{word}` is a `def`, and is called with parentheses");
-            self.report(Code::Syntax, command.head.span, message, help);
-            return;
+            return self.phrase_without_parentheses(command);
+        }
+        let head = command.head.span;
+        let (start, statement) = self.text_from(head);
+        if let Some(found) = foreign::statement(statement, start) {
+            return self.foreign(word, head, found);
+        }
+        let small = word.to_lowercase();
+        if small != word && words::find(self.board, &small).is_some() {
+            let line = self.rewritten(command.span, &[(head, small.clone())]);
+            return report!(self, UnknownWord, head, "commands are written in lower case";
+                help: "write `{line}`"; fix: head => "{small}");
         }
         let help = self.suggestion(word);
-        self.report(Code::UnknownWord, command.head.span, format!("there is no command `{word}`"), help);
+        report!(self, UnknownWord, head, "there is no command `{word}`"; help: "{help}");
+    }
+
+    /// A phrase that is called like a command: `nod 2`.
+    fn phrase_without_parentheses(&mut self, command: &Command<'s>) {
+        let (word, head) = (command.head.text, command.head.span);
+        let value = |argument: &Argument<'_>| {
+            let written = self.written(argument.span);
+            written.strip_prefix('(').and_then(|written| written.strip_suffix(')')).unwrap_or(written)
+        };
+        let values: Vec<&str> = command.arguments.iter().map(value).collect();
+        let end = command.arguments.last().map_or(head, |last| last.span);
+        report!(self, Call, head, "the phrase `{word}` is called with parentheses";
+            write: head.to(end) => "{word}({})", values.join(", "));
+    }
+
+    /// A word that other languages use.
+    fn foreign(&mut self, word: &str, span: Span, found: foreign::Foreign) {
+        if !found.origin.is_empty() {
+            return self.push(found.diagnostic());
+        }
+        let diagnostic = diagnostic!(UnknownWord, span, "there is no command `{word}`"; help: "{}", found.help);
+        self.push(found.fixed(diagnostic));
+    }
+
+    /// The text of a file from a place, and where that is.
+    fn text_from(&self, span: Span) -> (usize, &'s str) {
+        let source = self.sources.file(span);
+        let start = span.range().start;
+        (start, source.text().get(start - source.base() as usize..).unwrap_or_default())
     }
 
     /// Reports a call of an unknown phrase. `servo(1, 1500)` is how other languages write a command.
@@ -61,27 +96,32 @@ impl<'s> Evaluator<'s, '_> {
         if (may_exist && used == Used::Call) || !self.unknown.insert(call.span) {
             return;
         }
-        let (code, message, help) = match words::find(self.board, name).map(Word::signature) {
-            Some(row) if !row.usage.is_empty() => {
-                let message = format!("`{name}` is a command, and is written without parentheses and commas");
-                (Code::Syntax, message, row.how())
-            }
-            _ => (Code::UnknownWord, format!("nothing is called `{name}`"), self.suggestion(name)),
-        };
-        self.report_unknown(code, Unknown { name: call, used, may_exist }, message, help);
+        let (start, statement) = self.text_from(call.span);
+        if let Some(found) = foreign::statement(statement, start) {
+            return self.foreign(name, call.span, found);
+        }
+        let is_command = words::find(self.board, name).is_some_and(|word| !word.signature().usage.is_empty());
+        if is_command && used == Used::Call {
+            // The call, up to its closing bracket.
+            return report!(self, Call, call.span, "the command `{name}` is written without parentheses and commas";
+                write: call.span => "{}", as_command(self.written(call.span)));
+        }
+        let help = self.suggestion(name);
+        let unknown = Unknown { name: call, used, may_exist };
+        self.report_unknown(Code::UnknownWord, unknown, format!("there is no phrase `{name}`"), help);
     }
 
-    /// `let` with anything behind it that is not a name, `=` and a value.
+    /// `let` without a name, `=` and a value.
     pub(super) fn malformed_let<T>(&mut self, command: &Command<'s>) -> Option<T> {
-        let help = self.mended_let(command);
-        self.refuse(Code::Syntax, command.span, "a `let` is a name, `=` and its value", help)
+        let help = self.corrected_let(command);
+        bail!(self, Syntax, command.span, "a `let` is a name, `=` and a value"; help: "{help}")
     }
 
-    /// `let a 5`, as it was most likely meant; the name is meant to exist.
-    fn mended_let(&mut self, command: &Command<'s>) -> String {
+    /// `let a 5`, as it was most likely meant. The name is not reported as unknown afterwards.
+    fn corrected_let(&mut self, command: &Command<'s>) -> String {
         let [first, rest @ ..] = command.arguments.as_slice() else { return "write `let depth = 300us`".to_owned() };
         let Item::One(Value { kind: ValueKind::Word(name), .. }) = first.item else {
-            return "a name begins with a small letter: write `let depth = 300us`".to_owned();
+            return "a name begins with a lower-case letter: write `let depth = 300us`".to_owned();
         };
         self.lost.names.insert(name);
         let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
@@ -96,30 +136,47 @@ fn runnable(board: &Board) -> impl Iterator<Item = &str> {
     board.verbs.iter().map(|verb| &*verb.word).chain(rows)
 }
 
+/// `servo(1, 1500)` as a command: `servo 1 1500`.
+fn as_command(call: &str) -> String {
+    let (name, values) = call.split_once('(').unwrap_or((call, ""));
+    let values = values.strip_suffix(')').unwrap_or(values);
+    let (mut depth, mut parts) = (0_usize, vec![String::new()]);
+    for c in values.chars() {
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            ',' if depth == 0 => {
+                parts.push(String::new());
+                continue;
+            }
+            _ => {}
+        }
+        if let Some(part) = parts.last_mut() {
+            part.push(c);
+        }
+    }
+    let argument = |part: &String| {
+        let part = part.trim();
+        match part.split_once('=').map(|(name, value)| (name.trim(), value.trim())) {
+            Some((name, value)) if !name.contains(' ') && !value.starts_with('=') => format!("{name}={value}"),
+            _ if part.contains(' ') && !part.starts_with(['(', '"']) => format!("({part})"),
+            _ => part.to_owned(),
+        }
+    };
+    let parts: Vec<String> = parts.iter().map(argument).filter(|part| !part.is_empty()).collect();
+    [name.to_owned()].into_iter().chain(parts).collect::<Vec<_>>().join(" ")
+}
+
 /// How many phrases of a script are listed.
 const PHRASES: usize = 12;
 
 impl Evaluator<'_, '_> {
-    /// What to write instead of a word that nothing is called.
+    /// What to write instead of an unknown word.
     fn suggestion(&mut self, word: &str) -> String {
-        // What other languages call it.
-        let elsewhere = match word {
-            "sleep" | "delay" | "pause" => Some("wait 0.5s"),
-            "print" | "echo" | "log" => Some("say \"here I go\""),
-            "var" | "const" => Some("let n = 3"),
-            "parallel" | "both" | "sync" => Some("together { … }"),
-            "elif" | "elseif" => Some("else if … { … }"),
-            "for" => Some("repeat 4 as i { … }"),
-            "while" | "loop" => Some("repeat 4 { … }"),
-            "import" | "include" => Some("use \"lib/phrases.motion\""),
-            "function" | "fn" => Some("def nod() { … }"),
-            _ => None,
-        };
         if let Some(near) = self.scope.near(word, true) {
             return format!("did you mean `{near}(…)`?");
         }
-        let of_board = self.board.foreign.iter().find(|(foreign, _)| foreign == word);
-        if let Some(line) = elsewhere.or(of_board.map(|(_, line)| &**line)) {
+        if let Some((_, line)) = self.board.foreign.iter().find(|(foreign, _)| foreign == word) {
             return format!("did you mean `{line}`?");
         }
         // `servo1 1500`

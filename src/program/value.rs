@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
-use crate::syntax::NumberShape;
+use crate::syntax::{NumberShape, foreign};
 use crate::units::{Measure, NotATime, UNITS, Unit};
 
 use super::duration;
@@ -23,13 +23,13 @@ pub(super) enum Quantity {
     Degrees(f64),
     /// Volts.
     Volts(f64),
-    /// Beats a minute.
+    /// Beats per minute.
     Tempo(f64),
     /// Hertz.
     Hertz(f64),
     /// A moment of the script, which a mark names.
     Moment(Time),
-    /// Yes or no.
+    /// True or false.
     Truth(bool),
 }
 
@@ -63,7 +63,7 @@ impl Quantity {
         }
     }
 
-    /// The same with a minus; `None` for what has no sign.
+    /// The negated value; `None` if it cannot be negative.
     pub(super) fn negated(self) -> Option<Quantity> {
         Some(match self {
             Quantity::Number(x) => Quantity::Number(-x),
@@ -76,7 +76,7 @@ impl Quantity {
         })
     }
 
-    /// The number and the unit around it, for those that are a float.
+    /// The number and its unit, for those that are a float.
     #[expect(clippy::type_complexity, reason = "a unit is the way back to a quantity")]
     pub(super) fn float(self) -> Option<(f64, fn(f64) -> Quantity)> {
         Some(match self {
@@ -90,7 +90,7 @@ impl Quantity {
     }
 }
 
-/// The unit that this word is or was meant for, where it stands behind a blank.
+/// The unit that a word after a space is, or is meant to be.
 pub(super) fn unit_meant(word: &str) -> Option<&'static str> {
     let unit = match word {
         "sec" | "secs" | "second" | "seconds" => "s",
@@ -104,17 +104,13 @@ pub(super) fn unit_meant(word: &str) -> Option<&'static str> {
     Unit::named(unit).map(|unit| unit.name)
 }
 
-/// What the language has and this version does not.
+/// What the language has, and this version does not support.
 pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
-    Diagnostic::new(
-        Code::NotYet,
-        span,
-        format!("{what} belongs to the language, but this version of motionseq cannot run it yet"),
-        "write the plain commands and times instead, or update motionseq",
-    )
+    diagnostic!(NotYet, span, "this version of motionseq does not support {what} yet";
+        help: "remove it, or update motionseq")
 }
 
-/// Reads a number with its unit, in a place where a beat and a bar are this long.
+/// Reads a number with its unit, at a tempo.
 pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -> Result<Quantity, Diagnostic> {
     match shape {
         NumberShape::Hex => {
@@ -131,17 +127,13 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
             let time = digits.parse().ok().and_then(|number: f64| one.by_number(number));
             time.map(Quantity::Time).ok_or_else(|| odd(text, span))
         }
-        NumberShape::Ratio => Err(Diagnostic::new(
-            Code::Number,
-            span,
-            format!("`{text}` is a division, and divisions as arguments need parentheses"),
-            format!("write `({text})`"),
-        )),
+        NumberShape::Ratio => Err(diagnostic!(MissingParentheses, span,
+            "a division as an argument needs parentheses"; write: span => "({text})")),
         NumberShape::Odd => Err(odd(text, span)),
     }
 }
 
-/// A number with letters behind it, or none.
+/// A number, perhaps followed by letters.
 fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     let digits_end = text.bytes().position(|byte| !byte.is_ascii_digit() && byte != b'.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
@@ -171,16 +163,16 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
         "mm" | "cm" => format!("lengths and speeds have no unit: write `{digits}`"),
         "S" => format!("write seconds as `{digits}s`"),
         "H" => format!("write hours as `{digits}h`"),
-        "beat" | "beats" | "bar" | "bars" => format!("a blank stands before it: `{digits} {name}`"),
+        "beat" | "beats" | "bar" | "bars" => format!("write a space before it: `{digits} {name}`"),
         _ => match unit_meant(name).or_else(|| suggest(name, names())) {
             Some(near) => format!("did you mean `{digits}{near}`?"),
             None => format!("the units are {}", list(names())),
         },
     };
-    Err(Diagnostic::new(Code::Unit, span, format!("`{name}` is not a unit"), help))
+    Err(diagnostic!(Unit, span, "`{name}` is not a unit"; help: "{help}"))
 }
 
-/// A decimal number. Whole ones, which most are, take a shorter way to the same number.
+/// A decimal number. There is a faster way for whole numbers, which most are.
 fn float(digits: &str) -> Option<f64> {
     small(digits).or_else(|| digits.parse().ok())
 }
@@ -205,38 +197,33 @@ pub(super) fn small(digits: &str) -> Option<f64> {
 /// A time, as [`duration`](super::duration) reads it.
 fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
     duration::read(text).map(Quantity::Time).map_err(|wrong| match wrong {
-        NotATime::Order => Diagnostic::new(
-            Code::Number,
-            span,
-            format!("the units of `{text}` do not fall from long to short"),
-            "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`",
-        ),
-        NotATime::TooLong => Diagnostic::new(
-            Code::Number,
-            span,
-            format!("`{text}` is longer than 292 years"),
-            "a script is at most 24 hours long",
-        ),
+        NotATime::Order => diagnostic!(Number, span, "the units of `{text}` are not in descending order";
+            help: "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`"),
+        NotATime::TooLong => diagnostic!(Number, span, "`{text}` is longer than 292 years";
+            help: "a script is at most 24 hours long"),
         NotATime::Malformed => odd(text, span),
     })
 }
 
-/// What is wrong with something that starts with a digit and is no number.
+/// What is wrong with something that starts with a digit and is not a number.
 fn odd(text: &str, span: Span) -> Diagnostic {
+    if let Some(number) = foreign::without_exponent(text) {
+        return diagnostic!(Number, span, "`{text}` has an exponent"; write: span => "{number}");
+    }
     let digits = text.bytes().take_while(u8::is_ascii_digit).count();
     let help = if text.starts_with("0x") {
         "a hexadecimal number has one to eight digits from 0-9 and A-F, such as `0x1F`"
     } else if digits > 15 || text.split('.').nth(1).is_some_and(|rest| rest.len() > 15) {
-        "a number has at most 15 digits before and behind its point"
+        "a number has at most 15 digits before its decimal point, and 15 after it"
     } else if text.contains(['e', 'E']) {
-        "write the number out: exponents such as `1e3` are not read"
+        "write the number without an exponent"
     } else if text.matches('.').count() > 1 {
-        "a number has one point"
+        "a number has one decimal point"
     } else {
-        "a number is digits, perhaps with one point, and a unit right behind: `1500us`, `0.5s`, `1m30s`"
+        "a number consists of digits, perhaps with a decimal point, directly followed by its unit: `1500us`, `0.5s`, `1m30s`"
     };
     let shown: String = text.chars().take(40).collect();
-    Diagnostic::new(Code::Number, span, format!("`{shown}` is not a number"), help)
+    diagnostic!(Number, span, "`{shown}` is not a number"; help: "{help}")
 }
 
 /// The whole number nearest to `number`, halves away from zero; `None` far outside of what anything here needs.

@@ -5,7 +5,8 @@ use smallvec::SmallVec;
 use super::arguments::{Arguments, Bound};
 use super::motion::{Glide, Motion};
 use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
-use crate::diagnostic::Code;
+use crate::diagnostic::{bail, report};
+use crate::source::Span;
 use crate::syntax::{Item, Value};
 
 /// What a line with a verb says.
@@ -35,9 +36,8 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
     }
     let command = Command::new(id, &values);
     if let Sets::Opaque(_) = verb.sets {
-        let message = "nothing checks what this frame makes the robot do";
-        let help = "use the command that sends it, or end the line with `# allow: raw-frame`";
-        args.eval.report(Code::RawFrame, args.command.span, message, help);
+        report!(args.eval, RawFrame, args.command.span, "this frame is not checked";
+            help: "write the command for it, or end the line with `# allow: raw-frame`");
     }
     Some(Spoken::Command(command))
 }
@@ -46,7 +46,7 @@ fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Opti
     let mut index = None;
     if let Some(axis) = verb.axes.first().filter(|_| verb.is_indexed()) {
         let value = args.next()?;
-        index = Some(args.whole(value, axis.into()));
+        index = Some(args.index(value, axis));
     }
     let mut glides: SmallVec<[Glide; 1]> = SmallVec::new();
     for axis in verb.moving() {
@@ -91,7 +91,11 @@ fn one(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -
             let value = args.next()?;
             args.ranged(value, bound)?
         }
-        Takes::Index | Takes::Byte => {
+        Takes::Index => {
+            let value = args.next()?;
+            args.index(value, axis)?
+        }
+        Takes::Byte => {
             let value = args.next()?;
             args.whole(value, bound)?
         }
@@ -122,9 +126,8 @@ fn list(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, what: &str, letters: 
     let count = axis.count();
     if given.len() != count {
         let (name, called, (least, most)) = (&axis.name, &axis.what, axis.range);
-        let message = format!("`{name}` has {count} {called}");
-        let help = format!("write `{name}={letters}`, each {least} to {most}");
-        args.eval.report(Code::Arguments, argument.span, message, help);
+        report!(args.eval, InvalidArgument, argument.span, "`{name}` needs {count} {called}";
+            help: "write `{name}={letters}`, each {least} to {most}");
     }
     (values.len() == count && given.len() == count).then_some(values)
 }
@@ -143,28 +146,31 @@ fn bytes(args: &mut Arguments<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) ->
     }
     let length = values.len();
     if length > most {
-        let message = format!("a frame carries at most {most} bytes, and these are {length}");
-        let help = "split it into several frames";
-        return args.eval.refuse(Code::OutOfRange, args.command.span, message, help);
+        bail!(args.eval, OutOfRange, args.command.span, "a frame carries at most {most} bytes, not {length}";
+            help: "split it into several frames");
     }
     is_complete.then_some(values)
 }
 
-/// A value without its name, or no value at all, is a mistake where all of them have names and may be left out.
+/// Reports values without their names, or no value at all, for a verb whose values all have names and may be omitted.
 fn has_axis(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     let is_optional = |axis: &Axis| !axis.name.is_empty() && axis.takes == Takes::Number;
     let is_given = || args.command.arguments.iter().any(|argument| argument.name.is_some());
     if verb.axes.is_empty() || !verb.axes.iter().all(is_optional) || is_given() {
         return Some(());
     }
-    // Reports that more is needed where nothing was given.
-    let argument = args.next_argument()?;
-    let row = args.row();
-    let message = format!("`{}` wants each value with its axis", row.name);
-    args.eval.report(Code::Arguments, argument.span, message, row.how());
-    // The rest of them would only repeat it.
+    let first = args.next_argument()?;
+    let mut given = vec![first.span];
     while args.more() {
-        args.next_argument();
+        given.extend(args.next_argument().map(|argument| argument.span));
     }
-    None
+    let name = args.row().name;
+    if given.len() > verb.axes.len() {
+        bail!(args.eval, InvalidArgument, first.span, "`{name}` takes values with the names of their axes"; help: "{}", args.row().how());
+    }
+    let with_name = |(axis, span): (&Axis, &Span)| (*span, format!("{}={}", axis.name, args.eval.written(*span)));
+    let edits: Vec<(Span, String)> = verb.axes.iter().zip(&given).map(with_name).collect();
+    let whole = args.command.span;
+    let line = args.eval.rewritten(whole, &edits);
+    bail!(args.eval, InvalidArgument, first.span, "`{name}` takes values with the names of their axes"; write: whole => "{line}")
 }

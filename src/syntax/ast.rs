@@ -314,6 +314,18 @@ pub struct Argument<'s> {
     pub span: Span,
 }
 
+impl<'s> Argument<'s> {
+    /// The word, if it is nothing but a word.
+    pub(crate) fn bare_word(&self) -> Option<Name<'s>> {
+        match self.item {
+            Item::One(Value { kind: ValueKind::Word(text), negative: false, span }) if self.name.is_none() => {
+                Some(Name { text, span })
+            }
+            _ => None,
+        }
+    }
+}
+
 impl Argument<'_> {
     /// The place of its last value.
     pub(super) fn last_value(&self) -> Span {

@@ -7,12 +7,13 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Block, Call, Command, Def, Expression, Given, If, Item, Kept, Let, Line, Lost, Moment, Name, Node,
-    NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
+    Argument, Block, Call, Command, Def, Given, If, Item, Kept, Let, Line, Lost, Moment, Name, Node, NodeKind,
+    NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
+use super::errors::{self, Unreadable};
+use super::foreign;
 use super::grammar::Rule;
 use super::scan::{Outline, Scanned};
-use super::trouble;
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
@@ -29,12 +30,24 @@ pub(super) struct Builder<'s, 'd> {
     pub(super) lost_any: bool,
     /// The last `;` that was reported to join nothing.
     empty_at: Option<usize>,
+    /// Where the statement begins that is being read.
+    pub(super) statement: usize,
 }
 
 impl<'s, 'd> Builder<'s, 'd> {
     pub(super) fn new(scanned: &'d Scanned<'s>, outline: &'d Outline<'d>, diagnostics: &'d mut Diagnostics) -> Self {
-        let (lines, lost) = (Vec::new(), Vec::new());
-        Builder { source: scanned.source, scanned, outline, diagnostics, lines, lost, lost_any: false, empty_at: None }
+        let (lines, lost, statement) = (Vec::new(), Vec::new(), scanned.source.base() as usize);
+        Builder {
+            source: scanned.source,
+            scanned,
+            outline,
+            diagnostics,
+            lines,
+            lost,
+            lost_any: false,
+            empty_at: None,
+            statement,
+        }
     }
 
     /// Adds the lines that pest has read.
@@ -50,7 +63,7 @@ impl<'s, 'd> Builder<'s, 'd> {
     /// A part that the grammar cannot read at all, which a script that passed the scan should never have.
     pub(super) fn unreadable(&mut self, error: &pest::error::Error<Rule>) {
         let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
-        self.diagnostics.push(trouble::beyond_the_grammar(self.place(at)));
+        self.diagnostics.push(errors::unparsable(self.place(at)));
     }
 
     /// The place in the source of one in the text that pest has read.
@@ -76,7 +89,7 @@ impl<'s, 'd> Builder<'s, 'd> {
     }
 
     /// The recursion over blocks is bounded by the depth of brackets, which the scan has checked.
-    fn block(&mut self, pair: Pair<'_, Rule>) -> Block<'s> {
+    pub(super) fn block(&mut self, pair: Pair<'_, Rule>) -> Block<'s> {
         let span = self.span(&pair);
         let brace = self.outline.place(pair.as_span().start());
         let lines = match self.scanned.block(brace) {
@@ -100,8 +113,15 @@ impl<'s, 'd> Builder<'s, 'd> {
         line
     }
 
-    /// Adds one part to its line; `place` counts what stands between the `;`.
+    /// Adds one part to its line; `place` counts the parts and the empty places of the line.
     fn part(&mut self, place: usize, pair: Pair<'_, Rule>, line: &mut Option<Line<'s>>) {
+        let from = self.place(pair.as_span().start());
+        let outer = std::mem::replace(&mut self.statement, from);
+        self.part_of_line(place, pair, line);
+        self.statement = outer;
+    }
+
+    fn part_of_line(&mut self, place: usize, pair: Pair<'_, Rule>, line: &mut Option<Line<'s>>) {
         let mut robots = Vec::new();
         let mut started: Option<(Start<'s>, Span)> = None;
         let mut described = None;
@@ -113,7 +133,7 @@ impl<'s, 'd> Builder<'s, 'd> {
             }
         }
         if let (Some((_, span)), true) = (&started, place > 0) {
-            self.diagnostics.push(trouble::late_start(*span));
+            self.diagnostics.push(errors::late_start(*span));
             return;
         }
         let Some(described) = described else {
@@ -124,7 +144,7 @@ impl<'s, 'd> Builder<'s, 'd> {
             && lone_call(&described).is_none()
             && let Some(word) = moment.word()
         {
-            self.diagnostics.push(trouble::no_time(word.text, word.span));
+            self.diagnostics.push(errors::no_time(word.text, word.span));
             return;
         }
         let Some(statement) = self.statement(described) else {
@@ -144,13 +164,16 @@ impl<'s, 'd> Builder<'s, 'd> {
     /// A start time or robots, and nothing behind them.
     fn no_statement(&mut self, robot: Option<&Name<'s>>, started: Option<(Start<'s>, Span)>) {
         if let Some(robot) = robot {
-            self.diagnostics.push(trouble::no_command_for(robot.text, robot.span));
+            if let Some(found) = foreign::statement(self.statement_text(), self.statement) {
+                return self.diagnostics.push(found.diagnostic());
+            }
+            self.diagnostics.push(errors::no_command_for(robot.text, robot.span));
         } else if let Some((start, span)) = started {
             let written = match &start {
                 Start::At(moment) if moment.word().is_some() => "at 0.5s",
                 _ => self.source.slice(span),
             };
-            self.diagnostics.push(trouble::no_command(written, span));
+            self.diagnostics.push(errors::no_command(written, span));
         }
     }
 
@@ -305,7 +328,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         if head.text == "use" && inner.peek().is_some_and(|first| !first.as_str().trim_start().starts_with('"')) {
             let name = self.source.slice(Span { start: head.span.end, ..whole }).trim().trim_matches(['\'', '`']);
             self.lost_any = true;
-            self.diagnostics.push(trouble::file_without_marks(name, whole));
+            self.diagnostics.push(errors::unquoted_file(name, whole));
             return None;
         }
         let (arguments, block, readable) = self.arguments(inner);
@@ -334,162 +357,21 @@ impl<'s, 'd> Builder<'s, 'd> {
         }
         let first = arguments.first()?;
         let written = self.source.slice(first.span);
-        let trouble = match &first.item {
+        let error = match &first.item {
             Item::One(Value { kind: ValueKind::Expression(expression), .. }) if first.name.is_none() => {
                 match expression.nodes.last() {
                     Some(Node { kind: NodeKind::Call(name, _), .. }) => {
-                        trouble::behind_a_call(written, name, expression.span)
+                        errors::after_call(written, name, (expression.span, self.statement_text()))
                     }
-                    _ => trouble::starts_with_no_word(first.span),
+                    _ => errors::starts_with_no_word(written, first.span),
                 }
             }
             Item::One(Value { kind: ValueKind::Number(NumberShape::Duration | NumberShape::Beats, _), .. }) => {
-                trouble::starts_with_time(written, first.span)
+                errors::starts_with_time(written, first.span)
             }
-            _ => trouble::starts_with_no_word(first.span),
+            _ => errors::starts_with_no_word(written, first.span),
         };
-        self.diagnostics.push(trouble);
-        None
-    }
-
-    /// Arguments, the block behind them, and whether everything could be read.
-    fn arguments(&mut self, pairs: Pairs<'_, Rule>) -> (Vec<Argument<'s>>, Option<Block<'s>>, bool) {
-        let mut arguments: Vec<Argument<'s>> = Vec::new();
-        let mut block = None;
-        let mut readable = true;
-        let mut junk = false;
-        // A calculation that lacks its parentheses, from its first value on, and whether it ends in a sign.
-        let mut sum: Option<(Span, bool)> = None;
-        for pair in pairs {
-            match pair.as_rule() {
-                Rule::block => block = Some(self.block(pair)),
-                Rule::junk => {
-                    // One message for a statement: what stands behind is often part of the same mistake.
-                    if !junk {
-                        self.junk(&pair);
-                    }
-                    junk = true;
-                }
-                _ if junk => {}
-                _ => {
-                    let last = arguments.last();
-                    let Some(argument) = self.argument(pair, &mut sum, &mut junk, last) else {
-                        readable = false;
-                        continue;
-                    };
-                    if let Some((span, open @ true)) = &mut sum {
-                        *span = span.to(argument.span);
-                        *open = false;
-                    } else if let Some(last) = last.filter(|last| last.touches(&argument)) {
-                        readable = false;
-                        let (first, second) = (self.source.slice(last.span), self.source.slice(argument.span));
-                        self.diagnostics.push(trouble::lacks_blank(first, second, last.span.to(argument.span)));
-                    }
-                    arguments.push(argument);
-                }
-            }
-        }
-        if let Some((span, _)) = sum {
-            readable = false;
-            self.diagnostics.push(trouble::lacks_parentheses(self.source.slice(span), span));
-        }
-        (arguments, block, readable && !junk)
-    }
-
-    /// One argument. An arithmetic sign is none: it widens `sum`.
-    fn argument(
-        &mut self,
-        pair: Pair<'_, Rule>,
-        sum: &mut Option<(Span, bool)>,
-        junk: &mut bool,
-        before: Option<&Argument<'s>>,
-    ) -> Option<Argument<'s>> {
-        let inner = pair.into_inner().next()?;
-        match inner.as_rule() {
-            Rule::operator => {
-                let span = self.span(&inner);
-                let sign = self.source.slice(span);
-                if sign == "->" {
-                    self.junk(&inner);
-                    *junk = true;
-                    return None;
-                }
-                if matches!(sign, "+" | "-" | "*" | "/" | "%") {
-                    let Some(before) = before else {
-                        self.junk(&inner);
-                        *junk = true;
-                        return None;
-                    };
-                    let from = sum.map_or_else(|| before.last_value(), |(sum, _)| sum);
-                    *sum = Some((from.to(span), true));
-                    return None;
-                }
-                Some(Argument { name: None, item: Item::Comparison(Name { text: sign, span }), span })
-            }
-            Rule::pair => {
-                let mut parts = inner.into_inner();
-                let name = self.name(&parts.next()?);
-                let (item, span) = self.item(parts.next()?)?;
-                Some(Argument { name: Some(name), item, span: name.span.to(span) })
-            }
-            _ => {
-                let (item, span) = self.item(inner)?;
-                Some(Argument { name: None, item, span })
-            }
-        }
-    }
-
-    fn item(&mut self, pair: Pair<'_, Rule>) -> Option<(Item<'s>, Span)> {
-        let mut parts = pair.into_inner();
-        let first = self.value(parts.next()?)?;
-        let from = first.span;
-        let Some(next) = parts.next() else {
-            return Some((Item::One(first), from));
-        };
-        if next.as_rule() == Rule::value {
-            let mut list = vec![first, self.value(next)?];
-            for pair in parts {
-                list.push(self.value(pair)?);
-            }
-            let end = list.last().map_or(from, |last| last.span);
-            return Some((Item::List(list), from.to(end)));
-        }
-        let second = self.value(parts.next()?)?;
-        let span = from.to(second.span);
-        Some(match next.as_rule() {
-            Rule::arrow => (Item::Arrow(Box::new((first, second))), span),
-            _ => (Item::Range(Box::new((first, second))), span),
-        })
-    }
-
-    /// A `value` or a `time`. `None` where it could not be read, which was reported.
-    fn value(&mut self, pair: Pair<'_, Rule>) -> Option<Value<'s>> {
-        let mut sign: Option<Span> = None;
-        for inner in pair.into_inner() {
-            let span = self.span(&inner);
-            let text = self.source.slice(span);
-            let kind = match inner.as_rule() {
-                Rule::sign => {
-                    sign = Some(span);
-                    continue;
-                }
-                Rule::number => {
-                    let (shape, text) = self.number(inner)?;
-                    ValueKind::Number(shape, text)
-                }
-                Rule::beats => ValueKind::Number(NumberShape::Beats, text),
-                Rule::ratio => ValueKind::Number(NumberShape::Ratio, text),
-                Rule::text => ValueKind::Text(text),
-                Rule::word | Rule::name => ValueKind::Word(text),
-                _ => {
-                    let mut nodes = Vec::new();
-                    self.operand(inner, &mut nodes)?;
-                    ValueKind::Expression(Box::new(Expression { nodes, span }))
-                }
-            };
-            let span = sign.map_or(span, |sign| sign.to(span));
-            return Some(Value { negative: sign.is_some(), kind, span });
-        }
+        self.diagnostics.push(error);
         None
     }
 
@@ -508,23 +390,31 @@ impl<'s, 'd> Builder<'s, 'd> {
         if self.empty_at.replace(at) == Some(at) {
             return;
         }
-        self.diagnostics.push(trouble::joins_nothing(Span::new(base + at, base + at + 1)));
+        self.diagnostics.push(errors::empty_command(Span::new(base + at, base + at + 1)));
     }
 
     fn behind(&mut self, pair: &Pair<'_, Rule>) {
         let span = self.span(pair);
-        self.diagnostics.push(trouble::behind_a_block(self.source.slice(span), span));
+        self.diagnostics.push(errors::after_block(self.source.slice(span), span));
     }
 
     pub(super) fn junk(&mut self, pair: &Pair<'_, Rule>) {
         let span = self.span(pair);
-        let text = self.source.slice(span);
-        // A quotation mark without its partner was reported by the scan.
-        if !text.starts_with('"') {
-            let text_before = self.source.text().get(..span.range().start - self.source.base() as usize);
-            let before = text_before.and_then(|text| text.rsplit('\n').next()).unwrap_or_default();
-            self.diagnostics.push(trouble::unreadable(text, span.range().start, before));
+        let (base, source) = (self.source.base() as usize, self.source.text());
+        let start = span.range().start;
+        // Not trimmed: it may be a no-break space.
+        let text = source.get(start - base..start - base + pair.as_str().len()).unwrap_or_default();
+        // A quotation mark without its partner was reported by the scan, which has removed the string.
+        if !text.starts_with('"') || text == pair.as_str() {
+            let before = source.get(..start - base).and_then(|text| text.rsplit('\n').next()).unwrap_or_default();
+            let (statement, statement_start) = (self.statement_text(), self.statement);
+            self.diagnostics.push(errors::unreadable(&Unreadable { text, start, before, statement, statement_start }));
         }
+    }
+
+    /// The text from the start of the statement that is being read.
+    pub(super) fn statement_text(&self) -> &'s str {
+        self.source.text().get(self.statement - self.source.base() as usize..).unwrap_or_default()
     }
 }
 

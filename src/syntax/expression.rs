@@ -4,8 +4,8 @@ use pest::iterators::Pair;
 
 use super::ast::{Binary, Expression, Name, Node, NodeKind, NumberShape};
 use super::build::Builder;
+use super::errors;
 use super::grammar::Rule;
-use super::trouble;
 use crate::source::Span;
 
 /// An operator that waits for its right operand.
@@ -59,7 +59,7 @@ impl<'s> Builder<'s, '_> {
                 let operator = Operator::Binary(binary(self.source.slice(at)));
                 while let Some(top) = waiting.pop_if(|top| top.operator.binding() >= operator.binding()) {
                     if top.operator.binding() == 4 && operator.binding() == 4 {
-                        self.diagnostics.push(trouble::chained(top.span.to(at)));
+                        self.diagnostics.push(errors::chained(top.span.to(at)));
                         return None;
                     }
                     finish(&top, nodes);
@@ -106,7 +106,7 @@ impl<'s> Builder<'s, '_> {
                 let count = arguments.len();
                 for (named, argument) in arguments {
                     if let Some(named) = named {
-                        self.diagnostics.push(trouble::named_in_a_function(name.text, named.span));
+                        self.diagnostics.push(errors::named_in_a_function(name.text, named.span));
                         return None;
                     }
                     self.flatten(argument, nodes, &mut None)?;
@@ -143,7 +143,7 @@ impl<'s> Builder<'s, '_> {
             done = true;
         }
         if !done {
-            self.diagnostics.push(trouble::nothing_inside(span));
+            self.diagnostics.push(errors::empty_parentheses(span));
             return None;
         }
         Some(())

@@ -5,14 +5,18 @@
 //! could be read.
 
 mod ahead;
+mod ambiguous;
+mod arguments;
 mod ast;
 mod build;
+mod errors;
 mod expression;
 mod flat;
+pub(crate) mod foreign;
+mod pattern;
 mod print;
 mod reading;
 mod scan;
-mod trouble;
 mod visit;
 
 pub(crate) use ahead::{Lines, read_ahead};

@@ -4,10 +4,10 @@ use pest::Parser as _;
 
 use super::ast::{Kept, Let, Line, Lost};
 use super::build::Builder;
+use super::errors;
 use super::flat::{self, NotFlat};
 use super::grammar::{Grammar, Rule};
 use super::scan::{Inside, Scanned, scan};
-use super::trouble;
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
@@ -76,14 +76,14 @@ pub fn parse_set<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Optio
     let (base, text) = (source.base() as usize, source.text().trim_end());
     let equals = base + text.find('=').unwrap_or(text.len());
     let Ok(mut pairs) = Grammar::parse(Rule::set, &outline.text) else {
-        diagnostics.push(trouble::no_name(Span::new(base, equals)));
+        diagnostics.push(errors::no_name(Span::new(base, equals)));
         return None;
     };
     let set = Builder::new(&scanned, &outline, diagnostics).let_(pairs.next()?);
     let is_fine = diagnostics.errors() == errors;
     let set = set.filter(|set| is_fine && set.span.range().end == base + text.len());
     if set.is_none() && is_fine {
-        diagnostics.push(trouble::no_value(Span::new(equals + 1, base + text.len())));
+        diagnostics.push(errors::no_value(Span::new(equals + 1, base + text.len())));
     }
     set
 }

@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::diagnostic::{Code, Diagnostic, Diagnostics, Severity};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics, Severity, diagnostic, report};
 use crate::source::{Source, Span};
 
 /// How deep brackets may be nested.
@@ -192,7 +192,7 @@ impl<'s> Scan<'s, '_> {
         }
     }
 
-    fn report(&mut self, diagnostic: Diagnostic) {
+    fn push(&mut self, diagnostic: Diagnostic) {
         self.diagnostics.push(diagnostic);
     }
 
@@ -203,12 +203,8 @@ impl<'s> Scan<'s, '_> {
     fn line_too_long(&mut self, from: usize) {
         self.beyond_reading = true;
         self.open.clear();
-        self.report(Diagnostic::new(
-            Code::LineTooLong,
-            self.span(from, from + 1),
-            "this line is longer than 64 KiB",
-            "break it into several lines; the script was not read any further",
-        ));
+        report!(self, LineTooLong, self.span(from, from + 1), "this line is longer than 64 KiB";
+            help: "break it into several lines; the rest of the script was not read");
     }
 
     /// Behind a line break outside of all `( )`: a piece that is long enough ends here, unless the next line is empty, or a
@@ -250,39 +246,35 @@ impl<'s> Scan<'s, '_> {
         let line = before.rfind('\n').map_or(0, |at| at + 1);
         let comment = Span::new(self.base + from, self.base + to);
         let mut report = |message: String, help: String| {
-            self.diagnostics.push(Diagnostic::new(Code::Allow, comment, message, help));
+            report!(self.diagnostics, Allow, comment, "{message}"; help: "{help}");
         };
         if before.get(line..).is_none_or(|code| code.trim().is_empty()) {
-            let help = "put it at the end of the line that has the warning".to_owned();
-            return report("this comment stands on a line of its own, and so allows nothing".to_owned(), help);
+            let help = "write it at the end of the line that has the warning".to_owned();
+            return report("this comment is on a line of its own, so it allows nothing".to_owned(), help);
         }
         // Behind a code may stand why.
         let names = comments.flat_map(|codes| codes.split(',')).filter_map(|words| words.split_whitespace().next());
         for name in names.take(MAX_ALLOWED) {
-            match Code::named(name).map(|code| (code, code.severity())) {
-                Some((code, Severity::Warning)) => {
-                    self.diagnostics.allow(code, Span::new(self.base + line, self.base + to));
-                }
-                Some((_, Severity::Error)) => {
-                    let help = "mend what it says; only warnings can be allowed".to_owned();
-                    self.diagnostics.push(Diagnostic::new(Code::Allow, comment, format!("`{name}` is an error"), help));
-                }
-                None => {
-                    let warnings = Code::ALL.iter().filter(|code| code.severity() == Severity::Warning);
-                    let warnings: Vec<_> = warnings.map(|code| code.name()).collect();
-                    let help = match name {
-                        "tilt-range" => {
-                            "servo 2 is limited to 500..1950 now: `limit servo 2 500..2500` widens it".to_owned()
-                        }
-                        _ => format!("the warnings are: {}", warnings.join(", ")),
-                    };
-                    self.diagnostics.push(Diagnostic::new(
-                        Code::Allow,
-                        comment,
-                        format!("there is no warning `{name}`"),
-                        help,
-                    ));
-                }
+            let (warnings, errors): (Vec<Code>, Vec<Code>) =
+                Code::all_named(name).into_iter().partition(|code| code.severity() == Severity::Warning);
+            for code in &warnings {
+                self.diagnostics.allow(*code, Span::new(self.base + line, self.base + to));
+            }
+            if !errors.is_empty() {
+                report!(self.diagnostics, Allow, comment, "`{name}` is an error";
+                    help: "correct the line; only warnings can be allowed");
+            } else if warnings.is_empty() {
+                let help = match name {
+                    "tilt-range" => {
+                        "servo 2 is limited to 500..1950 now: `limit servo 2 500..2500` widens it".to_owned()
+                    }
+                    _ => {
+                        let warnings = Code::ALL.iter().filter(|code| code.severity() == Severity::Warning);
+                        let warnings: Vec<_> = warnings.map(|code| code.name()).collect();
+                        format!("the warnings are: {}", warnings.join(", "))
+                    }
+                };
+                report!(self.diagnostics, Allow, comment, "there is no warning `{name}`"; help: "{help}");
             }
         }
     }
@@ -306,12 +298,8 @@ impl<'s> Scan<'s, '_> {
         if at > from + 1 {
             self.blanks.push((from + 1, at, '"'));
         }
-        self.report(Diagnostic::new(
-            Code::Unclosed,
-            self.span(from, at),
-            "this text has no closing quotation mark",
-            "end it with `\"` on the same line; inside a text write `\\\"` for a quotation mark",
-        ));
+        report!(self, Unclosed, self.span(from, at), "this string has no closing quotation mark";
+            help: "end it with `\"` on the same line; inside a string, write `\\\"` for a quotation mark");
         at
     }
 
@@ -328,12 +316,9 @@ impl<'s> Scan<'s, '_> {
         if self.open.len() == MAX_NESTING {
             self.beyond_reading = true;
             self.open.clear();
-            self.report(Diagnostic::new(
-                Code::Nesting,
-                self.span(at, at + 1),
-                format!("brackets are nested more than {MAX_NESTING} deep here"),
-                "take inner blocks out; the rest of the script was not read",
-            ));
+            report!(self, Nesting, self.span(at, at + 1),
+                "brackets are nested more than {MAX_NESTING} deep";
+                help: "nest fewer blocks; the rest of the script was not read");
             return None;
         }
         self.open.push((bracket, at, self.piece));
@@ -349,12 +334,8 @@ impl<'s> Scan<'s, '_> {
         let Some(partner) = self.open.iter().rposition(|&(open, ..)| open == opening) else {
             self.blanks.push((at, at + 1, ' '));
             let name = char::from(bracket);
-            self.report(Diagnostic::new(
-                Code::Unopened,
-                self.span(at, at + 1),
-                format!("this `{name}` closes nothing"),
-                format!("take it away, or put a `{}` where it should begin", char::from(opening)),
-            ));
+            report!(self, Unopened, self.span(at, at + 1), "this `{name}` closes nothing";
+                help: "remove it, or write a `{}` where it should begin", char::from(opening));
             return at + 1;
         };
         // What was opened behind the partner was never closed.
@@ -381,17 +362,17 @@ impl<'s> Scan<'s, '_> {
         self.blanks.push((from, from + 1, ' '));
         let closing = if bracket == b'(' { ')' } else { '}' };
         let open = char::from(bracket);
-        let diagnostic = Diagnostic::new(
-            Code::Unclosed,
-            self.span(from, from + 1),
-            format!("this `{open}` is never closed"),
-            format!("put a `{closing}` where it should end"),
-        )
-        .label("opened here");
-        self.report(match noticed {
-            Some(at) => diagnostic.related(self.span(at, at + 1), format!("a `{closing}` is missing before this")),
-            None => diagnostic,
-        });
+        let span = self.span(from, from + 1);
+        self.push(
+            match noticed {
+                Some(at) => diagnostic!(Unclosed, span, "this `{open}` is not closed";
+                help: "write a `{closing}` where it should end")
+                .related(self.span(at, at + 1), format!("a `{closing}` is missing before this")),
+                None => diagnostic!(Unclosed, span, "this `{open}` is still open at the end of the file";
+                help: "write a `{closing}` where it should end"),
+            }
+            .label("opened here"),
+        );
     }
 
     /// A run of hidden characters, reported once.
@@ -407,12 +388,8 @@ impl<'s> Scan<'s, '_> {
             b'\r' => "a carriage return without a line feed".to_owned(),
             _ => format!("the control character U+{byte:04X}"),
         };
-        self.report(Diagnostic::new(
-            Code::ControlCharacter,
-            self.span(from, from + length),
-            format!("{name} stands here"),
-            "delete it; a script is plain text",
-        ));
+        report!(self, ControlCharacter, self.span(from, from + length), "there is {name} here";
+            help: "delete it; a script is plain text");
         from + length
     }
 }

@@ -8,9 +8,9 @@
 
 use super::{Event, Timeline, occupied};
 use crate::board::{Board, Needs, ResourceId};
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::program::{Action, Step, TraceId, Traces};
-use crate::source::Span;
+use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
+use crate::program::{Action, Program, Step, TraceId, Traces};
+use crate::source::{Sources, Span};
 use crate::units::Micros;
 
 /// The time during which a command occupies its resources.
@@ -42,7 +42,8 @@ impl Occupied {
 
 /// Reports each command that overlaps an earlier one, and each command without its precondition.
 /// The steps are sorted by time.
-pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics: &mut Diagnostics) {
+pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagnostics: &mut Diagnostics) {
+    let Program { board, traces, .. } = program;
     // For each resource, the command that occupies it longest so far, and the first value of its
     // last command.
     let mut busy: Vec<Option<Occupied>> = vec![None; board.resources.len()];
@@ -77,7 +78,9 @@ pub(super) fn check(board: &Board, steps: &[Step], traces: &Traces, diagnostics:
             match *slot {
                 Some(last) if last.clashes_with(next) => {
                     if !reported {
-                        let diagnostic = traces.attach(clash(board, resource, last, next), next.trace);
+                        let clash = clash(board, resource, last, next);
+                        let clash = in_one_line(clash, (last, next), traces, sources);
+                        let diagnostic = traces.attach(clash, next.trace);
                         diagnostics.push(traces.attach(diagnostic, last.trace));
                     }
                     reported = true;
@@ -128,20 +131,42 @@ fn exclusive<'b>(board: &'b Board, resources: &'b [ResourceId]) -> impl Iterator
 }
 
 fn missing(needs: &Needs, span: Span) -> Diagnostic {
-    let help = format!("add this line before it: `{}`", needs.line);
-    Diagnostic::new(Code::MoveMode, span, needs.message.as_ref(), help)
+    diagnostic!(MoveMode, span, "{}", needs.message.as_ref(); help: "add this line before it: `{}`", needs.line)
+}
+
+/// The same for two commands of one line: joined by `;`, or one command in two passes.
+fn in_one_line(clash: Diagnostic, both: (Occupied, Occupied), traces: &Traces, sources: &Sources) -> Diagnostic {
+    let (first, second) = both;
+    if first.span == second.span {
+        let mut passes = outermost(traces, first.trace).into_iter().zip(outermost(traces, second.trace));
+        let label = match passes.find(|(one, other)| one != other) {
+            Some(((_, one), (_, other))) if one > 0 && other > 0 => format!("in pass {one} and in pass {other}"),
+            _ => "twice".to_owned(),
+        };
+        return Diagnostic { label: Some(label), related: Vec::new(), ..clash };
+    }
+    let between = Span { start: first.span.end.min(second.span.end), end: first.span.start.max(second.span.start) };
+    let between = sources.file(first.span).slice(between);
+    if first.start == second.start && between.contains(';') && !between.contains('\n') {
+        let help = "`;` starts both at the same time; to run one after the other, write two lines".to_owned();
+        return Diagnostic { help, ..clash };
+    }
+    clash
+}
+
+/// The calls and passes that led to a command, the outermost first.
+fn outermost(traces: &Traces, trace: TraceId) -> Vec<(Span, u32)> {
+    let mut chain: Vec<_> = traces.chain(trace).collect();
+    chain.reverse();
+    chain
 }
 
 fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied) -> Diagnostic {
     let thing = board.resource(resource).map(|resource| &*resource.name).unwrap_or_default();
     let at = second.start;
     if first.instant {
-        return Diagnostic::new(
-            Code::Clash,
-            second.span,
-            format!("{thing} gets two commands at {at:.6} s"),
-            "remove one of them, or separate them in time: with a `wait 0.5s`, or with `+0.5s` before a line in `together`",
-        )
+        return diagnostic!(Clash, second.span, "{thing} gets two commands at {at:.6} s";
+            help: "remove one of them, or separate them in time: with a `wait 0.5s`, or with `+0.5s` before a line in `together`")
         .label("second command")
         .related(first.span, "first command");
     }
@@ -151,8 +176,7 @@ fn clash(board: &Board, resource: ResourceId, first: Occupied, second: Occupied)
     } else {
         format!("start it at {end}s or later, on its own line, or shorten the other command")
     };
-    let message = format!("{thing} is busy until {end:.6} s, but this starts at {at:.6} s");
-    Diagnostic::new(Code::Clash, second.span, message, help)
+    diagnostic!(Clash, second.span, "{thing} is busy until {end:.6} s, but this starts at {at:.6} s"; help: "{help}")
         .label("starts too early")
         .related(first.span, "still running")
 }

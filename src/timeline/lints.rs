@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::tween::{MoveTracker, StepRole};
 use super::{Event, Timeline};
 use crate::board::ResourceId;
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
 use crate::program::{MAX_SERVO_SPEED, TraceId};
 use crate::source::Span;
 use crate::units::Micros;
@@ -207,5 +207,5 @@ fn too_fast(late: &Late, name: &str, limits: Option<&[String]>) -> Diagnostic {
         }
         None => format!("allow at least {needed} ms"),
     };
-    Diagnostic::new(Code::ServoSpeed, late.span, message, help).label("does not arrive in time")
+    diagnostic!(ServoSpeed, late.span, "{message}"; help: "{help}").label("does not arrive in time")
 }

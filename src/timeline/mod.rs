@@ -213,7 +213,7 @@ pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagno
 
 /// Sorts a program by time and reports clashes. The program may have other errors, but its times
 /// are right.
-pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
+pub(crate) fn order(program: &mut Program, sources: &Sources, diagnostics: &mut Diagnostics) {
     let key = |step: &Step| (step.at.micros(), step.order);
     let sort = |steps: &mut [Step]| {
         // Most scripts are already in the order of time.
@@ -222,10 +222,12 @@ pub(crate) fn order(program: &mut Program, diagnostics: &mut Diagnostics) {
         }
     };
     sort(&mut program.steps);
-    clashes::check(&program.board, &program.steps, &program.traces, diagnostics);
+    clashes::check(program, &program.steps, sources, diagnostics);
     if let Some(abort) = &mut program.abort {
         sort(&mut abort.steps);
-        clashes::check(&program.board, &abort.steps, &program.traces, diagnostics);
+    }
+    if let Some(abort) = &program.abort {
+        clashes::check(program, &abort.steps, sources, diagnostics);
     }
 }
 

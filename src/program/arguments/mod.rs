@@ -1,4 +1,4 @@
-//! What stands behind a command's name, taken piece by piece. Every mistake in it is reported, not only the first.
+//! The arguments of a command, read one by one. Every mistake in them is reported, not only the first.
 
 mod values;
 
@@ -10,9 +10,10 @@ use super::suggest::{list, suggest};
 use super::time::Time;
 use super::value::{self, Quantity};
 use super::words::{self, MODIFIERS, Signature, Word, is_modifier};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::board::{Axis, Takes};
+use crate::diagnostic::{Code, Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
-use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind};
+use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind, foreign};
 use crate::units::{Measure, Unit};
 
 pub(super) use values::Bound;
@@ -58,15 +59,13 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         match &command.block {
             Some(block) if !row.block => {
                 let span = Span { end: block.span.start + 1, ..block.span };
-                let message = format!("`{}` takes no block", row.name);
-                return eval.refuse(Code::Arguments, span, message, "end the line before the `{`");
+                bail!(eval, Block, span, "`{}` takes no block", row.name; help: "end the line before the `{{`");
             }
-            // Its brace was reported to be missing its partner.
+            // The missing partner of its brace was reported.
             None if row.block && eval.diagnostics.has(Code::Unclosed) => return None,
             None if row.block => {
-                let message = format!("`{}` needs a block behind it", row.name);
-                let help = format!("{}; its `{{` stands on the same line", row.how());
-                return eval.refuse(Code::Arguments, command.span, message, help);
+                bail!(eval, Block, command.span, "`{}` needs a block", row.name;
+                    help: "{}, with the `{{` on the same line", row.how());
             }
             _ => {}
         }
@@ -95,7 +94,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let mut rest = self.command.arguments.iter();
         let mut last: Option<&'a Argument<'s>> = None;
         while let Some(argument) = rest.next() {
-            let word = bare_word(argument);
+            let word = argument.bare_word();
             if let Some(word) = word.filter(|word| is_modifier(word.text)) {
                 last = rest.next();
                 self.modifier(word, last)?;
@@ -103,7 +102,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             }
             if let (Some(word), Some(before)) = (word, last.replace(argument))
                 && let Item::One(value) = &before.item
-                && let Some(diagnostic) = blank_before_unit(value, word)
+                && let Some(diagnostic) = misplaced_unit(value, word)
             {
                 self.eval.push(diagnostic);
                 return None;
@@ -113,9 +112,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 && is_modifier(word)
             {
                 let from = text_of(&ends.0).unwrap_or_else(|| "A".to_owned());
-                let help = format!("write where it goes: `{from} -> B {word} …`");
-                let message = "the value behind `->` is missing";
-                return self.eval.refuse(Code::Arguments, argument.span, message, help);
+                bail!(self.eval, MissingArgument, argument.span, "the value after `->` is missing";
+                    help: "write the target: `{from} -> B {word} …`");
             }
             match argument.name {
                 None => positional.push(argument),
@@ -136,9 +134,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let Some(operand) = operand else {
             let example =
                 MODIFIERS.iter().find(|(modifier, _)| *modifier == word.text).map_or("", |(_, example)| example);
-            let message = format!("something is missing behind `{}`", word.text);
-            let help = format!("for example `{example}`");
-            return self.eval.refuse(Code::Arguments, word.span, message, help);
+            bail!(self.eval, MissingArgument, word.span, "the value after `{}` is missing", word.text;
+                help: "for example `{example}`");
         };
         if self.modifiers.iter().any(|(name, _)| name.text == word.text) {
             return self.twice(word.text, word.span);
@@ -148,12 +145,11 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     }
 
     fn twice<T>(&mut self, name: &str, span: Span) -> Option<T> {
-        let message = format!("`{name}` stands here twice");
-        self.eval.refuse(Code::Arguments, span, message, "keep one of the two")
+        bail!(self.eval, DuplicateArgument, span, "`{name}` is given twice"; help: "keep one of the two")
     }
 
-    /// Reports everything that was not taken. `None` where there was anything.
-    pub(super) fn finish(self) -> Option<()> {
+    /// Reports every argument that was not read; `None` if there was one.
+    pub(super) fn finish(mut self) -> Option<()> {
         if self.incomplete {
             return None;
         }
@@ -163,58 +159,93 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let row = self.row();
         let usage = row.how();
         let mut clean = true;
-        // The first one too many is enough: the others often belong to it.
+        // The first one too many is enough: the others often belong to it. After another mistake, it often belongs to that.
         if let Some(argument) = self.positional.as_slice().first() {
             clean = false;
-            let message = format!("`{}` takes no more arguments", row.name);
-            let help = self.meant(argument).unwrap_or_else(|| usage.clone());
-            self.eval.report(Code::Arguments, argument.span, message, help);
+            if self.eval.diagnostics.errors() == self.errors_before {
+                let diagnostic = self.too_many(argument);
+                self.eval.push(diagnostic);
+            }
         }
-        for argument in self.named {
+        for argument in std::mem::take(&mut self.named) {
             clean = false;
-            let name = argument.name.map_or("", |name| name.text);
-            self.eval.report(Code::Arguments, argument.span, format!("`{}` has no `{name}=`", row.name), usage.clone());
+            let diagnostic = self.unknown_axis(argument);
+            self.eval.push(diagnostic);
         }
         for (word, operand) in self.modifiers {
             clean = false;
             let help = match (word.text, number_text(operand)) {
-                ("for", Some(time)) => format!("give the time a line of its own: `wait {time}`"),
+                ("for", Some(time)) => format!("wait on a line of its own: `wait {time}`"),
                 ("ease", _) if row.moves => "an easing needs a time: `over 2s ease in-out-sine`".to_owned(),
                 _ => usage.clone(),
             };
-            let message = format!("`{}` takes no `{}`", row.name, word.text);
-            self.eval.report(Code::Arguments, word.span.to(operand.span), message, help);
+            report!(self.eval, UnexpectedArgument, word.span.to(operand.span), "`{}` takes no `{}`", row.name, word.text;
+                help: "{help}");
         }
         clean.then_some(())
+    }
+
+    /// What is said of the first argument that is one too many.
+    fn too_many(&self, argument: &Argument<'_>) -> Diagnostic {
+        let name = self.row().name;
+        let whole = self.command.span;
+        if let Some(word) = argument.bare_word().filter(|word| words::find(self.eval.board, word.text).is_some()) {
+            let (before, after) = (Span { end: word.span.start, ..whole }, Span { start: word.span.start, ..whole });
+            let (this, next) = (self.eval.rewritten(before, &[]), self.eval.rewritten(after, &[]));
+            let length = self.eval.written(before).trim_end().len();
+            let space = Span { start: whole.start + u32::try_from(length).unwrap_or(0), end: word.span.start };
+            let diagnostic = diagnostic!(UnexpectedArgument, argument.span, "`{}` needs a line of its own", word.text;
+                help: "write two lines: `{this}`, then `{next}`");
+            return match self.word {
+                Word::Row(row) if row.alone => diagnostic.fix(space, "\n"),
+                _ => Diagnostic {
+                    help: format!("{}; or `{this}; {next}` to start both together", diagnostic.help),
+                    ..diagnostic
+                },
+            };
+        }
+        let help = self.meant(argument).unwrap_or_else(|| self.row().how());
+        diagnostic!(UnexpectedArgument, argument.span, "`{name}` takes no more arguments"; help: "{help}")
+    }
+
+    /// What is said of `NAME=VALUE` if there is no such name.
+    fn unknown_axis(&self, argument: &Argument<'_>) -> Diagnostic {
+        let row = self.row();
+        let name = argument.name.unwrap_or(self.command.head);
+        let small = name.text.to_lowercase();
+        let axes = if let Word::Verb(_, verb) = self.word { verb.axes.as_slice() } else { &[] };
+        if axes.iter().any(|axis| axis.name == small) {
+            let line = self.eval.rewritten(self.command.span, &[(name.span, small.clone())]);
+            return diagnostic!(UnexpectedArgument, argument.span, "axes are written in lower case";
+                help: "write `{line}`"; fix: name.span => "{small}");
+        }
+        diagnostic!(UnexpectedArgument, argument.span, "`{}` has no `{}=`", row.name, name.text; help: "{}", row.how())
     }
 
     /// What an argument that is one too many may have been meant for.
     fn meant(&self, argument: &Argument<'_>) -> Option<String> {
         let time = number_text(argument).filter(|text| text.ends_with(['s', 'm', 'h']));
         if let Some(time) = time.filter(|_| self.row().holds) {
-            return Some(format!("write `for {time}` for how long it holds"));
+            return Some(format!("write `for {time}` to hold it that long"));
         }
         if let Some(time) = time.filter(|_| self.row().moves) {
-            return Some(format!("write `over {time}` for how long it takes to get there"));
+            return Some(format!("write `over {time}` to move in that time"));
         }
-        let word = bare_word(argument)?.text;
+        let word = argument.bare_word()?.text;
         if self.row().moves && Ease::named(word).is_some() {
             return Some(format!("write `over 1s ease {word}`"));
         }
         if self.row().moves && matches!(word, "to" | "from") {
-            return Some("write an arrow from the one value to the other: `1500 -> 900`".to_owned());
+            return Some("write an arrow from one value to the other: `1500 -> 900`".to_owned());
         }
         if self.row().moves && word == "in" {
-            return Some("write `over 1s` for how long it takes to get there".to_owned());
+            return Some("write `over 1s` for the time that the move takes".to_owned());
         }
         if self.row().block && word == "times" {
-            return Some("take `times` away: `repeat 3 { … }`".to_owned());
+            return Some("remove `times`: `repeat 3 { … }`".to_owned());
         }
         if word == "at" {
-            return Some(format!("a start time stands first in its line: `at 1s {} …`", self.row().name));
-        }
-        if words::find(self.eval.board, word).is_some() {
-            return Some(format!("give `{word}` a line of its own, or put a `;` before it to start both together"));
+            return Some(format!("a start time comes first in its line: `at 1s {} …`", self.row().name));
         }
         suggest(word, MODIFIERS.iter().map(|(modifier, _)| *modifier)).map(|near| format!("did you mean `{near}`?"))
     }
@@ -234,18 +265,56 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         self.one(argument)
     }
 
-    /// Reports, once a command, that something is missing.
+    /// Reports missing arguments, once per command.
     pub(super) fn missing(&mut self) {
-        let told = self.incomplete || self.eval.diagnostics.errors() > self.errors_before;
+        let is_reported = self.incomplete || self.eval.diagnostics.errors() > self.errors_before;
         self.incomplete = true;
-        // What is missing is often in what was wrong before.
-        if told {
+        // After another mistake, what is missing often belongs to that.
+        if is_reported {
             return;
         }
-        let message = format!("`{}` needs more than this", self.row().name);
-        let span =
-            self.command.arguments.last().map_or(self.command.head.span, |last| self.command.head.span.to(last.span));
-        self.eval.report(Code::Arguments, span, message, self.row().how());
+        let diagnostic = self.too_few();
+        self.eval.push(diagnostic);
+    }
+
+    /// What is said of missing arguments.
+    fn too_few(&self) -> Diagnostic {
+        let (name, head) = (self.row().name, self.command.head.span);
+        let arguments = &self.command.arguments;
+        let whole = arguments.last().map_or(head, |last| head.to(last.span));
+        let how = self.row().how();
+        let Word::Verb(_, verb) = self.word else {
+            return diagnostic!(MissingArgument, whole, "`{name}` needs more arguments"; help: "{how}");
+        };
+        if let [Axis { takes: Takes::Word(words), .. }] = verb.axes.as_slice()
+            && verb.holds
+            && let Some((word, _)) = words.iter().find(|(_, value)| *value != 0).filter(|_| !arguments.is_empty())
+        {
+            let line = self.eval.rewritten(whole, &[(head, format!("{name} {word}"))]);
+            return diagnostic!(MissingArgument, whole, "`{word}` is missing after `{name}`";
+                help: "write `{line}`"; fix: head => "{name} {word}");
+        }
+        let values: Vec<&str> = self.row().usage.split(' ').skip(1).collect();
+        let is_plain = verb.axes.iter().all(|axis| axis.name.is_empty() && !matches!(axis.takes, Takes::Bytes(_)));
+        let given = arguments.iter().filter(|argument| argument.name.is_some()).count();
+        if is_plain && given > 0 && given == values.len() {
+            let named = arguments.iter().filter(|argument| argument.name.is_some());
+            let edits: Vec<_> = named.map(|argument| (argument.span, self.value_text(argument))).collect();
+            let line = self.eval.rewritten(whole, &edits);
+            return diagnostic!(InvalidArgument, whole, "the values of `{name}` have no names"; write: whole => "{line}");
+        }
+        if is_plain && values.len() > 1 {
+            let given = arguments.len() - 2 * self.modifiers.len().min(arguments.len() / 2);
+            return diagnostic!(MissingArgument, whole, "`{name}` takes {} values ({}), not {given}",
+                in_words(values.len()), values.join(" "); help: "{how}");
+        }
+        diagnostic!(MissingArgument, whole, "`{name}` needs more arguments"; help: "{how}")
+    }
+
+    /// The values of an argument, without its name.
+    fn value_text(&self, argument: &Argument<'_>) -> String {
+        let written = self.eval.written(argument.span);
+        written.split_once('=').map_or(written, |(_, value)| value).trim().to_owned()
     }
 
     /// Whether arguments without a name are left.
@@ -266,17 +335,17 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         self.modifiers.iter().any(|(name, _)| name.text == "over") || self.command.arguments.iter().any(is_arrow)
     }
 
-    /// The argument behind a word such as `every`.
-    pub(super) fn behind(&mut self, word: &str) -> Option<&'a Argument<'s>> {
+    /// The argument of a word such as `every`.
+    pub(super) fn modified_by(&mut self, word: &str) -> Option<&'a Argument<'s>> {
         let at = self.modifiers.iter().position(|(name, _)| name.text == word)?;
         Some(self.modifiers.remove(at).1)
     }
 
     /// How long it takes, with `for` or `over`; `Err` where that is wrong, which is reported.
     pub(super) fn lasting(&mut self) -> Result<Lasting, ()> {
-        let hold = if self.row().holds { self.behind("for") } else { None };
-        let over = if self.row().moves { self.behind("over") } else { None };
-        let ease = if over.is_some() { self.behind("ease") } else { None };
+        let hold = if self.row().holds { self.modified_by("for") } else { None };
+        let over = if self.row().moves { self.modified_by("over") } else { None };
+        let ease = if over.is_some() { self.modified_by("ease") } else { None };
         match (hold, over) {
             (None, None) => Ok(Lasting::Instant),
             (Some(hold), None) => Ok(Lasting::For(self.above_zero("for", hold)?)),
@@ -289,9 +358,8 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 Ok(Lasting::Over(over, ease))
             }
             (Some(hold), Some(over)) => {
-                let message = "`over` and `for` do not stand together";
-                let help = "first get there with `over`, then hold: a `wait` on the next line, and a `stop` behind it";
-                self.eval.report(Code::Arguments, hold.span.to(over.span), message, help);
+                report!(self.eval, DuplicateArgument, hold.span.to(over.span), "a command takes either `over` or `for`";
+                    help: "first move with `over`, then hold: a `wait` on the next line, and a `stop` after it");
                 Err(())
             }
         }
@@ -301,19 +369,22 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let value = self.one(operand).ok_or(())?;
         let time = time(value, self.eval).ok_or(())?;
         if time <= Time::ZERO {
-            let message = format!("`{word}` needs a time above zero");
-            let help = "write a time such as `0.5s`, or leave the command out";
-            self.eval.report(Code::OutOfRange, value.span, message, help);
+            report!(self.eval, OutOfRange, value.span, "`{word}` needs a time greater than zero";
+                help: "write a time such as `0.5s`, or leave the command out");
             return Err(());
         }
         Ok(time)
     }
 
     fn ease(&mut self, argument: &'a Argument<'s>) -> Option<Ease> {
-        let word = bare_word(argument).map_or("", |word| word.text);
+        let word = argument.bare_word().map_or("", |word| word.text);
         let found = Ease::named(word);
         if found.is_none() {
             let names = Ease::names();
+            let foreign = foreign::easing_named(word).filter(|name| Ease::named(name).is_some());
+            if let Some(name) = foreign {
+                bail!(self.eval, UnknownEasing, argument.span, "unknown easing `{word}`"; write: argument.span => "{name}");
+            }
             let help = match suggest(word, names.iter().map(String::as_str)) {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => format!(
@@ -321,7 +392,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                     list(super::ease::CURVES.iter().map(|curve| curve.name))
                 ),
             };
-            self.eval.report(Code::Arguments, argument.span, "there is no such easing", help);
+            report!(self.eval, UnknownEasing, argument.span, "unknown easing `{}`", self.eval.written(argument.span); help: "{help}");
         }
         found
     }
@@ -339,24 +410,49 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 let [number, to] = [&ends.0, &ends.1].map(|value| text_of(value).unwrap_or_else(|| "…".to_owned()));
                 let name = self.row().name;
                 let help = format!(
-                    "write `{name} {number} {to} over 1s` to go there from the last value, or the start too: `{name} {number} A -> {to} over 1s`"
+                    "write `{name} {number} {to} over 1s` to move there from the last value, or with the start: `{name} {number} A -> {to} over 1s`"
                 );
                 ("the value before `->` is missing".to_owned(), help)
             }
             Item::Arrow(..) => {
                 let moving = self.eval.board.verbs.iter().filter(|verb| verb.moves);
                 let moving: Vec<String> = moving.map(|verb| format!("`{}`", verb.word)).collect();
-                let message = "a move from one value to another has no place here".to_owned();
-                (message, format!("`A -> B` stands in {}, with `over`", list(moving.iter().map(String::as_str))))
+                let message = format!("`{}` does not move from one value to another", self.row().name);
+                (message, format!("`A -> B` is for {}, with `over`", list(moving.iter().map(String::as_str))))
             }
             Item::Range(..) => ("one value is needed here, not a range".to_owned(), self.row().how()),
-            Item::List(list) => ("one value is needed here, not a list".to_owned(), without_commas(list, argument)),
-            Item::Comparison(sign) => {
-                (format!("`{}` compares, and nothing is compared here", sign.text), self.row().how())
-            }
+            Item::List(list) => return self.without_commas(list, argument),
+            Item::Comparison(_) => (format!("`{}` does not compare anything", self.row().name), self.row().how()),
         };
-        self.eval.refuse(Code::Arguments, argument.span, message, help)
+        bail!(self.eval, InvalidArgument, argument.span, "{message}"; help: "{help}")
     }
+
+    /// A list where one value is needed: most likely arguments with commas between them, or a decimal comma.
+    fn without_commas<T>(&mut self, list: &[Value<'s>], argument: &Argument<'s>) -> Option<T> {
+        let is_tight = list.windows(2).all(|pair| matches!(pair, [one, two] if one.span.end + 1 == two.span.start));
+        let texts: Vec<&str> = list.iter().map(|value| self.eval.written(value.span)).collect();
+        let is_number = |text: &str| text.starts_with(|c: char| c.is_ascii_digit());
+        let span = argument.span;
+        if let [whole, rest] = texts.as_slice()
+            && (is_tight && whole.bytes().all(|byte| byte.is_ascii_digit()) && is_number(rest))
+        {
+            bail!(self.eval, InvalidArgument, span, "one value is needed here, not a list";
+                help: "write a decimal point, `{whole}.{rest}`, or a space between two arguments: `{whole} {rest}`");
+        }
+        let name = argument.name.map(|name| format!("{}=", name.text)).unwrap_or_default();
+        let values = name + &texts.join(" ");
+        let line = self.eval.rewritten(self.command.span, &[(span, values.clone())]);
+        let diagnostic = diagnostic!(InvalidArgument, span, "arguments are separated by spaces, not by commas"; help: "write `{line}`");
+        // `x=1, 2` may well be meant for two axes.
+        self.eval.push(if argument.name.is_none() { diagnostic.fix(span, values) } else { diagnostic });
+        None
+    }
+}
+
+/// A small number in words.
+fn in_words(number: usize) -> String {
+    const WORDS: [&str; 7] = ["no", "one", "two", "three", "four", "five", "six"];
+    WORDS.get(number).map_or_else(|| number.to_string(), |word| (*word).to_owned())
 }
 
 /// The text of a value that is a number or a word.
@@ -376,59 +472,32 @@ fn number_text<'s>(argument: &Argument<'s>) -> Option<&'s str> {
     }
 }
 
-/// What to write instead of a list.
-fn without_commas(list: &[Value<'_>], argument: &Argument<'_>) -> String {
-    let is_tight = list.windows(2).all(|pair| matches!(pair, [one, two] if one.span.end + 1 == two.span.start));
-    let texts: Option<Vec<&str>> = list
-        .iter()
-        .map(|value| match value.kind {
-            ValueKind::Number(_, text) if !value.negative => Some(text),
-            _ => None,
-        })
-        .collect();
-    match texts.as_deref() {
-        Some([whole, rest])
-            if is_tight && argument.name.is_none() && whole.bytes().all(|byte| byte.is_ascii_digit()) =>
-        {
-            format!("write a decimal point as `{whole}.{rest}`, or a blank between two arguments: `{whole} {rest}`")
-        }
-        Some(texts) if argument.name.is_none() => {
-            format!("arguments stand behind each other with a blank between them: `{}`", texts.join(" "))
-        }
-        _ => "arguments stand behind each other with a blank between them, not a comma".to_owned(),
-    }
-}
-
-/// An argument that is nothing but a word.
-pub(super) fn bare_word<'s>(argument: &Argument<'s>) -> Option<Name<'s>> {
-    match argument.item {
-        Item::One(Value { kind: ValueKind::Word(text), negative: false, span }) if argument.name.is_none() => {
-            Some(Name { text, span })
-        }
-        _ => None,
-    }
-}
-
-/// `1 s` or `1 seconds` instead of `1s`, and `n beats`.
-pub(super) fn blank_before_unit(value: &Value<'_>, word: Name<'_>) -> Option<Diagnostic> {
-    let span = value.span.to(word.span);
+/// `1 s` or `1 seconds` instead of `1s`, `2 Bars`, and `n beats`.
+pub(super) fn misplaced_unit(value: &Value<'_>, word: Name<'_>) -> Option<Diagnostic> {
+    let (span, unit) = (value.span.to(word.span), word.text);
     match &value.kind {
         ValueKind::Number(NumberShape::Plain, number) => {
-            let unit = value::unit_meant(word.text)?;
-            let bare = number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
-            bare.then(|| {
-                let message = format!("no blank stands between a number and `{}`", word.text);
-                Diagnostic::new(Code::Unit, span, message, format!("write them together: `{number}{unit}`"))
+            let small = unit.to_lowercase();
+            if matches!(small.as_str(), "beat" | "beats" | "bar" | "bars") {
+                return Some(
+                    diagnostic!(Unit, word.span, "units are written in lower case"; write: span => "{number} {small}"),
+                );
+            }
+            let meant = value::unit_meant(unit)?;
+            let is_bare = number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+            is_bare.then(|| {
+                diagnostic!(Unit, span, "there is a space between a number and its unit `{unit}`"; write: span => "{number}{meant}")
             })
         }
-        ValueKind::Word(name) if matches!(word.text, "beat" | "beats" | "bar" | "bars") => {
-            let one = if word.text.starts_with("beat") { "beat" } else { "bar" };
-            let message = format!("`{}` stands behind a number only", word.text);
-            Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1 {one})`")))
+        ValueKind::Word(name) if matches!(unit, "beat" | "beats" | "bar" | "bars") => {
+            let name = if value.negative { format!("-{name}") } else { (*name).to_owned() };
+            let one = if unit.starts_with("beat") { "1 beat" } else { "1 bar" };
+            Some(diagnostic!(Unit, span, "`{unit}` needs a number before it"; help: "multiply: `({name} * {one})`";
+                fix: span => "({name} * {one})"))
         }
-        ValueKind::Word(name) if !value.negative && is_time(word.text) => {
-            let message = format!("`{}` stands behind a number only", word.text);
-            Some(Diagnostic::new(Code::Unit, span, message, format!("multiply: `({name} * 1{})`", word.text)))
+        ValueKind::Word(name) if !value.negative && is_time(unit) => {
+            Some(diagnostic!(Unit, span, "`{unit}` needs a number before it"; help: "multiply: `({name} * 1{unit})`";
+                fix: span => "({name} * 1{unit})"))
         }
         _ => None,
     }
@@ -446,11 +515,12 @@ pub(super) fn time<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Optio
         Quantity::Number(number) => eval.needs_unit(number, value.span),
         other => {
             let help = match other {
-                Quantity::Moment(_) => "a mark is a moment: write `at` before it, or take two of them apart: `(b - a)`",
+                Quantity::Moment(_) => {
+                    "a mark is a moment: write `at` before it, or subtract one mark from another: `(b - a)`"
+                }
                 _ => "write a time such as `0.5s`, `250ms` or `2 beats`",
             };
-            let message = format!("a time is needed here, not {}", other.kind());
-            eval.refuse(Code::Unit, value.span, message, help)
+            bail!(eval, Unit, value.span, "a time is needed here, not {}", other.kind(); help: "{help}")
         }
     }
 }

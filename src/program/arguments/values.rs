@@ -1,22 +1,26 @@
 //! Arguments as values: numbers in range, pulse widths, words.
 
+use smallvec::SmallVec;
+
 use super::super::motion::Glide;
 use super::super::suggest::{list, suggest};
+use super::super::time::Time;
 use super::super::value::{self, Quantity};
+use super::super::words::Word;
 use super::Arguments;
-use crate::board::{Axis, Unit};
-use crate::diagnostic::Code;
+use crate::board::{Axis, ResourceId, Sets, Unit, Verb};
+use crate::diagnostic::{Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
-use crate::syntax::{Argument, Item, Value, ValueKind};
+use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
-/// What a number must be, and how messages speak of it.
+/// What a number must be, and what messages call it.
 #[derive(Clone, Copy)]
 pub(in crate::program) struct Bound<'t> {
     pub(in crate::program) what: &'t str,
     /// The smallest and the largest.
     pub(in crate::program) range: (i32, i32),
     pub(in crate::program) unit: Unit,
-    /// Why the range ends there; empty where that needs no words.
+    /// Why the range ends there; empty if that is obvious.
     pub(in crate::program) why: &'t str,
 }
 
@@ -63,14 +67,74 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         self.whole(value, Bound { what, range, unit: Unit::None, why: "" })
     }
 
-    /// The same, with what is said of a number outside.
+    /// An index, such as the number of a servo.
+    pub(in crate::program) fn index(&mut self, value: &'a Value<'s>, axis: &Axis) -> Option<i32> {
+        if let ValueKind::Word(name) = value.kind
+            && let Some(help) = self.wrong_index(name, value.span, axis)
+        {
+            self.eval.push(help);
+            return None;
+        }
+        if let Some(diagnostic) = self.swapped(value, axis) {
+            self.eval.push(diagnostic);
+            self.positional = SmallVec::new().into_iter();
+            return None;
+        }
+        self.whole(value, axis.into())
+    }
+
+    /// What is said of a name as an index: a name of a resource, or the number of a pass, which is 0 in the first.
+    fn wrong_index(&mut self, name: &'s str, span: Span, axis: &Axis) -> Option<Diagnostic> {
+        let line = |text: String, args: &Self| args.eval.rewritten(args.command.span, &[(span, text)]);
+        match self.eval.scope.value(name) {
+            Some(Quantity::Number(0.0)) if self.eval.scope.is_counter(name) && axis.range.0 == 1 => {
+                let line = line(format!("({name} + 1)"), self);
+                Some(diagnostic!(OutOfRange, span, "`{name}` is 0 in the first pass, and {} starts at 1", axis.what;
+                    help: "write `({name} + 1)`: `{line}`"; fix: span => "({name} + 1)"))
+            }
+            Some(_) => None,
+            None => {
+                let Word::Verb(_, Verb { sets: Sets::Indexed(resources), .. }) = self.word else { return None };
+                let board = self.eval.board;
+                let is_named = |id: &ResourceId| board.resource(*id).is_some_and(|found| found.about == name);
+                let index = axis.range.0 + i32::try_from(resources.iter().position(is_named)?).ok()?;
+                let resource = board.resource(*resources.iter().find(|id| is_named(id))?)?;
+                let line = line(index.to_string(), self);
+                Some(
+                    diagnostic!(InvalidArgument, span, "`{}` takes a number: {name} is {}", self.row().name, resource.name;
+                    help: "write `{line}`"; fix: span => "{index}"),
+                )
+            }
+        }
+    }
+
+    /// What is said of an index after its value: `servo 1500 1`.
+    fn swapped(&self, value: &'a Value<'s>, axis: &Axis) -> Option<Diagnostic> {
+        let Word::Verb(_, Verb { axes, .. }) = self.word else { return None };
+        let [_, other] = axes.as_slice() else { return None };
+        let bare = |value: &Value<'_>| match value.kind {
+            ValueKind::Number(NumberShape::Plain, text) if !value.negative => text.parse::<i32>().ok(),
+            _ => None,
+        };
+        let is_in = |number: i32, (least, most): (i32, i32)| (least..=most).contains(&number);
+        let first = bare(value).filter(|first| !is_in(*first, axis.range) && is_in(*first, other.range))?;
+        let next = self.positional.as_slice().first()?;
+        let Item::One(second) = &next.item else { return None };
+        let second = bare(second).filter(|second| is_in(*second, axis.range))?;
+        let whole = value.span.to(next.span);
+        let edits = [(value.span, second.to_string()), (next.span, first.to_string())];
+        let line = self.eval.rewritten(self.command.span, &edits);
+        Some(diagnostic!(OutOfRange, whole, "{} comes first, and then {}", axis.what, other.what;
+            help: "write `{line}`"; fix: whole => "{second} {first}"))
+    }
+
+    /// The same, with a reason for the range.
     pub(in crate::program) fn whole(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<i32> {
         let number = self.number(value, bound.what)?;
         let (what, (least, most)) = (bound.what, bound.range);
         if libm::trunc(number) != number {
-            let message = format!("{what} is a whole number, and {number} is not");
-            let help = format!("write one from {least} to {most}, or round it: `round(…)`");
-            return self.eval.refuse(Code::NotWhole, value.span, message, help);
+            bail!(self.eval, NotWhole, value.span, "{what} must be a whole number, not {number}";
+                help: "write one from {least} to {most}, or round it: `round(…)`");
         }
         self.in_range(number, value.span, bound)
     }
@@ -84,12 +148,9 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
                 let (least, most) = (f64::from(least), f64::from(most));
                 Some(least + degrees / 180.0 * (most - least))
             }
-            (Quantity::Degrees(_), Unit::Micros { .. }) => self.eval.refuse(
-                Code::OutOfRange,
-                value.span,
-                "a servo turns from 0 to 180 degrees",
-                "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`",
-            ),
+            (Quantity::Degrees(degrees), Unit::Micros { .. }) => bail!(self.eval, OutOfRange, value.span,
+                "angle {degrees}deg is out of range (0deg to 180deg)";
+                help: "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`"),
             (other, _) => {
                 let help = "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`";
                 self.wrong_unit(value.span, what, other, help);
@@ -98,7 +159,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         }
     }
 
-    /// A word out of `words`.
+    /// One of these words.
     pub(in crate::program) fn word<'w>(&mut self, value: &'a Value<'s>, words: &[&'w str]) -> Option<&'w str> {
         let found = match &value.kind {
             ValueKind::Word(word) | ValueKind::Text(word) | ValueKind::Number(_, word) if !value.negative => *word,
@@ -107,12 +168,18 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         if let Some(word) = words.iter().find(|&&word| word == found) {
             return Some(word);
         }
+        let is_time = found.starts_with(|c: char| c.is_ascii_digit()) && Time::parse(found).is_some();
+        if let (true, true, [word, ..]) = (is_time, self.row().holds, words) {
+            let text = format!("{word} for {found}");
+            let line = self.eval.rewritten(self.command.span, &[(value.span, text.clone())]);
+            bail!(self.eval, InvalidArgument, value.span, "`{word}` is missing after `{}`", self.row().name;
+                help: "write `{line}`"; fix: value.span => "{text}");
+        }
         let help = match suggest(found, words.iter().copied()) {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("write one of {}", list(words.iter().copied())),
         };
-        let message = format!("`{}` does not know `{found}`", self.row().name);
-        self.eval.refuse(Code::Arguments, value.span, message, help)
+        bail!(self.eval, InvalidArgument, value.span, "`{}` does not take `{found}`", self.row().name; help: "{help}")
     }
 
     /// A bare number.
@@ -127,8 +194,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     }
 
     fn wrong_unit(&mut self, span: Span, what: &str, found: Quantity, help: &str) {
-        let message = format!("{what} is needed here, not {}", found.kind());
-        self.eval.report(Code::Unit, span, message, help);
+        report!(self.eval, Unit, span, "{what} is needed here, not {}", found.kind(); help: "{help}");
     }
 
     fn in_range(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
@@ -143,10 +209,10 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
                 (None, why) => format!("; {why}"),
             };
             let symbol = unit.symbol();
-            let blank = if symbol.is_empty() { "" } else { " " };
-            let message = format!("{what} is from {least} to {most}{blank}{symbol}, and {number} is outside");
-            let help = format!("write a value from {least} to {most}{because}");
-            self.eval.report(Code::OutOfRange, span, message, help);
+            let space = if symbol.is_empty() { "" } else { " " };
+            let what = what.strip_prefix("a ").or(what.strip_prefix("the ")).unwrap_or(what);
+            report!(self.eval, OutOfRange, span, "{what} {number} is out of range ({least} to {most}{space}{symbol})";
+                help: "write a value from {least} to {most}{because}");
         }
         checked
     }

@@ -1,18 +1,19 @@
 //! Blocks that run in their own way: `repeat` and `on abort`.
 
 use super::super::Abort;
-use super::super::arguments::{self, bare_word};
+use super::super::arguments;
+use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::weight::Weight;
 use super::commands::At;
 use super::fixed::Fixed;
 use super::{Frame, Walker};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Block, Name};
 
-/// What stands behind `repeat`.
+/// The arguments of `repeat`.
 #[derive(Clone, Copy)]
 struct Passes<'s> {
     count: u64,
@@ -28,32 +29,31 @@ impl<'s> Walker<'s, '_> {
         let block = at.command.block.as_ref()?;
         let value = args.next()?;
         let count = args.number(value, "a number of passes");
-        let every = match args.behind("every") {
+        let every = match args.modified_by("every") {
             None => None,
             Some(every) => {
                 let value = args.one(every)?;
                 Some((arguments::time(value, args.eval)?, every.span))
             }
         };
-        let name = args.behind("as").map(|argument| (bare_word(argument), argument.span));
+        let name = args.modified_by("as").map(|argument| (argument.bare_word(), argument.span));
         args.finish()?;
         let count = count?;
         if count < 0.0 || libm::floor(count) != count {
-            let message = format!("a block cannot be repeated {count} times");
-            let help = "write a whole number from 0 on, or round it: `floor(…)`";
-            return self.eval.refuse(Code::NotWhole, value.span, message, help);
+            bail!(self.eval, NotWhole, value.span, "a block cannot be repeated {count} times";
+                help: "write a whole number, 0 or more, or round it: `floor(…)`");
         }
-        // Beyond this it is too much in any case.
+        // A larger number exceeds a bound in any case.
         let passes = value::round(count).map_or(u64::MAX, |count| u64::from(count.unsigned_abs()));
-        if let Some((every, span)) = every.filter(|(every, _)| *every <= Time::ZERO) {
-            let message = format!("`every` needs a time above zero, and {every} is not");
-            return self.eval.refuse(Code::OutOfRange, span, message, "write a time such as `every 1 beat`");
+        if let Some((_, span)) = every.filter(|(every, _)| *every <= Time::ZERO) {
+            bail!(self.eval, OutOfRange, span, "`every` needs a time greater than zero";
+                help: "write a time such as `every 1 beat`");
         }
         let name = match name {
             None => None,
             Some((Some(name), _)) => Some(name),
             Some((None, span)) => {
-                return self.eval.refuse(Code::Arguments, span, "a name is needed behind `as`", "write `as i`");
+                bail!(self.eval, InvalidArgument, span, "`as` needs a name"; help: "write `as i`");
             }
         };
         let weight = self.bounds.of_block(block, &self.eval).times(passes);
@@ -65,12 +65,12 @@ impl<'s> Walker<'s, '_> {
         self.passes(at, block, Passes { count: passes, every, name })
     }
 
-    /// Runs a block so many times.
+    /// Runs a block several times.
     fn passes(&mut self, at: At<'_, 's>, block: &Block<'s>, passes: Passes<'s>) -> Option<Time> {
         let Passes { count, every, name } = passes;
         let repeat = at.command.head.span;
         let mut now = at.start;
-        // What is done only once is not worth keeping.
+        // With one pass, there is nothing to reuse.
         let mut fixed = (count > 1).then(|| Fixed::new(self.eval.scope.locals()));
         for pass in 0..count {
             self.bounds.done.steps += 1;
@@ -81,7 +81,7 @@ impl<'s> Walker<'s, '_> {
                 if pass == 0 {
                     self.eval.is_free(name);
                 }
-                self.eval.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), false);
+                self.eval.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), Kind::Counter);
             }
             let frame = self.body(block, Frame { fixed: fixed.take(), ..at.frame.inside(now) });
             let end = frame.latest;
@@ -93,9 +93,9 @@ impl<'s> Walker<'s, '_> {
                 Some((every, span)) => {
                     let next = at.start.plus(every.times(pass + 1));
                     if end > next {
-                        let message = format!("pass {number} takes {}, which is longer than {every}", end.minus(now));
-                        let help = "make the body shorter, or the time behind `every` longer";
-                        return self.eval.refuse(Code::TooLong, span, message, help);
+                        bail!(self.eval, TooLong, span,
+                            "pass {number} takes {}, longer than {every}", end.minus(now);
+                            help: "make the body shorter, or the time after `every` longer");
                     }
                     next
                 }
@@ -107,7 +107,7 @@ impl<'s> Walker<'s, '_> {
         Some(now)
     }
 
-    /// `on abort { … }`: a small script of its own, from time 0, with nothing known.
+    /// `on abort { … }`: a small script of its own, from time 0, with all values unknown.
     pub(super) fn on_abort(&mut self, at: At<'_, 's>) -> Option<Time> {
         const LONGEST: Time = Time::from_millis(2_000);
         let mut args = at.args(&mut self.eval)?;
@@ -119,13 +119,13 @@ impl<'s> Walker<'s, '_> {
             return self.eval.top_level("on abort", span);
         }
         if let Some(first) = self.on_abort {
-            let diagnostic = Diagnostic::new(Code::Abort, span, "there are two `on abort`", "keep one of the two");
+            let diagnostic = diagnostic!(Abort, span, "there is a second `on abort`"; help: "keep one of the two");
             let diagnostic = diagnostic.label("again here").related(first, "first here");
             self.eval.push(diagnostic);
             return None;
         }
         let block = at.command.block.as_ref()?;
-        // Its frames are bounded by themselves.
+        // Its frames have a bound of their own.
         let steps = std::mem::take(&mut self.program.steps);
         let sent = std::mem::take(&mut self.bounds.done.events);
         self.in_abort = true;
@@ -134,9 +134,7 @@ impl<'s> Walker<'s, '_> {
         self.bounds.done.events = sent;
         let steps = std::mem::replace(&mut self.program.steps, steps);
         if end > LONGEST {
-            let message = format!("`on abort` takes {end}");
-            let help = "make it shorter: at most 2 s";
-            return self.eval.refuse(Code::Abort, span, message, help);
+            bail!(self.eval, Abort, span, "`on abort` takes {end}"; help: "make it shorter: at most 2 s");
         }
         self.program.abort = Some(Abort { steps, end });
         self.on_abort = Some(span);
@@ -145,7 +143,7 @@ impl<'s> Walker<'s, '_> {
 
     /// Reports a command for the drive in `on abort`.
     pub(super) fn drive_in_abort(&mut self, span: Span) {
-        let help = "leave it out: the drive was stopped before, and stays so";
-        self.eval.report(Code::Abort, span, "the drive does nothing in `on abort`", help);
+        report!(self.eval, Abort, span, "a drive command is not allowed in `on abort`";
+            help: "remove it: the drive was stopped before `on abort`, and stays stopped");
     }
 }

@@ -1,8 +1,9 @@
-//! One command of a script: its row in the table decides what becomes of it.
+//! One command of a script: its row in the table says which function runs it.
 
-use super::super::arguments::{self, Arguments, Lasting, bare_word};
+use super::super::arguments::{self, Arguments, Lasting};
 use super::super::evaluator::Evaluator;
 use super::super::motion::Move;
+use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Spoken};
@@ -11,7 +12,7 @@ use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, say};
 use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
-use crate::diagnostic::Code;
+use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::Command;
 
@@ -31,7 +32,7 @@ impl<'c, 's> At<'c, 's> {
 }
 
 impl<'s, 'd> Walker<'s, 'd> {
-    /// Runs a command; gives the time when it has ended.
+    /// Runs a command; returns when it has ended.
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let row = match words::find(self.eval.board, command.head.text) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
@@ -52,7 +53,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             Does::Use => self.use_(at),
             Does::Abort => self.on_abort(at),
             Does::Let => self.eval.malformed_let(command),
-            Does::Malformed(message, help) => self.eval.refuse(Code::Syntax, command.span, message, help),
+            Does::Malformed(message, help) => bail!(self.eval, Syntax, command.span, "{message}"; help: "{help}"),
             // A line with a setting is not run as a command.
             Does::Set(_) | Does::Later => None,
         }
@@ -61,16 +62,14 @@ impl<'s, 'd> Walker<'s, 'd> {
     fn wait(&mut self, at: At<'_, 's>) -> Option<Time> {
         let mut args = at.args(&mut self.eval)?;
         let value = args.next()?;
-        let time = arguments::time(value, args.eval);
+        let time = arguments::time(value, args.eval)?;
         args.finish();
-        let time = time?;
         if time < Time::ZERO {
-            return self.taken_back("wait", value.span);
+            return self.negative("wait", value.span);
         }
         if at.frame.together.is_some() {
-            let help = "write `+TIME` before the line that should start later, such as `+1s stop`";
-            let message = "a `wait` delays nothing inside `together`";
-            self.eval.report(Code::WaitInTogether, at.command.span, message, help);
+            report!(self.eval, WaitInTogether, at.command.span, "a `wait` delays nothing inside `together`";
+                help: "to delay a line, write `+TIME` before it, such as `+1s stop`");
         }
         Some(at.start.plus(time))
     }
@@ -91,11 +90,15 @@ impl<'s, 'd> Walker<'s, 'd> {
         let expect = expect::expect(&mut args)?;
         args.finish()?;
         if self.in_abort {
-            let help = "leave it out: what is sent on abort cannot be ended early";
-            return self.eval.refuse(Code::Abort, at.command.span, "there is no `expect` in `on abort`", help);
+            bail!(self.eval, Abort, at.command.span, "`expect` is not allowed in `on abort`";
+                help: "remove it: what is sent on abort cannot be ended early");
+        }
+        if at.start == Time::ZERO && expect.within.is_none() {
+            report!(self.eval, EarlyExpect, at.command.span, "no report has arrived yet at the start of the script";
+                help: "write `wait 0.5s` before it, or `expect {expect} within 2s`");
         }
         let length = expect.why.as_ref().map_or(0, String::len);
-        // The reason is there twice for a while.
+        // For a while there are two copies of the reason.
         self.keep(weight::EXPECT, 2 * length, at.command.span)?;
         let end = at.start.plus(expect.within.unwrap_or(Time::ZERO));
         self.push(at.start, at.command.span, Action::Expect(Box::new(expect)));
@@ -105,14 +108,14 @@ impl<'s, 'd> Walker<'s, 'd> {
     fn mark(&mut self, at: At<'_, 's>) -> Option<Time> {
         let mut args = at.args(&mut self.eval)?;
         let argument = args.next_argument()?;
-        let name = bare_word(argument);
+        let name = argument.bare_word();
         args.finish()?;
         let Some(name) = name else {
-            return self.eval.refuse(Code::Arguments, argument.span, "a mark is a name", "write `mark bow`");
+            bail!(self.eval, InvalidArgument, argument.span, "a mark is a name"; help: "write `mark bow`");
         };
         if self.in_abort {
-            let help = "write times: `at 0.5s …`";
-            return self.eval.refuse(Code::Abort, at.command.span, "there is no mark in `on abort`", help);
+            bail!(self.eval, Abort, at.command.span, "`mark` is not allowed in `on abort`";
+                help: "write times: `at 0.5s …`");
         }
         self.eval.is_free(name)?;
         if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
@@ -120,7 +123,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         }
         self.keep(weight::MARK, name.text.len(), at.command.span)?;
         self.program.marks.push((name.text.to_owned(), at.start));
-        self.eval.scope.bind(name, Quantity::Moment(at.start), false);
+        self.eval.scope.bind(name, Quantity::Moment(at.start), Kind::Mark);
         Some(at.start)
     }
 
@@ -139,7 +142,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         let lasting = lasting.ok()?;
         let (end, span) = (start.plus(lasting.time()), command.span);
         let (Some(spoken), Some(())) = (spoken, complete) else {
-            // A wrong value moves nothing behind it, but what other verbs need is not known any more.
+            // A wrong value does not move what follows, but what other verbs need is unknown.
             return (!board.is_needed(id)).then_some(end);
         };
         let sent = match (spoken, lasting) {
@@ -153,8 +156,8 @@ impl<'s, 'd> Walker<'s, 'd> {
                 return Some(end);
             }
             (Spoken::Motion(motion), _) if motion.has_start() => {
-                let help = "write how long it takes, such as `over 2s`, or only the value where it goes";
-                self.eval.report(Code::Arguments, span, "`A -> B` needs a time", help);
+                report!(self.eval, MissingArgument, span, "`A -> B` needs a time";
+                    help: "write how long the move takes, such as `over 2s`, or only the target");
                 return Some(end);
             }
             (Spoken::Motion(motion), _) => motion.target(board)?,
@@ -162,8 +165,8 @@ impl<'s, 'd> Walker<'s, 'd> {
         };
         let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
-            let message = format!("`{}` takes no `for`", board.show(&sent));
-            self.eval.report(Code::Arguments, span, message, "give the time a line of its own: `wait 2s`");
+            report!(self.eval, UnexpectedArgument, span, "`{}` takes no `for`", board.show(&sent);
+                help: "wait on a line of its own: `wait 2s`");
             return Some(end);
         }
         self.send(start, span, sent, hold);
@@ -190,7 +193,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         self.push(at, span, action);
     }
 
-    /// Counts something that sends nothing, with a text so long; `None` where it is too much, which is reported.
+    /// Counts something that sends nothing, with the length of its text; `None` if it exceeds a bound, which is reported.
     fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
         let is_allowed = self.bounds.allow(Weight { kept: bytes, ..Weight::default() }, span, &mut self.eval);

@@ -1,4 +1,4 @@
-//! What comes from outside of the script: files that it uses, and `--set`.
+//! What comes from outside of the script: the files that it uses, and `--set`.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use super::super::time::Time;
 use super::super::words;
 use super::commands::At;
 use super::{Frame, Set, Walker};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::{Source, Sources, Span};
 use crate::syntax::{self, Block, Let, Statement, Value, ValueKind};
 
@@ -39,15 +39,15 @@ impl<'s> Walker<'s, '_> {
         }
     }
 
-    /// Adds a file to those that were read; `None` where it is too much, which is reported at `span`.
+    /// Adds a file to those that were read; `None` if that is too much, which is reported at `span`.
     fn add(&mut self, source: Source, span: Span) -> Option<&'s Source> {
         self.eval.sources.add(source).or_else(|| {
-            let message = "all files together are larger than 64 MiB";
-            self.eval.refuse(Code::SourceTooLarge, span, message, "use fewer or shorter files")
+            bail!(self.eval, SourceTooLarge, span, "all files together are larger than 64 MiB";
+                help: "use fewer or shorter files")
         })
     }
 
-    /// Takes over the names of another file.
+    /// Takes the names of another file.
     pub(super) fn use_(&mut self, at: At<'_, 's>) -> Option<Time> {
         let mut args = at.args(&mut self.eval)?;
         let value = args.next()?;
@@ -56,7 +56,7 @@ impl<'s> Walker<'s, '_> {
             return self.eval.top_level("use", at.command.span);
         }
         let used = self.try_use(value, at.command.span);
-        // What it would have named is not reported as missing.
+        // The names that it would have defined are not reported as unknown.
         self.eval.lost.any |= used.is_none();
         used.map(|()| at.start)
     }
@@ -67,15 +67,15 @@ impl<'s> Walker<'s, '_> {
             return Some(());
         }
         if self.files.loading.len() > MAX_DEPTH {
-            let message = format!("files use each other more than {MAX_DEPTH} deep here");
-            return self.eval.refuse(Code::Use, value.span, message, "use fewer files inside each other");
+            bail!(self.eval, Use, value.span, "`use` is nested more than {MAX_DEPTH} deep";
+                help: "use fewer files in each other");
         }
         let errors = self.eval.diagnostics.errors();
         let source = match self.eval.sources.load(&path) {
             Ok(source) => source,
             Err(error) => {
-                let help = "look at the name of the file, and whether it is a script";
-                return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
+                bail!(self.eval, Use, value.span, "{}", error.to_string();
+                    help: "check the name of the file, and whether it is a script");
             }
         };
         let source = self.add(source, value.span)?;
@@ -96,40 +96,40 @@ impl<'s> Walker<'s, '_> {
         self.eval.scope.main = main;
         self.files.loading.pop();
         self.files.loaded.push(path);
-        // Of a file with a mistake no name is known.
+        // No name of a file with a mistake is known.
         is_fine.then_some(())
     }
 
-    /// The file that is meant by the name behind `use`, which must not be one that is being read.
+    /// The file that a `use` names, which must not be one that is being read.
     fn resolve(&mut self, value: &Value<'s>, span: Span) -> Option<PathBuf> {
         let ValueKind::Text(quoted) = value.kind else {
-            let help = "write its name between quotation marks: `use \"lib/phrases.motion\"`";
-            return self.eval.refuse(Code::Arguments, value.span, "`use` needs the name of a file", help);
+            bail!(self.eval, InvalidArgument, value.span, "`use` needs the name of a file";
+                help: "write its name in quotation marks: `use \"lib/phrases.motion\"`");
         };
         let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
-        // One system would take it, and the others would not.
+        // It would work on one system only.
         if name.contains('\\') {
-            let help = format!("write `use \"{}\"`, on Windows too", name.replace('\\', "/"));
-            return self.eval.refuse(Code::Use, value.span, "the parts of a file name are separated by `/`", help);
+            bail!(self.eval, Use, value.span, "the parts of a file name are separated by `/`";
+                help: "write `use \"{}\"`, on Windows too", name.replace('\\', "/"));
         }
         let sources = self.eval.sources;
         let resolve = |name: &str| sources.resolve(sources.file(span), name);
         let path = match resolve(name) {
             Ok(path) => path,
             Err(error) => {
-                // What is forgotten most easily: its ending, and the folder for what is used.
+                // The most common mistakes: a missing ending, or a missing folder.
                 let near = [format!("{name}.motion"), format!("lib/{name}"), format!("lib/{name}.motion")];
                 let help = match near.iter().find(|near| resolve(near).is_ok()) {
                     Some(near) => format!("did you mean `use \"{near}\"`?"),
                     None => "name a script in the folder of the main script, or in a folder inside it".to_owned(),
                 };
-                return self.eval.refuse(Code::Use, value.span, error.to_string(), help);
+                bail!(self.eval, Use, value.span, "{}", error.to_string(); help: "{help}");
             }
         };
         let Some(at) = self.files.loading.iter().position(|(loading, _)| *loading == path) else { return Some(path) };
-        let message = format!("{name} ends up using itself");
+        let message = format!("{name} uses itself");
         let mut diagnostic =
-            Diagnostic::new(Code::Use, value.span, message, "move what both files need into a third one");
+            diagnostic!(Use, value.span, "{message}"; help: "move what both files need into a third file");
         for (_, span) in self.files.loading.iter().skip(at + 1) {
             diagnostic = diagnostic.related(*span, "used here");
         }
@@ -137,7 +137,7 @@ impl<'s> Walker<'s, '_> {
         None
     }
 
-    /// Reports what a file that is used may not hold.
+    /// Reports what a used file must not contain.
     fn check_used(&mut self, body: &Block<'s>) {
         for line in body.lines() {
             for part in &line.parts {
@@ -149,12 +149,13 @@ impl<'s> Walker<'s, '_> {
                 if !allowed || line.start.is_some() {
                     let help = match &part.statement {
                         Statement::Command(command) if words::setting(command.head.text).is_some() => {
-                            "put it before the first command of the main script; `tempo` and `meter` may also stand first in a `def`"
+                            "write it before the first command of the main script; `tempo` and `meter` may also come first in a `def`"
                         }
                         _ => "move it into a `def`, or into the script that uses this file",
                     };
-                    let message = "a file that is used holds only `use`, `let` and `def`";
-                    self.eval.report(Code::Use, part.statement.span(), message, help);
+                    report!(self.eval, Use, part.statement.span(),
+                        "a used file may contain only `use`, `let` and `def`";
+                        help: "{help}");
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Walks the lines of a script and gives every command its time.
+//! Runs the lines of a script: every command gets its time.
 
 mod blocks;
 mod commands;
@@ -23,7 +23,7 @@ use fixed::Fixed;
 
 use super::{Options, Program, Settings};
 use crate::board::Board;
-use crate::diagnostic::{Code, Diagnostics};
+use crate::diagnostic::{Diagnostics, bail, report};
 use crate::source::{Sources, Span};
 use crate::syntax::{Block, Expression, If, Line, LineRef, Lines, Part, Statement};
 
@@ -60,7 +60,7 @@ pub(super) fn walk<'s>(
     loop {
         let errors = walker.eval.diagnostics.errors();
         let line = script.next(walker.eval.diagnostics, &mut walker.eval.pending.lost);
-        // What could not be read may have moved anything.
+        // Text that could not be read may have moved anything.
         walker.program.times_known &= walker.eval.diagnostics.errors() == errors;
         let Some(line) = line else { break };
         walker.eval.pending.read(line);
@@ -74,21 +74,21 @@ pub(super) fn walk<'s>(
 struct Frame {
     /// When it began.
     start: Time,
-    /// When the next line starts, if it says nothing else.
+    /// When the next line starts, if it has no start time.
     now: Time,
     /// When everything in it so far has ended.
     latest: Time,
-    /// In a `together`, when each line starts, if it says nothing else.
+    /// In a `together`, when each line starts, if it has no start time.
     together: Option<Time>,
     /// Whether it is the top level of the script.
     top: bool,
-    /// Whether anything but a setting has come.
+    /// Whether it has run anything but settings.
     begun: bool,
-    /// The settings that stand first in it, with their places.
+    /// Its settings, with their places.
     given: Vec<(&'static str, Span)>,
     /// In a pass of a `repeat`, what its lines do in every pass.
     fixed: Option<Fixed>,
-    /// How many blocks and calls it runs inside of.
+    /// How many blocks and calls contain it.
     depth: usize,
 }
 
@@ -99,7 +99,7 @@ impl Frame {
     }
 }
 
-/// A `--set` that stands in for a `let`.
+/// A `--set` that replaces the value of a `let`.
 struct Set<'s> {
     name: &'s str,
     value: Expression<'s>,
@@ -107,7 +107,7 @@ struct Set<'s> {
     used: bool,
 }
 
-/// Runs lines and blocks: the evaluator says what their values are, the bounds how many may be run.
+/// Runs lines and blocks. The evaluator computes their values; the bounds limit how many are run.
 struct Walker<'s, 'd> {
     eval: Evaluator<'s, 'd>,
     bounds: Bounds,
@@ -119,7 +119,7 @@ struct Walker<'s, 'd> {
     touched: HashSet<Span>,
     /// The first line that could not be run.
     failed: Option<Span>,
-    /// Where `on abort` stands, and whether that is what runs.
+    /// The place of `on abort`, and whether it is being run.
     on_abort: Option<Span>,
     in_abort: bool,
 }
@@ -131,33 +131,31 @@ impl<'s> Walker<'s, '_> {
             let name = set.name;
             let help = match suggest(name, self.eval.scope.names()) {
                 Some(near) if near != name => format!("did you mean `{near}`?"),
-                _ => {
-                    "name a `let` of the script itself, outside of all blocks and not of a file that it uses".to_owned()
-                }
+                _ => "name a `let` of the main script that is outside of all blocks".to_owned(),
             };
-            let message = format!("the script has no `let {name}` at its top level");
-            self.eval.report(Code::UnknownName, set.span, message, help);
+            report!(self.eval, UnknownName, set.span, "the script has no top-level `let {name}`";
+                help: "{help}");
         }
-        // Whatever could not be run has said why; were that forgotten, it must not pass in silence.
+        // Whatever could not be run was reported. If that was forgotten, it must still be an error.
         if let Some(span) = self.failed.filter(|_| !self.eval.diagnostics.has_errors()) {
-            let help = "write it in another way, and report this";
-            self.eval.report(Code::Syntax, span, "this line could not be run", help);
+            report!(self.eval, Syntax, span, "this line could not be run";
+                help: "write it in another way, and report this error");
         }
         if !frame.begun && !self.eval.diagnostics.has_errors() {
-            let help = "write a command, such as `servo 1 1500`";
-            self.eval.report(Code::EmptyScript, Span::new(0, 0), "the script does nothing", help);
+            report!(self.eval, EmptyScript, Span::new(0, 0), "the script does nothing";
+                help: "write a command, such as `servo 1 1500`");
         }
-        // A script that does nothing is there for its phrases. What was not run because of an error may have used a name.
+        // A script that does nothing is a file of phrases. Lines that were not run because of an error may use a name.
         let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
         if !is_phrases && !self.eval.diagnostics.has_errors() {
             for (name, span) in self.eval.scope.unused() {
-                self.eval.report(Code::Unused, span, format!("nothing uses `{name}`"), "take it away, or use it");
+                report!(self.eval, Unused, span, "`{name}` is never used"; help: "remove it, or use it");
             }
         }
         Program { end: frame.latest, traces: self.eval.traces, ..self.program }
     }
 
-    /// Runs a block of its own from `start` on; gives the time when everything in it has ended.
+    /// Runs a block from `start` on; returns when everything in it has ended.
     fn block(&mut self, block: &Block<'s>, start: Time, together: bool, outer: &Frame) -> Time {
         let mark = self.eval.scope.open();
         let frame = self.body(block, Frame { together: together.then_some(start), ..outer.inside(start) });
@@ -165,7 +163,7 @@ impl<'s> Walker<'s, '_> {
         frame.latest
     }
 
-    /// The lines of a block, with names in the scope that is open; gives how far they have run.
+    /// Runs the lines of a block in the scope that is open; returns how far they have run.
     fn body(&mut self, block: &Block<'s>, mut frame: Frame) -> Frame {
         let tempo = self.eval.tempo;
         if self.bounds.allow_depth(frame.depth, block.span, &mut self.eval) {
@@ -191,7 +189,7 @@ impl<'s> Walker<'s, '_> {
         }
     }
 
-    /// Runs a line; `None` where something in it is wrong that may have moved what comes behind.
+    /// Runs a line; `None` if it has a mistake that may have moved what follows.
     fn line(&mut self, line: &Line<'s>, frame: &mut Frame) -> Option<()> {
         if self.setting(line, frame) {
             return Some(());
@@ -215,7 +213,7 @@ impl<'s> Walker<'s, '_> {
             frame.together = together;
             return done;
         }
-        // Every part is looked at, so that every mistake in the line is found.
+        // Every part is run, so that every mistake in the line is found.
         let mut end = Some(start);
         for part in &line.parts {
             let ended = self.part(part, joined, start, frame);
@@ -226,7 +224,7 @@ impl<'s> Walker<'s, '_> {
         Some(())
     }
 
-    /// The branch that is taken stands there as if the `if` and its braces were not written.
+    /// Runs the branch that is taken as if the `if` and its braces were not written.
     fn branch(&mut self, each: &If<'s>, frame: &mut Frame) -> Option<()> {
         let mut taken = each.otherwise.as_ref();
         for (condition, block) in &each.arms {
@@ -236,7 +234,7 @@ impl<'s> Walker<'s, '_> {
                 break;
             }
         }
-        // What is not taken is not run, but it uses its names. Once is enough.
+        // A branch that is not taken uses its names all the same. Once is enough.
         if self.touched.insert(each.span) {
             for (condition, _) in &each.arms {
                 scope::names_in(condition, &mut |name| self.eval.scope.touch(name));
@@ -248,7 +246,7 @@ impl<'s> Walker<'s, '_> {
         if let Some(block) = taken {
             let names = self.eval.scope.locals();
             self.lines(block.places(), frame);
-            // What it has named may hide, in this pass only, what lines behind it use.
+            // In this pass only, the names that it gives may hide names that later lines use.
             if self.eval.scope.locals() > names {
                 frame.fixed = None;
             }
@@ -256,29 +254,28 @@ impl<'s> Walker<'s, '_> {
         Some(())
     }
 
-    /// A block that may never run uses its names, and what nothing is called is a mistake there too.
+    /// Counts the names of a block that may never run as used, and reports its unknown words.
     fn look_through(&mut self, block: &Block<'s>) {
         scope::names(block, &mut |name| self.eval.scope.touch(name));
         self.eval.check_words(block, self.eval.scope.in_phrase());
     }
 
-    /// Runs one part of a line; gives the time when it has ended, or `None` where something in it is wrong.
+    /// Runs one part of a line; returns when it has ended, or `None` if it has a mistake.
     fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame) -> Option<Time> {
         if let Some(robot) = part.robots.first() {
             self.eval.push(not_yet(robot.span, "a command for one of several robots"));
             return None;
         }
-        if joined && let Some((word, span)) = stands_alone(self.eval.board, &part.statement) {
-            let help =
-                "give it a line of its own; what `;` joins starts together and takes as long as its longest part";
-            return self.eval.refuse(Code::Joined, span, format!("`{word}` cannot be joined to other commands"), help);
+        if joined && let Some((word, span)) = must_be_alone(self.eval.board, &part.statement) {
+            bail!(self.eval, Joined, span, "`{word}` cannot be joined to other commands";
+                help: "write it on a line of its own; `;` is for commands that start together");
         }
         match &part.statement {
             Statement::Block(block) => Some(self.block(block, start, false, frame)),
             Statement::Call(call) => self.call(call, start, frame),
             Statement::Let(each) => self.let_(each).map(|()| start),
             Statement::Def(def) => self.def(def, frame).map(|()| start),
-            // Taken care of where the line is run.
+            // Run with its line.
             Statement::If(_) => None,
             Statement::Command(command) => self.command(command, start, frame),
         }
@@ -286,7 +283,7 @@ impl<'s> Walker<'s, '_> {
 }
 
 /// The word of a statement that cannot be joined to others, and its place.
-fn stands_alone(board: &Board, statement: &Statement<'_>) -> Option<(&'static str, Span)> {
+fn must_be_alone(board: &Board, statement: &Statement<'_>) -> Option<(&'static str, Span)> {
     let word = match statement {
         Statement::Let(_) => "let",
         Statement::If(_) => "if",

@@ -5,31 +5,34 @@ use std::sync::Arc;
 
 use super::super::calls::calls_of;
 use super::super::pending::Used;
-use super::super::scope;
+use super::super::scope::{self, Kind};
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::words;
 use super::{Frame, Walker};
-use crate::diagnostic::Code;
-use crate::syntax::{Call, Def, Let, Name};
+use crate::diagnostic::{bail, diagnostic, report};
+use crate::syntax::{Call, Def, Let, Name, Node, NodeKind};
 
 impl<'s> Walker<'s, '_> {
     pub(super) fn let_(&mut self, each: &Let<'s>) -> Option<()> {
+        if self.eval.traces.pass() == 2 {
+            self.new_in_each_pass(each);
+        }
         let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
         let value = match set.filter(|_| self.eval.scope.main && self.eval.scope.is_top()) {
             Some(set) => {
                 set.used = true;
-                // What it replaces still uses its names.
+                // The value that is replaced still uses its names.
                 scope::names_in(&each.value, &mut |name| self.eval.scope.touch_value(name));
                 self.eval.expression(&set.value)
             }
             None => self.eval.expression(&each.value),
         };
         let free = self.eval.is_free(each.name);
-        // Also where its value is wrong, so that its users are not told that it does not exist.
+        // A name with a wrong value is not reported as unknown.
         if free.is_some() {
             match value {
-                Some(value) => self.eval.scope.bind(each.name, value, true),
+                Some(value) => self.eval.scope.bind(each.name, value, Kind::Let),
                 None => {
                     self.eval.lost.names.insert(each.name.text);
                 }
@@ -37,6 +40,23 @@ impl<'s> Walker<'s, '_> {
         }
         value?;
         free
+    }
+
+    /// Warns of `let x = x + 1` in a `repeat`, where the `x` on the right is always the one outside.
+    fn new_in_each_pass(&mut self, each: &Let<'s>) {
+        let name = each.name.text;
+        let is_own = |node: &Node<'_>| node.kind == NodeKind::Name(name);
+        let (repeat, outer) = (self.eval.traces.latest(), self.eval.scope.defined_at(name));
+        let Some(outer) = outer.filter(|outer| each.value.nodes.iter().any(is_own) && outer.start < repeat.start)
+        else {
+            return;
+        };
+        let (_, statement) = self.eval.statement_around(repeat);
+        let head = statement.split('{').next().unwrap_or_default().trim();
+        let counted = if head.contains(" as ") { head.to_owned() } else { format!("{head} as i") };
+        let diagnostic = diagnostic!(LetInRepeat, each.name.span, "`{name}` is new in each pass, and always starts from the same value";
+            help: "count the passes, `{counted} {{ … }}`, and calculate `{name}` from that number");
+        self.eval.push(diagnostic.related(outer, "the value on the right"));
     }
 
     pub(super) fn def(&mut self, def: &Arc<Def<'s>>, frame: &Frame) -> Option<()> {
@@ -49,12 +69,12 @@ impl<'s> Walker<'s, '_> {
             let twice = parameters.insert(parameter.name.text, at).is_some();
             if twice || words::is_reserved(self.eval.board, parameter.name.text) || !words::is_name(parameter.name.text)
             {
-                let message = format!("`{}` cannot be the name of this parameter", parameter.name.text);
-                let help = "give each parameter a name of its own, in small letters, that is no word of the language";
-                return self.eval.refuse(Code::Name, parameter.name.span, message, help);
+                bail!(self.eval, Name, parameter.name.span,
+                    "`{}` cannot be the name of this parameter", parameter.name.text;
+                    help: "choose another name: lower-case letters, digits and `_`, not a word of the language, and each name once");
             }
         }
-        // Called or not, it uses the names that stand above it.
+        // Called or not, it uses the names above it.
         scope::names_of_def(def, &mut |name| self.eval.scope.touch_value(name));
         let weight = self.bounds.of_block(&def.body, &self.eval);
         let number = self.eval.scope.define(def, parameters);
@@ -63,7 +83,7 @@ impl<'s> Walker<'s, '_> {
         self.check_calls(def)
     }
 
-    /// A body may call only what stands above its `def`. Other calls are reported here, called or not.
+    /// A body may call only phrases above its `def`. Other calls are reported here, even if it is never called.
     fn check_calls(&mut self, def: &Def<'s>) -> Option<()> {
         let mut fine = Some(());
         for call in calls_of(&def.body) {
@@ -77,7 +97,7 @@ impl<'s> Walker<'s, '_> {
 
     pub(super) fn call(&mut self, call: &Call<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let Some(phrase) = self.eval.scope.phrase(call.name.text) else {
-            // Inside a phrase it was reported where the phrase is defined.
+            // In a phrase, it was reported where the phrase is defined.
             if !self.eval.scope.in_phrase() {
                 self.eval.unknown_call(Name { span: call.span, ..call.name }, Used::Call);
             }
@@ -92,19 +112,22 @@ impl<'s> Walker<'s, '_> {
                 None => Some(next),
             };
             next += usize::from(given.name.is_none());
+            if let [Node { kind: NodeKind::Text(_), span }] = given.value.nodes.as_slice() {
+                let parameter = at.and_then(|at| parameters.get(at)).map_or("n", |parameter| parameter.name.text);
+                bail!(self.eval, InvalidArgument, *span, "a phrase cannot take a string";
+                    help: "write a number for `{parameter}`, and choose with `if {parameter} == 1 {{ … }}` in the `def`");
+            }
             let value = self.eval.expression(&given.value);
             match at.and_then(|at| values.get_mut(at)) {
                 Some(slot @ None) => *slot = value,
                 Some(Some(_)) => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
-                    let message = "this parameter is given twice";
-                    let help = "keep one of the two";
-                    return self.eval.refuse(Code::Arguments, span, message, help);
+                    bail!(self.eval, DuplicateArgument, span, "this parameter is given twice"; help: "keep one of the two");
                 }
                 None => {
                     let span = given.name.map_or(given.value.span, |name| name.span);
-                    let message = format!("`{}` has no such parameter", call.name.text);
-                    return self.eval.refuse(Code::Arguments, span, message, signature(&phrase.def));
+                    bail!(self.eval, UnexpectedArgument, span, "`{}` does not have this parameter", call.name.text;
+                        help: "{}", signature(&phrase.def));
                 }
             }
             value?;
@@ -118,12 +141,14 @@ impl<'s> Walker<'s, '_> {
                 (Some(value), _) => Some(value),
                 (None, Some(default)) => self.eval.expression(default),
                 (None, None) => {
-                    let message = format!("`{}` needs a value for `{}`", call.name.text, parameter.name.text);
-                    self.eval.refuse(Code::Arguments, call.span, message, signature(&phrase.def))
+                    let (name, parameter) = (call.name.text, parameter.name.text);
+                    report!(self.eval, MissingArgument, call.span, "`{name}` needs a value for `{parameter}`";
+                        help: "{}", signature(&phrase.def));
+                    None
                 }
             };
             match value {
-                Some(value) => self.eval.scope.bind(parameter.name, value, false),
+                Some(value) => self.eval.scope.bind(parameter.name, value, Kind::Parameter),
                 None => complete = false,
             }
         }
@@ -140,5 +165,5 @@ fn signature(def: &Def<'_>) -> String {
         Some(_) => format!("{} = …", parameter.name.text),
         None => parameter.name.text.to_owned(),
     });
-    format!("it is called as `{}({})`", def.name.text, parameters.collect::<Vec<_>>().join(", "))
+    format!("call it as `{}({})`", def.name.text, parameters.collect::<Vec<_>>().join(", "))
 }

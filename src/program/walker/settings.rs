@@ -1,16 +1,16 @@
-//! Settings: where they may stand, and what they change.
+//! Settings: where they are allowed, and what they change.
 
 use super::super::arguments::Arguments;
 use super::super::value::not_yet;
 use super::super::words::{self, Does, Row, Setting, Word};
 use super::super::{Settings, settings};
 use super::{Frame, Walker};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
 use crate::syntax::{Command, Line, Part, Statement};
 
 impl<'s> Walker<'s, '_> {
-    /// Runs a line that has a setting in it; whether it has.
+    /// Runs a line that has a setting in it; returns whether it has one.
     pub(super) fn setting(&mut self, line: &Line<'s>, frame: &mut Frame) -> bool {
         let found = line.parts.iter().find_map(|part| match &part.statement {
             // Verbs come first, as nearly every line has one.
@@ -38,21 +38,21 @@ impl<'s> Walker<'s, '_> {
     ) -> Option<Diagnostic> {
         let name = row.name;
         let in_block = row.in_block && !frame.top;
-        let wrong = |message, help| Some(Diagnostic::new(Code::SettingPlace, span, message, help));
+        let wrong = |message, help| Some(diagnostic!(SettingPlace, span, "{message}"; help: "{help}"));
         if row.does == Does::Later {
             return Some(not_yet(span, &format!("the setting `{name}`")));
         }
         if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
-            let message = format!("the setting `{name}` has no time and is not joined to anything");
-            return wrong(message, "give it a line of its own, before the first command");
+            let message = format!("the setting `{name}` cannot have a start time, a robot or a `;`");
+            return wrong(message, "write it on a line of its own, before the first command");
         }
         if in_block && frame.begun {
-            return wrong(format!("`{name}` stands behind a command"), "put it first in its block");
+            return wrong(format!("`{name}` comes after a command"), "move it to the start of its block");
         }
         if !in_block && (frame.begun || !frame.top || !self.eval.scope.main) {
-            let place = if frame.top { "behind a command" } else { "in a block" };
-            let help = "put it before the first command of the script, outside of all blocks";
-            return wrong(format!("the setting `{name}` stands {place}"), help);
+            let place = if frame.top { "after a command" } else { "inside a block" };
+            let help = "move it before the first command of the script, outside of all blocks";
+            return wrong(format!("the setting `{name}` is {place}"), help);
         }
         let (_, first) = frame.given.iter().find(|(given, _)| *given == name && !row.repeats)?;
         let diagnostic = wrong(format!("`{name}` is set twice"), "keep one of the two")?;
@@ -63,7 +63,7 @@ impl<'s> Walker<'s, '_> {
         frame.given.push((word.signature().name, command.span));
         let mut settings = Settings { tempo: self.eval.tempo, ..self.program.settings.clone() };
         if let Some(mut args) = Arguments::new(word, command, &mut self.eval) {
-            // Behind a wrong value, what is left over often belongs to the same mistake.
+            // After a wrong value, the remaining arguments often belong to the same mistake.
             if settings::set(setting, &mut args, &mut settings).is_some() {
                 args.finish();
             }

@@ -1,11 +1,11 @@
-//! When a line starts, where it says so: `+TIME`, `at TIME`, `at MARK`, `at bar N beat M`.
+//! When a line with a start time starts: `+TIME`, `at TIME`, `at MARK`, `at bar N beat M`.
 
-use super::super::arguments::{self, blank_before_unit};
+use super::super::arguments::{self, misplaced_unit};
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::words;
 use super::Walker;
-use crate::diagnostic::Code;
+use crate::diagnostic::bail;
 use crate::source::Span;
 use crate::syntax::{Line, Moment, Origin, Start, Statement, Value, ValueKind};
 
@@ -14,10 +14,10 @@ impl<'s> Walker<'s, '_> {
     pub(super) fn start(&mut self, start: &Start<'s>, line: &Line<'s>, block: Time, now: Time) -> Option<Time> {
         match start {
             Start::After(value) => {
-                self.no_unit_behind(value, line)?;
+                self.no_separate_unit(value, line)?;
                 let delay = arguments::time(value, &mut self.eval)?;
                 if delay < Time::ZERO {
-                    return self.taken_back("+", value.span);
+                    return self.negative("+", value.span);
                 }
                 Some(now.plus(delay))
             }
@@ -36,8 +36,8 @@ impl<'s> Walker<'s, '_> {
             at = self.eval.exact(moved, value.span)?;
         }
         if at < block {
-            let help = "write a time from the start of its block on";
-            return self.eval.refuse(Code::StartTime, moment.span, "nothing starts before its own block", help);
+            bail!(self.eval, StartTime, moment.span, "this is before the start of the block";
+                help: "write a time after the start of the block");
         }
         Some(at)
     }
@@ -52,47 +52,44 @@ impl<'s> Walker<'s, '_> {
                 let count = self.count_from_one(beat, "a beat")?;
                 let beats = tempo.beats();
                 if count >= f64::from(beats) + 1.0 {
-                    let message = format!("there is no beat {count} in a bar of {beats}");
-                    let help = "write the next bar, or another `meter`";
-                    return self.eval.refuse(Code::OutOfRange, beat.span, message, help);
+                    bail!(self.eval, OutOfRange, beat.span, "beat {count} is out of range (1 to {beats})";
+                        help: "write the next bar, or another `meter`");
                 }
                 self.eval.exact(tempo.beat().by_number(count), beat.span)?.minus(tempo.beat())
             }
         };
         if libm::floor(number) != number {
-            let help = "write a whole number, and the beat behind it: `bar 2 beat 2.5`";
-            return self.eval.refuse(Code::NotWhole, bar.span, "a bar is counted in whole numbers", help);
+            bail!(self.eval, NotWhole, bar.span, "a bar must be a whole number";
+                help: "write a whole number, and then the beat: `bar 2 beat 2.5`");
         }
         let bars = self.eval.exact(tempo.bar().by_number(number), bar.span)?.minus(tempo.bar());
         Some(block.plus(bars).plus(beat))
     }
 
-    /// The moment that a value behind `at` is.
+    /// The moment that a value after `at` means.
     fn origin(&mut self, value: &Value<'s>, line: &Line<'s>, block: Time) -> Option<Time> {
         if let ValueKind::Word(word) = value.kind
             && words::find(self.eval.board, word).is_some()
         {
-            let help = format!("for example `at 0.5s {word} …`");
-            return self.eval.refuse(Code::StartTime, value.span, "`at` needs a time before the command", help);
+            bail!(self.eval, StartTime, value.span, "`at` needs a time before the command";
+                help: "for example `at 0.5s {word} …`");
         }
-        self.no_unit_behind(value, line)?;
+        self.no_separate_unit(value, line)?;
         let origin = match value.kind {
             ValueKind::Word(word) if !value.negative => self.eval.moment_name(word, value.span)?,
             _ => self.eval.value(value)?,
         };
         match origin {
             Quantity::Moment(_) if self.in_abort => {
-                let help = "write a time: `on abort` counts from its own start";
-                let message = "a mark of the script means nothing in `on abort`";
-                self.eval.refuse(Code::Abort, value.span, message, help)
+                bail!(self.eval, Abort, value.span, "a mark of the script cannot be used in `on abort`";
+                    help: "write a time: `on abort` counts from its own start")
             }
             Quantity::Moment(moment) => Some(moment),
             Quantity::Time(time) => Some(block.plus(time)),
             Quantity::Number(number) => self.eval.needs_unit(number, value.span),
             other => {
-                let message = format!("a time or a mark is needed here, not {}", other.kind());
-                let help = "write a time such as `0.5s`, `bar 2` or the name of a mark";
-                self.eval.refuse(Code::Unit, value.span, message, help)
+                bail!(self.eval, Unit, value.span, "a time or a mark is needed here, not {}", other.kind();
+                    help: "write a time such as `0.5s`, `bar 2` or the name of a mark")
             }
         }
     }
@@ -102,26 +99,26 @@ impl<'s> Walker<'s, '_> {
         match self.eval.value(value)? {
             Quantity::Number(count) if count >= 1.0 => Some(count),
             _ => {
-                let help = "write `at bar 1 beat 1` for the very start; a beat may have decimals";
-                self.eval.refuse(Code::OutOfRange, value.span, format!("{what} is a bare number, counted from 1"), help)
+                bail!(self.eval, OutOfRange, value.span, "{what} is a number without a unit, counted from 1";
+                    help: "the block starts at `bar 1 beat 1`; a beat may have decimals")
             }
         }
     }
 
     /// `at 1 s stop`: the unit was read as a command.
-    fn no_unit_behind(&mut self, value: &Value<'s>, line: &Line<'s>) -> Option<()> {
+    fn no_separate_unit(&mut self, value: &Value<'s>, line: &Line<'s>) -> Option<()> {
         let head = match line.parts.first().map(|part| &part.statement) {
             Some(Statement::Command(command)) => command.head,
             _ => return Some(()),
         };
-        let Some(diagnostic) = blank_before_unit(value, head) else { return Some(()) };
+        let Some(diagnostic) = misplaced_unit(value, head) else { return Some(()) };
         self.eval.push(diagnostic);
         None
     }
 
-    /// A delay below zero; `word` is what it is written behind.
-    pub(super) fn taken_back<T>(&mut self, word: &str, span: Span) -> Option<T> {
-        let help = "write `at TIME` to start a line at an earlier time";
-        self.eval.refuse(Code::OutOfRange, span, format!("time cannot be taken back with `{word}`"), help)
+    /// A negative delay after `word`.
+    pub(super) fn negative<T>(&mut self, word: &str, span: Span) -> Option<T> {
+        bail!(self.eval, OutOfRange, span, "`{word}` needs a time that is not negative";
+            help: "write `at TIME` to start a line at an earlier time")
     }
 }

@@ -9,7 +9,7 @@ use std::collections::{BinaryHeap, VecDeque};
 
 use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
 use crate::board::{Board, Command, ResourceId, State};
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
 use crate::program::{Action, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
 use crate::units::Micros;
@@ -319,13 +319,10 @@ impl<'d> Scheduler<'d> {
             return;
         }
         let said = self.board.show(command);
-        let diagnostic = Diagnostic::new(
-            Code::LongHold,
-            from.span,
-            format!("`{said}` keeps driving for {lasted} until another line ends it"),
-            format!("if that is intended, write `{said} for {lasted}`"),
-        )
-        .label("no `for`");
+        let diagnostic =
+            diagnostic!(LongHold, from.span, "`{said}` keeps driving for {lasted} until another line ends it";
+            help: "if that is intended, write `{said} for {lasted}`")
+            .label("no `for`");
         let from = *from;
         self.report(diagnostic, from);
     }
@@ -362,7 +359,7 @@ impl<'d> Scheduler<'d> {
             let rest = board.show(rest);
             let help = format!("end the script with `{rest}`; motionseq sends it in any case");
             let from = self.last(id);
-            self.report(Diagnostic::new(Code::LeftRunning, from.span, message, help), from);
+            self.report(diagnostic!(LeftRunning, from.span, "{message}"; help: "{help}"), from);
         }
     }
 
@@ -388,13 +385,9 @@ impl<'d> Scheduler<'d> {
             }
         }
         if let Some((span, trace)) = found {
-            let message = format!("more than {MAX_WAITING} `expect`s wait for a report at the same time");
-            let diagnostic = Diagnostic::new(
-                Code::TooManyEvents,
-                span,
-                message,
-                "shorten their `within`, or start them one after another",
-            );
+            let diagnostic = diagnostic!(TooManyEvents, span,
+                "more than {MAX_WAITING} `expect`s wait for a report at the same time";
+                help: "shorten their `within`, or start them one after another");
             self.report(diagnostic, Origin { span, trace, ..Origin::default() });
         }
     }
@@ -414,7 +407,7 @@ impl<'d> Scheduler<'d> {
             self.full = true;
             let message = format!("the script sends more than {} frames", self.limit);
             let help = "shorten it, use a longer `refresh` interval, or allow more with `--max-events`";
-            self.report(Diagnostic::new(Code::TooManyEvents, from.span, message, help), from);
+            self.report(diagnostic!(TooManyEvents, from.span, "{message}"; help: "{help}"), from);
         }
         room
     }

@@ -2,7 +2,7 @@
 
 use super::super::{Kind, Tween};
 use super::{Origin, Scheduler};
-use crate::diagnostic::{Code, Diagnostic};
+use crate::diagnostic::diagnostic;
 use crate::program::{MAX_STEPS, Motion, Move, Time, broken_limit};
 
 impl Scheduler<'_> {
@@ -60,7 +60,7 @@ impl Scheduler<'_> {
             self.full = true;
             let message = format!("the moves of the script have more than {MAX_STEPS} samples");
             let help = "shorten them, or choose a lower `rate`";
-            self.report(Diagnostic::new(Code::TooManySteps, from.span, message, help), from);
+            self.report(diagnostic!(TooManySteps, from.span, "{message}"; help: "{help}"), from);
         }
         false
     }
@@ -84,7 +84,7 @@ impl Scheduler<'_> {
                 };
                 let help = format!("{help}: `{}`", motion.with_starts(board));
                 let message = format!("the starting value of the {} is unknown", motion.name(board, at));
-                self.report(Diagnostic::new(Code::UnknownStart, from.span, message, help), from);
+                self.report(diagnostic!(UnknownStart, from.span, "{message}"; help: "{help}"), from);
                 // Treat the target as known from here on, so that one mistake gives one message.
                 if let Some(target) = motion.target(board) {
                     self.state.apply(board, &target);
@@ -110,12 +110,9 @@ impl Scheduler<'_> {
             Err(wrong) => {
                 let name = going.motion.name(board, wrong);
                 let value = values.get(wrong).copied().unwrap_or(0.0);
-                let diagnostic = Diagnostic::new(
-                    Code::OutOfRange,
-                    from.span,
-                    format!("during the move, the {name} reaches {value:.0}, which is out of range"),
-                    "choose an easing that does not overshoot, or a target further inside the range",
-                );
+                let diagnostic = diagnostic!(OutOfRange, from.span,
+                    "during the move, the {name} reaches {value:.0}, which is out of range";
+                    help: "choose an easing that does not overshoot, or a target further inside the range");
                 self.report(diagnostic, from);
                 return false;
             }
