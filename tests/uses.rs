@@ -279,7 +279,7 @@ fn set_replaces_a_top_level_let_from_outside() {
         ("to(=5", "this `(` is still open at the end of the file"),
         ("=5", "this is not the name of a value"),
         ("tö=5", "this is not the name of a value"),
-        ("wait=5s", "the script has no `let wait`"),
+        ("wait=5s", "the script has no top-level `let wait`"),
         ("To=5", "did you mean `to`?"),
     ] {
         let output = with(set);

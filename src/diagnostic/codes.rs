@@ -376,7 +376,7 @@ nod()
         "raw 0x04 0  # allow: raw-frame\n"
 
     SlowRefresh "slow-refresh" Warning "The drive is refreshed too rarely."
-        "What the board does when frames stop is unknown; docs/safety.md describes a test. A drive command that lasts is therefore sent \
+        "What the board does when frames stop is unknown; docs/safety.md has a test for it. A drive command that lasts is therefore sent \
         again every 50 ms. If it is sent less often than every 500 ms, the robot may stop in between."
         "refresh 800ms\nrocker x=5 for 2s\n"
         "refresh 100ms\nrocker x=5 for 2s\n"

@@ -12,6 +12,7 @@ mod evaluator;
 mod expect;
 mod functions;
 mod limits;
+mod lints;
 mod motion;
 mod names;
 mod pending;

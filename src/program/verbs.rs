@@ -3,8 +3,9 @@
 use smallvec::SmallVec;
 
 use super::arguments::{Arguments, Bound};
+use super::lints;
 use super::motion::{Glide, Motion};
-use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
+use crate::board::{Axis, Command, Takes, Values, Verb, VerbId};
 use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::{Item, Value};
@@ -35,10 +36,7 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
         return None;
     }
     let command = Command::new(id, &values);
-    if let Sets::Opaque(_) = verb.sets {
-        report!(args.eval, RawFrame, args.command.span, "this frame is not checked";
-            help: "write the command for it, or end the line with `# allow: raw-frame`");
-    }
+    lints::raw_frame::check(verb, args.command.span, args.eval);
     Some(Spoken::Command(command))
 }
 

@@ -9,7 +9,7 @@ use super::super::value::Quantity;
 use super::super::verbs::{self, Spoken};
 use super::super::weight::{self, Weight};
 use super::super::words::{self, Does, Row, Word};
-use super::super::{Action, Step, expect, limits, say};
+use super::super::{Action, Step, expect, limits, lints, say};
 use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
 use crate::diagnostic::{bail, report};
@@ -67,10 +67,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         if time < Time::ZERO {
             return self.negative("wait", value.span);
         }
-        if at.frame.together.is_some() {
-            report!(self.eval, WaitInTogether, at.command.span, "a `wait` delays nothing inside `together`";
-                help: "to delay a line, write `+TIME` before it, such as `+1s stop`");
-        }
+        lints::wait_in_together::check(at.frame.together.is_some(), at.command.span, &mut self.eval);
         Some(at.start.plus(time))
     }
 
@@ -93,10 +90,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             bail!(self.eval, Abort, at.command.span, "`expect` is not allowed in `on abort`";
                 help: "remove it: what is sent on abort cannot be ended early");
         }
-        if at.start == Time::ZERO && expect.within.is_none() {
-            report!(self.eval, EarlyExpect, at.command.span, "no report has arrived yet at the start of the script";
-                help: "write `wait 0.5s` before it, or `expect {expect} within 2s`");
-        }
+        lints::early_expect::check(&expect, at.start, at.command.span, &mut self.eval);
         let length = expect.why.as_ref().map_or(0, String::len);
         // For a while there are two copies of the reason.
         self.keep(weight::EXPECT, 2 * length, at.command.span)?;

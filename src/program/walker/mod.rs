@@ -12,6 +12,7 @@ use std::collections::HashSet;
 
 use super::bounds::Bounds;
 use super::evaluator::Evaluator;
+use super::lints;
 use super::scope;
 use super::suggest::suggest;
 use super::time::Time;
@@ -148,9 +149,7 @@ impl<'s> Walker<'s, '_> {
         // A script that does nothing is a file of phrases. Lines that were not run because of an error may use a name.
         let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
         if !is_phrases && !self.eval.diagnostics.has_errors() {
-            for (name, span) in self.eval.scope.unused() {
-                report!(self.eval, Unused, span, "`{name}` is never used"; help: "remove it, or use it");
-            }
+            lints::unused::check(&mut self.eval);
         }
         Program { end: frame.latest, traces: self.eval.traces, ..self.program }
     }
