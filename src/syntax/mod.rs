@@ -4,7 +4,7 @@
 //! and the builder turns pest's pairs into the tree. Every mistake found on the way becomes a diagnostic; the tree holds what
 //! could be read.
 
-mod ahead;
+mod read_ahead;
 mod ambiguous;
 mod arguments;
 mod ast;
@@ -19,7 +19,7 @@ mod reading;
 mod scan;
 mod visit;
 
-pub(crate) use ahead::{Lines, read_ahead};
+pub(crate) use read_ahead::{Lines, read_ahead};
 pub use ast::{
     Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, LineRef, Lost, Moment,
     Name, Node, NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
