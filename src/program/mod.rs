@@ -6,6 +6,7 @@
 mod arguments;
 mod bounds;
 mod calls;
+mod cost;
 mod duration;
 mod ease;
 mod evaluator;
@@ -28,7 +29,6 @@ mod unknown;
 mod value;
 mod verbs;
 mod walker;
-mod weight;
 mod words;
 
 pub use ease::{CURVES, Curve, Ease};

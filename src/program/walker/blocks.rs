@@ -5,7 +5,7 @@ use super::super::arguments;
 use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
-use super::super::weight::Weight;
+use super::super::cost::Cost;
 use super::commands::At;
 use super::fixed::Fixed;
 use super::{Frame, Walker};
@@ -56,9 +56,9 @@ impl<'s> Walker<'s, '_> {
                 bail!(self.eval, InvalidArgument, span, "`as` needs a name"; help: "write `as i`");
             }
         };
-        let weight = self.bounds.of_block(block, &self.eval).times(passes);
-        let weight = Weight { steps: weight.steps.max(passes), ..weight };
-        self.bounds.allow(weight, at.command.head.span.to(value.span), &mut self.eval)?;
+        let cost = self.bounds.of_block(block, &self.eval).times(passes);
+        let cost = Cost { steps: cost.steps.max(passes), ..cost };
+        self.bounds.allow(cost, at.command.head.span.to(value.span), &mut self.eval)?;
         if passes == 0 {
             self.look_through(block);
         }

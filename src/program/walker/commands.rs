@@ -7,7 +7,7 @@ use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Spoken};
-use super::super::weight::{self, Weight};
+use super::super::cost::{self, Cost};
 use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, lints, say};
 use super::{Frame, Walker};
@@ -77,7 +77,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         let text = say::say(value, args.eval);
         args.finish()?;
         let text = text?;
-        self.keep(weight::SAY, text.len(), at.command.span)?;
+        self.keep(cost::SAY, text.len(), at.command.span)?;
         self.push(at.start, at.command.span, Action::Say(Box::new(text.into())));
         Some(at.start)
     }
@@ -93,7 +93,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         lints::early_expect::check(&expect, at.start, at.command.span, &mut self.eval);
         let length = expect.why.as_ref().map_or(0, String::len);
         // For a while there are two copies of the reason.
-        self.keep(weight::EXPECT, 2 * length, at.command.span)?;
+        self.keep(cost::EXPECT, 2 * length, at.command.span)?;
         let end = at.start.plus(expect.within.unwrap_or(Time::ZERO));
         self.push(at.start, at.command.span, Action::Expect(Box::new(expect)));
         Some(end)
@@ -115,7 +115,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
             return self.eval.given_twice(name, first);
         }
-        self.keep(weight::MARK, name.text.len(), at.command.span)?;
+        self.keep(cost::MARK, name.text.len(), at.command.span)?;
         self.program.marks.push((name.text.to_owned(), at.start));
         self.eval.scope.bind(name, Quantity::Moment(at.start), Kind::Mark);
         Some(at.start)
@@ -190,7 +190,7 @@ impl<'s, 'd> Walker<'s, 'd> {
     /// Counts something that sends nothing, with the length of its text; `None` if it exceeds a bound, which is reported.
     fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
-        let is_allowed = self.bounds.allow(Weight { kept: bytes, ..Weight::default() }, span, &mut self.eval);
+        let is_allowed = self.bounds.allow(Cost { kept: bytes, ..Cost::default() }, span, &mut self.eval);
         self.bounds.done.kept = self.bounds.done.kept.saturating_add(bytes);
         is_allowed
     }

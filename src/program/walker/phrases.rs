@@ -58,9 +58,9 @@ impl<'s> Walker<'s, '_> {
         }
         // Called or not, it uses the names above it.
         scope::names_of_def(def, &mut |name| self.eval.scope.touch_value(name));
-        let weight = self.bounds.of_block(&def.body, &self.eval);
+        let cost = self.bounds.of_block(&def.body, &self.eval);
         let number = self.eval.scope.define(def, parameters);
-        self.bounds.define(number, weight);
+        self.bounds.define(number, cost);
         self.eval.check_words(&def.body, true);
         self.check_calls(def)
     }
