@@ -25,7 +25,7 @@ mod template;
 mod tempo;
 mod time;
 mod trace;
-mod unknown;
+mod unknown_words;
 mod value;
 mod verbs;
 mod walker;
