@@ -3,7 +3,7 @@
 mod blocks;
 mod commands;
 mod files;
-mod fixed;
+mod cached_lines;
 mod phrases;
 mod settings;
 mod starts;
@@ -20,7 +20,7 @@ use super::trace::Traces;
 use super::value::not_yet;
 use super::words::{self, Word};
 use files::Files;
-use fixed::Fixed;
+use cached_lines::CachedLines;
 
 use super::{Options, Program, Settings};
 use crate::board::Board;
@@ -88,7 +88,7 @@ struct Frame {
     /// Its settings, with their places.
     given: Vec<(&'static str, Span)>,
     /// In a pass of a `repeat`, what its lines do in every pass.
-    fixed: Option<Fixed>,
+    cached: Option<CachedLines>,
     /// How many blocks and calls contain it.
     depth: usize,
 }
@@ -180,7 +180,7 @@ impl<'s> Walker<'s, '_> {
             if !self.bounds.line(line.span(), &mut self.eval) {
                 return;
             }
-            if self.line_again(place, line, frame).is_none() {
+            if self.run_line(place, line, frame).is_none() {
                 self.program.times_known = false;
                 self.failed.get_or_insert(line.span());
             }
@@ -247,7 +247,7 @@ impl<'s> Walker<'s, '_> {
             self.lines(block.places(), frame);
             // In this pass only, the names that it gives may hide names that later lines use.
             if self.eval.scope.locals() > names {
-                frame.fixed = None;
+                frame.cached = None;
             }
         }
         Some(())
