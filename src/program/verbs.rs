@@ -10,8 +10,8 @@ use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::{Item, Value};
 
-/// What a line with a verb says.
-pub(super) enum Spoken {
+/// The arguments of a verb.
+pub(super) enum Parsed {
     /// One command.
     Command(Command),
     /// A command that may go somewhere over a time.
@@ -19,12 +19,12 @@ pub(super) enum Spoken {
 }
 
 /// Reads the arguments of a verb; what is wrong is reported.
-pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Spoken> {
+pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Parsed> {
     if let Some(is) = &verb.is {
-        return Some(Spoken::Command(is.clone()));
+        return Some(Parsed::Command(is.clone()));
     }
     if verb.moves && args.may_go() {
-        return motion(args, id, verb).map(Spoken::Motion);
+        return motion(args, id, verb).map(Parsed::Motion);
     }
     let mut values = Values::new();
     let mut is_whole = true;
@@ -37,7 +37,7 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
     }
     let command = Command::new(id, &values);
     lints::raw_frame::check(verb, args.command.span, args.eval);
-    Some(Spoken::Command(command))
+    Some(Parsed::Command(command))
 }
 
 fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Motion> {

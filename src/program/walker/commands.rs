@@ -6,7 +6,7 @@ use super::super::motion::Move;
 use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::Quantity;
-use super::super::verbs::{self, Spoken};
+use super::super::verbs::{self, Parsed};
 use super::super::cost::{self, Cost};
 use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, lints, say};
@@ -130,17 +130,17 @@ impl<'s, 'd> Walker<'s, 'd> {
     fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
         let board = self.eval.board;
         let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.eval)?;
-        let spoken = verbs::read(&mut args, id, verb);
+        let parsed = verbs::read(&mut args, id, verb);
         let lasting = args.lasting();
         let complete = args.finish();
         let lasting = lasting.ok()?;
         let (end, span) = (start.plus(lasting.time()), command.span);
-        let (Some(spoken), Some(())) = (spoken, complete) else {
+        let (Some(parsed), Some(())) = (parsed, complete) else {
             // A wrong value does not move what follows, but what other verbs need is unknown.
             return (!board.is_needed(id)).then_some(end);
         };
-        let sent = match (spoken, lasting) {
-            (Spoken::Motion(motion), Lasting::Over(over, ease)) => {
+        let sent = match (parsed, lasting) {
+            (Parsed::Motion(motion), Lasting::Over(over, ease)) => {
                 let touches = board.occupied(motion.verb, motion.index);
                 if self.in_abort && touches.iter().any(|resource| board.is_fed(*resource)) {
                     self.drive_in_abort(span);
@@ -149,13 +149,13 @@ impl<'s, 'd> Walker<'s, 'd> {
                 }
                 return Some(end);
             }
-            (Spoken::Motion(motion), _) if motion.has_start() => {
+            (Parsed::Motion(motion), _) if motion.has_start() => {
                 report!(self.eval, MissingArgument, span, "`A -> B` needs a time";
                     help: "write how long the move takes, such as `over 2s`, or only the target");
                 return Some(end);
             }
-            (Spoken::Motion(motion), _) => motion.target(board)?,
-            (Spoken::Command(sent), _) => sent,
+            (Parsed::Motion(motion), _) => motion.target(board)?,
+            (Parsed::Command(sent), _) => sent,
         };
         let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
