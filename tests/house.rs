@@ -59,7 +59,7 @@ const AT_HOME: &[(&str, &str)] = &[
     ("unsafe ", "src/playback/os.rs src/link/serial.rs"),
     ("quick_xml::", "src/report/junit.rs"),
     ("std::fs", "src/source/files.rs src/verify/play.rs src/playback/guard.rs src/playback/os.rs src/link src/serve"),
-    ("std::thread", "src/syntax/ahead.rs src/serve"),
+    ("std::thread", "src/syntax/read_ahead.rs src/serve"),
     ("libc::", "src/playback/os.rs src/link/serial.rs"),
     ("clock_gettime", "src/clock.rs"),
     ("strsim::", "src/program/suggest.rs"),

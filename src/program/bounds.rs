@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
+use super::cost::{self, Cost};
 use super::evaluator::Evaluator;
 use super::time::Time;
-use super::weight::{self, Weight};
 use super::{Action, MAX_STEPS};
 use crate::diagnostic::report;
 use crate::source::Span;
@@ -24,15 +24,15 @@ const MAX_DEPTH: usize = 200;
 #[derive(Debug, Default)]
 pub(super) struct Bounds {
     /// Lines and passes that were run, and what they added. A move may send nothing, where everything is there already.
-    pub(super) done: Weight,
+    pub(super) done: Cost,
     max_events: usize,
     /// Whether a bound was reached, so that nothing more is run.
     exhausted: bool,
     too_long: bool,
-    /// The weights of blocks that were counted.
-    blocks: HashMap<Span, Weight>,
-    /// The weight of each `def`, by its number in the scope.
-    phrases: Vec<Weight>,
+    /// The costs of blocks that were counted.
+    blocks: HashMap<Span, Cost>,
+    /// The cost of each `def`, by its number in the scope.
+    phrases: Vec<Cost>,
 }
 
 impl Bounds {
@@ -45,31 +45,31 @@ impl Bounds {
         self.done.steps += 1;
         // Behind an error only more errors are looked for, and not for ever.
         self.exhausted |= self.done.steps > ENOUGH && eval.diagnostics.has_errors();
-        let Weight { steps, events, moves, kept } = self.done;
+        let Cost { steps, events, moves, kept } = self.done;
         let is_within =
             steps <= MAX_STEPS && events <= self.max_events as u64 && moves <= MAX_MOVES && kept <= MAX_KEPT;
         // Nearly every line is within all bounds.
-        !self.exhausted && (is_within || self.allow(Weight::default(), span, eval).is_some())
+        !self.exhausted && (is_within || self.allow(Cost::default(), span, eval).is_some())
     }
 
     /// Whether another pass may be run.
     pub(super) fn another(&mut self, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
-        !self.exhausted && self.allow(Weight::default(), span, eval).is_some() && !self.too_long
+        !self.exhausted && self.allow(Cost::default(), span, eval).is_some() && !self.too_long
     }
 
     /// Whether so much more may be run; `None` where not, which is reported, and nothing more is run.
-    pub(super) fn allow(&mut self, more: Weight, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<()> {
-        let weight = self.done.plus(more);
-        if weight.steps > MAX_STEPS {
+    pub(super) fn allow(&mut self, more: Cost, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<()> {
+        let cost = self.done.plus(more);
+        if cost.steps > MAX_STEPS {
             report!(eval, TooManySteps, span, "the script has more than {MAX_STEPS} steps";
                 help: "repeat less often");
-        } else if weight.events > self.max_events as u64 {
+        } else if cost.events > self.max_events as u64 {
             report!(eval, TooManyEvents, span, "the script sends more than {} frames", self.max_events;
                 help: "repeat less often, or allow more with `--max-events`");
-        } else if weight.moves > MAX_MOVES {
+        } else if cost.moves > MAX_MOVES {
             report!(eval, TooManyEvents, span, "the script has more than {MAX_MOVES} moves";
                 help: "repeat less often, or move less often");
-        } else if weight.kept > MAX_KEPT {
+        } else if cost.kept > MAX_KEPT {
             report!(eval, TooManyEvents, span, "the marks, `say`s and `expect`s of the script take more than 48 MiB";
                 help: "repeat them less often, or make their strings shorter");
         } else {
@@ -106,24 +106,24 @@ impl Bounds {
     }
 
     /// What a block unrolls to at least.
-    pub(super) fn of_block(&mut self, block: &Block<'_>, eval: &Evaluator<'_, '_>) -> Weight {
-        if let Some(weight) = self.blocks.get(&block.span) {
-            return *weight;
+    pub(super) fn of_block(&mut self, block: &Block<'_>, eval: &Evaluator<'_, '_>) -> Cost {
+        if let Some(cost) = self.blocks.get(&block.span) {
+            return *cost;
         }
         let of_phrase = |name: &str| eval.scope.phrase_number(name).map(|at| self.of_phrase(at)).unwrap_or_default();
-        let weight = weight::of_block(eval.board, block, &of_phrase);
-        self.blocks.insert(block.span, weight);
-        weight
+        let cost = cost::of_block(eval.board, block, &of_phrase);
+        self.blocks.insert(block.span, cost);
+        cost
     }
 
     /// What a `def` unrolls to at least, by its number in the scope.
-    pub(super) fn of_phrase(&self, number: usize) -> Weight {
+    pub(super) fn of_phrase(&self, number: usize) -> Cost {
         self.phrases.get(number).copied().unwrap_or_default()
     }
 
-    /// Keeps the weight of a `def`.
-    pub(super) fn define(&mut self, number: usize, weight: Weight) {
-        self.phrases.resize(number, Weight::default());
-        self.phrases.push(weight);
+    /// Keeps the cost of a `def`.
+    pub(super) fn define(&mut self, number: usize, cost: Cost) {
+        self.phrases.resize(number, Cost::default());
+        self.phrases.push(cost);
     }
 }

@@ -6,12 +6,14 @@
 mod arguments;
 mod bounds;
 mod calls;
+mod cost;
 mod duration;
 mod ease;
 mod evaluator;
 mod expect;
 mod functions;
 mod limits;
+mod lints;
 mod motion;
 mod names;
 mod pending;
@@ -23,11 +25,10 @@ mod template;
 mod tempo;
 mod time;
 mod trace;
-mod unknown;
+mod unknown_words;
 mod value;
 mod verbs;
 mod walker;
-mod weight;
 mod words;
 
 pub use ease::{CURVES, Curve, Ease};

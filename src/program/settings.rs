@@ -3,12 +3,13 @@
 use super::Settings;
 use super::arguments::{self, Arguments, text_of};
 use super::limits::Limit;
+use super::lints;
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use super::words::Setting;
-use crate::board::{Board, Limited, ON_SILENCE, ResourceId, Sets, Takes, Unit, Verb};
-use crate::diagnostic::{bail, diagnostic, report};
+use crate::board::{Board, Limited, ResourceId, Sets, Takes, Unit, Verb};
+use crate::diagnostic::{bail, diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
 /// Reads the arguments of a setting; `None` if they are wrong, which is reported.
@@ -68,10 +69,7 @@ fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Opt
         bail!(args.eval, OutOfRange, value.span, "the refresh interval is out of range (10ms to 1s)";
             help: "write an interval such as `refresh 50ms`, or `refresh off`");
     }
-    if interval > Time::from_millis(500) {
-        report!(args.eval, SlowRefresh, value.span, "with this `refresh`, the robot may stop between two drive frames";
-            help: "{ON_SILENCE}. Write `refresh 500ms` or less");
-    }
+    lints::slow_refresh::check(interval, value.span, args.eval);
     settings.refresh = Some(interval);
     Some(())
 }

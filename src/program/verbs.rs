@@ -3,14 +3,15 @@
 use smallvec::SmallVec;
 
 use super::arguments::{Arguments, Bound};
+use super::lints;
 use super::motion::{Glide, Motion};
-use crate::board::{Axis, Command, Sets, Takes, Values, Verb, VerbId};
+use crate::board::{Axis, Command, Takes, Values, Verb, VerbId};
 use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::{Item, Value};
 
-/// What a line with a verb says.
-pub(super) enum Spoken {
+/// The arguments of a verb.
+pub(super) enum Parsed {
     /// One command.
     Command(Command),
     /// A command that may go somewhere over a time.
@@ -18,12 +19,12 @@ pub(super) enum Spoken {
 }
 
 /// Reads the arguments of a verb; what is wrong is reported.
-pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Spoken> {
+pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Parsed> {
     if let Some(is) = &verb.is {
-        return Some(Spoken::Command(is.clone()));
+        return Some(Parsed::Command(is.clone()));
     }
     if verb.moves && args.may_go() {
-        return motion(args, id, verb).map(Spoken::Motion);
+        return motion(args, id, verb).map(Parsed::Motion);
     }
     let mut values = Values::new();
     let mut is_whole = true;
@@ -35,11 +36,8 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
         return None;
     }
     let command = Command::new(id, &values);
-    if let Sets::Opaque(_) = verb.sets {
-        report!(args.eval, RawFrame, args.command.span, "this frame is not checked";
-            help: "write the command for it, or end the line with `# allow: raw-frame`");
-    }
-    Some(Spoken::Command(command))
+    lints::raw_frame::check(verb, args.command.span, args.eval);
+    Some(Parsed::Command(command))
 }
 
 fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Option<Motion> {

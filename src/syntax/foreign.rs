@@ -108,7 +108,6 @@ const ROWS: &[Row] = &[
     line("printf(<text>)", "C", "say <text>"),
     line("puts(<text>)", "C", "say <text>"),
     line("println(<text>)", "Java", "say <text>"),
-    line("println!(<text>)", "Rust", "say <text>"),
     line("Serial.println(<text>)", "Arduino", "say <text>"),
     line("Serial.print(<text>)", "Arduino", "say <text>"),
     line("console.log(<text>)", "JavaScript", "say <text>"),

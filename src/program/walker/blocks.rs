@@ -2,12 +2,12 @@
 
 use super::super::Abort;
 use super::super::arguments;
+use super::super::cost::Cost;
 use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
-use super::super::weight::Weight;
+use super::cached_lines::CachedLines;
 use super::commands::At;
-use super::fixed::Fixed;
 use super::{Frame, Walker};
 use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::Span;
@@ -56,9 +56,9 @@ impl<'s> Walker<'s, '_> {
                 bail!(self.eval, InvalidArgument, span, "`as` needs a name"; help: "write `as i`");
             }
         };
-        let weight = self.bounds.of_block(block, &self.eval).times(passes);
-        let weight = Weight { steps: weight.steps.max(passes), ..weight };
-        self.bounds.allow(weight, at.command.head.span.to(value.span), &mut self.eval)?;
+        let cost = self.bounds.of_block(block, &self.eval).times(passes);
+        let cost = Cost { steps: cost.steps.max(passes), ..cost };
+        self.bounds.allow(cost, at.command.head.span.to(value.span), &mut self.eval)?;
         if passes == 0 {
             self.look_through(block);
         }
@@ -71,7 +71,7 @@ impl<'s> Walker<'s, '_> {
         let repeat = at.command.head.span;
         let mut now = at.start;
         // With one pass, there is nothing to reuse.
-        let mut fixed = (count > 1).then(|| Fixed::new(self.eval.scope.locals()));
+        let mut cached = (count > 1).then(|| CachedLines::new(self.eval.scope.locals()));
         for pass in 0..count {
             self.bounds.done.steps += 1;
             let mark = self.eval.scope.open();
@@ -83,9 +83,9 @@ impl<'s> Walker<'s, '_> {
                 }
                 self.eval.scope.bind(name, Quantity::Number(f64::from(number) - 1.0), Kind::Counter);
             }
-            let frame = self.body(block, Frame { fixed: fixed.take(), ..at.frame.inside(now) });
+            let frame = self.body(block, Frame { cached: cached.take(), ..at.frame.inside(now) });
             let end = frame.latest;
-            fixed = frame.fixed;
+            cached = frame.cached;
             self.eval.traces.leave();
             self.eval.scope.close(mark, true);
             now = match every {

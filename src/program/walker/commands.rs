@@ -1,15 +1,15 @@
 //! One command of a script: its row in the table says which function runs it.
 
 use super::super::arguments::{self, Arguments, Lasting};
+use super::super::cost::{self, Cost};
 use super::super::evaluator::Evaluator;
 use super::super::motion::Move;
 use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::Quantity;
-use super::super::verbs::{self, Spoken};
-use super::super::weight::{self, Weight};
+use super::super::verbs::{self, Parsed};
 use super::super::words::{self, Does, Row, Word};
-use super::super::{Action, Step, expect, limits, say};
+use super::super::{Action, Step, expect, limits, lints, say};
 use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
 use crate::diagnostic::{bail, report};
@@ -67,10 +67,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         if time < Time::ZERO {
             return self.negative("wait", value.span);
         }
-        if at.frame.together.is_some() {
-            report!(self.eval, WaitInTogether, at.command.span, "a `wait` delays nothing inside `together`";
-                help: "to delay a line, write `+TIME` before it, such as `+1s stop`");
-        }
+        lints::wait_in_together::check(at.frame.together.is_some(), at.command.span, &mut self.eval);
         Some(at.start.plus(time))
     }
 
@@ -80,7 +77,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         let text = say::say(value, args.eval);
         args.finish()?;
         let text = text?;
-        self.keep(weight::SAY, text.len(), at.command.span)?;
+        self.keep(cost::SAY, text.len(), at.command.span)?;
         self.push(at.start, at.command.span, Action::Say(Box::new(text.into())));
         Some(at.start)
     }
@@ -93,13 +90,10 @@ impl<'s, 'd> Walker<'s, 'd> {
             bail!(self.eval, Abort, at.command.span, "`expect` is not allowed in `on abort`";
                 help: "remove it: what is sent on abort cannot be ended early");
         }
-        if at.start == Time::ZERO && expect.within.is_none() {
-            report!(self.eval, EarlyExpect, at.command.span, "no report has arrived yet at the start of the script";
-                help: "write `wait 0.5s` before it, or `expect {expect} within 2s`");
-        }
+        lints::early_expect::check(&expect, at.start, at.command.span, &mut self.eval);
         let length = expect.why.as_ref().map_or(0, String::len);
         // For a while there are two copies of the reason.
-        self.keep(weight::EXPECT, 2 * length, at.command.span)?;
+        self.keep(cost::EXPECT, 2 * length, at.command.span)?;
         let end = at.start.plus(expect.within.unwrap_or(Time::ZERO));
         self.push(at.start, at.command.span, Action::Expect(Box::new(expect)));
         Some(end)
@@ -121,7 +115,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         if let Some(first) = self.eval.scope.hidden_by_mark(name.text) {
             return self.eval.given_twice(name, first);
         }
-        self.keep(weight::MARK, name.text.len(), at.command.span)?;
+        self.keep(cost::MARK, name.text.len(), at.command.span)?;
         self.program.marks.push((name.text.to_owned(), at.start));
         self.eval.scope.bind(name, Quantity::Moment(at.start), Kind::Mark);
         Some(at.start)
@@ -136,17 +130,17 @@ impl<'s, 'd> Walker<'s, 'd> {
     fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
         let board = self.eval.board;
         let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.eval)?;
-        let spoken = verbs::read(&mut args, id, verb);
+        let parsed = verbs::read(&mut args, id, verb);
         let lasting = args.lasting();
         let complete = args.finish();
         let lasting = lasting.ok()?;
         let (end, span) = (start.plus(lasting.time()), command.span);
-        let (Some(spoken), Some(())) = (spoken, complete) else {
+        let (Some(parsed), Some(())) = (parsed, complete) else {
             // A wrong value does not move what follows, but what other verbs need is unknown.
             return (!board.is_needed(id)).then_some(end);
         };
-        let sent = match (spoken, lasting) {
-            (Spoken::Motion(motion), Lasting::Over(over, ease)) => {
+        let sent = match (parsed, lasting) {
+            (Parsed::Motion(motion), Lasting::Over(over, ease)) => {
                 let touches = board.occupied(motion.verb, motion.index);
                 if self.in_abort && touches.iter().any(|resource| board.needs_refresh(*resource)) {
                     self.drive_in_abort(span);
@@ -155,13 +149,13 @@ impl<'s, 'd> Walker<'s, 'd> {
                 }
                 return Some(end);
             }
-            (Spoken::Motion(motion), _) if motion.has_start() => {
+            (Parsed::Motion(motion), _) if motion.has_start() => {
                 report!(self.eval, MissingArgument, span, "`A -> B` needs a time";
                     help: "write how long the move takes, such as `over 2s`, or only the target");
                 return Some(end);
             }
-            (Spoken::Motion(motion), _) => motion.target(board)?,
-            (Spoken::Command(sent), _) => sent,
+            (Parsed::Motion(motion), _) => motion.target(board)?,
+            (Parsed::Command(sent), _) => sent,
         };
         let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
@@ -196,7 +190,7 @@ impl<'s, 'd> Walker<'s, 'd> {
     /// Counts something that sends nothing, with the length of its text; `None` if it exceeds a bound, which is reported.
     fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
-        let is_allowed = self.bounds.allow(Weight { kept: bytes, ..Weight::default() }, span, &mut self.eval);
+        let is_allowed = self.bounds.allow(Cost { kept: bytes, ..Cost::default() }, span, &mut self.eval);
         self.bounds.done.kept = self.bounds.done.kept.saturating_add(bytes);
         is_allowed
     }

@@ -1,9 +1,9 @@
 //! Runs the lines of a script: every command gets its time.
 
 mod blocks;
+mod cached_lines;
 mod commands;
 mod files;
-mod fixed;
 mod phrases;
 mod settings;
 mod starts;
@@ -12,14 +12,15 @@ use std::collections::HashSet;
 
 use super::bounds::Bounds;
 use super::evaluator::Evaluator;
+use super::lints;
 use super::scope;
 use super::suggest::suggest;
 use super::time::Time;
 use super::trace::Traces;
 use super::value::not_yet;
 use super::words::{self, Word};
+use cached_lines::CachedLines;
 use files::Files;
-use fixed::Fixed;
 
 use super::{Options, Program, Settings};
 use crate::board::Board;
@@ -87,7 +88,7 @@ struct Frame {
     /// Its settings, with their places.
     given: Vec<(&'static str, Span)>,
     /// In a pass of a `repeat`, what its lines do in every pass.
-    fixed: Option<Fixed>,
+    cached: Option<CachedLines>,
     /// How many blocks and calls contain it.
     depth: usize,
 }
@@ -148,9 +149,7 @@ impl<'s> Walker<'s, '_> {
         // A script that does nothing is a file of phrases. Lines that were not run because of an error may use a name.
         let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
         if !is_phrases && !self.eval.diagnostics.has_errors() {
-            for (name, span) in self.eval.scope.unused() {
-                report!(self.eval, Unused, span, "`{name}` is never used"; help: "remove it, or use it");
-            }
+            lints::unused::check(&mut self.eval);
         }
         Program { end: frame.latest, traces: self.eval.traces, ..self.program }
     }
@@ -181,7 +180,7 @@ impl<'s> Walker<'s, '_> {
             if !self.bounds.line(line.span(), &mut self.eval) {
                 return;
             }
-            if self.line_again(place, line, frame).is_none() {
+            if self.run_line(place, line, frame).is_none() {
                 self.program.times_known = false;
                 self.failed.get_or_insert(line.span());
             }
@@ -248,7 +247,7 @@ impl<'s> Walker<'s, '_> {
             self.lines(block.places(), frame);
             // In this pass only, the names that it gives may hide names that later lines use.
             if self.eval.scope.locals() > names {
-                frame.fixed = None;
+                frame.cached = None;
             }
         }
         Some(())

@@ -4,20 +4,19 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::super::calls::calls_of;
+use super::super::lints;
 use super::super::pending::Used;
 use super::super::scope::{self, Kind};
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::words;
 use super::{Frame, Walker};
-use crate::diagnostic::{bail, diagnostic, report};
+use crate::diagnostic::{bail, report};
 use crate::syntax::{Call, Def, Let, Name, Node, NodeKind};
 
 impl<'s> Walker<'s, '_> {
     pub(super) fn let_(&mut self, each: &Let<'s>) -> Option<()> {
-        if self.eval.traces.pass() == 2 {
-            self.new_in_each_pass(each);
-        }
+        lints::let_in_repeat::check(each, &mut self.eval);
         let set = self.sets.iter_mut().find(|set| set.name == each.name.text);
         let value = match set.filter(|_| self.eval.scope.main && self.eval.scope.is_top()) {
             Some(set) => {
@@ -42,23 +41,6 @@ impl<'s> Walker<'s, '_> {
         free
     }
 
-    /// Warns of `let x = x + 1` in a `repeat`, where the `x` on the right is always the one outside.
-    fn new_in_each_pass(&mut self, each: &Let<'s>) {
-        let name = each.name.text;
-        let is_own = |node: &Node<'_>| node.kind == NodeKind::Name(name);
-        let (repeat, outer) = (self.eval.traces.latest(), self.eval.scope.defined_at(name));
-        let Some(outer) = outer.filter(|outer| each.value.nodes.iter().any(is_own) && outer.start < repeat.start)
-        else {
-            return;
-        };
-        let (_, statement) = self.eval.statement_around(repeat);
-        let head = statement.split('{').next().unwrap_or_default().trim();
-        let counted = if head.contains(" as ") { head.to_owned() } else { format!("{head} as i") };
-        let diagnostic = diagnostic!(LetInRepeat, each.name.span, "`{name}` is new in each pass, and always starts from the same value";
-            help: "count the passes, `{counted} {{ … }}`, and calculate `{name}` from that number");
-        self.eval.push(diagnostic.related(outer, "the value on the right"));
-    }
-
     pub(super) fn def(&mut self, def: &Arc<Def<'s>>, frame: &Frame) -> Option<()> {
         if !frame.top {
             return self.eval.top_level("def", def.span);
@@ -76,9 +58,9 @@ impl<'s> Walker<'s, '_> {
         }
         // Called or not, it uses the names above it.
         scope::names_of_def(def, &mut |name| self.eval.scope.touch_value(name));
-        let weight = self.bounds.of_block(&def.body, &self.eval);
+        let cost = self.bounds.of_block(&def.body, &self.eval);
         let number = self.eval.scope.define(def, parameters);
-        self.bounds.define(number, weight);
+        self.bounds.define(number, cost);
         self.eval.check_words(&def.body, true);
         self.check_calls(def)
     }

@@ -4,9 +4,9 @@ use super::words::{self, Does, Word};
 use crate::board::Board;
 use crate::syntax::{Block, Command, Item, NumberShape, Statement, Value, ValueKind};
 
-/// A lower bound: an `if` counts as its lightest branch, and a `repeat` whose number is calculated as one pass.
+/// A lower bound: an `if` counts as its smallest branch, and a `repeat` whose number is calculated as one pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Weight {
+pub(super) struct Cost {
     pub(super) steps: u64,
     /// Commands to the board.
     pub(super) events: u64,
@@ -20,22 +20,22 @@ pub(super) const MARK: u64 = 160;
 pub(super) const SAY: u64 = 240;
 pub(super) const EXPECT: u64 = 400;
 
-impl Weight {
-    pub(super) fn plus(self, other: Weight) -> Weight {
+impl Cost {
+    pub(super) fn plus(self, other: Cost) -> Cost {
         self.with(other, u64::saturating_add)
     }
 
-    fn lighter(self, other: Weight) -> Weight {
+    fn smaller(self, other: Cost) -> Cost {
         self.with(other, u64::min)
     }
 
-    pub(super) fn times(self, passes: u64) -> Weight {
-        let passes = Weight { steps: passes, events: passes, moves: passes, kept: passes };
+    pub(super) fn times(self, passes: u64) -> Cost {
+        let passes = Cost { steps: passes, events: passes, moves: passes, kept: passes };
         self.with(passes, u64::saturating_mul)
     }
 
-    fn with(self, other: Weight, each: impl Fn(u64, u64) -> u64) -> Weight {
-        Weight {
+    fn with(self, other: Cost, each: impl Fn(u64, u64) -> u64) -> Cost {
+        Cost {
             steps: each(self.steps, other.steps),
             events: each(self.events, other.events),
             moves: each(self.moves, other.moves),
@@ -44,36 +44,36 @@ impl Weight {
     }
 }
 
-/// The weight of a block; `phrase` knows the weight of a `def`. The recursion is bounded by the depth of brackets.
-pub(super) fn of_block(board: &Board, block: &Block<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
-    let mut weight = Weight { steps: block.count() as u64, ..Weight::default() };
+/// The cost of a block; `phrase` knows the cost of a `def`. The recursion is bounded by the depth of brackets.
+pub(super) fn of_block(board: &Board, block: &Block<'_>, phrase: &dyn Fn(&str) -> Cost) -> Cost {
+    let mut cost = Cost { steps: block.count() as u64, ..Cost::default() };
     for line in block.lines() {
-        let weights = line.statements().map(|statement| of_statement(board, statement, phrase));
-        weight = weights.fold(weight, Weight::plus);
+        let costs = line.statements().map(|statement| of_statement(board, statement, phrase));
+        cost = costs.fold(cost, Cost::plus);
     }
-    weight
+    cost
 }
 
-fn of_statement(board: &Board, statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
+fn of_statement(board: &Board, statement: &Statement<'_>, phrase: &dyn Fn(&str) -> Cost) -> Cost {
     match statement {
         Statement::Block(block) => of_block(board, block, phrase),
         Statement::Call(call) => phrase(call.name.text),
         Statement::If(each) => {
-            let lightest = each.blocks().map(|block| of_block(board, block, phrase)).reduce(Weight::lighter);
-            lightest.filter(|_| each.otherwise.is_some()).unwrap_or_default()
+            let smallest = each.blocks().map(|block| of_block(board, block, phrase)).reduce(Cost::smaller);
+            smallest.filter(|_| each.otherwise.is_some()).unwrap_or_default()
         }
         Statement::Command(command) => of_command(board, command, phrase),
-        Statement::Let(_) | Statement::Def(_) => Weight::default(),
+        Statement::Let(_) | Statement::Def(_) => Cost::default(),
     }
 }
 
-fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Weight) -> Weight {
+fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Cost) -> Cost {
     let inside = command.block.as_ref().map(|block| of_block(board, block, phrase)).unwrap_or_default();
     let row = match words::find(board, command.head.text) {
         Some(Word::Verb(_, verb)) if verb.moves && takes_time(command) => {
-            return Weight { moves: 1, ..Weight::default() };
+            return Cost { moves: 1, ..Cost::default() };
         }
-        Some(Word::Verb(..)) => return Weight { events: 1, ..Weight::default() },
+        Some(Word::Verb(..)) => return Cost { events: 1, ..Cost::default() },
         Some(Word::Row(row)) => Some(row.does),
         None => None,
     };
@@ -89,14 +89,14 @@ fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Wei
                 _ => None,
             });
             // At least its lines' own step for every pass.
-            inside.plus(Weight { steps: 1, ..Weight::default() }).times(passes.unwrap_or(0))
+            inside.plus(Cost { steps: 1, ..Cost::default() }).times(passes.unwrap_or(0))
         }
-        _ => Weight::default(),
+        _ => Cost::default(),
     }
 }
 
-fn kept(bytes: u64, texts: u64) -> Weight {
-    Weight { kept: bytes.saturating_add(texts), ..Weight::default() }
+fn kept(bytes: u64, texts: u64) -> Cost {
+    Cost { kept: bytes.saturating_add(texts), ..Cost::default() }
 }
 
 /// Bytes of the words and texts behind a command, each at least half of what it was written with.

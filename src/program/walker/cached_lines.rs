@@ -10,17 +10,17 @@ use crate::source::Span;
 use crate::syntax::{Line, LineRef, Part, Start, Statement};
 
 /// What the lines of one `repeat` do in every pass.
-pub(super) struct Fixed {
+pub(super) struct CachedLines {
     /// How many names of blocks there were before the first pass. Those behind are given anew in each; one that an `if` gives ends all
     /// this, because it hides others in some passes only.
     outer: usize,
     /// What is known of each line, by its place in the block.
-    lines: Vec<Option<Done>>,
+    lines: Vec<Option<CachedLine>>,
 }
 
 /// What a line did.
 #[derive(Clone)]
-struct Done {
+struct CachedLine {
     line: Span,
     /// How long after the line before its step began.
     delay: Time,
@@ -30,16 +30,16 @@ struct Done {
     step: Option<(Span, Action)>,
 }
 
-impl Fixed {
+impl CachedLines {
     pub(super) fn new(outer: usize) -> Self {
-        Fixed { outer, lines: Vec::new() }
+        CachedLines { outer, lines: Vec::new() }
     }
 
-    fn done(&self, place: usize, line: Span) -> Option<&Done> {
+    fn done(&self, place: usize, line: Span) -> Option<&CachedLine> {
         self.lines.get(place)?.as_ref().filter(|done| done.line == line)
     }
 
-    fn keep(&mut self, place: usize, done: Done) {
+    fn keep(&mut self, place: usize, done: CachedLine) {
         if self.lines.len() <= place {
             self.lines.resize(place + 1, None);
         }
@@ -51,11 +51,11 @@ impl Fixed {
 
 impl<'s> Walker<'s, '_> {
     /// Runs a line, which may be known from a pass before.
-    pub(super) fn line_again(&mut self, place: usize, line: LineRef<'_, 's>, frame: &mut Frame) -> Option<()> {
-        let Some(fixed) = &frame.fixed else { return self.line(&line.read(), frame) };
+    pub(super) fn run_line(&mut self, place: usize, line: LineRef<'_, 's>, frame: &mut Frame) -> Option<()> {
+        let Some(cached) = &frame.cached else { return self.line(&line.read(), frame) };
         // A pass is no `together`.
         let from = frame.now;
-        if let Some(done) = fixed.done(place, line.span()) {
+        if let Some(done) = cached.done(place, line.span()) {
             let start = from.plus(done.delay);
             let end = start.plus(done.lasted);
             if let Some((span, action)) = &done.step {
@@ -67,10 +67,10 @@ impl<'s> Walker<'s, '_> {
             return Some(());
         }
         let line = line.read();
-        if !may_be_fixed(self.eval.board, &line) {
+        if !is_cacheable(self.eval.board, &line) {
             return self.line(&line, frame);
         }
-        let outer = fixed.outer;
+        let outer = cached.outer;
         let before = self.program.steps.len();
         (self.eval.varies, self.eval.scope.newest) = (false, 0);
         self.line(&line, frame)?;
@@ -81,17 +81,18 @@ impl<'s> Walker<'s, '_> {
         let (start, end) = (step.map_or(from, |step| step.at), frame.now);
         // Whole nanoseconds are added and taken away exactly.
         if [from, start, end].into_iter().all(Time::is_whole)
-            && let Some(fixed) = &mut frame.fixed
+            && let Some(cached) = &mut frame.cached
         {
             let step = step.map(|step| (step.span, step.action.clone()));
-            fixed.keep(place, Done { line: line.span, delay: start.minus(from), lasted: end.minus(start), step });
+            cached
+                .keep(place, CachedLine { line: line.span, delay: start.minus(from), lasted: end.minus(start), step });
         }
         Some(())
     }
 }
 
 /// Whether a line is one command to the board, or passes time, and starts where the line before has ended or a time behind.
-fn may_be_fixed(board: &Board, line: &Line<'_>) -> bool {
+fn is_cacheable(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
     let is_plain = match words::find(board, command.head.text) {
         Some(Word::Verb(..)) => true,
