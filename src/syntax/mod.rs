@@ -4,7 +4,6 @@
 //! and the builder turns pest's pairs into the tree. Every mistake found on the way becomes a diagnostic; the tree holds what
 //! could be read.
 
-mod read_ahead;
 mod ambiguous;
 mod arguments;
 mod ast;
@@ -15,16 +14,17 @@ mod flat;
 pub(crate) mod foreign;
 mod pattern;
 mod print;
+mod read_ahead;
 mod reading;
 mod scan;
 mod visit;
 
-pub(crate) use read_ahead::{Lines, read_ahead};
 pub use ast::{
     Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, LineRef, Lost, Moment,
     Name, Node, NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 pub use print::format;
+pub(crate) use read_ahead::{Lines, read_ahead};
 pub use reading::{Reading, parse_set};
 
 use crate::diagnostic::Diagnostics;

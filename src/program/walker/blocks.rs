@@ -2,12 +2,12 @@
 
 use super::super::Abort;
 use super::super::arguments;
+use super::super::cost::Cost;
 use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
-use super::super::cost::Cost;
-use super::commands::At;
 use super::cached_lines::CachedLines;
+use super::commands::At;
 use super::{Frame, Walker};
 use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::Span;

@@ -1,13 +1,13 @@
 //! One command of a script: its row in the table says which function runs it.
 
 use super::super::arguments::{self, Arguments, Lasting};
+use super::super::cost::{self, Cost};
 use super::super::evaluator::Evaluator;
 use super::super::motion::Move;
 use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Parsed};
-use super::super::cost::{self, Cost};
 use super::super::words::{self, Does, Row, Word};
 use super::super::{Action, Step, expect, limits, lints, say};
 use super::{Frame, Walker};
