@@ -390,7 +390,7 @@ nod()
 
     Clash "clash" Error "Two commands overlap."
         "The drive, the buzzer and each servo do one thing at a time. A command with `for` or `over` occupies its device until it ends; \
-        any other command occupies it for an instant. Lines run one after the other, so commands overlap mostly where `at`, \
+        any other command occupies it for an instant. Lines run one after another, so commands overlap mostly where `at`, \
         `together` or `;` is used."
         "together {\n  servo 1 1000 -> 1500 over 1s\n  +500ms servo 1 1200\n}\n"
         "servo 1 1000 -> 1500 over 1s\nservo 1 1200\n"

@@ -1,6 +1,6 @@
 //! Errors and warnings as data: a stable code, a place, words, and what to write instead.
 //!
-//! No stage prints. Each one adds to a [`Diagnostics`]; whoever shows them attaches the source once, with [`Attached`].
+//! No stage prints. Each one adds to a [`Diagnostics`]; the caller that shows them attaches the source once, with [`Attached`].
 
 mod codes;
 mod macros;
@@ -24,7 +24,7 @@ pub const MAX_WARNINGS: usize = 10_000;
 pub struct Related {
     /// Where.
     pub span: Span,
-    /// What stands there.
+    /// What is there.
     pub label: String,
 }
 
@@ -119,7 +119,7 @@ impl Diagnostic {
         self.fix(span, text)
     }
 
-    /// Adds a word or two that stand at the place itself.
+    /// Adds a word or two that are shown at the place itself.
     #[must_use]
     pub(crate) fn label(mut self, label: impl Into<String>) -> Self {
         self.label = Some(label.into());
@@ -154,12 +154,12 @@ impl Diagnostics {
     /// Whether a comment allows a warning at a place: on the line where it begins.
     pub(crate) fn is_allowed(&self, code: Code, span: Span) -> bool {
         let lines = self.allowed.get(&code).map(Vec::as_slice).unwrap_or_default();
-        let behind = lines.partition_point(|line| line.start <= span.start);
-        let line = behind.checked_sub(1).and_then(|at| lines.get(at));
+        let after = lines.partition_point(|line| line.start <= span.start);
+        let line = after.checked_sub(1).and_then(|at| lines.get(at));
         code.severity() == Severity::Warning && line.is_some_and(|line| span.start <= line.end)
     }
 
-    /// Adds one. A warning that is allowed at its place is none. Beyond [`MAX_ERRORS`] and [`MAX_WARNINGS`] it is only counted.
+    /// Adds one, unless a comment allows it. Beyond [`MAX_ERRORS`] and [`MAX_WARNINGS`] it is only counted.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         if self.is_allowed(diagnostic.code, diagnostic.span) {
             return;

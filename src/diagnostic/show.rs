@@ -1,4 +1,4 @@
-//! How diagnostics are made fit for a terminal, and for miette, which draws them.
+//! How diagnostics are prepared for a terminal, and for miette, which prints them.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -6,7 +6,7 @@ use std::fmt;
 use super::{Diagnostic, Related, Severity};
 use crate::source::{Source, Sources, Span};
 
-/// A source made fit for showing: every character that could move a terminal's cursor is replaced by one of the same
+/// A source prepared for a terminal: every character that could move a terminal's cursor is replaced by one of the same
 /// length, so offsets still fit, and lines are cut to a window around the place that is shown.
 #[derive(Debug)]
 pub struct Printable<'s> {
@@ -16,7 +16,7 @@ pub struct Printable<'s> {
     lines: Vec<usize>,
 }
 
-/// The most bytes shown before and behind a place, and of a place itself.
+/// The most bytes shown before and after a place, and of a place itself.
 const WINDOW: usize = 160;
 
 impl<'s> Printable<'s> {

@@ -20,7 +20,7 @@ const ENOUGH: u64 = 300_000;
 /// How deep blocks and calls may run inside each other.
 const MAX_DEPTH: usize = 200;
 
-/// What was run so far, and what else may be run.
+/// What has been run, and what else may be run.
 #[derive(Debug, Default)]
 pub(super) struct Bounds {
     /// Lines and passes that were run, and what they added. A move may send nothing, where everything is there already.
@@ -43,7 +43,7 @@ impl Bounds {
     /// Counts a line; whether it may be run.
     pub(super) fn line(&mut self, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
         self.done.steps += 1;
-        // Behind an error only more errors are looked for, and not for ever.
+        // After an error, the rest is run only to find more errors, and not without end.
         self.exhausted |= self.done.steps > ENOUGH && eval.diagnostics.has_errors();
         let Cost { steps, events, moves, kept } = self.done;
         let is_within =
@@ -57,7 +57,7 @@ impl Bounds {
         !self.exhausted && self.allow(Cost::default(), span, eval).is_some() && !self.too_long
     }
 
-    /// Whether so much more may be run; `None` where not, which is reported, and nothing more is run.
+    /// Whether this may be run in addition; `None` if not, which is reported, and nothing more is run.
     pub(super) fn allow(&mut self, more: Cost, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<()> {
         let cost = self.done.plus(more);
         if cost.steps > MAX_STEPS {
@@ -79,7 +79,7 @@ impl Bounds {
         None
     }
 
-    /// Whether a block or a call may run inside so many others.
+    /// Whether a block or a call may run at this depth.
     pub(super) fn allow_depth(&mut self, depth: usize, span: Span, eval: &mut Evaluator<'_, '_>) -> bool {
         if depth > MAX_DEPTH {
             report!(eval, Nesting, span, "blocks and calls are nested more than {MAX_DEPTH} deep";

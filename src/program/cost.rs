@@ -99,7 +99,7 @@ fn kept(bytes: u64, texts: u64) -> Cost {
     Cost { kept: bytes.saturating_add(texts), ..Cost::default() }
 }
 
-/// Bytes of the words and texts behind a command, each at least half of what it was written with.
+/// Bytes of the words and strings of a command: at least half of those that were written.
 fn texts(command: &Command<'_>) -> u64 {
     let texts = command.arguments.iter().map(|argument| match &argument.item {
         Item::One(Value { kind: ValueKind::Word(text) | ValueKind::Text(text), .. }) => text.len() as u64 / 2,

@@ -23,7 +23,7 @@ pub(super) fn read(text: &str) -> Result<Time, NotATime> {
 fn one_unit(text: &str) -> Option<Time> {
     let mut rest = text.as_bytes();
     let (mut number, mut digits, mut places) = (0_i64, 0, None);
-    while let [byte @ (b'0'..=b'9' | b'.'), behind @ ..] = rest {
+    while let [byte @ (b'0'..=b'9' | b'.'), tail @ ..] = rest {
         match (byte, &mut places) {
             (b'.', None) if digits > 0 => places = Some(0),
             (b'.', _) => return None,
@@ -36,7 +36,7 @@ fn one_unit(text: &str) -> Option<Time> {
         if digits > 15 {
             return None;
         }
-        rest = behind;
+        rest = tail;
     }
     let unit = UNITS.iter().find(|unit| unit.name.as_bytes() == rest)?;
     let Measure::Time(Nanos(nanos)) = unit.of else { return None };

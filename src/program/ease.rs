@@ -21,7 +21,7 @@ enum Direction {
 /// One row of the table: a curve that starts slowly.
 #[derive(Debug)]
 pub struct Curve {
-    /// Its name, behind `in-`, `out-` or `in-out-`.
+    /// Its name, after `in-`, `out-` or `in-out-`.
     pub name: &'static str,
     /// What it looks like.
     pub meaning: &'static str,

@@ -30,7 +30,7 @@ pub(super) struct Evaluator<'s, 'd> {
     /// Whether a value since this was reset came from a random number or from the tempo.
     pub(super) varies: bool,
     pub(super) traces: Traces,
-    /// Names that are meant to exist, although nobody could read them.
+    /// Names whose definitions could not be read.
     pub(super) lost: Lost<'s>,
     /// What is completed at the end of the file that is run.
     pub(super) pending: Pending<'s>,
@@ -70,7 +70,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         self.diagnostics.push(self.traces.attach(diagnostic, here));
     }
 
-    /// A value that must be a quantity; `None` where it is none, which is reported.
+    /// A value that must be a quantity; `None` if it is not, which is reported.
     pub(super) fn value(&mut self, value: &Value<'s>) -> Option<Quantity> {
         let quantity = match &value.kind {
             ValueKind::Number(shape, text) => self.number(*shape, text, value.span),

@@ -13,7 +13,7 @@ pub struct Limit {
     pub low: f64,
     /// The largest value allowed.
     pub high: f64,
-    /// Where the script says so; `None` for a limit that holds because the script sets no other.
+    /// Where the script sets it; `None` for a limit of the board.
     pub span: Option<Span>,
 }
 

@@ -102,7 +102,7 @@ impl Speed {
     /// As the script says.
     pub const NORMAL: Speed = Speed(1_000);
 
-    /// Of a decimal number from 0.1 to 10 with at most three digits behind its point.
+    /// Of a decimal number from 0.1 to 10 with at most three digits after its point.
     pub fn of(text: &str) -> Option<Speed> {
         let (whole, part) = text.split_once('.').unwrap_or((text, "0"));
         let is_number = |text: &str| (1..=3).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
@@ -142,7 +142,7 @@ impl Default for Options {
 pub(crate) struct Program {
     /// The board that it is for.
     pub board: Arc<Board>,
-    /// What stands before the commands.
+    /// Its settings.
     pub settings: Settings,
     /// Every command, in the order of unrolling; where times are equal, that order decides.
     pub steps: Vec<Step>,
@@ -154,7 +154,7 @@ pub(crate) struct Program {
     pub marks: Vec<(String, Time)>,
     /// The calls and passes that led to each step.
     pub traces: Traces,
-    /// Whether all of these times are right, whatever else is wrong with the script.
+    /// Whether all of these times are right, even if the script has other errors.
     pub times_known: bool,
 }
 
@@ -172,7 +172,7 @@ pub(crate) struct Abort {
 pub(crate) struct Step {
     /// When it starts, from the start of the script.
     pub at: Time,
-    /// Where it stands in the script.
+    /// Its place in the script.
     pub span: Span,
     /// The calls and passes that led to it.
     pub trace: TraceId,
@@ -188,7 +188,7 @@ pub(crate) struct Step {
 pub(crate) enum Action {
     /// Sends a command.
     Send(board::Command),
-    /// Sends a command that holds for so long, and then ends: the drive stops, the buzzer goes off.
+    /// Sends a command that holds for this time, and then ends: the drive stops, the buzzer is turned off.
     Hold(Box<(board::Command, Time)>),
     /// Goes somewhere over a time.
     Go(Box<Move>),
@@ -198,7 +198,7 @@ pub(crate) enum Action {
     Expect(Box<Expect>),
 }
 
-/// What stands before every command of a script.
+/// The settings of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Settings {
     /// Time between two samples of a move: 1/200 s to 1 s.
@@ -209,7 +209,7 @@ pub(crate) struct Settings {
     pub baud: u32,
     /// How long a beat and a bar are.
     pub tempo: Tempo,
-    /// Whether the script says so.
+    /// Whether the script sets it.
     pub has_tempo: bool,
     /// Which random numbers there are.
     pub seed: u64,

@@ -10,7 +10,7 @@ use crate::board::{Axis, Board, Command, MAX_MOVING, Unit, Values, VerbId};
 /// One value of such a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Glide {
-    /// Where it starts, if the script says so with `A -> B`.
+    /// Where it starts, if the script has `A -> B`.
     pub from: Option<f64>,
     /// Where it goes. In range when rounded.
     pub to: f64,

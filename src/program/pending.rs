@@ -10,9 +10,9 @@ use crate::syntax::{Def, Line, Lost, Name, Statement};
 /// What must be known at the end of the file that is run.
 #[derive(Default)]
 pub(super) struct Pending<'s> {
-    /// The `def`s at its top level that were read so far.
+    /// The `def`s at its top level, up to the current line.
     defs: Vec<Arc<Def<'s>>>,
-    /// What could not be read of it so far.
+    /// What could not be read of it, up to the current line.
     pub(super) lost: Lost<'s>,
     unknown: Vec<(Code, Unknown<'s>)>,
     /// The values and marks of its top level that come after the first unknown name.

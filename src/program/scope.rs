@@ -1,4 +1,4 @@
-//! Names and what they stand for. `let`, parameters, `repeat … as`, `def` and marks share one name space.
+//! Names and their values. `let`, parameters, `repeat … as`, `def` and marks share one namespace.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
@@ -94,7 +94,7 @@ pub(super) struct Scope<'s> {
     in_phrase: bool,
     /// How many names were compared with unknown ones.
     compared: usize,
-    /// Behind the newest of the locals that was used since this was reset.
+    /// One more than the index of the newest local that was used since this was reset.
     pub(super) newest: usize,
     /// How many top-level names and phrases are visible.
     visible: usize,
@@ -173,7 +173,7 @@ impl<'s> Scope<'s> {
         phrase.or_else(binding)
     }
 
-    /// Where a mark would hide this name: marks live as long as the pass or call that they stand in. A call does not see its
+    /// Where a mark would hide this name: marks live as long as the pass or call that contains them. A call does not see its
     /// caller's names, and may hide those at the top level.
     pub(super) fn hidden_by_mark(&self, name: &str) -> Option<Span> {
         let local = self.local_since(self.floor, name).and_then(|at| self.locals.get(at));
@@ -288,7 +288,7 @@ impl<'s> Scope<'s> {
         }
     }
 
-    /// Begins the body of a phrase: only what stands above it is seen, never the caller's names.
+    /// Begins the body of a phrase: it knows only the names above it, never the caller's.
     pub(super) fn enter(&mut self, phrase: &Phrase<'s>) -> Frame {
         let mark = self.open();
         let frame = Frame {

@@ -1,8 +1,8 @@
-//! Texts that values are put into: `"pass {i}"`.
+//! Strings that values are inserted into: `"pass {i}"`.
 
 use std::iter;
 
-/// One piece of such a text.
+/// One piece of such a string.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Piece<'t> {
     /// A character that is shown.
@@ -15,31 +15,31 @@ pub(super) enum Piece<'t> {
     LoneBackslash,
 }
 
-/// The pieces of a text in its quotation marks: `\"`, `\\`, `{{` and `}}` are one character each.
+/// The pieces of a string in its quotation marks: `\"`, `\\`, `{{` and `}}` are one character each.
 pub(super) fn pieces(quoted: &str) -> impl Iterator<Item = Piece<'_>> {
     let mut rest = quoted.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(quoted);
     iter::from_fn(move || {
         let mut chars = rest.chars();
         let first = chars.next()?;
-        let behind = chars.as_str();
+        let after = chars.as_str();
         let second = chars.next();
         let piece;
         (piece, rest) = match (first, second) {
             ('\\', Some(c @ ('"' | '\\'))) | ('{', Some(c @ '{')) | ('}', Some(c @ '}')) => {
                 (Piece::Char(c), chars.as_str())
             }
-            ('\\', _) => (Piece::LoneBackslash, behind),
-            ('{', _) => match behind.split_once('}') {
-                Some((name, behind)) => (Piece::Name(name.trim()), behind),
-                None => (Piece::Unclosed, behind),
+            ('\\', _) => (Piece::LoneBackslash, after),
+            ('{', _) => match after.split_once('}') {
+                Some((name, after)) => (Piece::Name(name.trim()), after),
+                None => (Piece::Unclosed, after),
             },
-            _ => (Piece::Char(first), behind),
+            _ => (Piece::Char(first), after),
         };
         Some(piece)
     })
 }
 
-/// The names that a text puts in.
+/// The names in a string.
 pub(super) fn names(quoted: &str) -> impl Iterator<Item = &str> {
     pieces(quoted).filter_map(|piece| if let Piece::Name(name) = piece { Some(name) } else { None })
 }

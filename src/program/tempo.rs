@@ -32,7 +32,7 @@ impl Tempo {
         self.beat.times(u64::from(self.beats))
     }
 
-    /// The same meter at so many beats a minute; `None` where that is no tempo.
+    /// The same meter at this number of beats per minute; `None` if that is not a tempo.
     pub(super) fn at(self, bpm: f64) -> Option<Tempo> {
         let beat = Time::from_millis(60_000).over_number(bpm)?;
         Some(Tempo { beat, ..self })
@@ -43,7 +43,7 @@ impl Tempo {
         Tempo { beat: speed.time(self.beat), ..self }
     }
 
-    /// The same tempo with so many beats a bar.
+    /// The same tempo with this number of beats per bar.
     pub(super) fn of(self, beats: u32) -> Tempo {
         Tempo { beats, ..self }
     }

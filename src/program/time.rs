@@ -38,12 +38,12 @@ impl Time {
         Time { nanos, per: 1 }
     }
 
-    /// So many milliseconds.
+    /// Milliseconds.
     pub const fn from_millis(millis: u32) -> Time {
         Time::from_nanos(millis as i64 * 1_000_000)
     }
 
-    /// So many nanoseconds divided by `per`, which is not zero; `None` beyond 292 years.
+    /// Nanoseconds divided by `per`, which is not zero; `None` beyond 292 years.
     pub(super) fn from_fraction(nanos: i128, per: i128) -> Option<Time> {
         (per != 0).then(|| Time::exact(nanos, per)).flatten()
     }
@@ -123,7 +123,7 @@ impl Time {
         Time::from_fraction(a * c, b * d)
     }
 
-    /// So many times as long, held as a sum is.
+    /// This time multiplied by a count, with the bound of a sum.
     #[must_use]
     pub fn times(self, factor: u64) -> Time {
         let held = if self < Time::ZERO { Time::MAX.negated() } else { Time::MAX };
@@ -156,7 +156,7 @@ impl Time {
         Some(whole as f64 + (above % below) as f64 / below as f64)
     }
 
-    /// What is left when `other` is taken away as often as it goes; it has the sign of `other`. `None` where `other` is zero.
+    /// The remainder of the division by `other`; it has the sign of `other`. `None` if `other` is zero.
     pub(crate) fn remainder(self, other: Time) -> Option<Time> {
         let [a, b, c, d] = [self.nanos, self.per, other.nanos, other.per].map(i128::from);
         let below = c * b;
@@ -171,7 +171,7 @@ impl Time {
     }
 }
 
-/// The part below one nanosecond in so many parts, half up.
+/// The part below one nanosecond, in units of `1 / finest`, half up.
 fn rounded(rest: i128, per: i128, finest: i64) -> i128 {
     // `rest` is below `per`, which is below 2^127: scale both down where doubling them would not fit.
     let shift = (128 - per.leading_zeros()).saturating_sub(100);

@@ -3,7 +3,7 @@
 use crate::diagnostic::Diagnostic;
 use crate::source::Span;
 
-/// A place in the tree of calls: behind where its call or pass begins among the bytes that are kept; 0 is the script itself.
+/// A place in the tree of calls: one more than the index of its first byte among the bytes that are kept; 0 is the script itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraceId(u32);
 
@@ -23,8 +23,8 @@ const SHOWN: usize = 4;
 /// The calls and passes of a script that led to anything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Traces {
-    /// One behind the other, each as four numbers of as few bytes as they need, because there may be some for each of millions of events: how
-    /// far it is behind the one that it is within, where it stands, how long that is, and its pass.
+    /// Each is four numbers of as few bytes as possible, because there may be some for each of millions of events: its distance from the
+    /// one that contains it, the start and the length of its span, and its pass.
     all: Vec<u8>,
     /// The way to where the script is now; what leads to nothing is never kept.
     path: Vec<(Span, u32, Option<TraceId>)>,
@@ -87,7 +87,7 @@ impl Traces {
         diagnostic
     }
 
-    /// The calls and passes that led to `leaf`, the innermost first: where the call or the `repeat` stands, and which pass it
+    /// The calls and passes that led to `leaf`, the innermost first: the place of the call or the `repeat`, and which pass it
     /// is, counted from 1; 0 for a call.
     pub fn chain(&self, leaf: TraceId) -> impl Iterator<Item = (Span, u32)> {
         let first = self.get(leaf);
@@ -96,9 +96,9 @@ impl Traces {
 
     fn get(&self, TraceId(at): TraceId) -> Option<Trace> {
         let mut bytes = self.all.get(usize::try_from(at).ok()?.checked_sub(1)?..)?;
-        let [behind, start, length, pass] = [(); 4].map(|()| take(&mut bytes));
+        let [distance, start, length, pass] = [(); 4].map(|()| take(&mut bytes));
         let span = Span { start: start?, end: start?.checked_add(length?)? };
-        Some(Trace { within: TraceId(at.checked_sub(behind?)?), span, pass: pass? })
+        Some(Trace { within: TraceId(at.checked_sub(distance?)?), span, pass: pass? })
     }
 }
 

@@ -11,17 +11,17 @@ use crate::units::Unit;
 pub struct Row {
     /// The word that a line starts with.
     pub name: &'static str,
-    /// What stands behind it.
+    /// How it is written, with its arguments.
     pub usage: &'static str,
     /// A line that works.
     pub example: &'static str,
     /// What it does, in a few words.
     pub meaning: &'static str,
-    /// Whether a block stands behind it.
+    /// Whether it has a block.
     pub block: bool,
     /// Whether it cannot be joined to other commands.
     pub(super) alone: bool,
-    /// Whether a setting may also stand first in a block.
+    /// Whether a setting may also come first in a block.
     pub(super) in_block: bool,
     /// Whether a setting may be given more than once.
     pub(super) repeats: bool,
@@ -76,17 +76,17 @@ pub(super) enum Setting {
 pub struct Signature<'t> {
     /// The word.
     pub name: &'t str,
-    /// What stands behind it.
+    /// How it is written, with its arguments.
     pub usage: &'t str,
     /// A line that works.
     pub example: &'t str,
     /// What it does, in a few words.
     pub meaning: &'t str,
-    /// Whether `for D` may stand behind it.
+    /// Whether `for D` may follow it.
     pub holds: bool,
-    /// Whether `over D` may stand behind it.
+    /// Whether `over D` may follow it.
     pub moves: bool,
-    /// Whether a block stands behind it.
+    /// Whether it has a block.
     pub block: bool,
 }
 
@@ -229,11 +229,11 @@ pub const COMMANDS: &[Row] = &[
     ),
     Row::reserved(
         "else",
-        Does::Malformed("an `else` stands behind the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
+        Does::Malformed("an `else` follows the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
     ),
 ];
 
-/// What may stand before every command.
+/// The settings, which precede every command.
 pub const SETTINGS: &[Row] = &[
     Row::new(
         "language",
@@ -282,7 +282,7 @@ pub const SETTINGS: &[Row] = &[
     Row::reserved("robots", Does::Later),
 ];
 
-/// The words that change how a command runs, each with one argument behind it, and an example of that.
+/// The words that change how a command runs, each with an example of its argument.
 pub(super) const MODIFIERS: &[(&str, &str)] = &[
     ("for", "for 2s"),
     ("over", "over 2s"),
@@ -292,7 +292,7 @@ pub(super) const MODIFIERS: &[(&str, &str)] = &[
     ("as", "as i"),
 ];
 
-/// The other words that cannot be names, because they could stand where a name does.
+/// The other words that cannot be names, because they could be read as one.
 const RESERVED: &[&str] =
     &["at", "bar", "beat", "beats", "bars", "not", "and", "or", "true", "false", "off", "in", "abort"];
 

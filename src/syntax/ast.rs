@@ -1,4 +1,4 @@
-//! The tree of a script: what stands where, with no meaning yet. Names and numbers are slices of the source.
+//! The tree of a script, with no meaning yet. Names and numbers are slices of the source.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -15,7 +15,7 @@ pub struct Ast<'s> {
     pub lost: Lost<'s>,
 }
 
-/// Names that are meant to exist, but were lost with what could not be read: whatever uses them is not told that they are missing.
+/// Names whose definitions could not be read. Their uses are not reported as unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lost<'s> {
     /// Names whose `let` or `def` could not be read.
@@ -42,7 +42,7 @@ impl<'s> Lost<'s> {
     }
 }
 
-/// Lines that run one after the other.
+/// Lines that run one after another.
 #[derive(Clone, Debug)]
 pub struct Block<'s> {
     lines: Vec<Kept<'s>>,
@@ -132,18 +132,18 @@ impl<'s> Line<'s> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Start<'s> {
-    /// `at T`: at a moment, whatever came before.
+    /// `at T`: at a moment, independent of the lines before.
     At(Moment<'s>),
-    /// `+D`: so long after what came before.
+    /// `+D`: a time after the line before has ended.
     After(Value<'s>),
 }
 
-/// The moment of an `at`: where it counts from, and times added or taken away.
+/// The moment of an `at`: where it counts from, and times added or subtracted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Moment<'s> {
     /// What it counts from.
     pub origin: Origin<'s>,
-    /// Times behind it, each with whether it is taken away.
+    /// Times that follow it, each with whether it is subtracted.
     pub offsets: Vec<(bool, Value<'s>)>,
     /// From the origin to the last offset.
     pub span: Span,
@@ -197,7 +197,7 @@ pub enum Statement<'s> {
 }
 
 impl Statement<'_> {
-    /// Where it stands.
+    /// Its place.
     pub fn span(&self) -> Span {
         match self {
             Statement::Command(command) => command.span,
@@ -248,7 +248,7 @@ pub struct Def<'s> {
     pub name: Name<'s>,
     /// What a call may give.
     pub parameters: Vec<Parameter<'s>>,
-    /// What stands where it is called.
+    /// What a call runs.
     pub body: Block<'s>,
     /// From `def` to the closing bracket of the parameters.
     pub span: Span,
@@ -286,9 +286,9 @@ impl<'s> If<'s> {
 pub struct Command<'s> {
     /// The first word.
     pub head: Name<'s>,
-    /// What stands behind it, in the order written.
+    /// Its arguments, in the order written.
     pub arguments: Vec<Argument<'s>>,
-    /// The block behind it.
+    /// Its block.
     pub block: Option<Block<'s>>,
     /// From the head to the last argument or the closing brace.
     pub span: Span,
@@ -299,7 +299,7 @@ pub struct Command<'s> {
 pub struct Name<'s> {
     /// The word.
     pub text: &'s str,
-    /// Where it stands.
+    /// Its place.
     pub span: Span,
 }
 
@@ -333,14 +333,14 @@ impl Argument<'_> {
             Item::One(value) => value.span,
             Item::Arrow(ends) | Item::Range(ends) => ends.1.span,
             Item::List(list) => list.last().map_or(self.span, |value| value.span),
-            Item::Comparison(sign) => sign.span,
+            Item::Comparison(operator) => operator.span,
         }
     }
 
-    /// Whether `next` stands right behind it, with no blank between two values.
+    /// Whether `next` follows it without a space between two values.
     pub(super) fn touches(&self, next: &Argument<'_>) -> bool {
-        let is_sign = |argument: &Argument<'_>| matches!(argument.item, Item::Comparison(_));
-        self.span.end == next.span.start && !is_sign(self) && !is_sign(next)
+        let is_operator = |argument: &Argument<'_>| matches!(argument.item, Item::Comparison(_));
+        self.span.end == next.span.start && !is_operator(self) && !is_operator(next)
     }
 }
 
@@ -356,14 +356,14 @@ pub enum Item<'s> {
     Range(Box<(Value<'s>, Value<'s>)>),
     /// `A,B,…`.
     List(Vec<Value<'s>>),
-    /// A comparison sign, for `expect`.
+    /// A comparison operator, for `expect`.
     Comparison(Name<'s>),
 }
 
 /// One value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Value<'s> {
-    /// Whether a minus stands right before it.
+    /// Whether a minus directly precedes it.
     pub negative: bool,
     /// What it is.
     pub kind: ValueKind<'s>,
@@ -377,7 +377,7 @@ pub struct Value<'s> {
 pub enum ValueKind<'s> {
     /// A number with its unit.
     Number(NumberShape, &'s str),
-    /// A text, as written, with its quotation marks.
+    /// A string, as written, with its quotation marks.
     Text(&'s str),
     /// A word or a name.
     Word(&'s str),
@@ -410,7 +410,7 @@ pub struct Node<'s> {
 pub enum NodeKind<'s> {
     /// A number with its unit.
     Number(NumberShape, &'s str),
-    /// A text with its quotation marks.
+    /// A string with its quotation marks.
     Text(&'s str),
     /// A name.
     Name(&'s str),
@@ -420,9 +420,9 @@ pub enum NodeKind<'s> {
     Not,
     /// An operator between the last two results.
     Binary(Binary),
-    /// Jumps over so many nodes, to behind the operator, where the last result decides an `and` or `or` already.
+    /// Skips this number of nodes, up to and including the operator, if the last result already decides an `and` or `or`.
     Skip(Binary, usize),
-    /// A function of so many of the last results.
+    /// A function of this number of the last results.
     Call(&'s str, usize),
 }
 
@@ -464,7 +464,7 @@ pub enum NumberShape {
     Hex,
     /// One or more numbers with time units: `1m30s`.
     Duration,
-    /// A number, perhaps with letters behind it: `90deg`.
+    /// A number, perhaps followed by letters: `90deg`.
     Plain,
     /// A number of beats or bars.
     Beats,

@@ -76,7 +76,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         (self.lines, Lost { names: self.lost.into_iter().collect(), any: self.lost_any })
     }
 
-    /// The place of a pair, without blanks behind it. Rules that are neither atomic nor end in a bracket may also have
+    /// The place of a pair, without spaces after it. Rules that are neither atomic nor end in a bracket may also have
     /// swallowed a comment, so their places are put together from their children.
     pub(super) fn span(&self, pair: &Pair<'_, Rule>) -> Span {
         let start = pair.as_span().start();
@@ -107,7 +107,7 @@ impl<'s, 'd> Builder<'s, 'd> {
             match child.as_rule() {
                 Rule::part => self.part(place, child, &mut line),
                 Rule::empty => self.empty_place(&child),
-                _ => self.behind(&child),
+                _ => self.after_block(&child),
             }
         }
         line
@@ -161,7 +161,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         }
     }
 
-    /// A start time or robots, and nothing behind them.
+    /// A start time or robots, and nothing after them.
     fn no_statement(&mut self, robot: Option<&Name<'s>>, started: Option<(Start<'s>, Span)>) {
         if let Some(robot) = robot {
             if let Some(found) = foreign::statement(self.statement_text(), self.statement) {
@@ -376,13 +376,13 @@ impl<'s, 'd> Builder<'s, 'd> {
     }
 
     fn empty_place(&mut self, pair: &Pair<'_, Rule>) {
-        // The place has no width; show the `;` behind it, or else the one before it.
+        // The place has no width; show the `;` after it, or else the one before it.
         let base = self.source.base() as usize;
         let at = self.outline.place(pair.as_span().start());
-        let (before, behind) = self.source.text().split_at_checked(at).unwrap_or_default();
-        let blanks = behind.len() - behind.trim_start_matches([' ', '\t']).len();
-        let at = if behind.get(blanks..).is_some_and(|rest| rest.starts_with(';')) {
-            at + blanks
+        let (before, after) = self.source.text().split_at_checked(at).unwrap_or_default();
+        let spaces = after.len() - after.trim_start_matches([' ', '\t']).len();
+        let at = if after.get(spaces..).is_some_and(|rest| rest.starts_with(';')) {
+            at + spaces
         } else {
             before.trim_end().len().saturating_sub(1)
         };
@@ -393,7 +393,7 @@ impl<'s, 'd> Builder<'s, 'd> {
         self.diagnostics.push(errors::empty_command(Span::new(base + at, base + at + 1)));
     }
 
-    fn behind(&mut self, pair: &Pair<'_, Rule>) {
+    fn after_block(&mut self, pair: &Pair<'_, Rule>) {
         let span = self.span(pair);
         self.diagnostics.push(errors::after_block(self.source.slice(span), span));
     }

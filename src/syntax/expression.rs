@@ -12,7 +12,7 @@ use crate::source::Span;
 struct Waiting {
     operator: Operator,
     span: Span,
-    /// Where the jump of an `and` or `or` stands.
+    /// The place of the jump of an `and` or `or`.
     jump: usize,
 }
 
@@ -182,11 +182,11 @@ fn finish(top: &Waiting, nodes: &mut Vec<Node<'_>>) {
         Operator::Binary(binary) => NodeKind::Binary(binary),
     };
     nodes.push(Node { kind, span: top.span });
-    let behind = nodes.len();
+    let after = nodes.len();
     if let Some(Node { kind: NodeKind::Skip(_, over), .. }) = nodes.get_mut(top.jump)
         && matches!(top.operator, Operator::Binary(Binary::And | Binary::Or))
     {
-        *over = behind - top.jump - 1;
+        *over = after - top.jump - 1;
     }
 }
 

@@ -1,8 +1,8 @@
 //! Flat lines, read by hand: a start time, one word, and arguments that are numbers, words or NAME=NUMBER. Nearly all lines of a
 //! long script are flat, and reading them with the rules of the whole language would take twenty times as long.
 //!
-//! What is read here is read exactly as those rules would read it; whatever is not plainly flat is left to them, with all of
-//! its mistakes. A property test at the end of this file holds that.
+//! What is read here is read exactly as those rules would read it; all other lines are left to them, with their
+//! mistakes. A property test at the end of this file holds that.
 
 use std::borrow::Cow;
 
@@ -14,7 +14,7 @@ use crate::units::time_unit;
 
 /// How many arguments there is room for at once.
 const USUAL: usize = 3;
-/// The most digits before and behind a point, as in the grammar.
+/// The most digits before and after a point, as in the grammar.
 const MAX_DIGITS: usize = 15;
 
 /// Reads one line of a text, which may end in a comment and its line break. `offset` is the place of its first byte. `None` is an empty
@@ -51,7 +51,7 @@ struct Reader<'s> {
 
 impl<'s> Reader<'s> {
     fn line(&mut self) -> Result<Option<Line<'s>>, NotFlat> {
-        self.blanks();
+        self.spaces();
         if self.is_end() {
             return Ok(None);
         }
@@ -63,7 +63,7 @@ impl<'s> Reader<'s> {
         }
         let mut arguments: Vec<Argument<'s>> = Vec::with_capacity(USUAL);
         let mut span = head.span;
-        while self.goes_on()? {
+        while self.continues()? {
             let argument = self.argument().ok_or(NotFlat)?;
             span.end = argument.span.end;
             arguments.push(argument);
@@ -77,7 +77,7 @@ impl<'s> Reader<'s> {
     fn start(&mut self) -> Result<Option<Start<'s>>, NotFlat> {
         if self.peek() == b'+' {
             self.at += 1;
-            self.blanks();
+            self.spaces();
             let value = self.time()?;
             return Ok(Some(Start::After(value)));
         }
@@ -85,16 +85,16 @@ impl<'s> Reader<'s> {
             return Ok(None);
         }
         self.at += 2;
-        self.blanks();
+        self.spaces();
         let value = self.time()?;
         let span = value.span;
         Ok(Some(Start::At(Moment { origin: Origin::Value(value), offsets: Vec::new(), span })))
     }
 
-    /// A number, and the blanks behind it.
+    /// A number, and the spaces after it.
     fn time(&mut self) -> Result<Value<'s>, NotFlat> {
         let value = self.number(self.at).ok_or(NotFlat)?;
-        if self.goes_on()? { Ok(value) } else { Err(NotFlat) }
+        if self.continues()? { Ok(value) } else { Err(NotFlat) }
     }
 
     fn argument(&mut self) -> Option<Argument<'s>> {
@@ -130,7 +130,7 @@ impl<'s> Reader<'s> {
         Some(Value { negative: word.span != span, span, ..word })
     }
 
-    /// A word that begins with this name; there may be more of it behind a `-`.
+    /// A word that begins with this name; there may be more of it after a `-`.
     fn word(&mut self, name: Span) -> Option<Value<'s>> {
         while self.peek() == b'-' {
             self.at += 1;
@@ -142,7 +142,7 @@ impl<'s> Reader<'s> {
         Some(Value { negative: false, kind: ValueKind::Word(self.slice(span)), span })
     }
 
-    /// A number with its letters; its sign stands at `from`, if it has one.
+    /// A number with its letters; its minus is at `from`, if it has one.
     fn number(&mut self, from: usize) -> Option<Value<'s>> {
         let begin = self.at;
         if !(1..=MAX_DIGITS).contains(&self.skip(|byte| byte.is_ascii_digit())) {
@@ -173,7 +173,7 @@ impl<'s> Reader<'s> {
         Some(Value { negative: from != begin, kind: ValueKind::Number(shape, text), span: self.span(from) })
     }
 
-    /// Whether the number that ends here is one of beats or bars, which stand behind a blank.
+    /// Whether the number that ends here is one of beats or bars, which follow a space.
     fn is_before_beats(&self) -> bool {
         let rest = self.text.get(self.at..).unwrap_or_default().trim_start_matches([' ', '\t']);
         let rest = rest.strip_prefix("beat").or(rest.strip_prefix("bar"));
@@ -189,11 +189,11 @@ impl<'s> Reader<'s> {
         Name { text: self.slice(span), span }
     }
 
-    fn blanks(&mut self) {
+    fn spaces(&mut self) {
         self.skip(|byte| matches!(byte, b' ' | b'\t'));
     }
 
-    /// Skips bytes of a kind; gives how many they are.
+    /// Skips bytes of a kind; returns their number.
     fn skip(&mut self, is_one: impl Fn(u8) -> bool) -> usize {
         let rest = self.text.as_bytes().get(self.at..).unwrap_or_default();
         let count = rest.iter().position(|byte| !is_one(*byte)).unwrap_or(rest.len());
@@ -206,7 +206,7 @@ impl<'s> Reader<'s> {
         self.text.as_bytes().get(self.at).copied().unwrap_or(b'\n')
     }
 
-    /// Whether the line ends here, or what is left of it is a comment.
+    /// Whether the line ends here, or the rest of it is a comment.
     fn is_end(&self) -> bool {
         match self.peek() {
             b'\n' | b'#' => true,
@@ -215,10 +215,10 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Behind a word or a number: whether more follows in this line, with a blank between, which is skipped.
-    fn goes_on(&mut self) -> Result<bool, NotFlat> {
+    /// After a word or a number: whether more follows in this line, after a space, which is skipped.
+    fn continues(&mut self) -> Result<bool, NotFlat> {
         let from = self.at;
-        self.blanks();
+        self.spaces();
         if self.is_end() {
             return Ok(false);
         }
@@ -375,7 +375,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 20_000, ..ProptestConfig::default() })]
 
-        /// Lines, spans and errors are those of the grammar, whichever way each line is read.
+        /// Lines, spans and errors are those of the grammar, in whichever way each line is read.
         #[test]
         fn flat_lines_are_read_as_the_grammar_reads_them(text in script()) {
             let source = Source::new("x.motion", text.as_str());

@@ -272,7 +272,7 @@ pub(crate) struct Foreign {
 }
 
 impl Foreign {
-    /// What is said of it, in the words of its language.
+    /// The diagnostic of it, under its own code.
     pub(crate) fn diagnostic(self) -> Diagnostic {
         let Foreign { shown, origin, span, .. } = &self;
         let diagnostic = if origin.is_empty() {
@@ -399,14 +399,14 @@ pub(super) fn operator_at(text: &str, before: &str) -> Option<ForeignOperator> {
     Some(ForeignOperator { written, help, fix: Some((from..at + written.len() + to, write)) })
 }
 
-/// Where the operand begins that ends a text.
+/// Where the operand at the end of a line begins.
 fn left_operand(text: &str) -> usize {
     let ends = ["if ", "and ", "or ", "not ", "(", ",", "= ", "{", "&& ", "|| "];
     let begin = ends.iter().filter_map(|end| Some(text.rfind(end)? + end.len())).max().unwrap_or(0);
     begin + text.get(begin..).map_or(0, |rest| rest.len() - rest.trim_start().len())
 }
 
-/// Where the operand ends that begins a text.
+/// Where the operand at the start of a line ends.
 fn right_operand(text: &str) -> usize {
     let starts = [" and ", " or ", ")", ",", "{", "#", " && ", " || ", "\n", "\r"];
     let end = starts.iter().filter_map(|start| text.find(start)).min().unwrap_or(text.len());

@@ -83,7 +83,7 @@ fn string(text: &str) -> Option<&str> {
     (!inner.match_indices(quote).any(is_end) && !(quote != '"' && inner.contains('"'))).then_some(inner)
 }
 
-/// Whether every bracket and quotation mark of a text has its partner in it.
+/// Whether every bracket and quotation mark has its partner in the text.
 fn is_balanced(text: &str) -> bool {
     let mut depth = 0_i32;
     let mut in_string = false;

@@ -1,7 +1,7 @@
 //! A script as it should look: the same words in the same lines, with the same comments, evenly set.
 //!
-//! It works on the text and not on the tree, so that nothing can be lost. Where a blank has a meaning (`8 -8` is two
-//! arguments, `8 - 8` is none), it stays as it is.
+//! It works on the text and not on the tree, so that nothing can be lost. Where a space has a meaning (`8 -8` is two
+//! arguments, `8 - 8` is not), it stays as it is.
 
 use super::parse;
 use crate::diagnostic::Diagnostics;
@@ -9,7 +9,7 @@ use crate::source::Source;
 
 /// Formats a script. `None` where it cannot be read; `diagnostics` says why.
 ///
-/// Two blanks for each open bracket, one blank between words, none inside `x=10`, one blank line at most, and comments of
+/// Two spaces for each open bracket, one space between words, none inside `x=10`, one empty line at most, and comments of
 /// neighbouring lines below each other, in their column where they have one already. Lines stay lines, comments and strings stay as they are, and what is sent stays the same.
 /// A formatted script is left as it is.
 pub fn format(source: &Source, diagnostics: &mut Diagnostics) -> Option<String> {
@@ -30,7 +30,7 @@ pub fn format(source: &Source, diagnostics: &mut Diagnostics) -> Option<String> 
     Some(if torn.has_errors() { text.to_owned() } else { formatted })
 }
 
-/// Code that is wider keeps its comment right behind it, so that one long line does not widen all others.
+/// Code that is wider keeps its comment directly after it, so that one long line does not widen all others.
 const WIDE: usize = 100;
 
 /// A line that is set: its code, its comment, and the column that the comment had.
@@ -46,7 +46,7 @@ impl Line<'_> {
         self.code.is_empty() && self.comment.is_empty()
     }
 
-    /// Whether it has a comment behind its code, and is no wider than what can be looked at.
+    /// Whether it has a comment after its code, and is not too wide.
     fn is_trailed(&self) -> bool {
         !self.code.trim().is_empty() && !self.comment.is_empty() && self.width() <= WIDE
     }
@@ -60,16 +60,16 @@ impl Line<'_> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Token<'t> {
     text: &'t str,
-    /// Whether a blank stands before it.
+    /// Whether a space precedes it.
     apart: bool,
 }
 
-/// What a token is to the blanks around it.
+/// What decides the spaces around a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     /// A word, a number, a string.
     Operand,
-    /// `and`, `or`, `not`, `if`: words with an operand behind them.
+    /// `and`, `or`, `not`, `if`: words before an operand.
     Keyword,
     Open,
     Close,
@@ -80,7 +80,7 @@ enum Class {
     Colon,
     Equals,
     Range,
-    /// `->` and comparisons: always between blanks.
+    /// `->` and comparisons: always between spaces.
     Sign,
     /// `+ - * / %`.
     Operator,
@@ -104,18 +104,18 @@ fn class(text: &str) -> Class {
     }
 }
 
-/// Where in a statement a token stands.
+/// Where a token is in its statement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct State {
     /// Open `(`.
     parens: usize,
-    /// Whether an expression goes on to the end of the statement, or to its block: behind `let` and `if`.
+    /// Whether an expression continues to the end of the statement, or to its block: after `let` and `if`.
     expression: bool,
-    /// Whether nothing stands before it in its statement.
+    /// Whether it is the first in its statement.
     begins: bool,
-    /// Whether no operand stands before it, so that an operator here is a sign.
+    /// Whether no operand precedes it, so that an operator here is a sign of a number.
     prefix: bool,
-    /// Whether nothing but names and commas stands before it: `left, right:`.
+    /// Whether only names and commas precede it: `left, right:`.
     names: bool,
 }
 
@@ -131,7 +131,7 @@ struct Printer<'t> {
     /// How many brackets are open, and how many of them are parentheses.
     depth: usize,
     parens: usize,
-    /// Whether an expression goes on from the line before, inside parentheses of a `let` or an `if`.
+    /// Whether an expression continues from the line before, inside parentheses of a `let` or an `if`.
     expression: bool,
 }
 
@@ -242,7 +242,7 @@ impl<'t> Printer<'t> {
     }
 }
 
-/// Whether a blank belongs between two tokens of a line.
+/// Whether a space belongs between two tokens of a line.
 fn is_apart(last: &str, was: State, token: Token<'_>, state: State) -> bool {
     let (left, right) = (class(last), class(token.text));
     match (left, right) {
@@ -262,7 +262,7 @@ fn is_apart(last: &str, was: State, token: Token<'_>, state: State) -> bool {
         // `at bow + 0.5s`.
         (Class::Operator, _) if last == "+" => true,
         (_, Class::Operator) if token.text == "+" => true,
-        // What stands right before a bracket may be the name of a call.
+        // What directly precedes a bracket may be the name of a call.
         (Class::Keyword, Class::Open) => token.apart,
         // Elsewhere it may be a part of a word, such as `if-only`.
         (Class::Keyword, _) | (_, Class::Keyword) => token.apart || was.is_expression() || state.is_expression(),
@@ -280,9 +280,9 @@ fn tokens(line: &str) -> (Vec<Token<'_>>, &str) {
         if trimmed.is_empty() || trimmed.starts_with('#') {
             return (tokens, trimmed.trim_end());
         }
-        let (text, behind) = trimmed.split_at(length(trimmed));
+        let (text, tail) = trimmed.split_at(length(trimmed));
         tokens.push(Token { text, apart });
-        rest = behind;
+        rest = tail;
     }
 }
 

@@ -1,6 +1,6 @@
-//! A long script is read on a thread of its own, a little ahead of whoever runs its lines.
+//! A long script is read on a thread of its own, a little ahead of the thread that runs its lines.
 //!
-//! Lines, and what was found between them, come in the order in which they stand, with the thread and without, so that a
+//! Lines, and what was found between them, come in the order of the script, with the thread and without, so that a
 //! script gives the same bytes and the same messages on every machine.
 
 use std::mem;
@@ -30,11 +30,11 @@ enum From<'s> {
     Thread(Ahead<'s>),
 }
 
-/// The end of whoever runs the lines.
+/// The end of the thread that runs the lines.
 struct Ahead<'s> {
     batches: Receiver<Batch<'s>>,
     batch: std::vec::IntoIter<Found<'s>>,
-    /// Lines that were run go back: memory is given back faster on the thread that took it.
+    /// Lines that were run are sent back: memory is freed faster on the thread that allocated it.
     spent: Vec<Line<'s>>,
     back: Sender<Vec<Line<'s>>>,
 }
@@ -70,7 +70,7 @@ pub(crate) fn read_ahead<'s, T>(script: Reading<'s>, run: impl FnOnce(&mut Lines
                 read(script, &hand_over, &spent);
             }
         });
-        // Where the system has no thread to give, it is read here.
+        // If the system cannot start a thread, it is read here.
         if started.is_err()
             && let Some(script) = take()
         {
@@ -81,7 +81,7 @@ pub(crate) fn read_ahead<'s, T>(script: Reading<'s>, run: impl FnOnce(&mut Lines
     })
 }
 
-/// Reads to the end, or until nobody wants more.
+/// Reads to the end, or until the lines are not needed any more.
 fn read<'s>(mut script: Reading<'s>, hand_over: &SyncSender<Batch<'s>>, spent: &Receiver<Vec<Line<'s>>>) {
     let mut goes_on = true;
     while goes_on {

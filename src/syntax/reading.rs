@@ -124,7 +124,7 @@ impl<'s> Level<'s> {
         }
     }
 
-    /// Goes on to the next piece; `false` where there is none.
+    /// Continues with the next piece; `false` if there is none.
     fn next_piece(&mut self, scanned: &Scanned<'_>) -> bool {
         self.end = scanned.piece(self.at, &self.inside);
         self.at < self.end

@@ -1,5 +1,5 @@
 //! The bracket scan before the grammar: pairs brackets, bounds their depth, finds characters that cannot be seen, and
-//! makes line breaks inside `( )` blanks. One pass, no recursion, offsets unchanged.
+//! turns line breaks inside `( )` into spaces. One pass, no recursion, offsets unchanged.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -97,7 +97,7 @@ impl Outline<'_> {
     }
 }
 
-/// Scans a script; `None` where a line is too long or its brackets are nested too deep. A bracket without a partner is reported, and blank for
+/// Scans a script; `None` where a line is too long or its brackets are nested too deep. A bracket without a partner is reported, and a space for
 /// the grammar, so that the rest of the script is still read.
 pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Option<Scanned<'s>> {
     let text = source.text();
@@ -107,7 +107,7 @@ pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Opt
         base,
         open: Vec::new(),
         parens: 0,
-        blanks: Vec::new(),
+        spaces: Vec::new(),
         cuts: Vec::new(),
         piece: 0,
         blocks: Vec::new(),
@@ -115,10 +115,10 @@ pub(super) fn scan<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Opt
         diagnostics,
     };
     scan.run();
-    let Scan { mut blanks, cuts, mut blocks, beyond_reading, .. } = scan;
-    blanks.sort_unstable();
+    let Scan { mut spaces, cuts, mut blocks, beyond_reading, .. } = scan;
+    spaces.sort_unstable();
     blocks.sort_unstable_by_key(|block| block.range.start);
-    (!beyond_reading).then(|| Scanned { source, text: blank_out(text, &blanks), cuts, blocks })
+    (!beyond_reading).then(|| Scanned { source, text: with_spaces(text, &spaces), cuts, blocks })
 }
 
 struct Scan<'s, 'd> {
@@ -129,8 +129,8 @@ struct Scan<'s, 'd> {
     open: Vec<(u8, usize, usize)>,
     /// How many of them are `(`.
     parens: usize,
-    /// Ranges that the grammar sees as blanks, the last byte of each as this one.
-    blanks: Vec<(usize, usize, char)>,
+    /// Ranges that the grammar sees as spaces, with the last byte of each.
+    spaces: Vec<(usize, usize, char)>,
     cuts: Vec<(usize, usize)>,
     /// Where the piece begins.
     piece: usize,
@@ -146,7 +146,7 @@ impl<'s> Scan<'s, '_> {
         let mut at = 0;
         if self.text.starts_with('\u{FEFF}') {
             at = '\u{FEFF}'.len_utf8();
-            self.blanks.push((0, at, ' '));
+            self.spaces.push((0, at, ' '));
         }
         loop {
             // Most bytes mean nothing here.
@@ -169,7 +169,7 @@ impl<'s> Scan<'s, '_> {
                 b'\n' => {
                     if self.parens > 0 {
                         let from = if at > 0 && bytes.get(at - 1) == Some(&b'\r') { at - 1 } else { at };
-                        self.blanks.push((from, at + 1, ' '));
+                        self.spaces.push((from, at + 1, ' '));
                     }
                     line = at + 1;
                     self.line_ended(line);
@@ -177,7 +177,7 @@ impl<'s> Scan<'s, '_> {
                 }
                 _ if is_hidden(byte) => {
                     let end = self.hidden(at);
-                    self.blanks.push((at, end, ' '));
+                    self.spaces.push((at, end, ' '));
                     end
                 }
                 _ => at + 1,
@@ -207,8 +207,8 @@ impl<'s> Scan<'s, '_> {
             help: "break it into several lines; the rest of the script was not read");
     }
 
-    /// Behind a line break outside of all `( )`: a piece that is long enough ends here, unless the next line is empty, or a
-    /// comment, behind which an `else` may stand, or an `else`, which belongs to the block before.
+    /// After a line break outside of all `( )`: a piece that is long enough ends here, unless the next line is empty, or a
+    /// comment, after which an `else` may follow, or an `else`, which belongs to the block before.
     fn line_ended(&mut self, at: usize) {
         if at - self.piece < PIECE || self.parens > 0 {
             return;
@@ -231,12 +231,12 @@ impl<'s> Scan<'s, '_> {
             self.allow(allowed, from, from + line.trim_end().len());
         }
         if self.parens > 0 {
-            self.blanks.push((from, from + line.len(), ' '));
+            self.spaces.push((from, from + line.len(), ' '));
         }
         from + line.len()
     }
 
-    /// `# allow: CODE`: on this line those warnings are none.
+    /// `# allow: CODE`: suppresses those warnings on this line.
     fn allow<'t>(&mut self, comments: impl Iterator<Item = &'t str>, from: usize, to: usize) {
         let mut comments = comments.peekable();
         if comments.peek().is_none() {
@@ -252,7 +252,7 @@ impl<'s> Scan<'s, '_> {
             let help = "write it at the end of the line that has the warning".to_owned();
             return report("this comment is on a line of its own, so it allows nothing".to_owned(), help);
         }
-        // Behind a code may stand why.
+        // A reason may follow a code.
         let names = comments.flat_map(|codes| codes.split(',')).filter_map(|words| words.split_whitespace().next());
         for name in names.take(MAX_ALLOWED) {
             let (warnings, errors): (Vec<Code>, Vec<Code>) =
@@ -279,7 +279,7 @@ impl<'s> Scan<'s, '_> {
         }
     }
 
-    /// To behind the closing quotation mark, or to the end of the line.
+    /// Skips to the end of the string, or of the line.
     fn string(&mut self, from: usize) -> usize {
         let mut at = from + 1;
         while let Some(&byte) = self.text.as_bytes().get(at) {
@@ -294,9 +294,9 @@ impl<'s> Scan<'s, '_> {
                 _ => at += 1,
             }
         }
-        // The grammar sees an empty text, so that the rest of the script is still read.
+        // The grammar sees an empty string, so that the rest of the script is still read.
         if at > from + 1 {
-            self.blanks.push((from + 1, at, '"'));
+            self.spaces.push((from + 1, at, '"'));
         }
         report!(self, Unclosed, self.span(from, at), "this string has no closing quotation mark";
             help: "end it with `\"` on the same line; inside a string, write `\\\"` for a quotation mark");
@@ -311,7 +311,7 @@ impl<'s> Scan<'s, '_> {
         line.strip_suffix('\r').unwrap_or(line)
     }
 
-    /// `None` where the nesting is too deep to go on.
+    /// `None` if the nesting is too deep to continue.
     fn opened(&mut self, bracket: u8, at: usize) -> Option<usize> {
         if self.open.len() == MAX_NESTING {
             self.beyond_reading = true;
@@ -332,13 +332,13 @@ impl<'s> Scan<'s, '_> {
     fn closed(&mut self, bracket: u8, at: usize) -> usize {
         let opening = if bracket == b')' { b'(' } else { b'{' };
         let Some(partner) = self.open.iter().rposition(|&(open, ..)| open == opening) else {
-            self.blanks.push((at, at + 1, ' '));
+            self.spaces.push((at, at + 1, ' '));
             let name = char::from(bracket);
             report!(self, Unopened, self.span(at, at + 1), "this `{name}` closes nothing";
                 help: "remove it, or write a `{}` where it should begin", char::from(opening));
             return at + 1;
         };
-        // What was opened behind the partner was never closed.
+        // What was opened after the partner was never closed.
         for (inner, from, _) in self.open.split_off(partner + 1) {
             self.unclosed(inner, from, Some(at));
             if inner == b'(' {
@@ -359,7 +359,7 @@ impl<'s> Scan<'s, '_> {
     }
 
     fn unclosed(&mut self, bracket: u8, from: usize, noticed: Option<usize>) {
-        self.blanks.push((from, from + 1, ' '));
+        self.spaces.push((from, from + 1, ' '));
         let closing = if bracket == b'(' { ')' } else { '}' };
         let open = char::from(bracket);
         let span = self.span(from, from + 1);
@@ -406,8 +406,8 @@ fn is_hidden(byte: u8) -> bool {
     byte.is_ascii_control() && !matches!(byte, b'\t' | b'\n')
 }
 
-/// A copy of `text` with these ranges made blank, or `text` itself where there are none.
-fn blank_out<'s>(text: &'s str, ranges: &[(usize, usize, char)]) -> Cow<'s, str> {
+/// A copy of `text` with these ranges made spaces, or `text` itself if there are none.
+fn with_spaces<'s>(text: &'s str, ranges: &[(usize, usize, char)]) -> Cow<'s, str> {
     if ranges.is_empty() {
         return Cow::Borrowed(text);
     }

@@ -208,7 +208,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         diagnostic!(UnexpectedArgument, argument.span, "`{name}` takes no more arguments"; help: "{help}")
     }
 
-    /// What is said of `NAME=VALUE` if there is no such name.
+    /// What is said of `NAME=VALUE` with an unknown name.
     fn unknown_axis(&self, argument: &Argument<'_>) -> Diagnostic {
         let row = self.row();
         let name = argument.name.unwrap_or(self.command.head);
@@ -250,7 +250,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         suggest(word, MODIFIERS.iter().map(|(modifier, _)| *modifier)).map(|near| format!("did you mean `{near}`?"))
     }
 
-    /// The next argument without a name, whatever it is.
+    /// The next argument without a name.
     pub(super) fn next_argument(&mut self) -> Option<&'a Argument<'s>> {
         let argument = self.positional.next();
         if argument.is_none() {

@@ -11,8 +11,8 @@ use crate::syntax::{Line, LineRef, Part, Start, Statement};
 
 /// What the lines of one `repeat` do in every pass.
 pub(super) struct CachedLines {
-    /// How many names of blocks there were before the first pass. Those behind are given anew in each; one that an `if` gives ends all
-    /// this, because it hides others in some passes only.
+    /// The number of local names before the first pass. Later ones are defined anew in each pass. A name that an `if` defines ends the
+    /// caching, because it hides others in some passes only.
     outer: usize,
     /// What is known of each line, by its place in the block.
     lines: Vec<Option<CachedLine>>,
@@ -26,7 +26,7 @@ struct CachedLine {
     delay: Time,
     /// How long it took from there.
     lasted: Time,
-    /// The step that it was, if it was one, and where that stands.
+    /// Its step, if it had one, and the place of that.
     step: Option<(Span, Action)>,
 }
 
@@ -79,7 +79,7 @@ impl<'s> Walker<'s, '_> {
         }
         let step = self.program.steps.get(before);
         let (start, end) = (step.map_or(from, |step| step.at), frame.now);
-        // Whole nanoseconds are added and taken away exactly.
+        // Whole nanoseconds are added and subtracted exactly.
         if [from, start, end].into_iter().all(Time::is_whole)
             && let Some(cached) = &mut frame.cached
         {
@@ -91,7 +91,7 @@ impl<'s> Walker<'s, '_> {
     }
 }
 
-/// Whether a line is one command to the board, or passes time, and starts where the line before has ended or a time behind.
+/// Whether a line is one command to the board or a `wait`, and starts when the line before has ended, or a time after that.
 fn is_cacheable(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
     let is_plain = match words::find(board, command.head.text) {

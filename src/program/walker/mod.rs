@@ -77,7 +77,7 @@ struct Frame {
     start: Time,
     /// When the next line starts, if it has no start time.
     now: Time,
-    /// When everything in it so far has ended.
+    /// When everything in it that was run has ended.
     latest: Time,
     /// In a `together`, when each line starts, if it has no start time.
     together: Option<Time>,
@@ -112,7 +112,7 @@ struct Set<'s> {
 struct Walker<'s, 'd> {
     eval: Evaluator<'s, 'd>,
     bounds: Bounds,
-    /// What was run so far. Its traces are the evaluator's until the end.
+    /// What has been run. Its traces are the evaluator's until the end.
     program: Program,
     sets: Vec<Set<'s>>,
     files: Files,
