@@ -48,12 +48,9 @@ impl Decode {
     /// Writes the listing or the script, and a summary of the stream.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let is_script = self.output.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "motion"));
-        if self.exact && !is_script {
-            screen.error("`--exact` needs a script as output: add `-o NAME.motion`");
-            return Exit::Usage;
-        }
-        if self.baud.is_some() && !is_script {
-            screen.error("`--baud` needs a script as output: add `-o NAME.motion`");
+        let for_scripts = [(self.exact, "--exact"), (self.baud.is_some(), "--baud")];
+        if let Some((_, option)) = for_scripts.iter().find(|(is_set, _)| *is_set && !is_script) {
+            screen.error(&format!("`{option}` needs a script as output: add `-o NAME.motion`"));
             return Exit::Usage;
         }
         let timing = match self.timing.as_deref().map(|path| self.timing(path, screen)).transpose() {

@@ -35,7 +35,7 @@ pub(super) struct Row {
     pub(super) is_about_ports: bool,
 }
 
-/// Every exit code. README.md has the same codes.
+/// Every exit code. docs/cli.md has the same codes.
 pub(super) const TABLE: [Row; 10] = [
     row("0", "Success"),
     row("1", "A script is wrong or cannot be read, a test fails, or a comparison finds a difference"),
