@@ -426,7 +426,7 @@ fn head(text: &str) -> &str {
             (None, '"' | '\'') => quote = Some(c),
             (None, '(') => depth += 1,
             (None, ')') => depth = depth.saturating_sub(1),
-            (None, '#' | '{' | '}') | (None, ';') if depth == 0 => {
+            (None, '#' | '{' | '}' | ';') if depth == 0 => {
                 end = at;
                 break;
             }
