@@ -116,7 +116,7 @@ fn matches<'t>(pattern: &'static str, text: &'t str, before: Option<char>, found
     let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
     // Spaces next to punctuation mean nothing.
     let is_loose =
-        matches!(before, Some('(' | ',' | ';')) || matches!(pattern.chars().next(), Some('(' | ')' | ',' | ';' | ':'));
+        matches!(before, Some('(' | ',' | ';')) || matches!(pattern.chars().next(), Some(')' | ',' | ';' | ':'));
     let text = if is_loose { text.trim_start() } else { text };
     if let Some(rest) = pattern.strip_prefix('<').filter(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
         && let Some((name, rest)) = rest.split_once('>')
