@@ -140,7 +140,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             return Some(Quantity::Number(number));
         }
         self.varies |= shape == NumberShape::Beats;
-        value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.push(diagnostic)).ok()
+        value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.push(*diagnostic)).ok()
     }
 
     /// Whether a name may have been lost with something that could not be read.
@@ -214,8 +214,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
 
     #[expect(clippy::too_many_lines, reason = "a table of operators and kinds")]
     fn binary(&mut self, operator: Binary, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<Quantity> {
-        let span = at.span;
         use Quantity::{Moment, Number, Time, Truth};
+        let span = at.span;
         match operator {
             Binary::Less | Binary::LessOrEqual | Binary::Greater | Binary::GreaterOrEqual | Binary::Equal => {
                 let (less, more) = match (left, right) {
@@ -283,8 +283,8 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     fn divide(&mut self, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<Quantity> {
-        let span = at.span;
         use Quantity::{Number, Time};
+        let span = at.span;
         match (left, right) {
             (_, Number(0.0)) => self.by_zero(span),
             (Time(left), Time(right)) => match left.over(right) {

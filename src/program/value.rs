@@ -111,13 +111,13 @@ pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
 }
 
 /// Reads a number with its unit, at a tempo.
-pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -> Result<Quantity, Diagnostic> {
+pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -> Result<Quantity, Box<Diagnostic>> {
     match shape {
         NumberShape::Hex => {
             let digits = text.strip_prefix("0x").unwrap_or(text);
             u32::from_str_radix(digits, 16)
                 .map(|number| Quantity::Number(f64::from(number)))
-                .map_err(|_| odd(text, span))
+                .map_err(|_| odd(text, span).into())
         }
         NumberShape::Duration => duration(text, span),
         NumberShape::Plain => plain(text, span),
@@ -125,26 +125,26 @@ pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -
             let (digits, unit) = text.split_once([' ', '\t']).unwrap_or((text, ""));
             let one = if unit.trim_start().starts_with("bar") { tempo.bar() } else { tempo.beat() };
             let time = digits.parse().ok().and_then(|number: f64| one.by_number(number));
-            time.map(Quantity::Time).ok_or_else(|| odd(text, span))
+            time.map(Quantity::Time).ok_or_else(|| odd(text, span).into())
         }
-        NumberShape::Ratio => Err(diagnostic!(MissingParentheses, span,
-            "a division as an argument needs parentheses"; write: span => "({text})")),
-        NumberShape::Odd => Err(odd(text, span)),
+        NumberShape::Ratio => Err(Box::new(diagnostic!(MissingParentheses, span,
+            "a division as an argument needs parentheses"; write: span => "({text})"))),
+        NumberShape::Odd => Err(odd(text, span).into()),
     }
 }
 
 /// A number, perhaps followed by letters.
-fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
+fn plain(text: &str, span: Span) -> Result<Quantity, Box<Diagnostic>> {
     let digits_end = text.bytes().position(|byte| !byte.is_ascii_digit() && byte != b'.').unwrap_or(text.len());
     let (digits, name) = text.split_at_checked(digits_end).unwrap_or((text, ""));
     let Some(number) = float(digits) else {
-        return Err(odd(text, span));
+        return Err(odd(text, span).into());
     };
     if name.is_empty() {
         return Ok(Quantity::Number(number));
     }
     if digits == "0" && name.starts_with('x') {
-        return Err(odd(text, span));
+        return Err(odd(text, span).into());
     }
     match Unit::named(name).map(|unit| unit.of) {
         Some(Measure::Angle) => return Ok(Quantity::Degrees(number)),
@@ -169,7 +169,7 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
             None => format!("the units are {}", list(names())),
         },
     };
-    Err(diagnostic!(Unit, span, "`{name}` is not a unit"; help: "{help}"))
+    Err(diagnostic!(Unit, span, "`{name}` is not a unit"; help: "{help}").into())
 }
 
 /// A decimal number. There is a faster way for whole numbers, which most are.
@@ -195,14 +195,15 @@ pub(super) fn small(digits: &str) -> Option<f64> {
 }
 
 /// A time, as [`duration`](super::duration) reads it.
-fn duration(text: &str, span: Span) -> Result<Quantity, Diagnostic> {
-    duration::read(text).map(Quantity::Time).map_err(|wrong| match wrong {
+fn duration(text: &str, span: Span) -> Result<Quantity, Box<Diagnostic>> {
+    let error = |wrong| match wrong {
         NotATime::Order => diagnostic!(Number, span, "the units of `{text}` are not in descending order";
             help: "write the longest unit first and each unit once: `1h30m`, `1m30s`, `1s500ms`"),
         NotATime::TooLong => diagnostic!(Number, span, "`{text}` is longer than 292 years";
             help: "a script is at most 24 hours long"),
         NotATime::Malformed => odd(text, span),
-    })
+    };
+    duration::read(text).map(Quantity::Time).map_err(|wrong| error(wrong).into())
 }
 
 /// What is wrong with something that starts with a digit and is not a number.

@@ -295,11 +295,8 @@ impl Foreign {
 /// The statement that begins with this text, which begins at `start`, if the table has it.
 pub(crate) fn statement(text: &str, start: usize) -> Option<Foreign> {
     let statement = head(text);
-    let (row, found) = ROWS
-        .iter()
-        .filter(|row| row.place == Place::Statement)
-        .find_map(|row| Some((row, pattern::find(row.written, statement)?)))?;
-    let write = pattern::fill(row.write, &found);
+    let tight = without_space(statement).and_then(|statement| search(&statement));
+    let (row, write) = tight.or_else(|| search(statement))?;
     let help = match (write.as_str(), row.note) {
         ("", note) => note.to_owned(),
         (write, "") => format!("write `{write}`"),
@@ -314,6 +311,19 @@ pub(crate) fn statement(text: &str, start: usize) -> Option<Foreign> {
         help,
         fix: is_certain.then_some(write),
     })
+}
+
+/// The first row that matches a statement, and what to write instead.
+fn search(statement: &str) -> Option<(&'static Row, String)> {
+    let mut rows = ROWS.iter().filter(|row| row.place == Place::Statement);
+    rows.find_map(|row| Some((row, pattern::fill(row.write, &pattern::find(row.written, statement)?))))
+}
+
+/// `print ("x")` as `print("x")`. After a word of this language, such as `wait (a + 1s)`, the parentheses contain an argument.
+fn without_space(statement: &str) -> Option<String> {
+    let (word, rest) = statement.split_once(" (")?;
+    let is_ours = matches!(word, "wait" | "say" | "repeat" | "if" | "else if" | "at");
+    (!is_ours && !word.contains(' ')).then(|| format!("{word}({rest}"))
 }
 
 /// The value of a name in another language.
@@ -426,7 +436,7 @@ fn head(text: &str) -> &str {
             (None, '"' | '\'') => quote = Some(c),
             (None, '(') => depth += 1,
             (None, ')') => depth = depth.saturating_sub(1),
-            (None, '#' | '{' | '}') | (None, ';') if depth == 0 => {
+            (None, '#' | '{' | '}' | ';') if depth == 0 => {
                 end = at;
                 break;
             }

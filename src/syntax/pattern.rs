@@ -1,6 +1,6 @@
 //! Patterns of statements, such as `sleep(<seconds>)`: text with holes, each matched by what the user wrote there.
 //!
-//! A space in a pattern matches spaces, or nothing next to punctuation. The name of a hole says what it matches: see [`Hole`].
+//! A space in a pattern matches spaces, or nothing next to punctuation; spaces inside brackets are ignored. The name of a hole says what it matches: see [`Hole`].
 
 /// The longest statement that is compared. Each hole tries every length, so this bounds the time.
 const MAX_STATEMENT: usize = 120;
@@ -80,7 +80,8 @@ fn string(text: &str) -> Option<&str> {
     let quote = text.chars().next().filter(|quote| matches!(quote, '"' | '\'' | '`'))?;
     let inner = text.strip_prefix(quote)?.strip_suffix(quote)?;
     let is_end = |(at, _): (usize, &str)| !inner.get(..at).is_some_and(|before| before.ends_with('\\'));
-    (!inner.match_indices(quote).any(is_end) && !(quote != '"' && inner.contains('"'))).then_some(inner)
+    let is_broken = inner.match_indices(quote).any(is_end) || (quote != '"' && inner.contains('"'));
+    (!is_broken).then_some(inner)
 }
 
 /// Whether every bracket and quotation mark has its partner in the text.
@@ -112,6 +113,11 @@ pub(super) fn find<'t>(pattern: &'static str, statement: &'t str) -> Option<Foun
 
 /// Matches the rest of a statement; `before` is the last character of what was matched.
 fn matches<'t>(pattern: &'static str, text: &'t str, before: Option<char>, found: &mut Found<'t>) -> bool {
+    let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
+    // Spaces next to punctuation mean nothing.
+    let is_loose =
+        matches!(before, Some('(' | ',' | ';')) || matches!(pattern.chars().next(), Some(')' | ',' | ';' | ':'));
+    let text = if is_loose { text.trim_start() } else { text };
     if let Some(rest) = pattern.strip_prefix('<').filter(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
         && let Some((name, rest)) = rest.split_once('>')
     {
@@ -132,7 +138,6 @@ fn matches<'t>(pattern: &'static str, text: &'t str, before: Option<char>, found
     let rest = pattern.get(next.len_utf8()..).unwrap_or_default();
     if next == ' ' {
         let after = text.trim_start();
-        let is_word = |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
         let is_apart = after.len() < text.len() || !(is_word(before) && is_word(after.chars().next()));
         return is_apart && matches(rest, after, before, found);
     }

@@ -75,12 +75,14 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             self.eval.push(help);
             return None;
         }
-        if let Some(diagnostic) = self.swapped(value, axis) {
+        let number = self.number(value, &axis.what)?;
+        let is_in_range = (f64::from(axis.range.0)..=f64::from(axis.range.1)).contains(&number);
+        if !is_in_range && let Some(diagnostic) = self.swapped(value, axis) {
             self.eval.push(diagnostic);
             self.positional = SmallVec::new().into_iter();
             return None;
         }
-        self.whole(value, axis.into())
+        self.whole_number(number, value.span, axis.into())
     }
 
     /// What is said of a name as an index: a name of a resource, or the number of a pass, which is 0 in the first.
@@ -131,12 +133,16 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     /// The same, with a reason for the range.
     pub(in crate::program) fn whole(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<i32> {
         let number = self.number(value, bound.what)?;
+        self.whole_number(number, value.span, bound)
+    }
+
+    fn whole_number(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
         let (what, (least, most)) = (bound.what, bound.range);
         if libm::trunc(number) != number {
-            bail!(self.eval, NotWhole, value.span, "{what} must be a whole number, not {number}";
+            bail!(self.eval, NotWhole, span, "{what} must be a whole number, not {number}";
                 help: "write one from {least} to {most}, or round it: `round(…)`");
         }
-        self.in_range(number, value.span, bound)
+        self.in_range(number, span, bound)
     }
 
     /// A pulse width in microseconds: a bare number, a time, or an angle from 0 to 180 degrees where the unit says what that is.
