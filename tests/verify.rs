@@ -382,7 +382,7 @@ fn check_reports_the_same_in_every_format() {
     let github = stdout(&repository.run(&[&args[..], &["github"]].concat()));
     assert!(
         github.starts_with(
-            "::error file=sub dir/x.motion,line=1,endLine=1,col=9,endColumn=13,title=out-of-range::a pulse"
+            "::error file=sub dir/x.motion,line=1,endLine=1,col=9,endColumn=13,title=out-of-range::pulse width 3000 is"
         )
     );
     let sarif: serde_json::Value =

@@ -178,7 +178,7 @@ impl Diagnostics {
         }
     }
 
-    /// Replaces an error that was added and kept, at its place in the list and with the calls that led to it; `None` removes it.
+    /// Replaces an error that was added and kept: the new one has the same position in the list and the same related calls. `None` removes it.
     pub(crate) fn replace(&mut self, error: (Code, Span), by: Option<Diagnostic>) {
         let place = self.kept.iter().position(|kept| (kept.code, kept.span) == error);
         let Some(place) = place.filter(|_| self.seen.remove(&error)) else { return };

@@ -23,8 +23,7 @@ pub fn format(source: &Source, diagnostics: &mut Diagnostics) -> Option<String> 
         printer.line(line);
     }
     let formatted = printer.finish();
-    // Evenly set, a line may be longer than a script's may be; then it stays as it is. So it does where a word that is
-    // none of the language would be torn.
+    // A formatted line can be longer than the limit, and formatting can split an unknown word in two. Then the text is kept.
     let mut torn = Diagnostics::default();
     parse(&Source::new(source.name(), formatted.as_str()), &mut torn);
     Some(if torn.has_errors() { text.to_owned() } else { formatted })
