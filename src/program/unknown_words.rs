@@ -3,7 +3,7 @@
 use super::evaluator::Evaluator;
 use super::pending::{Unknown, Used};
 use super::suggest::{list, suggest};
-use super::words::{self, COMMANDS, SETTINGS};
+use super::words::{self, COMMANDS, SETTINGS, is_name};
 use crate::board::Board;
 use crate::diagnostic::{Code, bail, diagnostic, report};
 use crate::source::Span;
@@ -124,6 +124,14 @@ impl<'s> Evaluator<'s, '_> {
             return "a name begins with a lower-case letter: write `let depth = 300us`".to_owned();
         };
         self.lost.names.insert(name);
+        // `let pan position = 2`.
+        let written = self.written(command.span);
+        let several = written.split_once(char::is_whitespace).and_then(|(_, rest)| rest.split_once('='));
+        let several =
+            several.map(|(names, value)| (names.split_whitespace().collect::<Vec<_>>().join("_"), value.trim()));
+        if let Some((names, value)) = several.filter(|(names, _)| is_name(names)) {
+            return format!("a name has no spaces: `let {names} = {value}`");
+        }
         let value = rest.first().zip(rest.last()).map(|(from, to)| Span { start: from.span.start, end: to.span.end });
         let value = value.map_or("300us", |span| self.sources.file(span).slice(span).trim());
         format!("write `let {name} = {}`", value.trim_start_matches(['=', ':']).trim())

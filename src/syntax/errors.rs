@@ -27,7 +27,7 @@ pub(super) fn unreadable(at: &Unreadable<'_>) -> Diagnostic {
         return foreign.diagnostic();
     }
     let found = space_before_unit(word, before, start).or_else(|| operator(at)).or_else(|| dashed_name(at));
-    if let Some(found) = found.or_else(|| ambiguous::character(text, start)) {
+    if let Some(found) = found.or_else(|| ambiguous::character(text, start)).or_else(|| foreign_letters(at)) {
         return found;
     }
     // Point at the first character, or at the first word; the rest may be correct.
@@ -97,6 +97,17 @@ fn dashed_name(at: &Unreadable<'_>) -> Option<Diagnostic> {
     let (span, write) = (Span::new(start, start + name.len()), name.replace('-', "_"));
     Some(diagnostic!(Name, span, "a name consists of lower-case letters, digits and `_`";
         help: "write `let {write} = {value}`"; fix: span => "{write}"))
+}
+
+/// `let größe = 1`.
+fn foreign_letters(at: &Unreadable<'_>) -> Option<Diagnostic> {
+    let letter = at.text.chars().next().filter(|first| first.is_alphabetic() && !first.is_ascii())?;
+    let is_part = |c: &char| c.is_alphanumeric() || *c == '_';
+    let head: usize = at.before.chars().rev().take_while(is_part).map(char::len_utf8).sum();
+    let tail: usize = at.text.chars().take_while(is_part).map(char::len_utf8).sum();
+    let (span, code) = (Span::new(at.start - head, at.start + tail), u32::from(letter));
+    Some(diagnostic!(Name, span, "`{letter}` (U+{code:04X}) is not allowed in a name";
+        help: "use only the letters a to z, digits and `_`"))
 }
 
 /// An operator of another language.

@@ -232,8 +232,13 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             return Some(format!("write `over {time}` to move in that time"));
         }
         let word = argument.bare_word()?.text;
-        if self.row().moves && Ease::named(word).is_some() {
-            return Some(format!("write `over 1s ease {word}`"));
+        let easing = Ease::named(word).map_or_else(|| foreign::easing_named(word), |ease| Some(ease.name()));
+        if let Some(easing) = easing.filter(|easing| self.row().moves && Ease::named(easing).is_some()) {
+            let arguments = &self.command.arguments;
+            let over =
+                arguments.iter().position(|argument| argument.bare_word().is_some_and(|word| word.text == "over"));
+            let time = over.and_then(|over| arguments.get(over + 1)).map_or("1s", |time| self.eval.written(time.span));
+            return Some(format!("write `over {time} ease {easing}`"));
         }
         if self.row().moves && matches!(word, "to" | "from") {
             return Some("write an arrow from one value to the other: `1500 -> 900`".to_owned());
@@ -257,6 +262,11 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             self.missing();
         }
         argument
+    }
+
+    /// The next argument without a name, if it is a word. It is not read yet.
+    pub(super) fn next_word(&self) -> Option<Name<'s>> {
+        self.positional.as_slice().first()?.bare_word()
     }
 
     /// The next argument without a name. Where none is left, that is reported.

@@ -103,9 +103,14 @@ impl<'s, 'd> Walker<'s, 'd> {
         let mut args = at.args(&mut self.eval)?;
         let argument = args.next_argument()?;
         let name = argument.bare_word();
+        if let Some((first, second)) = name.zip(args.next_word()) {
+            bail!(self.eval, Name, first.span.to(second.span), "a name has no spaces";
+                write: first.span.to(second.span) => "{}_{}", first.text, second.text);
+        }
         args.finish()?;
         let Some(name) = name else {
-            bail!(self.eval, InvalidArgument, argument.span, "a mark is a name"; help: "write `mark bow`");
+            bail!(self.eval, InvalidArgument, argument.span, "the name of a mark starts with a letter";
+                help: "write a name, such as `mark bow`");
         };
         if self.in_abort {
             bail!(self.eval, Abort, at.command.span, "`mark` is not allowed in `on abort`";
