@@ -14,7 +14,7 @@ use std::process::Command;
 use std::thread;
 
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Guard, Player, Realtime, Session, Signals, Ward, guard, now};
+use motionseq::playback::{Guard, GuardConfig, Player, Realtime, Session, Signals, guard, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::units::Nanos;
@@ -79,7 +79,7 @@ fn main() {
     let guard = (!has("--no-guard")).then(|| {
         let mut program = Command::new("/proc/self/exe");
         program.arg(GUARD);
-        let mut ward = Ward::of(&timeline);
+        let mut ward = GuardConfig::of(&timeline);
         (ward.max_late, ward.realtime) = (MAX_LATE, has("--realtime"));
         Guard::start(program, port.descriptor(), &ward).unwrap()
     });

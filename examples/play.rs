@@ -26,7 +26,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     use std::thread;
 
     use motionseq::link::{Link as _, Serial};
-    use motionseq::playback::{Cause, Guard, Notice, Player, Session, Signals, Ward, guard, now};
+    use motionseq::playback::{Cause, Guard, GuardConfig, Notice, Player, Session, Signals, guard, now};
     use motionseq::program::Options;
     use motionseq::source::{Disk, Lines, Sources};
 
@@ -52,7 +52,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     }
     let timeline = compiled.timeline.ok_or("the script has errors")?;
 
-    let ward = Ward::of(&timeline);
+    let ward = GuardConfig::of(&timeline);
     let player = Player::new(&timeline, ward.max_late);
     let mut session = Session::new(player, Serial::open(Path::new(port), timeline.baud)?, Signals::catch()?, lines);
     let timeline = &timeline;

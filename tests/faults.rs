@@ -12,7 +12,7 @@ use crate::support::board::OnBoard;
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, commands, end, start};
 use crate::support::{motionseq, rendered, run, script, stderr};
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Guard, Ward};
+use motionseq::playback::{Guard, GuardConfig};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// A script that uses everything, sends a frame at least every 10 ms, and outlasts every test.
@@ -219,7 +219,7 @@ fn a_blocked_port_is_reported_as_not_stopped() {
 fn a_run_whose_guard_does_not_start_does_not_start() {
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), 115_200).unwrap();
-    let ward = Ward::of_board(crate::support::board::board());
+    let ward = GuardConfig::of_board(crate::support::board::board());
     for program in ["true", "echo", "/no/such/program"] {
         assert!(Guard::start(Command::new(program), port.descriptor(), &ward).is_err(), "{program}");
     }

@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Cause, Guard, Notice, Player, Session, Signals, Stop, Ward, now};
+use motionseq::playback::{Cause, Guard, GuardConfig, Notice, Player, Session, Signals, Stop, now};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::units::Nanos;
@@ -55,7 +55,7 @@ fn the_thread_that_sends_allocates_nothing() {
     });
     let mut program = Command::new(env!("CARGO_BIN_EXE_motionseq"));
     program.arg("guard-a-player");
-    let mut ward = Ward::of(&timeline);
+    let mut ward = GuardConfig::of(&timeline);
     ward.max_late = Nanos::from_millis(5_000);
     let guard = Guard::start(program, port.descriptor(), &ward).unwrap();
     let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);

@@ -6,7 +6,7 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 
 use clap::Args;
-use motionseq::playback::{self, Fate, Stop, Ward, guard};
+use motionseq::playback::{self, Fate, GuardConfig, Stop, guard};
 
 use super::exit::Exit;
 use super::run_summary::{closing_line, stop_words};
@@ -18,7 +18,7 @@ pub(super) const WORD: &str = "guard-a-player";
 /// Starts a guard over an open port.
 pub(super) fn start(
     port: BorrowedFd<'_>,
-    ward: &Ward,
+    ward: &GuardConfig,
     with_board: bool,
     screen: &Screen,
 ) -> io::Result<playback::Guard> {

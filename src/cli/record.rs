@@ -9,7 +9,7 @@ use clap::Args;
 use motionseq::board::{Board as Family, Hundredths, raspblock};
 use motionseq::faults::Faults;
 use motionseq::link::{Door, Link as _, Serial};
-use motionseq::playback::{Guard, Signals, Stop, Ward};
+use motionseq::playback::{Guard, GuardConfig, Signals, Stop};
 use motionseq::serve::{End, Passed, ServeError, Server};
 use motionseq::units::{Micros, Nanos};
 
@@ -132,7 +132,7 @@ impl Record {
             return Ok(None);
         }
         let board = self.reading.board();
-        let mut ward = Ward::of_board(&board);
+        let mut ward = GuardConfig::of_board(&board);
         ward.max_late = MAX_LATE;
         guard::start(port.descriptor(), &ward, false, screen).map(Some)
     }

@@ -130,7 +130,7 @@ impl Record {
 /// What a guard needs to know about its player.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ward {
+pub struct GuardConfig {
     /// A player that is silent for more than twice this, and at least 50 ms, is killed.
     pub max_late: Nanos,
     /// How many zeros synchronize a receiver after a flush: [`zeros_after_flush`](crate::board::Board::zeros_after_flush).
@@ -141,17 +141,17 @@ pub struct Ward {
     pub stop: Vec<Vec<u8>>,
 }
 
-impl Ward {
+impl GuardConfig {
     /// For a player of this timeline, with a `max_late` of 50 ms.
     pub fn of(timeline: &Timeline) -> Self {
         let commands = timeline.events.iter().map(|event| &event.command);
-        Ward { zeros: timeline.board.zeros_after_flush(commands), ..Ward::of_board(&timeline.board) }
+        GuardConfig { zeros: timeline.board.zeros_after_flush(commands), ..GuardConfig::of_board(&timeline.board) }
     }
 
     /// For any program on a board.
     pub fn of_board(board: &Board) -> Self {
         let stop = Stops::of(board, &[]).frames;
-        Ward { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop }
+        GuardConfig { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop }
     }
 
     /// The lateness that the guard tolerates.
@@ -168,7 +168,7 @@ impl Ward {
     fn read(arguments: &[String]) -> Option<Self> {
         let [max_late, zeros, realtime, stop] = arguments else { return None };
         let (max_late, zeros, realtime) = (max_late.parse().ok()?, zeros.parse().ok()?, realtime.parse().ok()?);
-        Some(Ward { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)? })
+        Some(GuardConfig { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)? })
     }
 }
 
@@ -198,8 +198,8 @@ enum Bond {
 
 impl Guard {
     /// Starts a guard over an open port, and waits until it is ready. `program` must pass the five arguments that are added
-    /// to it to [`guard`]: the process, and the fields of [`Ward`].
-    pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &Ward) -> io::Result<Self> {
+    /// to it to [`guard`]: the process, and the fields of [`GuardConfig`].
+    pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &GuardConfig) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
         program.arg(std::process::id().to_string()).args(ward.arguments());
         program.stdin(port.try_clone_to_owned()?).stdout(OwnedFd::from(theirs));
@@ -360,7 +360,7 @@ fn frames(argument: &str) -> Option<Vec<Vec<u8>>> {
 pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
     let stranger = || io::Error::other("only `play` and `record` can start it");
     let (player, ward) = arguments.split_first().ok_or_else(stranger)?;
-    let (player, ward) = player.parse().ok().zip(Ward::read(ward)).ok_or_else(stranger)?;
+    let (player, ward) = player.parse().ok().zip(GuardConfig::read(ward)).ok_or_else(stranger)?;
     let mut port = Some(Serial::inherited(io::stdin().as_fd().try_clone_to_owned()?)?);
     let mut pipe = UnixStream::from(io::stdout().as_fd().try_clone_to_owned()?);
     // Refuse to start by hand: only SIGKILL could end the process.

@@ -29,7 +29,7 @@ pub use player::Player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod real {
-    pub use super::guard::{Guard, Guarded, Ward, guard};
+    pub use super::guard::{Guard, GuardConfig, Guarded, guard};
     pub(crate) use super::halt::Outbox;
     pub use super::latency::lateness;
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};

@@ -17,7 +17,7 @@ use std::time::SystemTime;
 use clap::Args;
 use motionseq::faults::{Faults, Stalling};
 use motionseq::link::Link;
-use motionseq::playback::{Guard, Keys, Notice, Player, Realtime, Session, Signals, Ward, now};
+use motionseq::playback::{Guard, GuardConfig, Keys, Notice, Player, Realtime, Session, Signals, now};
 use motionseq::serve::Served;
 use motionseq::source::Lines;
 use motionseq::timeline::Timeline;
@@ -118,7 +118,7 @@ impl Play {
         session.keys = keys;
         session.realtime = self.realtime && become_realtime(screen);
         // The guard is started last, because from then on the player must send heartbeats.
-        let mut ward = Ward::of(&timeline);
+        let mut ward = GuardConfig::of(&timeline);
         (ward.max_late, ward.realtime) = (self.limit(path.is_some()), self.realtime);
         session.guard = self.guard(session.link.descriptor(), &ward, board.is_some(), screen).map_err(|error| {
             // Ctrl-C also reaches a guard that is starting.
@@ -195,7 +195,13 @@ impl Play {
         if self.paused || self.step { player.paused() } else { player }
     }
 
-    fn guard(&self, port: BorrowedFd<'_>, ward: &Ward, with_board: bool, screen: &Screen) -> io::Result<Option<Guard>> {
+    fn guard(
+        &self,
+        port: BorrowedFd<'_>,
+        ward: &GuardConfig,
+        with_board: bool,
+        screen: &Screen,
+    ) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: nothing stops the robot if motionseq is killed or hangs");
             return Ok(None);
