@@ -183,12 +183,12 @@ pub struct Guard {
     /// When the next heartbeat may be sent, and when it must be sent.
     soon: Nanos,
     deadline: Nanos,
-    bond: Bond,
+    watching: Watching,
 }
 
 /// Whether the guard watches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Bond {
+enum Watching {
     Watched,
     /// It has ended, or does not read heartbeats.
     Lost,
@@ -208,7 +208,7 @@ impl Guard {
         drop(program);
         let interval = Nanos(ward.patience().0 / 2).min(MAX_INTERVAL);
         let deadline = clock::now().saturating_add(interval);
-        let mut guard = Guard { pipe, child, interval, soon: Nanos::ZERO, deadline, bond: Bond::Watched };
+        let mut guard = Guard { pipe, child, interval, soon: Nanos::ZERO, deadline, watching: Watching::Watched };
         match guard.is_ready() {
             Ok(()) => Ok(guard),
             Err(error) => {
@@ -232,17 +232,17 @@ impl Guard {
 
     /// The descriptor to poll for the end of the guard.
     pub(crate) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
-        (self.bond == Bond::Watched).then(|| self.pipe.as_fd())
+        (self.watching == Watching::Watched).then(|| self.pipe.as_fd())
     }
 
     /// When the next heartbeat must be sent.
     pub(super) fn deadline(&self) -> Nanos {
-        if self.bond == Bond::Watched { self.deadline } else { Nanos::MAX }
+        if self.watching == Watching::Watched { self.deadline } else { Nanos::MAX }
     }
 
     /// Whether to send a heartbeat now: it may be sent and there is time, or it must be sent.
     pub(crate) fn wants_beat(&self, now: Nanos, has_time: bool) -> bool {
-        self.bond == Bond::Watched && now >= if has_time { self.soon } else { self.deadline }
+        self.watching == Watching::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
     /// Sends a heartbeat with the position of the player, and whether it reads single keys.
@@ -259,16 +259,16 @@ impl Guard {
 
     /// Records that the guard is lost.
     pub(crate) fn lose(&mut self) {
-        if self.bond == Bond::Watched {
-            self.bond = Bond::Lost;
+        if self.watching == Watching::Watched {
+            self.watching = Watching::Lost;
         }
     }
 
     /// Whether it was lost since the last call.
     pub(crate) fn is_newly_lost(&mut self) -> bool {
-        let newly = self.bond == Bond::Lost;
+        let newly = self.watching == Watching::Lost;
         if newly {
-            self.bond = Bond::Known;
+            self.watching = Watching::Known;
         }
         newly
     }
