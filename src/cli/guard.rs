@@ -6,7 +6,7 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 
 use clap::Args;
-use motionseq::playback::{self, Fate, GuardConfig, Stop, guard};
+use motionseq::playback::{self, GuardConfig, PlayerFailure, Stop, guard};
 
 use super::exit::Exit;
 use super::run_summary::{closing_line, stop_words};
@@ -46,13 +46,17 @@ impl Guard {
         match guard(&self.arguments) {
             Ok(None) => Exit::Ok,
             // Everything was sent; only the summary is lost.
-            Ok(Some(guarded)) if (guarded.fate, guarded.stop) == (Fate::DiedAfterEnd, Stop::NotNeeded) => Exit::Ok,
+            Ok(Some(guarded)) if (guarded.fate, guarded.stop) == (PlayerFailure::DiedAfterEnd, Stop::NotNeeded) => {
+                Exit::Ok
+            }
             Ok(Some(guarded)) => {
                 let cause = match guarded.fate {
-                    Fate::Hung => {
+                    PlayerFailure::Hung => {
                         format!("motionseq hung for {:.0} ms and was killed", guarded.silence.in_millis())
                     }
-                    Fate::DiedAfterEnd => "motionseq was killed before it could report the end of the run".to_owned(),
+                    PlayerFailure::DiedAfterEnd => {
+                        "motionseq was killed before it could report the end of the run".to_owned()
+                    }
                     _ => "motionseq was killed".to_owned(),
                 };
                 let robot = if self.with_board { "the virtual board ended too" } else { stop_words(guarded.stop) };

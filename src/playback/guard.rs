@@ -16,7 +16,7 @@ use super::halt::{Outbox, Stops};
 use super::messages::Stop;
 use super::os::{self, Process, Ready};
 use super::stop::stop_robot;
-use super::watchdog::{Decision, Fate, Heard, Watchdog};
+use super::watchdog::{Decision, Heard, PlayerFailure, Watchdog};
 use crate::board::{Board, Hex};
 use crate::clock;
 use crate::link::Serial;
@@ -328,7 +328,7 @@ fn uninterrupted<T>(mut call: impl FnMut() -> io::Result<T>) -> io::Result<T> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Guarded {
     /// How the player failed.
-    pub fate: Fate,
+    pub fate: PlayerFailure,
     /// The silence after which it counts as hung.
     pub silence: Nanos,
     /// The last reported time of the script.
@@ -397,7 +397,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
         Some(mut port) => {
             // Even if it seems dead: nothing may be sent after the stop.
             player.kill();
-            let has_ended = fate != Fate::Hung || player.has_ended(DEATH);
+            let has_ended = fate != PlayerFailure::Hung || player.has_ended(DEATH);
             if last.has_keys() {
                 terminal.restore();
             }

@@ -35,7 +35,7 @@ mod real {
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
     pub use super::session::Session;
     pub(crate) use super::stop::stop_robot;
-    pub use super::watchdog::Fate;
+    pub use super::watchdog::PlayerFailure;
     pub use crate::clock::now;
 }
 #[cfg(all(feature = "player", target_os = "linux"))]

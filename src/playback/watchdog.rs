@@ -5,7 +5,7 @@ use crate::units::Nanos;
 /// How a player failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Fate {
+pub enum PlayerFailure {
     /// It hung, and was killed.
     Hung,
     /// It died while it was playing.
@@ -39,7 +39,7 @@ pub(super) enum Decision {
     /// The run has ended: close the port.
     Release,
     /// The player has failed.
-    Over(Fate),
+    Over(PlayerFailure),
     /// Nothing is left to do.
     Done,
 }
@@ -68,8 +68,8 @@ impl Watchdog {
     pub(super) fn poll(&mut self, now: Nanos, heard: Heard) -> Decision {
         match heard {
             Heard::Goodbye => return Decision::Done,
-            Heard::Closed if self.ended => return Decision::Over(Fate::DiedAfterEnd),
-            Heard::Closed => return Decision::Over(Fate::Died),
+            Heard::Closed if self.ended => return Decision::Over(PlayerFailure::DiedAfterEnd),
+            Heard::Closed => return Decision::Over(PlayerFailure::Died),
             Heard::Ended => {
                 (self.deadline, self.ended) = (None, true);
                 return Decision::Release;
@@ -83,7 +83,7 @@ impl Watchdog {
                 Some(deadline) if now >= deadline => {
                     // What delayed the guard may also have delayed the player.
                     if self.extended || now - deadline < TARDY {
-                        return Decision::Over(Fate::Hung);
+                        return Decision::Over(PlayerFailure::Hung);
                     }
                     self.extended = true;
                     self.deadline = Some(now.saturating_add(self.limit));
@@ -116,15 +116,15 @@ mod tests {
     fn silence_is_a_hang_and_a_closed_pipe_a_death() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS * 99, Heard::Silence), Decision::Listen(Some(MS * 100)));
-        assert_eq!(watch.poll(MS * 100, Heard::Silence), Decision::Over(Fate::Hung));
-        assert_eq!(watch.poll(MS * 100, Heard::Closed), Decision::Over(Fate::Died));
+        assert_eq!(watch.poll(MS * 100, Heard::Silence), Decision::Over(PlayerFailure::Hung));
+        assert_eq!(watch.poll(MS * 100, Heard::Closed), Decision::Over(PlayerFailure::Died));
     }
 
     #[test]
     fn a_guard_that_woke_late_waits_one_more_interval_only() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS * 105, Heard::Silence), Decision::Listen(Some(MS * 205)));
-        assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Over(Fate::Hung));
+        assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Over(PlayerFailure::Hung));
         // A heartbeat in between resets that.
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         watch.poll(MS * 105, Heard::Silence);
@@ -137,7 +137,7 @@ mod tests {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS, Heard::AtRest), Decision::Listen(None));
         assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(Fate::Died));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(PlayerFailure::Died));
         // The next beat ends the rest.
         assert_eq!(watch.poll(MS, Heard::Beat), Decision::Listen(Some(MS * 101)));
     }
@@ -147,7 +147,7 @@ mod tests {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         assert_eq!(watch.poll(MS, Heard::Ended), Decision::Release);
         assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(Fate::DiedAfterEnd));
+        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(PlayerFailure::DiedAfterEnd));
         assert_eq!(watch.poll(Nanos::MAX, Heard::Goodbye), Decision::Done);
     }
 }
