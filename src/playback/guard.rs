@@ -16,7 +16,7 @@ use super::halt::{Outbox, Stops};
 use super::messages::Stop;
 use super::os::{self, Process, Ready};
 use super::stop::stop_robot;
-use super::watchdog::{Decision, Heard, PlayerFailure, Watchdog};
+use super::watchdog::{Decision, PlayerFailure, PlayerMessage, Watchdog};
 use crate::board::{Board, Hex};
 use crate::clock;
 use crate::link::Serial;
@@ -103,12 +103,12 @@ impl Record {
         }
     }
 
-    fn heard(&self) -> Heard {
+    fn heard(&self) -> PlayerMessage {
         match self.0.first() {
-            Some(&ENDED) => Heard::Ended,
-            Some(&GOODBYE) => Heard::Goodbye,
-            Some(&AT_REST) => Heard::AtRest,
-            _ => Heard::Beat,
+            Some(&ENDED) => PlayerMessage::Ended,
+            Some(&GOODBYE) => PlayerMessage::Goodbye,
+            Some(&AT_REST) => PlayerMessage::AtRest,
+            _ => PlayerMessage::Beat,
         }
     }
 
@@ -378,7 +378,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
 
     let silence = ward.max_late.saturating_mul(2);
     let mut watch = Watchdog::new(clock::now(), silence);
-    let mut heard = Heard::Silence;
+    let mut heard = PlayerMessage::Silence;
     let fate = loop {
         match watch.poll(clock::now(), heard) {
             Decision::Listen(until) => heard = listen(&mut pipe, until, &mut last),
@@ -386,7 +386,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
                 release(port.take());
                 // If this fails, the player has died, which is noticed next.
                 let _ = pipe.write_all(&READY);
-                heard = Heard::Silence;
+                heard = PlayerMessage::Silence;
             }
             Decision::Over(fate) => break fate,
             Decision::Done => return Ok(None),
@@ -419,24 +419,24 @@ fn release(port: Option<Serial>) {
 }
 
 /// Waits for a message, at most until a time on the clock.
-fn listen(pipe: &mut UnixStream, until: Option<Nanos>, last: &mut Record) -> Heard {
+fn listen(pipe: &mut UnixStream, until: Option<Nanos>, last: &mut Record) -> PlayerMessage {
     let timeout = until.map(|until| until.saturating_sub(clock::now()));
     // The result does not matter, because the read does not block.
     let _ = os::wait([(Some(pipe.as_fd()), Ready::IN)], timeout);
     let mut buffer = [0; 8 * RECORD];
     match pipe.read(&mut buffer) {
-        Ok(0) => Heard::Closed,
+        Ok(0) => PlayerMessage::Closed,
         Ok(count) => {
-            let mut heard = Heard::Beat;
+            let mut heard = PlayerMessage::Beat;
             for record in buffer.get(..count).unwrap_or_default().as_chunks().0 {
-                *last = if heard == Heard::Goodbye { *last } else { Record(*record) };
+                *last = if heard == PlayerMessage::Goodbye { *last } else { Record(*record) };
                 heard = last.heard();
             }
             heard
         }
-        Err(error) if error.kind() == io::ErrorKind::ConnectionReset => Heard::Closed,
+        Err(error) if error.kind() == io::ErrorKind::ConnectionReset => PlayerMessage::Closed,
         // The player may be alive; if not, it will be silent for too long.
-        Err(_) => Heard::Silence,
+        Err(_) => PlayerMessage::Silence,
     }
 }
 
@@ -448,7 +448,7 @@ mod tests {
     #[test]
     fn a_record_says_again_what_was_put_in() {
         let record = Record::new(AT_REST, Micros(1_234_567), Some(Place { file: "scripts/dance.motion", line: 14 }));
-        assert_eq!(record.heard(), Heard::AtRest);
+        assert_eq!(record.heard(), PlayerMessage::AtRest);
         assert_eq!(record.at(), Micros(1_234_567));
         assert_eq!(record.place().unwrap(), "scripts/dance.motion:14");
         assert_eq!(Record::new(GOODBYE, Micros::ZERO, None).place(), None);

@@ -16,7 +16,7 @@ pub enum PlayerFailure {
 
 /// A message from the player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Heard {
+pub(super) enum PlayerMessage {
     /// No message; time has passed.
     Silence,
     /// It is alive.
@@ -65,21 +65,21 @@ impl Watchdog {
         Watchdog { limit, deadline: Some(now.saturating_add(limit)), extended: false, ended: false }
     }
 
-    pub(super) fn poll(&mut self, now: Nanos, heard: Heard) -> Decision {
+    pub(super) fn poll(&mut self, now: Nanos, heard: PlayerMessage) -> Decision {
         match heard {
-            Heard::Goodbye => return Decision::Done,
-            Heard::Closed if self.ended => return Decision::Over(PlayerFailure::DiedAfterEnd),
-            Heard::Closed => return Decision::Over(PlayerFailure::Died),
-            Heard::Ended => {
+            PlayerMessage::Goodbye => return Decision::Done,
+            PlayerMessage::Closed if self.ended => return Decision::Over(PlayerFailure::DiedAfterEnd),
+            PlayerMessage::Closed => return Decision::Over(PlayerFailure::Died),
+            PlayerMessage::Ended => {
                 (self.deadline, self.ended) = (None, true);
                 return Decision::Release;
             }
-            Heard::AtRest => self.deadline = None,
-            Heard::Beat => {
+            PlayerMessage::AtRest => self.deadline = None,
+            PlayerMessage::Beat => {
                 self.deadline = Some(now.saturating_add(self.limit));
                 self.extended = false;
             }
-            Heard::Silence => match self.deadline {
+            PlayerMessage::Silence => match self.deadline {
                 Some(deadline) if now >= deadline => {
                     // What delayed the guard may also have delayed the player.
                     if self.extended || now - deadline < TARDY {
@@ -107,47 +107,47 @@ mod tests {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
         for beat in 1..1_000 {
             let now = MS * (beat * 99);
-            assert_eq!(watch.poll(now, Heard::Beat), Decision::Listen(Some(now + MS * 100)));
+            assert_eq!(watch.poll(now, PlayerMessage::Beat), Decision::Listen(Some(now + MS * 100)));
         }
-        assert_eq!(watch.poll(MS * 100_000, Heard::Goodbye), Decision::Done);
+        assert_eq!(watch.poll(MS * 100_000, PlayerMessage::Goodbye), Decision::Done);
     }
 
     #[test]
     fn silence_is_a_hang_and_a_closed_pipe_a_death() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS * 99, Heard::Silence), Decision::Listen(Some(MS * 100)));
-        assert_eq!(watch.poll(MS * 100, Heard::Silence), Decision::Over(PlayerFailure::Hung));
-        assert_eq!(watch.poll(MS * 100, Heard::Closed), Decision::Over(PlayerFailure::Died));
+        assert_eq!(watch.poll(MS * 99, PlayerMessage::Silence), Decision::Listen(Some(MS * 100)));
+        assert_eq!(watch.poll(MS * 100, PlayerMessage::Silence), Decision::Over(PlayerFailure::Hung));
+        assert_eq!(watch.poll(MS * 100, PlayerMessage::Closed), Decision::Over(PlayerFailure::Died));
     }
 
     #[test]
     fn a_guard_that_woke_late_waits_one_more_interval_only() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS * 105, Heard::Silence), Decision::Listen(Some(MS * 205)));
-        assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Over(PlayerFailure::Hung));
+        assert_eq!(watch.poll(MS * 105, PlayerMessage::Silence), Decision::Listen(Some(MS * 205)));
+        assert_eq!(watch.poll(MS * 300, PlayerMessage::Silence), Decision::Over(PlayerFailure::Hung));
         // A heartbeat in between resets that.
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
-        watch.poll(MS * 105, Heard::Silence);
-        watch.poll(MS * 110, Heard::Beat);
-        assert_eq!(watch.poll(MS * 300, Heard::Silence), Decision::Listen(Some(MS * 400)));
+        watch.poll(MS * 105, PlayerMessage::Silence);
+        watch.poll(MS * 110, PlayerMessage::Beat);
+        assert_eq!(watch.poll(MS * 300, PlayerMessage::Silence), Decision::Listen(Some(MS * 400)));
     }
 
     #[test]
     fn a_player_at_rest_may_be_silent_for_ever_but_not_die() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS, Heard::AtRest), Decision::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(PlayerFailure::Died));
+        assert_eq!(watch.poll(MS, PlayerMessage::AtRest), Decision::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, PlayerMessage::Silence), Decision::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, PlayerMessage::Closed), Decision::Over(PlayerFailure::Died));
         // The next beat ends the rest.
-        assert_eq!(watch.poll(MS, Heard::Beat), Decision::Listen(Some(MS * 101)));
+        assert_eq!(watch.poll(MS, PlayerMessage::Beat), Decision::Listen(Some(MS * 101)));
     }
 
     #[test]
     fn a_player_that_dies_after_its_end_differs_from_one_that_drives() {
         let mut watch = Watchdog::new(Nanos::ZERO, MS * 100);
-        assert_eq!(watch.poll(MS, Heard::Ended), Decision::Release);
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Silence), Decision::Listen(None));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Closed), Decision::Over(PlayerFailure::DiedAfterEnd));
-        assert_eq!(watch.poll(Nanos::MAX, Heard::Goodbye), Decision::Done);
+        assert_eq!(watch.poll(MS, PlayerMessage::Ended), Decision::Release);
+        assert_eq!(watch.poll(Nanos::MAX, PlayerMessage::Silence), Decision::Listen(None));
+        assert_eq!(watch.poll(Nanos::MAX, PlayerMessage::Closed), Decision::Over(PlayerFailure::DiedAfterEnd));
+        assert_eq!(watch.poll(Nanos::MAX, PlayerMessage::Goodbye), Decision::Done);
     }
 }
