@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use motionseq::board::{Board as Family, Hundredths, raspblock};
 use motionseq::faults::{Faults, Faulty, volts};
-use motionseq::link::{Door, DoorError};
+use motionseq::link::{PtyLink, PtyLinkError};
 use motionseq::playback::Signals;
 use motionseq::serve::{End, ServeError, Server};
 use motionseq::sim::{Device, Settings};
@@ -74,7 +74,7 @@ impl Board {
     }
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let mut door = Door::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
+        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
         let log = Log::open(self.log.as_deref(), None, self.reading.board(), screen)?;
         let signals = begin(screen)?;
         screen.note(&format!(
@@ -85,7 +85,7 @@ impl Board {
         let board = board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
         let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.keeping(None, log);
-        Ok(serve_board(&mut door, board, self.baud, &signals, watcher, screen).0)
+        Ok(serve_board(&mut pty_link, board, self.baud, &signals, watcher, screen).0)
     }
 }
 
@@ -110,7 +110,7 @@ pub(super) fn failed(screen: &Screen, error: &io::Error) -> Exit {
 /// Serves a virtual board until a signal ends it, and reports how it ended. Returns the recording, too, if there is one.
 #[expect(clippy::too_many_arguments, reason = "a server and its observer")]
 pub(super) fn serve_board(
-    door: &mut Door,
+    pty_link: &mut PtyLink,
     board: Faulty,
     baud: u32,
     signals: &Signals,
@@ -118,7 +118,7 @@ pub(super) fn serve_board(
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
     let family = Arc::clone(board.device().family());
-    let mut server = Server::of_board(door, board, baud, Some(signals));
+    let mut server = Server::of_board(pty_link, board, baud, Some(signals));
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     let received = server.received();
     let tape = watcher.end();
@@ -143,14 +143,14 @@ pub(super) fn serve_board(
 }
 
 /// Reports why there is no port at a path.
-pub(super) fn refused(error: &DoorError, screen: &Screen) -> Exit {
+pub(super) fn refused(error: &PtyLinkError, screen: &Screen) -> Exit {
     screen.error(&error.to_string());
     match error {
-        DoorError::Taken(_) | DoorError::Living(_) => {
+        PtyLinkError::Taken(_) | PtyLinkError::Living(_) => {
             screen.ask("end it first, or choose another path");
             Exit::InUse
         }
-        DoorError::InTheWay(_) => {
+        PtyLinkError::InTheWay(_) => {
             screen.ask("choose another path, or remove what is there; nothing was changed");
             Exit::Usage
         }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use clap::Args;
 use motionseq::board::{Board as Family, Hundredths, raspblock};
 use motionseq::faults::Faults;
-use motionseq::link::{Door, Link as _, Serial};
+use motionseq::link::{Link as _, PtyLink, Serial};
 use motionseq::playback::{Guard, GuardConfig, Signals, Stop};
 use motionseq::serve::{End, Passed, ServeError, Server};
 use motionseq::units::{Micros, Nanos};
@@ -97,7 +97,7 @@ impl Record {
         let port = self.port.as_deref();
         let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
         let port = port.transpose()?;
-        let mut door = Door::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
+        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
         let log = Log::open(self.log.as_deref(), file.as_ref(), self.reading.board(), screen)?;
         let signals = board::begin(screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
@@ -113,16 +113,16 @@ impl Record {
                 let board =
                     board::board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
                 begun("a virtual board");
-                serve_board(&mut door, board, self.baud, &signals, watcher, screen)
+                serve_board(&mut pty_link, board, self.baud, &signals, watcher, screen)
             }
             Some(port) => {
                 // Last: from here on the loop must send signs of life.
                 let guard = self.guard(&port, screen).map_err(failed)?;
                 begun(&format!("the board at {}", self.port.as_deref().unwrap_or(Path::new("")).display()));
-                between(&mut door, self.reading.board(), port, guard, &signals, watcher, screen)
+                between(&mut pty_link, self.reading.board(), port, guard, &signals, watcher, screen)
             }
         };
-        drop(door);
+        drop(pty_link);
         Ok(tape.map(Tape::end).map_or(exit, |kept| self.summary(&kept, exit, screen)))
     }
 
@@ -162,7 +162,7 @@ impl Record {
 /// Records between a program and a board.
 #[expect(clippy::too_many_arguments, reason = "a server and its observer")]
 fn between(
-    door: &mut Door,
+    pty_link: &mut PtyLink,
     board: Arc<Family>,
     port: Serial,
     guard: Option<Guard>,
@@ -170,7 +170,7 @@ fn between(
     mut watcher: Watcher,
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
-    let mut server = Server::of_port(door, board, port, guard, signals);
+    let mut server = Server::of_port(pty_link, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
     let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };

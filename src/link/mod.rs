@@ -1,14 +1,14 @@
 //! Connections to a board.
 
-mod door;
 mod pty;
+mod pty_link;
 mod serial;
 
 use std::io;
 use std::os::fd::BorrowedFd;
 
-pub use door::{Door, DoorError, PortEvent};
 pub use pty::{LineSettings, Pty};
+pub use pty_link::{PortEvent, PtyLink, PtyLinkError};
 pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
 
 /// A port that never blocks.

@@ -16,7 +16,7 @@ use std::time::Duration;
 use crate::board::Board;
 use crate::clock;
 use crate::faults::{Faulty, Stall};
-use crate::link::{Door, LineSettings, PortEvent, Pty, Serial};
+use crate::link::{LineSettings, PortEvent, Pty, PtyLink, Serial};
 use crate::playback::os::{self, Ready};
 use crate::playback::{Guard, Signals, Stop};
 use crate::sim::{Device, Received};
@@ -75,7 +75,7 @@ enum Far {
 
 /// A server.
 pub struct Server<'d> {
-    door: &'d mut Door,
+    pty_link: &'d mut PtyLink,
     far: Far,
     signals: Option<&'d Signals>,
     /// Time 0 on the clock, in nanoseconds; 0 until the run begins.
@@ -93,26 +93,26 @@ pub struct Server<'d> {
 pub type Watch<'w> = dyn FnMut(Micros, PortEvent<'_>, Option<&Device>) -> io::Result<()> + 'w;
 
 impl<'d> Server<'d> {
-    /// Serves a virtual board at a door. A pseudo-terminal has no bit rate, so the server itself takes `baud / 10` bytes per second.
-    pub fn of_board(door: &'d mut Door, board: Faulty, baud: u32, signals: Option<&'d Signals>) -> Self {
-        Server::new(door, Far::Board(Box::new(BoardEnd::new(board, baud))), signals)
+    /// Serves a virtual board at a pty_link. A pseudo-terminal has no bit rate, so the server itself takes `baud / 10` bytes per second.
+    pub fn of_board(pty_link: &'d mut PtyLink, board: Faulty, baud: u32, signals: Option<&'d Signals>) -> Self {
+        Server::new(pty_link, Far::Board(Box::new(BoardEnd::new(board, baud))), signals)
     }
 
     /// Serves a real board: bytes pass both ways unchanged. While the port takes none, the program waits, as it would without a tap. What
     /// the board sends while no program has the port open is lost, as it would be.
     pub fn of_port(
-        door: &'d mut Door,
+        pty_link: &'d mut PtyLink,
         board: Arc<Board>,
         port: Serial,
         guard: Option<Guard>,
         signals: &'d Signals,
     ) -> Self {
-        Server::new(door, Far::Port(Box::new(PortEnd::new(board, port, guard))), Some(signals))
+        Server::new(pty_link, Far::Port(Box::new(PortEnd::new(board, port, guard))), Some(signals))
     }
 
-    fn new(door: &'d mut Door, far: Far, signals: Option<&'d Signals>) -> Self {
+    fn new(pty_link: &'d mut PtyLink, far: Far, signals: Option<&'d Signals>) -> Self {
         Server {
-            door,
+            pty_link,
             far,
             signals,
             begin: Arc::new(AtomicU64::new(clock::now().0)),
@@ -147,7 +147,7 @@ impl<'d> Server<'d> {
         match &mut self.far {
             Far::Board(_) => None,
             Far::Port(end) => {
-                let waiting = self.door.pty().waiting().unwrap_or(0);
+                let waiting = self.pty_link.pty().waiting().unwrap_or(0);
                 Some(end.stop(time, waiting))
             }
         }
@@ -182,7 +182,7 @@ impl<'d> Server<'d> {
 
     /// A program that has written and already closed the port counts, too.
     fn look_for_program(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
-        let port = self.door.pty();
+        let port = self.pty_link.pty();
         if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
             (self.is_open, self.is_ending, self.wrong) = (true, false, None);
             watch(time, PortEvent::Opened, self.far.board())?;
@@ -194,7 +194,7 @@ impl<'d> Server<'d> {
     fn answer(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
         let said = self.far.said();
         if self.is_open && !said.is_empty() {
-            self.door.pty().write(&said)?;
+            self.pty_link.pty().write(&said)?;
             watch(time, PortEvent::Answered(&said), self.far.board())?;
         }
         Ok(())
@@ -211,7 +211,7 @@ impl<'d> Server<'d> {
         let takes = self.is_open && takes_at.is_some_and(|at| at <= now);
         let asks = if is_stalled { Ready::empty() } else { Ready::IN };
         let watched = [
-            (takes.then(|| std::os::fd::AsFd::as_fd(self.door.pty())), asks),
+            (takes.then(|| std::os::fd::AsFd::as_fd(self.pty_link.pty())), asks),
             (self.signals.map(std::os::fd::AsFd::as_fd), Ready::IN),
             self.far.watched(),
             (self.far.guard().and_then(Guard::descriptor), Ready::IN),
@@ -230,7 +230,7 @@ impl<'d> Server<'d> {
         let mut buffer = [0; 4096];
         let room = self.far.room().min(buffer.len());
         let (buffer, _) = buffer.split_at_mut(room);
-        match if is_stalled { Ok(0) } else { self.door.pty().read(buffer) } {
+        match if is_stalled { Ok(0) } else { self.pty_link.pty().read(buffer) } {
             // The system may report the hang-up before the last bytes.
             Ok(0) if !is_stalled && !std::mem::replace(&mut self.is_ending, true) => {
                 clock::sleep_until(clock::now().saturating_add(IDLE));
@@ -240,7 +240,7 @@ impl<'d> Server<'d> {
                 if self.once {
                     return Ok(true);
                 }
-                self.door.sweep()?;
+                self.pty_link.sweep()?;
                 watch(self.time(clock::now()), PortEvent::Closed, self.far.board())?;
             }
             Ok(count) => {
@@ -256,12 +256,12 @@ impl<'d> Server<'d> {
     /// Passes bytes to the far end, and then reports them.
     fn pass(&mut self, now: Nanos, bytes: &[u8], watch: &mut Watch<'_>) -> Result<(), ServeError> {
         let time = self.time(now);
-        let wrong = self.door.wrong_settings()?;
+        let wrong = self.pty_link.wrong_settings()?;
         if let Some(settings) = wrong.filter(|_| wrong != self.wrong) {
             watch(time, PortEvent::SetUp(settings), self.far.board())?;
         }
         self.wrong = wrong;
-        let waiting = self.door.pty().waiting()?;
+        let waiting = self.pty_link.pty().waiting()?;
         let begin = Nanos(self.begin.load(Ordering::Relaxed));
         let (at, behind) = self.far.give(now, time, bytes, waiting).map_err(ServeError::Lost)?;
         watch(time, PortEvent::Came(at.saturating_sub(begin), bytes), self.far.board())?;
@@ -279,7 +279,7 @@ impl<'d> Server<'d> {
         let mut left = MOST_LEFT;
         let mut buffer = [0; 256];
         while left > 0 && clock::now() < until && self.far.carries() {
-            match self.door.pty().read(&mut buffer) {
+            match self.pty_link.pty().read(&mut buffer) {
                 Ok(0) => break,
                 Ok(count) => {
                     left = left.saturating_sub(count as u64);
@@ -291,7 +291,7 @@ impl<'d> Server<'d> {
                 Err(error) => return Err(error.into()),
             }
         }
-        let unread = self.door.pty().waiting()?;
+        let unread = self.pty_link.pty().waiting()?;
         if unread > 0 {
             watch(self.time(clock::now()), PortEvent::Unread(unread), self.far.board())?;
         }
@@ -411,17 +411,17 @@ impl Served {
     /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault
     /// unplugs the board. The port must have been opened before.
     pub fn start(board: Faulty, port: Pty, baud: u32) -> io::Result<Self> {
-        let mut door = Door::unnamed(port)?;
+        let mut pty_link = PtyLink::unnamed(port)?;
         let (begin, stall) = (Arc::new(AtomicU64::new(0)), board.stall());
         let its_begin = Arc::clone(&begin);
         let (tell, end) = mpsc::channel();
         thread::Builder::new().name("virtual board".into()).spawn(move || {
-            let mut server = Server::of_board(&mut door, board, baud, None);
+            let mut server = Server::of_board(&mut pty_link, board, baud, None);
             (server.begin, server.once, server.is_open) = (its_begin, true, true);
             let end = server.run(&mut |_, _, _| Ok(()));
             let received = server.received().ok_or_else(|| ServeError::Failed(io::ErrorKind::NotFound.into()));
             // Closes the port before the result is sent.
-            drop(door);
+            drop(pty_link);
             let _ = tell.send(end.and(received));
         })?;
         Ok(Served { end, begin, stall })

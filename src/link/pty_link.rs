@@ -20,7 +20,7 @@ use crate::units::{Micros, Nanos};
 /// The folder of pseudo-terminals. A link to anything else is not ours.
 const TERMINALS: &str = "/dev/pts/";
 
-/// An event at a door.
+/// An event at a pty_link.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum PortEvent<'a> {
@@ -44,7 +44,7 @@ pub enum PortEvent<'a> {
 
 /// A pseudo-terminal and optionally a link to it, which is removed with it. A link left by a killed process is replaced.
 #[derive(Debug)]
-pub struct Door {
+pub struct PtyLink {
     pty: Pty,
     link: Option<PathBuf>,
     /// Reserves the name until this process ends, however it ends.
@@ -53,10 +53,10 @@ pub struct Door {
     baud: u32,
 }
 
-/// Why a door cannot be opened at a path.
+/// Why a pty_link cannot be opened at a path.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum DoorError {
+pub enum PtyLinkError {
     /// Another motionseq uses the path.
     #[error("another motionseq uses {}", .0.display())]
     Taken(PathBuf),
@@ -76,10 +76,10 @@ pub enum DoorError {
     },
 }
 
-impl Door {
+impl PtyLink {
     /// Creates a pseudo-terminal with a link to it at `path`, for a board with a line speed of `baud`.
-    pub fn open(path: &Path, baud: u32) -> Result<Self, DoorError> {
-        let refused = |cause: io::Error| DoorError::Refused { path: path.to_owned(), cause };
+    pub fn open(path: &Path, baud: u32) -> Result<Self, PtyLinkError> {
+        let refused = |cause: io::Error| PtyLinkError::Refused { path: path.to_owned(), cause };
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.canonicalize(),
             _ => std::env::current_dir(),
@@ -90,7 +90,7 @@ impl Door {
         let link = folder.map_err(refused)?.join(name);
         let own =
             lock_name(&link).and_then(|own| UnixListener::bind_addr(&own)).map_err(|error| match error.kind() {
-                io::ErrorKind::AddrInUse => DoorError::Taken(path.to_owned()),
+                io::ErrorKind::AddrInUse => PtyLinkError::Taken(path.to_owned()),
                 _ => refused(error),
             })?;
         match link.symlink_metadata() {
@@ -98,21 +98,21 @@ impl Door {
             Err(error) => return Err(refused(error)),
             Ok(of_link) if link.read_link().is_ok_and(|target| target.starts_with(TERMINALS)) => {
                 if leads_to_living(&link, &of_link) {
-                    return Err(DoorError::Living(path.to_owned()));
+                    return Err(PtyLinkError::Living(path.to_owned()));
                 }
             }
-            Ok(_) => return Err(DoorError::InTheWay(path.to_owned())),
+            Ok(_) => return Err(PtyLinkError::InTheWay(path.to_owned())),
         }
-        let door = Door { pty: make_pty(baud).map_err(refused)?, link: Some(link), _name: Some(own), baud };
-        door.point_link().map_err(refused)?;
-        Ok(door)
+        let pty_link = PtyLink { pty: make_pty(baud).map_err(refused)?, link: Some(link), _name: Some(own), baud };
+        pty_link.point_link().map_err(refused)?;
+        Ok(pty_link)
     }
 
     /// A pseudo-terminal without a link.
     pub(crate) fn unnamed(pty: Pty) -> io::Result<Self> {
         pty.never_wait()?;
         let baud = pty.settings()?.baud;
-        Ok(Door { pty, link: None, _name: None, baud })
+        Ok(PtyLink { pty, link: None, _name: None, baud })
     }
 
     /// The line settings of the program, if they differ from those of the board.
@@ -188,7 +188,7 @@ fn leads_to_living(link: &Path, of_link: &Metadata) -> bool {
     link.metadata().is_ok_and(|of_terminal| made(&of_terminal) <= made(of_link))
 }
 
-impl Drop for Door {
+impl Drop for PtyLink {
     fn drop(&mut self) {
         // Only our own link: another program may have replaced it.
         if let Some(link) = &self.link
