@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use clap::Args;
-use motionseq::link::{Likely, PortInfo, ports};
+use motionseq::link::{BoardLikelihood, PortInfo, ports};
 
 use super::exit::Exit;
 use super::output;
@@ -31,8 +31,8 @@ impl Ports {
         let mut out = io::stdout().lock();
         let written = found.iter().try_for_each(|port| {
             let likely = match port.likely {
-                Likely::Board => "\tprobably the board",
-                Likely::Maybe => "\tthe board, if it is connected by USB",
+                BoardLikelihood::Board => "\tprobably the board",
+                BoardLikelihood::Maybe => "\tthe board, if it is connected by USB",
                 _ => "",
             };
             writeln!(out, "{}\t{}{likely}", port.path, port.description)
@@ -43,7 +43,7 @@ impl Ports {
 
 /// What to do if no port looks like the board.
 fn help(ports: &[PortInfo]) -> Option<String> {
-    if ports.iter().any(|port| port.likely != Likely::No) {
+    if ports.iter().any(|port| port.likely != BoardLikelihood::No) {
         return None;
     }
     let what = if ports.is_empty() { "no serial ports" } else { "none of these ports looks like the board" };
@@ -57,17 +57,17 @@ const ENABLE: &str = "on a Raspberry Pi, enable the serial port with `sudo raspi
 mod tests {
     use super::*;
 
-    fn port(path: &str, likely: Likely) -> PortInfo {
+    fn port(path: &str, likely: BoardLikelihood) -> PortInfo {
         PortInfo { path: path.to_owned(), description: String::new(), likely }
     }
 
     #[test]
     fn help_is_shown_only_if_no_port_looks_like_the_board() {
         assert!(help(&[]).unwrap().starts_with("no serial ports; "));
-        let other = [port("/dev/ttyS0", Likely::No)];
+        let other = [port("/dev/ttyS0", BoardLikelihood::No)];
         assert!(help(&other).unwrap().starts_with("none of these ports looks like the board; "));
-        for likely in [Likely::Board, Likely::Maybe] {
-            assert_eq!(help(&[port("/dev/ttyS0", Likely::No), port("/dev/tty1", likely)]), None);
+        for likely in [BoardLikelihood::Board, BoardLikelihood::Maybe] {
+            assert_eq!(help(&[port("/dev/ttyS0", BoardLikelihood::No), port("/dev/tty1", likely)]), None);
         }
     }
 }

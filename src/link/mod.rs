@@ -9,7 +9,7 @@ use std::os::fd::BorrowedFd;
 
 pub use pty::{LineSettings, Pty};
 pub use pty_link::{PortEvent, PtyLink, PtyLinkError};
-pub use serial::{Likely, OpenError, PortInfo, Serial, ports};
+pub use serial::{BoardLikelihood, OpenError, PortInfo, Serial, ports};
 
 /// A port that never blocks.
 pub trait Link {

@@ -28,13 +28,13 @@ pub struct PortInfo {
     /// A description for people.
     pub description: String,
     /// Whether it looks like the board.
-    pub likely: Likely,
+    pub likely: BoardLikelihood,
 }
 
 /// Whether a port looks like the board, without opening it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Likely {
+pub enum BoardLikelihood {
     /// It is the serial port on the pins of a Raspberry Pi, where the board is plugged on.
     Board,
     /// It is a USB adapter.
@@ -56,11 +56,13 @@ fn port_info(port: serialport::SerialPortInfo) -> PortInfo {
     let (description, likely) = match &port.port_type {
         serialport::SerialPortType::UsbPort(usb) => {
             let name = usb.product.as_deref().or(usb.manufacturer.as_deref()).unwrap_or("serial adapter");
-            (format!("USB {:04x}:{:04x} {name}", usb.vid, usb.pid), Likely::Maybe)
+            (format!("USB {:04x}:{:04x} {name}", usb.vid, usb.pid), BoardLikelihood::Maybe)
         }
         // The full UART of a Raspberry Pi; the speed of the mini UART varies.
-        _ if port.port_name.ends_with("/ttyAMA0") => ("serial port on the GPIO pins".to_owned(), Likely::Board),
-        _ => ("serial port".to_owned(), Likely::No),
+        _ if port.port_name.ends_with("/ttyAMA0") => {
+            ("serial port on the GPIO pins".to_owned(), BoardLikelihood::Board)
+        }
+        _ => ("serial port".to_owned(), BoardLikelihood::No),
     };
     PortInfo { path: port.port_name, description, likely }
 }
