@@ -1,6 +1,6 @@
 //! How much a block unrolls to at least, counted before anything is unrolled.
 
-use super::words::{self, Does, Word};
+use super::words::{self, Operation, Word};
 use crate::board::Board;
 use crate::syntax::{Block, Command, Item, NumberShape, Statement, Value, ValueKind};
 
@@ -78,12 +78,12 @@ fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Cos
         None => None,
     };
     match row {
-        Some(Does::Mark) => kept(MARK, texts(command)),
+        Some(Operation::Mark) => kept(MARK, texts(command)),
         // What a `say` shows may be shorter than what is written.
-        Some(Does::Say) => kept(SAY, 0),
-        Some(Does::Expect) => kept(EXPECT, texts(command)),
-        Some(Does::Together) => inside,
-        Some(Does::Repeat) => {
+        Some(Operation::Say) => kept(SAY, 0),
+        Some(Operation::Expect) => kept(EXPECT, texts(command)),
+        Some(Operation::Together) => inside,
+        Some(Operation::Repeat) => {
             let passes = command.arguments.first().and_then(|argument| match &argument.item {
                 Item::One(Value { kind: ValueKind::Number(NumberShape::Plain, text), .. }) => text.parse().ok(),
                 _ => None,

@@ -26,12 +26,12 @@ pub struct Row {
     /// Whether a setting may be given more than once.
     pub(super) repeats: bool,
     /// Which function runs it.
-    pub(super) does: Does,
+    pub(super) does: Operation,
 }
 
 /// What a row does with its arguments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Does {
+pub(super) enum Operation {
     /// Changes a setting.
     Set(Setting),
     /// Passes time.
@@ -131,13 +131,13 @@ impl Row {
         usage: &'static str,
         example: &'static str,
         meaning: &'static str,
-        does: Does,
+        does: Operation,
     ) -> Row {
         Row { name, usage, example, meaning, block: false, alone: false, in_block: false, repeats: false, does }
     }
 
     /// A word that is reserved, and does nothing at the start of a line.
-    const fn reserved(name: &'static str, does: Does) -> Row {
+    const fn reserved(name: &'static str, does: Operation) -> Row {
         Row::new(name, "", "", "", does)
     }
 
@@ -171,16 +171,16 @@ pub const COMMANDS: &[Row] = &[
         "say \"TEXT\"",
         "say \"here I go\"",
         "shows a line while playing; `{NAME}` puts in a value, `{{` and `}}` are braces; sends nothing",
-        Does::Say,
+        Operation::Say,
     ),
-    Row::new("wait", "wait TIME", "wait 0.5s", "passes time", Does::Wait).alone(),
-    Row::new("mark", "mark NAME", "mark bow", "names the moment, for `at` below it", Does::Mark).alone(),
+    Row::new("wait", "wait TIME", "wait 0.5s", "passes time", Operation::Wait).alone(),
+    Row::new("mark", "mark NAME", "mark bow", "names the moment, for `at` below it", Operation::Mark).alone(),
     Row::new(
         "repeat",
         "repeat N { … }",
         "repeat 4 { buzzer on for 100ms }",
         "runs its block N times; `every TIME` starts passes that far apart, `as NAME` counts them from 0",
-        Does::Repeat,
+        Operation::Repeat,
     )
     .block(),
     Row::new(
@@ -188,7 +188,7 @@ pub const COMMANDS: &[Row] = &[
         "together { … }",
         "together { servo 1 900; servo 2 900 }",
         "starts each statement of its block at the start",
-        Does::Together,
+        Operation::Together,
     )
     .block(),
     Row::new(
@@ -196,7 +196,7 @@ pub const COMMANDS: &[Row] = &[
         "use \"FILE\"",
         "use \"lib/phrases.motion\"",
         "takes over the `let`s and `def`s of another file",
-        Does::Use,
+        Operation::Use,
     )
     .alone(),
     Row::new(
@@ -204,7 +204,7 @@ pub const COMMANDS: &[Row] = &[
         "on abort { … }",
         "on abort { servos 1500 1500 }",
         "what is sent when something ends a run early, after the stop",
-        Does::Abort,
+        Operation::Abort,
     )
     .block()
     .alone(),
@@ -213,23 +213,26 @@ pub const COMMANDS: &[Row] = &[
         "expect QUANTITY SIGN VALUE",
         "expect voltage > 10V within 2s \"charge me\"",
         "what the board should report: voltage, pitch, roll or yaw, with `<` `<=` `>` `>=` `==` or `in A..B`; the newest report counts, or with `within` the first that fits; sends nothing",
-        Does::Expect,
+        Operation::Expect,
     ),
     Row::reserved(
         "def",
-        Does::Malformed(
+        Operation::Malformed(
             "a `def` is a name, parameters in parentheses and a block",
             "write `def nod(depth = 200us) { … }`",
         ),
     ),
-    Row::reserved("let", Does::Let),
+    Row::reserved("let", Operation::Let),
     Row::reserved(
         "if",
-        Does::Malformed("an `if` is a condition and a block", "write `if n > 0 { … }`, with its `{` on the same line"),
+        Operation::Malformed(
+            "an `if` is a condition and a block",
+            "write `if n > 0 { … }`, with its `{` on the same line",
+        ),
     ),
     Row::reserved(
         "else",
-        Does::Malformed("an `else` follows the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
+        Operation::Malformed("an `else` follows the `}` of its `if`", "write `if n > 0 { … } else { … }`"),
     ),
 ];
 
@@ -240,46 +243,46 @@ pub const SETTINGS: &[Row] = &[
         "language 1",
         "language 1",
         "the version of the language that the script is written for",
-        Does::Set(Setting::Language),
+        Operation::Set(Setting::Language),
     ),
     Row::new(
         "tempo",
         "tempo BPM",
         "tempo 120bpm",
         "how many beats a minute; also first in a block; 120bpm where it is not given",
-        Does::Set(Setting::Tempo),
+        Operation::Set(Setting::Tempo),
     ).in_block(),
     Row::new(
         "meter",
         "meter BEATS/NOTE",
         "meter 3/4",
         "how many beats a bar; also first in a block; 4/4 where it is not given",
-        Does::Set(Setting::Meter),
+        Operation::Set(Setting::Meter),
     ).in_block(),
-    Row::new("rate", "rate FREQUENCY", "rate 50hz", "samples a second of moves, 1-200hz", Does::Set(Setting::Rate)),
+    Row::new("rate", "rate FREQUENCY", "rate 50hz", "samples a second of moves, 1-200hz", Operation::Set(Setting::Rate)),
     Row::new(
         "refresh",
         "refresh TIME|off",
         "refresh 50ms",
         "how often a drive frame is sent again while it holds, 10ms-1s",
-        Does::Set(Setting::Refresh),
+        Operation::Set(Setting::Refresh),
     ),
-    Row::new("baud", "baud SPEED", "baud 115200", "the speed of the serial line", Does::Set(Setting::Baud)),
+    Row::new("baud", "baud SPEED", "baud 115200", "the speed of the serial line", Operation::Set(Setting::Baud)),
     Row::new(
         "seed",
         "seed N",
         "seed 7",
         "which random numbers there are, a whole number; 0 where it is not given",
-        Does::Set(Setting::Seed),
+        Operation::Set(Setting::Seed),
     ),
     Row::new(
         "limit",
         "limit servo N MIN..MAX",
         "limit servo 2 900..1700",
         "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
-        Does::Set(Setting::Limit),
+        Operation::Set(Setting::Limit),
     ).repeats(),
-    Row::reserved("robots", Does::Later),
+    Row::reserved("robots", Operation::Later),
 ];
 
 /// The words that change how a command runs, each with an example of its argument.
@@ -328,7 +331,7 @@ pub(super) fn setting(name: &str) -> Option<&'static Row> {
 
 /// Whether a word takes over the names of another file.
 pub(super) fn is_use(name: &str) -> bool {
-    COMMANDS.iter().any(|row| row.name == name && row.does == Does::Use)
+    COMMANDS.iter().any(|row| row.name == name && row.does == Operation::Use)
 }
 
 /// Everything that a line of a script for this board may start with, but for settings: the verbs of the board first.

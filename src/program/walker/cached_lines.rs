@@ -3,7 +3,7 @@
 
 use super::super::Action;
 use super::super::time::Time;
-use super::super::words::{self, Does, Word};
+use super::super::words::{self, Operation, Word};
 use super::{Frame, Walker};
 use crate::board::Board;
 use crate::source::Span;
@@ -96,7 +96,7 @@ fn is_cacheable(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
     let is_plain = match words::find(board, command.head.text) {
         Some(Word::Verb(..)) => true,
-        Some(Word::Row(row)) => row.does == Does::Wait,
+        Some(Word::Row(row)) => row.does == Operation::Wait,
         None => false,
     };
     is_plain && robots.is_empty() && matches!(line.start, None | Some(Start::After(_)))

@@ -8,7 +8,7 @@ use super::super::scope::Kind;
 use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Parsed};
-use super::super::words::{self, Does, Row, Word};
+use super::super::words::{self, Operation, Row, Word};
 use super::super::{Action, Step, expect, limits, lints, say};
 use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
@@ -44,18 +44,18 @@ impl<'s, 'd> Walker<'s, 'd> {
         };
         let at = At { row, command, start, frame };
         match row.does {
-            Does::Wait => self.wait(at),
-            Does::Say => self.say(at),
-            Does::Expect => self.expect(at),
-            Does::Mark => self.mark(at),
-            Does::Repeat => self.repeat(at),
-            Does::Together => self.together(at),
-            Does::Use => self.use_(at),
-            Does::Abort => self.on_abort(at),
-            Does::Let => self.eval.malformed_let(command),
-            Does::Malformed(message, help) => bail!(self.eval, Syntax, command.span, "{message}"; help: "{help}"),
+            Operation::Wait => self.wait(at),
+            Operation::Say => self.say(at),
+            Operation::Expect => self.expect(at),
+            Operation::Mark => self.mark(at),
+            Operation::Repeat => self.repeat(at),
+            Operation::Together => self.together(at),
+            Operation::Use => self.use_(at),
+            Operation::Abort => self.on_abort(at),
+            Operation::Let => self.eval.malformed_let(command),
+            Operation::Malformed(message, help) => bail!(self.eval, Syntax, command.span, "{message}"; help: "{help}"),
             // A line with a setting is not run as a command.
-            Does::Set(_) | Does::Later => None,
+            Operation::Set(_) | Operation::Later => None,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::super::arguments::Arguments;
 use super::super::value::not_yet;
-use super::super::words::{self, Does, Row, Setting, Word};
+use super::super::words::{self, Operation, Row, Setting, Word};
 use super::super::{Settings, settings};
 use super::{Frame, Walker};
 use crate::diagnostic::{Diagnostic, diagnostic};
@@ -22,7 +22,7 @@ impl<'s> Walker<'s, '_> {
         let Some((part, command, row)) = found else { return false };
         match (self.misplaced(line, part, (row, command.head.span), frame), row.does) {
             (Some(diagnostic), _) => self.eval.push(diagnostic),
-            (None, Does::Set(setting)) => self.set(setting, Word::Row(row), command, frame),
+            (None, Operation::Set(setting)) => self.set(setting, Word::Row(row), command, frame),
             (None, _) => {}
         }
         true
@@ -39,7 +39,7 @@ impl<'s> Walker<'s, '_> {
         let name = row.name;
         let in_block = row.in_block && !frame.top;
         let wrong = |message, help| Some(diagnostic!(SettingPlace, span, "{message}"; help: "{help}"));
-        if row.does == Does::Later {
+        if row.does == Operation::Later {
             return Some(not_yet(span, &format!("the setting `{name}`")));
         }
         if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
