@@ -216,14 +216,14 @@ pub struct Call<'s> {
     /// What is called.
     pub name: Name<'s>,
     /// What it is given.
-    pub arguments: Vec<Given<'s>>,
+    pub arguments: Vec<CallArgument<'s>>,
     /// From the name to the closing bracket.
     pub span: Span,
 }
 
 /// One argument of a call.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Given<'s> {
+pub struct CallArgument<'s> {
     /// The name in `NAME = VALUE`.
     pub name: Option<Name<'s>>,
     /// Its value.

@@ -7,7 +7,7 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Block, Call, Command, Def, Given, If, Item, Kept, Let, Line, Lost, Moment, Name, Node, NodeKind,
+    Argument, Block, Call, CallArgument, Command, Def, If, Item, Kept, Let, Line, Lost, Moment, Name, Node, NodeKind,
     NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 use super::errors::{self, Unreadable};
@@ -347,7 +347,7 @@ impl<'s, 'd> Builder<'s, 'd> {
             let (name, parts) = self.call_parts(call)?;
             let mut arguments = Vec::new();
             for (name, value) in parts {
-                arguments.push(Given { name, value: self.expression(value)? });
+                arguments.push(CallArgument { name, value: self.expression(value)? });
             }
             return Some(Statement::Call(Call { name, arguments, span }));
         }

@@ -20,8 +20,8 @@ mod scan;
 mod visit;
 
 pub use ast::{
-    Argument, Ast, Binary, Block, Call, Command, Def, Expression, Given, If, Item, Let, Line, LineRef, Lost, Moment,
-    Name, Node, NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
+    Argument, Ast, Binary, Block, Call, CallArgument, Command, Def, Expression, If, Item, Let, Line, LineRef, Lost,
+    Moment, Name, Node, NodeKind, NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
 };
 pub use print::format;
 pub(crate) use read_ahead::{Lines, read_ahead};
