@@ -7,7 +7,7 @@ use super::build::Builder;
 use super::errors;
 use super::flat::{self, NotFlat};
 use super::grammar::{Grammar, Rule};
-use super::scan::{Inside, Scanned, scan};
+use super::scan::{BlockText, Scanned, scan};
 use crate::diagnostic::Diagnostics;
 use crate::source::{Source, Span};
 
@@ -19,7 +19,7 @@ pub struct Reading<'s> {
 
 /// How far the script, or a long block of it, is read.
 struct Level<'s> {
-    inside: Inside,
+    inside: BlockText,
     /// How far it is read.
     at: usize,
     /// Where the piece ends that is being read.
@@ -90,7 +90,7 @@ pub fn parse_set<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Optio
 
 impl<'s> Builder<'s, '_> {
     /// The lines of a block that pest has not seen.
-    pub(super) fn long_block(&mut self, inside: &Inside) -> Vec<Kept<'s>> {
+    pub(super) fn long_block(&mut self, inside: &BlockText) -> Vec<Kept<'s>> {
         let mut level = Level::new(inside.clone());
         let mut lost = Lost::default();
         let lines = std::iter::from_fn(|| level.next(self.scanned, self.diagnostics, &mut lost));
@@ -102,7 +102,7 @@ impl<'s> Builder<'s, '_> {
 }
 
 impl<'s> Level<'s> {
-    fn new(inside: Inside) -> Self {
+    fn new(inside: BlockText) -> Self {
         let at = inside.range.start;
         Level { inside, at, end: at, lines: Vec::new().into_iter() }
     }

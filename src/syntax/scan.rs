@@ -26,12 +26,12 @@ pub(super) struct Scanned<'s> {
     /// number of brackets around it.
     cuts: Vec<(usize, usize)>,
     /// The long blocks: those with a cut inside, in the order in which they begin.
-    pub(super) blocks: Vec<Inside>,
+    pub(super) blocks: Vec<BlockText>,
 }
 
 /// What is between the braces of a long block.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Inside {
+pub(super) struct BlockText {
     pub(super) range: Range<usize>,
     /// How many brackets are around it.
     pub(super) depth: usize,
@@ -39,12 +39,12 @@ pub(super) struct Inside {
 
 impl Scanned<'_> {
     /// All of it.
-    pub(super) fn whole(&self) -> Inside {
-        Inside { range: 0..self.text.len(), depth: 0 }
+    pub(super) fn whole(&self) -> BlockText {
+        BlockText { range: 0..self.text.len(), depth: 0 }
     }
 
     /// Where the piece ends that begins at `start`.
-    pub(super) fn piece(&self, start: usize, inside: &Inside) -> usize {
+    pub(super) fn piece(&self, start: usize, inside: &BlockText) -> usize {
         let next = self.cuts.partition_point(|&(cut, _)| cut <= start);
         let cuts = self.cuts.iter().skip(next).take_while(|(cut, _)| *cut < inside.range.end);
         cuts.filter(|(_, depth)| *depth == inside.depth).map(|(cut, _)| *cut).next().unwrap_or(inside.range.end)
@@ -56,7 +56,7 @@ impl Scanned<'_> {
     }
 
     /// The long block whose opening brace is at this place.
-    pub(super) fn block(&self, brace: usize) -> Option<&Inside> {
+    pub(super) fn block(&self, brace: usize) -> Option<&BlockText> {
         let at = self.blocks.binary_search_by_key(&(brace + 1), |block| block.range.start).ok()?;
         self.blocks.get(at)
     }
@@ -67,7 +67,7 @@ impl Scanned<'_> {
         let first = self.blocks.partition_point(|block| block.range.start <= range.start);
         let blocks = self.blocks.iter().skip(first).take_while(|block| block.range.end < range.end);
         let (mut text, mut gaps, mut done) = (String::new(), Vec::new(), range.start);
-        for Inside { range: inside, .. } in blocks {
+        for BlockText { range: inside, .. } in blocks {
             if inside.start >= done {
                 text.push_str(self.text(done..inside.start));
                 done = inside.end;
@@ -134,7 +134,7 @@ struct Scan<'s, 'd> {
     cuts: Vec<(usize, usize)>,
     /// Where the piece begins.
     piece: usize,
-    blocks: Vec<Inside>,
+    blocks: Vec<BlockText>,
     beyond_reading: bool,
     diagnostics: &'d mut Diagnostics,
 }
@@ -351,7 +351,7 @@ impl<'s> Scan<'s, '_> {
         let depth = self.open.len();
         if let Some((_, from, piece)) = self.open.pop() {
             if self.parens == 0 && self.cuts.last().is_some_and(|(cut, _)| *cut > from) {
-                self.blocks.push(Inside { range: from + 1..at, depth });
+                self.blocks.push(BlockText { range: from + 1..at, depth });
             }
             self.piece = piece;
         }
