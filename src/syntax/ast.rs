@@ -45,14 +45,14 @@ impl<'s> Lost<'s> {
 /// Lines that run one after another.
 #[derive(Clone, Debug)]
 pub struct Block<'s> {
-    lines: Vec<Kept<'s>>,
+    lines: Vec<StoredLine<'s>>,
     /// From the opening to the closing brace.
     pub span: Span,
 }
 
 /// A line as a block keeps it. The tree of a flat line takes twenty times the memory of its place, and is read again in no time.
 #[derive(Clone, Debug)]
-pub(super) enum Kept<'s> {
+pub(super) enum StoredLine<'s> {
     Flat(&'s str, u32),
     Tree(Box<Line<'s>>),
 }
@@ -78,7 +78,7 @@ impl LineRef<'_, '_> {
 }
 
 impl<'s> Block<'s> {
-    pub(super) fn new(mut lines: Vec<Kept<'s>>, span: Span) -> Self {
+    pub(super) fn new(mut lines: Vec<StoredLine<'s>>, span: Span) -> Self {
         lines.shrink_to_fit();
         Block { lines, span }
     }
@@ -91,8 +91,8 @@ impl<'s> Block<'s> {
     /// The lines, in the order written.
     pub fn places(&self) -> impl Iterator<Item = LineRef<'_, 's>> {
         self.lines.iter().map(|line| match line {
-            Kept::Flat(text, at) => LineRef::Flat(text, *at),
-            Kept::Tree(line) => LineRef::Tree(line),
+            StoredLine::Flat(text, at) => LineRef::Flat(text, *at),
+            StoredLine::Tree(line) => LineRef::Tree(line),
         })
     }
 

@@ -7,8 +7,8 @@ use pest::error::InputLocation;
 use pest::iterators::{Pair, Pairs};
 
 use super::ast::{
-    Argument, Block, Call, CallArgument, Command, Def, If, Item, Kept, Let, Line, Lost, Moment, Name, Node, NodeKind,
-    NumberShape, Origin, Parameter, Part, Start, Statement, Value, ValueKind,
+    Argument, Block, Call, CallArgument, Command, Def, If, Item, Let, Line, Lost, Moment, Name, Node, NodeKind,
+    NumberShape, Origin, Parameter, Part, Start, Statement, StoredLine, Value, ValueKind,
 };
 use super::errors::{self, Unreadable};
 use super::foreign;
@@ -94,9 +94,11 @@ impl<'s, 'd> Builder<'s, 'd> {
         let brace = self.outline.place(pair.as_span().start());
         let lines = match self.scanned.block(brace) {
             Some(inside) => self.long_block(inside),
-            None => {
-                pair.into_inner().filter_map(|line| self.line(line)).map(|line| Kept::Tree(Box::new(line))).collect()
-            }
+            None => pair
+                .into_inner()
+                .filter_map(|line| self.line(line))
+                .map(|line| StoredLine::Tree(Box::new(line)))
+                .collect(),
         };
         Block::new(lines, span)
     }

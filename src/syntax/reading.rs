@@ -2,7 +2,7 @@
 
 use pest::Parser as _;
 
-use super::ast::{Kept, Let, Line, Lost};
+use super::ast::{Let, Line, Lost, StoredLine};
 use super::build::Builder;
 use super::errors;
 use super::flat::{self, NotFlat};
@@ -36,10 +36,10 @@ enum Read<'s> {
 
 impl<'s> Read<'s> {
     /// As a block keeps it.
-    fn kept(self, source: &'s Source) -> Kept<'s> {
+    fn kept(self, source: &'s Source) -> StoredLine<'s> {
         match self {
-            Read::ByHand(line) => Kept::Flat(source.slice(line.span), line.span.start),
-            Read::ByGrammar(line) => Kept::Tree(Box::new(line)),
+            Read::ByHand(line) => StoredLine::Flat(source.slice(line.span), line.span.start),
+            Read::ByGrammar(line) => StoredLine::Tree(Box::new(line)),
         }
     }
 }
@@ -62,7 +62,7 @@ impl<'s> Reading<'s> {
     }
 
     /// The next line, as a block keeps it.
-    pub(super) fn next_kept(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Kept<'s>> {
+    pub(super) fn next_kept(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<StoredLine<'s>> {
         Some(self.level.next(&self.scanned, diagnostics, lost)?.kept(self.scanned.source))
     }
 }
@@ -90,7 +90,7 @@ pub fn parse_set<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Optio
 
 impl<'s> Builder<'s, '_> {
     /// The lines of a block that pest has not seen.
-    pub(super) fn long_block(&mut self, inside: &BlockText) -> Vec<Kept<'s>> {
+    pub(super) fn long_block(&mut self, inside: &BlockText) -> Vec<StoredLine<'s>> {
         let mut level = Level::new(inside.clone());
         let mut lost = Lost::default();
         let lines = std::iter::from_fn(|| level.next(self.scanned, self.diagnostics, &mut lost));
