@@ -33,22 +33,22 @@ enum From<'s> {
 /// The end of the thread that runs the lines.
 struct Ahead<'s> {
     batches: Receiver<Batch<'s>>,
-    batch: std::vec::IntoIter<Found<'s>>,
+    batch: std::vec::IntoIter<Message<'s>>,
     /// Lines that were run are sent back: memory is freed faster on the thread that allocated it.
     spent: Vec<Line<'s>>,
     back: Sender<Vec<Line<'s>>>,
 }
 
-type Batch<'s> = Vec<Found<'s>>;
+type Batch<'s> = Vec<Message<'s>>;
 
 /// A line, or what was found before the next one.
-enum Found<'s> {
+enum Message<'s> {
     Line(Line<'s>),
-    Trouble(Box<Trouble<'s>>),
+    Findings(Box<Findings<'s>>),
 }
 
 #[derive(Default)]
-struct Trouble<'s> {
+struct Findings<'s> {
     diagnostics: Diagnostics,
     lost: Lost<'s>,
 }
@@ -87,13 +87,13 @@ fn read<'s>(mut script: Reading<'s>, hand_over: &SyncSender<Batch<'s>>, spent: &
     while goes_on {
         let mut batch = Vec::with_capacity(BATCH);
         while goes_on && batch.len() < BATCH {
-            let mut trouble = Trouble::default();
+            let mut trouble = Findings::default();
             let line = script.next(&mut trouble.diagnostics, &mut trouble.lost);
             if !trouble.is_none() {
-                batch.push(Found::Trouble(Box::new(trouble)));
+                batch.push(Message::Findings(Box::new(trouble)));
             }
             goes_on = line.is_some();
-            batch.extend(line.map(Found::Line));
+            batch.extend(line.map(Message::Line));
         }
         spent.try_iter().for_each(drop);
         goes_on &= hand_over.send(batch).is_ok();
@@ -122,8 +122,8 @@ impl<'s> Ahead<'s> {
     fn next(&mut self, diagnostics: &mut Diagnostics, lost: &mut Lost<'s>) -> Option<Line<'s>> {
         loop {
             match self.batch.next() {
-                Some(Found::Line(line)) => return Some(line),
-                Some(Found::Trouble(trouble)) => {
+                Some(Message::Line(line)) => return Some(line),
+                Some(Message::Findings(trouble)) => {
                     diagnostics.append(trouble.diagnostics);
                     lost.add(trouble.lost);
                 }
@@ -141,7 +141,7 @@ impl<'s> Ahead<'s> {
     }
 }
 
-impl Trouble<'_> {
+impl Findings<'_> {
     fn is_none(&self) -> bool {
         self.diagnostics.errors() + self.diagnostics.warnings() == 0 && self.lost.is_empty()
     }
