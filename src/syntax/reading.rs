@@ -14,11 +14,11 @@ use crate::source::{Source, Span};
 /// A script that is being read.
 pub struct Reading<'s> {
     scanned: Scanned<'s>,
-    level: Level<'s>,
+    level: Position<'s>,
 }
 
 /// How far the script, or a long block of it, is read.
-struct Level<'s> {
+struct Position<'s> {
     inside: BlockText,
     /// How far it is read.
     at: usize,
@@ -46,7 +46,7 @@ impl<'s> Read<'s> {
 
 impl<'s> Reading<'s> {
     pub(super) fn new(scanned: Scanned<'s>) -> Self {
-        let level = Level::new(scanned.whole());
+        let level = Position::new(scanned.whole());
         Reading { scanned, level }
     }
 
@@ -91,7 +91,7 @@ pub fn parse_set<'s>(source: &'s Source, diagnostics: &mut Diagnostics) -> Optio
 impl<'s> Builder<'s, '_> {
     /// The lines of a block that pest has not seen.
     pub(super) fn long_block(&mut self, inside: &BlockText) -> Vec<StoredLine<'s>> {
-        let mut level = Level::new(inside.clone());
+        let mut level = Position::new(inside.clone());
         let mut lost = Lost::default();
         let lines = std::iter::from_fn(|| level.next(self.scanned, self.diagnostics, &mut lost));
         let lines = lines.map(|line| line.kept(self.source)).collect();
@@ -101,10 +101,10 @@ impl<'s> Builder<'s, '_> {
     }
 }
 
-impl<'s> Level<'s> {
+impl<'s> Position<'s> {
     fn new(inside: BlockText) -> Self {
         let at = inside.range.start;
-        Level { inside, at, end: at, lines: Vec::new().into_iter() }
+        Position { inside, at, end: at, lines: Vec::new().into_iter() }
     }
 
     /// The next line, with its blocks. What cannot be read is reported and left out.
