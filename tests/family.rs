@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use motionseq::board::{
     Activity, Axis, Board, Codec, Command, Frame, FrameError, Front, NotACommand, OutOfRange, Quantity, Report,
-    ReportLine, Resource, Sets, Simulation, Skip, State, Takes, Text, Unit, Verb, VerbId,
+    ReportLine, Resource, Sets, Simulation, Skip, State, Text, Unit, ValueForm, Verb, VerbId,
 };
 use motionseq::capture::{Reading, ScriptWriter, TimedDecoder, decode};
 use motionseq::diagnostic::Code;
@@ -80,7 +80,7 @@ fn owned(text: &str) -> Text {
     Text::Owned(text.to_owned())
 }
 
-fn axis(what: &str, range: (i32, i32), takes: Takes) -> Axis {
+fn axis(what: &str, range: (i32, i32), takes: ValueForm) -> Axis {
     let (name, key, why) = (owned(""), owned(""), owned(""));
     Axis { name, what: owned(what), key, range, takes, unit: Unit::None, why }
 }
@@ -123,7 +123,9 @@ fn resource(name: &str, key: &str) -> Resource {
 /// The table of the family, created anew.
 fn lamps() -> Arc<Board> {
     let fan = |on| {
-        Takes::Word([("on", 1), ("off", 0)].map(|(word, value)| (owned(word), value)).into_iter().take(on).collect())
+        ValueForm::Word(
+            [("on", 1), ("off", 0)].map(|(word, value)| (owned(word), value)).into_iter().take(on).collect(),
+        )
     };
     let board = Board {
         name: owned("Lamps"),
@@ -140,7 +142,10 @@ fn lamps() -> Arc<Board> {
                 ..verb(
                     "lamp",
                     "lamp 1 500",
-                    vec![axis("a lamp number", (1, 3), Takes::Index), axis("a level", (0, 1_000), Takes::Number)],
+                    vec![
+                        axis("a lamp number", (1, 3), ValueForm::Index),
+                        axis("a level", (0, 1_000), ValueForm::Number),
+                    ],
                     Sets::Indexed(vec![0, 1, 2]),
                 )
             },
@@ -152,7 +157,7 @@ fn lamps() -> Arc<Board> {
             verb(
                 "chime",
                 "chime high",
-                vec![axis("a tone", (0, 2), Takes::Word(vec![(owned("low"), 0), (owned("high"), 2)]))],
+                vec![axis("a tone", (0, 2), ValueForm::Word(vec![(owned("low"), 0), (owned("high"), 2)]))],
                 Sets::Nothing,
             ),
         ],
@@ -360,8 +365,8 @@ fn corners(verb: &Verb) -> Vec<Vec<i32>> {
     let mut all = vec![Vec::new()];
     for axis in &verb.axes {
         let choices: Vec<Vec<i32>> = match &axis.takes {
-            Takes::Bytes(most) => vec![Vec::new(), vec![axis.range.1; *most]],
-            Takes::Word(words) => words.iter().map(|(_, value)| vec![*value]).collect(),
+            ValueForm::Bytes(most) => vec![Vec::new(), vec![axis.range.1; *most]],
+            ValueForm::Word(words) => words.iter().map(|(_, value)| vec![*value]).collect(),
             _ => [axis.range.0, axis.range.1, 0.clamp(axis.range.0, axis.range.1)]
                 .map(|value| vec![value; axis.count()])
                 .into(),

@@ -29,7 +29,7 @@ pub use rules::Notation;
 pub use state::State;
 pub use table::{
     Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange,
-    Part, Picture, Resource, ResourceId, Sets, Shown, Simulation, Takes, Unit, Verb,
+    Part, Picture, Resource, ResourceId, Sets, Shown, Simulation, Unit, ValueForm, Verb,
 };
 
 /// A string of a table: static in a built-in family, owned in one that was read from a file.

@@ -2,7 +2,7 @@
 //! one for all other commands.
 
 use super::Text;
-use super::table::{Activity, Board, Lane, LaneKind, Limited, Picture, Sets, Shown, Takes, Verb};
+use super::table::{Activity, Board, Lane, LaneKind, Limited, Picture, Sets, Shown, ValueForm, Verb};
 use super::{Command, VerbId};
 
 /// What a lane shows.
@@ -41,7 +41,8 @@ fn of_verb(id: VerbId, verb: &Verb) -> Vec<LaneSource> {
 
 /// Whether a verb switches something on and off.
 fn is_switch(verb: &Verb) -> bool {
-    verb.activity == Activity::Unless0 && matches!(verb.axes.as_slice(), [axis] if matches!(axis.takes, Takes::Word(_)))
+    verb.activity == Activity::Unless0
+        && matches!(verb.axes.as_slice(), [axis] if matches!(axis.takes, ValueForm::Word(_)))
 }
 
 fn lane(board: &Board, of: &LaneSource) -> Lane {

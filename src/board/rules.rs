@@ -7,7 +7,7 @@ use super::command::{Command, VerbId};
 use super::quantity::Report;
 use super::table::{
     Activity, Axis, Board, DefaultLimit, Limited, Needs, NotACommand, OutOfRange, Part, Resource, ResourceId, Sets,
-    Takes, Verb,
+    ValueForm, Verb,
 };
 
 impl Board {
@@ -39,7 +39,7 @@ impl Board {
         }
         let mut rest = values.iter();
         for axis in &row.axes {
-            if let Takes::Bytes(most) = axis.takes {
+            if let ValueForm::Bytes(most) = axis.takes {
                 for value in rest.by_ref().take(most) {
                     OutOfRange::check(*value, axis.range)?;
                 }
@@ -344,14 +344,14 @@ impl fmt::Display for Notation<'_> {
         let mut values = command.values().into_iter();
         for axis in &verb.axes {
             match &axis.takes {
-                Takes::Bytes(_) => values.by_ref().try_for_each(|byte| write!(f, " 0x{byte:02X}"))?,
-                Takes::Byte => write!(f, " 0x{:02X}", values.next().unwrap_or_default())?,
-                Takes::Word(words) => {
+                ValueForm::Bytes(_) => values.by_ref().try_for_each(|byte| write!(f, " 0x{byte:02X}"))?,
+                ValueForm::Byte => write!(f, " 0x{:02X}", values.next().unwrap_or_default())?,
+                ValueForm::Word(words) => {
                     let value = values.next();
                     let word = words.iter().find(|(_, of)| Some(*of) == value).map_or("?", |(word, _)| word);
                     write!(f, " {word}")?;
                 }
-                Takes::Number | Takes::Index | Takes::List(..) => {
+                ValueForm::Number | ValueForm::Index | ValueForm::List(..) => {
                     f.write_char(' ')?;
                     if !axis.name.is_empty() {
                         f.write_str(&axis.name)?;

@@ -117,7 +117,7 @@ pub struct Axis {
     /// The smallest and the largest value that the board accepts.
     pub range: (i32, i32),
     /// How a script writes it.
-    pub takes: Takes,
+    pub takes: ValueForm,
     /// Its unit.
     pub unit: Unit,
     /// Why its range ends there, or where to write the value; empty if that needs no explanation.
@@ -127,7 +127,7 @@ pub struct Axis {
 /// How a script writes a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Takes {
+pub enum ValueForm {
     /// A number, which is rounded. A named one may be omitted and is 0 then.
     Number,
     /// A whole number that selects a resource.
@@ -404,11 +404,11 @@ impl PartialEq for Board {
 impl Eq for Board {}
 
 impl Axis {
-    /// The number of values that it has in a command; those of [`Takes::Bytes`] are not counted.
+    /// The number of values that it has in a command; those of [`ValueForm::Bytes`] are not counted.
     pub fn count(&self) -> usize {
         match &self.takes {
-            Takes::List(_, letters) => letters.split(',').count(),
-            Takes::Bytes(_) => 0,
+            ValueForm::List(_, letters) => letters.split(',').count(),
+            ValueForm::Bytes(_) => 0,
             _ => 1,
         }
     }

@@ -8,7 +8,7 @@ use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use super::words::Setting;
-use crate::board::{Board, Limited, ResourceId, Sets, Takes, Unit, Verb};
+use crate::board::{Board, Limited, ResourceId, Sets, Unit, ValueForm, Verb};
 use crate::diagnostic::{bail, diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
@@ -148,7 +148,7 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
     let word = args.word(thing, &words)?;
     let (id, verb) = board.find(word)?;
     let mut limited = Limited { verb: id, index: None, axis: None };
-    if let Some(axis) = verb.axes.first().filter(|axis| axis.takes == Takes::Index) {
+    if let Some(axis) = verb.axes.first().filter(|axis| axis.takes == ValueForm::Index) {
         let index = args.next()?;
         limited.index = Some(args.integer(index, &axis.what, axis.range)?);
     }

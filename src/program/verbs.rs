@@ -5,7 +5,7 @@ use smallvec::SmallVec;
 use super::arguments::{Arguments, Bound};
 use super::lints;
 use super::motion::{Glide, Motion};
-use crate::board::{Axis, Command, Takes, Values, Verb, VerbId};
+use crate::board::{Axis, Command, ValueForm, Values, Verb, VerbId};
 use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::{Item, Value};
@@ -70,34 +70,34 @@ fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Opti
 fn one(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -> Option<()> {
     let bound = Bound::from(axis);
     let value = match &axis.takes {
-        Takes::List(what, letters) => {
+        ValueForm::List(what, letters) => {
             values.extend(list(args, axis, what, letters)?);
             return Some(());
         }
-        Takes::Bytes(most) => {
+        ValueForm::Bytes(most) => {
             values.extend(bytes(args, bound, *most)?);
             return Some(());
         }
-        Takes::Number if !axis.name.is_empty() => match args.named(&axis.name) {
+        ValueForm::Number if !axis.name.is_empty() => match args.named(&axis.name) {
             None => 0,
             Some(argument) => {
                 let value = args.one(argument)?;
                 args.ranged(value, bound)?
             }
         },
-        Takes::Number => {
+        ValueForm::Number => {
             let value = args.next()?;
             args.ranged(value, bound)?
         }
-        Takes::Index => {
+        ValueForm::Index => {
             let value = args.next()?;
             args.index(value, axis)?
         }
-        Takes::Byte => {
+        ValueForm::Byte => {
             let value = args.next()?;
             args.whole(value, bound)?
         }
-        Takes::Word(words) => {
+        ValueForm::Word(words) => {
             let value = args.next()?;
             let known: Vec<&str> = words.iter().map(|(word, _)| &**word).collect();
             let found = args.word(value, &known)?;
@@ -152,7 +152,7 @@ fn bytes(args: &mut Arguments<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) ->
 
 /// Reports values without their names, or no value at all, for a verb whose values all have names and may be omitted.
 fn has_axis(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
-    let is_optional = |axis: &Axis| !axis.name.is_empty() && axis.takes == Takes::Number;
+    let is_optional = |axis: &Axis| !axis.name.is_empty() && axis.takes == ValueForm::Number;
     let is_given = || args.command.arguments.iter().any(|argument| argument.name.is_some());
     if verb.axes.is_empty() || !verb.axes.iter().all(is_optional) || is_given() {
         return Some(());

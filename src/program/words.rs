@@ -46,7 +46,7 @@ pub(super) enum Operation {
     Repeat,
     /// Starts each statement of its block at the start.
     Together,
-    /// Takes over the names of another file.
+    /// ValueForm over the names of another file.
     Use,
     /// What is sent when something ends a run early.
     Abort,

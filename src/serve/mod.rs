@@ -225,7 +225,7 @@ impl<'d> Server<'d> {
         Ok(!program.is_empty())
     }
 
-    /// Takes what the program has written. Returns whether a server that ends with its program has ended.
+    /// ValueForm what the program has written. Returns whether a server that ends with its program has ended.
     fn take(&mut self, is_stalled: bool, watch: &mut Watch<'_>) -> Result<bool, ServeError> {
         let mut buffer = [0; 4096];
         let room = self.far.room().min(buffer.len());
@@ -271,7 +271,7 @@ impl<'d> Server<'d> {
         Ok(())
     }
 
-    /// Takes what the program had written before the end: for a virtual board it counts as sent. A real board gets no more.
+    /// ValueForm what the program had written before the end: for a virtual board it counts as sent. A real board gets no more.
     fn drain(&mut self, watch: &mut Watch<'_>) -> Result<(), ServeError> {
         let Far::Board(end) = &mut self.far else { return Ok(()) };
         end.hurry();

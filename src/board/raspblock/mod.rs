@@ -13,7 +13,7 @@ use std::sync::{Arc, LazyLock};
 use super::Text;
 use super::table::{
     Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Limited, Needs, Part, Resource, ResourceId, Sets,
-    Simulation, Takes, Unit, Verb,
+    Simulation, Unit, ValueForm, Verb,
 };
 use super::{Command, Hundredths, Quantity, Report, VerbId};
 pub use geometry::{Geometry, Twist};
@@ -241,7 +241,7 @@ fn value(what: &'static str, range: (i32, i32)) -> Axis {
         what: text(what),
         key: text(""),
         range,
-        takes: Takes::Number,
+        takes: ValueForm::Number,
         unit: Unit::None,
         why: text(""),
     }
@@ -258,11 +258,11 @@ fn named(name: &'static str, what: &'static str, range: (i32, i32)) -> Axis {
 fn words(what: &'static str, words: &[(&'static str, i32)]) -> Axis {
     let most = words.iter().map(|(_, value)| *value).max().unwrap_or_default();
     let words = words.iter().map(|(word, value)| (text(word), *value)).collect();
-    Axis { takes: Takes::Word(words), ..value(what, (0, most)) }
+    Axis { takes: ValueForm::Word(words), ..value(what, (0, most)) }
 }
 
 fn gains(name: &'static str, letters: &'static str) -> Axis {
-    Axis { takes: Takes::List(text("a gain"), text(letters)), ..named(name, "gains", BYTE) }
+    Axis { takes: ValueForm::List(text("a gain"), text(letters)), ..named(name, "gains", BYTE) }
 }
 
 fn verb(word: &'static str, usage: &'static str, example: &'static str, meaning: &'static str) -> Verb {
@@ -297,7 +297,7 @@ fn verbs() -> Vec<Verb> {
         Verb {
             axes: vec![
                 Axis {
-                    takes: Takes::Index,
+                    takes: ValueForm::Index,
                     why: text("it comes first, then the pulse width: `servo 1 1500`"),
                     ..value("a servo number", (1, 4))
                 },
@@ -425,8 +425,8 @@ fn verbs() -> Vec<Verb> {
         },
         Verb {
             axes: vec![
-                Axis { takes: Takes::Byte, ..value("the function byte", BYTE) },
-                Axis { takes: Takes::Bytes(frame::MAX_PAYLOAD), ..value("a payload byte", BYTE) },
+                Axis { takes: ValueForm::Byte, ..value("the function byte", BYTE) },
+                Axis { takes: ValueForm::Bytes(frame::MAX_PAYLOAD), ..value("a payload byte", BYTE) },
             ],
             frames: text("the raw frames"),
             sets: Sets::Opaque(vec![

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
-use motionseq::board::{Board, Hex, Item, OwnedItem, Report, Sets, State, Takes, Text};
+use motionseq::board::{Board, Hex, Item, OwnedItem, Report, Sets, State, Text, ValueForm};
 use motionseq::capture::TimedDecoder;
 use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
@@ -311,7 +311,7 @@ fn told(board: &Board, state: &State) -> Told {
             ([.., _], [.., value]) if verb.is_indexed() => {
                 told.insert(resource.key.clone(), number(*value));
             }
-            ([axis], [value]) if matches!(axis.takes, Takes::Word(_)) => {
+            ([axis], [value]) if matches!(axis.takes, ValueForm::Word(_)) => {
                 told.insert(resource.key.clone(), Value::Switch(*value != 0));
             }
             (axes, values) => {

@@ -10,7 +10,7 @@ use super::suggest::{list, suggest};
 use super::time::Time;
 use super::value::{self, Quantity};
 use super::words::{self, MODIFIERS, Signature, Word, is_modifier};
-use crate::board::{Axis, Takes};
+use crate::board::{Axis, ValueForm};
 use crate::diagnostic::{Code, Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Command, Item, Name, NumberShape, Value, ValueKind, foreign};
@@ -296,7 +296,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         let Word::Verb(_, verb) = self.word else {
             return diagnostic!(MissingArgument, whole, "`{name}` needs more arguments"; help: "{how}");
         };
-        if let [Axis { takes: Takes::Word(words), .. }] = verb.axes.as_slice()
+        if let [Axis { takes: ValueForm::Word(words), .. }] = verb.axes.as_slice()
             && verb.holds
             && let Some((word, _)) = words.iter().find(|(_, value)| *value != 0).filter(|_| !arguments.is_empty())
         {
@@ -305,7 +305,7 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
                 help: "write `{line}`"; fix: head => "{name} {word}");
         }
         let values: Vec<&str> = self.row().usage.split(' ').skip(1).collect();
-        let is_plain = verb.axes.iter().all(|axis| axis.name.is_empty() && !matches!(axis.takes, Takes::Bytes(_)));
+        let is_plain = verb.axes.iter().all(|axis| axis.name.is_empty() && !matches!(axis.takes, ValueForm::Bytes(_)));
         let given = arguments.iter().filter(|argument| argument.name.is_some()).count();
         if is_plain && given > 0 && given == values.len() {
             let named = arguments.iter().filter(|argument| argument.name.is_some());
