@@ -17,7 +17,7 @@ pub struct Expect {
     /// Which of its values.
     pub measured: Measured,
     /// What it should be.
-    pub wanted: Wanted,
+    pub wanted: Condition,
     /// The time in which a report must match; `None` if the newest report must match.
     pub within: Option<Time>,
     /// The reason that the script gives.
@@ -35,7 +35,7 @@ pub struct Measured {
 /// What a value should be, in volts or degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Wanted {
+pub enum Condition {
     /// `<`
     Less(f64),
     /// `<=`
@@ -76,19 +76,19 @@ impl Measured {
     }
 }
 
-impl Wanted {
+impl Condition {
     /// Whether a value fits.
     pub fn fits(self, value: Hundredths) -> bool {
         // The quotient is the float nearest to the decimal, like a literal.
         let exact = value.number();
         match self {
-            Wanted::Less(bound) => exact < bound,
-            Wanted::AtMost(bound) => exact <= bound,
-            Wanted::Greater(bound) => exact > bound,
-            Wanted::AtLeast(bound) => exact >= bound,
+            Condition::Less(bound) => exact < bound,
+            Condition::AtMost(bound) => exact <= bound,
+            Condition::Greater(bound) => exact > bound,
+            Condition::AtLeast(bound) => exact >= bound,
             #[expect(clippy::float_cmp, reason = "both are whole")]
-            Wanted::Equal(bound) => f64::from(value.0) == libm::round(bound * 100.0),
-            Wanted::In(low, high) => low <= exact && exact <= high,
+            Condition::Equal(bound) => f64::from(value.0) == libm::round(bound * 100.0),
+            Condition::In(low, high) => low <= exact && exact <= high,
         }
     }
 }
@@ -98,12 +98,12 @@ impl fmt::Display for Expect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, unit) = (self.measured.name(), self.measured.unit());
         match self.wanted {
-            Wanted::Less(bound) => write!(f, "{name} < {bound}{unit}")?,
-            Wanted::AtMost(bound) => write!(f, "{name} <= {bound}{unit}")?,
-            Wanted::Greater(bound) => write!(f, "{name} > {bound}{unit}")?,
-            Wanted::AtLeast(bound) => write!(f, "{name} >= {bound}{unit}")?,
-            Wanted::Equal(bound) => write!(f, "{name} == {bound}{unit}")?,
-            Wanted::In(low, high) => write!(f, "{name} in {low}{unit}..{high}{unit}")?,
+            Condition::Less(bound) => write!(f, "{name} < {bound}{unit}")?,
+            Condition::AtMost(bound) => write!(f, "{name} <= {bound}{unit}")?,
+            Condition::Greater(bound) => write!(f, "{name} > {bound}{unit}")?,
+            Condition::AtLeast(bound) => write!(f, "{name} >= {bound}{unit}")?,
+            Condition::Equal(bound) => write!(f, "{name} == {bound}{unit}")?,
+            Condition::In(low, high) => write!(f, "{name} in {low}{unit}..{high}{unit}")?,
         }
         match self.within {
             Some(within) => write!(f, " within {within}"),
@@ -134,11 +134,11 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
             let value = args.next()?;
             let bound = bound(args, value, &measured)?;
             match sign.text {
-                "<" => Wanted::Less(bound),
-                "<=" => Wanted::AtMost(bound),
-                ">" => Wanted::Greater(bound),
-                ">=" => Wanted::AtLeast(bound),
-                _ => Wanted::Equal(bound),
+                "<" => Condition::Less(bound),
+                "<=" => Condition::AtMost(bound),
+                ">" => Condition::Greater(bound),
+                ">=" => Condition::AtLeast(bound),
+                _ => Condition::Equal(bound),
             }
         }
         Item::One(Value { kind: ValueKind::Word("in"), negative: false, .. }) => {
@@ -152,7 +152,7 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
                 bail!(args.eval, OutOfRange, range.span, "this range is empty";
                     help: "write the smaller value first");
             }
-            Wanted::In(low, high)
+            Condition::In(low, high)
         }
         _ => {
             bail!(args.eval, Comparison, operator.span, "a comparison is needed here";

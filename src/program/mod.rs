@@ -32,7 +32,7 @@ mod walker;
 mod words;
 
 pub use ease::{CURVES, Curve, Ease};
-pub use expect::{Expect, Measured, Wanted};
+pub use expect::{Condition, Expect, Measured};
 pub use functions::{FUNCTIONS, Function};
 pub use limits::Limit;
 pub(crate) use limits::broken as broken_limit;
