@@ -36,18 +36,18 @@ pub(super) struct Arguments<'r, 'a, 's, 'd> {
 
 /// How long a command takes: not at all, or with `for` or `over`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Lasting {
+pub(super) enum CommandDuration {
     Instant,
     For(Time),
     Over(Time, Ease),
 }
 
-impl Lasting {
+impl CommandDuration {
     /// How long.
     pub(super) fn time(self) -> Time {
         match self {
-            Lasting::Instant => Time::ZERO,
-            Lasting::For(time) | Lasting::Over(time, _) => time,
+            CommandDuration::Instant => Time::ZERO,
+            CommandDuration::For(time) | CommandDuration::Over(time, _) => time,
         }
     }
 }
@@ -352,20 +352,20 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     }
 
     /// How long it takes, with `for` or `over`; `Err` where that is wrong, which is reported.
-    pub(super) fn lasting(&mut self) -> Result<Lasting, ()> {
+    pub(super) fn lasting(&mut self) -> Result<CommandDuration, ()> {
         let hold = if self.row().holds { self.modified_by("for") } else { None };
         let over = if self.row().moves { self.modified_by("over") } else { None };
         let ease = if over.is_some() { self.modified_by("ease") } else { None };
         match (hold, over) {
-            (None, None) => Ok(Lasting::Instant),
-            (Some(hold), None) => Ok(Lasting::For(self.above_zero("for", hold)?)),
+            (None, None) => Ok(CommandDuration::Instant),
+            (Some(hold), None) => Ok(CommandDuration::For(self.above_zero("for", hold)?)),
             (None, Some(over)) => {
                 let over = self.above_zero("over", over)?;
                 let ease = match ease {
                     None => Ease::LINEAR,
                     Some(ease) => self.ease(ease).ok_or(())?,
                 };
-                Ok(Lasting::Over(over, ease))
+                Ok(CommandDuration::Over(over, ease))
             }
             (Some(hold), Some(over)) => {
                 report!(self.eval, DuplicateArgument, hold.span.to(over.span), "a command takes either `over` or `for`";

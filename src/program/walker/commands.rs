@@ -1,6 +1,6 @@
 //! One command of a script: its row in the table says which function runs it.
 
-use super::super::arguments::{self, Arguments, Lasting};
+use super::super::arguments::{self, Arguments, CommandDuration};
 use super::super::cost::{self, Cost};
 use super::super::evaluator::Evaluator;
 use super::super::motion::Move;
@@ -145,7 +145,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             return (!board.is_needed(id)).then_some(end);
         };
         let sent = match (parsed, lasting) {
-            (Parsed::Motion(motion), Lasting::Over(over, ease)) => {
+            (Parsed::Motion(motion), CommandDuration::Over(over, ease)) => {
                 let touches = board.occupied(motion.verb, motion.index);
                 if self.in_abort && touches.iter().any(|resource| board.needs_refresh(*resource)) {
                     self.drive_in_abort(span);
@@ -162,7 +162,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             (Parsed::Motion(motion), _) => motion.target(board)?,
             (Parsed::Command(sent), _) => sent,
         };
-        let hold = if let Lasting::For(hold) = lasting { Some(hold) } else { None };
+        let hold = if let CommandDuration::For(hold) = lasting { Some(hold) } else { None };
         if hold.is_some() && !verb.moves && board.is_rest(&sent) {
             report!(self.eval, UnexpectedArgument, span, "`{}` takes no `for`", board.show(&sent);
                 help: "wait on a line of its own: `wait 2s`");
