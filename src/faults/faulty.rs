@@ -17,7 +17,7 @@ pub struct Faulty {
     faults: Faults,
     decoder: Decoder,
     /// One each for frames and for reports, so that neither changes the faults of the other.
-    dice: [Dice; 2],
+    dice: [RandomEvents; 2],
     replies: Vec<u8>,
     stall: Stall,
     /// The time since the device was switched on.
@@ -30,7 +30,7 @@ impl Faulty {
     pub fn new(device: Device, faults: Faults) -> Self {
         let mut board = Faulty {
             decoder: Decoder::new(device.family()),
-            dice: [0, 1].map(|stream| Dice::new(faults.seed.wrapping_add(stream << 32))),
+            dice: [0, 1].map(|stream| RandomEvents::new(faults.seed.wrapping_add(stream << 32))),
             device,
             faults,
             replies: Vec::new(),
@@ -156,11 +156,11 @@ impl Stall {
 
 /// Random events, the same in each run.
 #[derive(Clone, Debug)]
-struct Dice(SplitMix);
+struct RandomEvents(SplitMix);
 
-impl Dice {
+impl RandomEvents {
     fn new(seed: u64) -> Self {
-        Dice(SplitMix(seed))
+        RandomEvents(SplitMix(seed))
     }
 
     /// Whether an event with this probability (0 to 1) happens.
