@@ -155,12 +155,12 @@ pub struct Attached<'a> {
     diagnostic: &'a Diagnostic,
     source: Option<&'a Printable<'a>>,
     /// Places in other files.
-    elsewhere: Vec<Elsewhere<'a>>,
+    elsewhere: Vec<InOtherFile<'a>>,
 }
 
 /// A place that belongs to a diagnostic and is in another file.
 #[derive(Debug)]
-struct Elsewhere<'a> {
+struct InOtherFile<'a> {
     related: &'a Related,
     source: &'a Printable<'a>,
 }
@@ -174,7 +174,7 @@ impl<'a> Attached<'a> {
             .related
             .iter()
             .filter(|related| !source.is_some_and(|source| source.holds(related.span)))
-            .filter_map(|related| Some(Elsewhere { related, source: file(related.span)? }))
+            .filter_map(|related| Some(InOtherFile { related, source: file(related.span)? }))
             .collect();
         Attached { diagnostic, source, elsewhere }
     }
@@ -229,15 +229,15 @@ fn labeled(related: &Related, source: &Printable<'_>) -> miette::LabeledSpan {
     miette::LabeledSpan::new_with_span(Some(escaped(&related.label)), source.clip(related.span))
 }
 
-impl fmt::Display for Elsewhere<'_> {
+impl fmt::Display for InOtherFile<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&escaped(&self.related.label))
     }
 }
 
-impl std::error::Error for Elsewhere<'_> {}
+impl std::error::Error for InOtherFile<'_> {}
 
-impl miette::Diagnostic for Elsewhere<'_> {
+impl miette::Diagnostic for InOtherFile<'_> {
     fn severity(&self) -> Option<miette::Severity> {
         Some(miette::Severity::Advice)
     }
