@@ -21,11 +21,11 @@ pub fn cases(cases: &[Case]) -> String {
         file: &'a str,
         passed: bool,
         verdict: &'static str,
-        problems: Vec<Trouble<'a>>,
+        problems: Vec<JsonProblem<'a>>,
         left_out: usize,
     }
     #[derive(Serialize)]
-    struct Trouble<'a> {
+    struct JsonProblem<'a> {
         file: &'a str,
         line: Option<usize>,
         code: &'static str,
@@ -39,7 +39,7 @@ pub fn cases(cases: &[Case]) -> String {
         problems: case
             .problems
             .iter()
-            .map(|problem| Trouble {
+            .map(|problem| JsonProblem {
                 file: &problem.file,
                 line: line(problem),
                 code: problem.code,
