@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use motionseq::board::{
-    Activity, Axis, Board, Codec, Command, Frame, FrameError, Front, NotACommand, OutOfRange, Quantity, Report,
+    Activity, Axis, Board, BufferStart, Codec, Command, Frame, FrameError, NotACommand, OutOfRange, Quantity, Report,
     ReportLine, Resource, Sets, Simulation, Skip, State, Text, Unit, ValueForm, Verb, VerbId,
 };
 use motionseq::capture::{Reading, ScriptWriter, TimedDecoder, decode};
@@ -67,12 +67,12 @@ fn next_start(bytes: &[u8]) -> usize {
     bytes.iter().skip(1).position(|byte| *byte == b'<').map_or(bytes.len(), |at| at + 1)
 }
 
-fn front(bytes: &[u8], _: bool) -> Front {
+fn front(bytes: &[u8], _: bool) -> BufferStart {
     match bytes.iter().position(|byte| *byte == b'>') {
-        _ if bytes[0] != b'<' => Front::Skip(next_start(bytes), Skip::Noise),
-        Some(end) => Front::Frame(end + 1),
-        None if bytes.len() > 32 => Front::Skip(next_start(bytes), Skip::Torn),
-        None => Front::NeedMore,
+        _ if bytes[0] != b'<' => BufferStart::Skip(next_start(bytes), Skip::Noise),
+        Some(end) => BufferStart::Frame(end + 1),
+        None if bytes.len() > 32 => BufferStart::Skip(next_start(bytes), Skip::Torn),
+        None => BufferStart::NeedMore,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::frame::{FrameError, Front, Hex, Skip};
+use super::frame::{BufferStart, FrameError, Hex, Skip};
 use super::table::{Board, Codec};
 
 /// The bytes of one valid frame. [`Board::decode`] reads their meaning.
@@ -126,24 +126,24 @@ impl Decoder {
         while let Some(rest) = self.buffer.get(done..).filter(|rest| !rest.is_empty()) {
             let front = (self.codec.front)(rest, self.in_zeros);
             self.in_zeros = match front {
-                Front::Skip(_, why) => why == Skip::Zeros,
-                Front::Frame(_) => false,
-                Front::NeedMore => self.in_zeros,
+                BufferStart::Skip(_, why) => why == Skip::Zeros,
+                BufferStart::Frame(_) => false,
+                BufferStart::NeedMore => self.in_zeros,
             };
             let used = match front {
-                Front::NeedMore if !last => break,
-                Front::NeedMore => {
+                BufferStart::NeedMore if !last => break,
+                BufferStart::NeedMore => {
                     // No more bytes will come. A frame may still start after the truncated header.
                     let used = (self.codec.next_start)(rest);
                     let why = if rest.starts_with(&[0]) { Skip::Noise } else { Skip::Cut };
                     self.skip(done, used, why, sink);
                     used
                 }
-                Front::Skip(used, why) => {
+                BufferStart::Skip(used, why) => {
                     self.skip(done, used, why, sink);
                     used
                 }
-                Front::Frame(used) => {
+                BufferStart::Frame(used) => {
                     if let Some(frame) = rest.get(..used) {
                         sink(Item::Frame(Frame(frame)));
                     }

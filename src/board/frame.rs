@@ -6,7 +6,7 @@ use std::fmt;
 /// What the first bytes of the buffer are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Front {
+pub enum BufferStart {
     /// A complete frame, with its length in bytes.
     Frame(usize),
     /// Bytes outside of any frame: their number, and why they are skipped.

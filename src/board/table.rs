@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Text;
 use super::command::{Command, VerbId};
-use super::frame::{FrameError, Front};
+use super::frame::{BufferStart, FrameError};
 use super::quantity::{Quantity, ReportLine};
 
 /// The row of a resource in the table of its board.
@@ -344,7 +344,7 @@ pub struct Codec {
     /// Any frame as the verb that sends raw frames; `None` if the family has no such verb.
     pub raw: fn(&Board, &[u8]) -> Option<Command>,
     /// Classifies the first bytes of a stream; the flag says whether padding came just before them.
-    pub front: fn(&[u8], bool) -> Front,
+    pub front: fn(&[u8], bool) -> BufferStart,
     /// The number of bytes, at least one, up to the next byte that can start a frame.
     pub next_start: fn(&[u8]) -> usize,
     /// The longest frame in bytes.

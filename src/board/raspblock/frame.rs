@@ -1,7 +1,7 @@
 //! The layout of every frame: header, function, length, payload, checksum; and how to find frames
 //! in a stream.
 
-use crate::board::frame::{FrameError, Front, Skip};
+use crate::board::frame::{BufferStart, FrameError, Skip};
 
 /// The two bytes that every frame starts with.
 pub(super) const HEADER: [u8; 2] = [0xFF, 0xFE];
@@ -86,11 +86,11 @@ fn checksum(summed: &[u8]) -> u8 {
 /// contains. The longest payload of a command has 9 bytes.
 const PLAUSIBLE: u8 = 32;
 
-pub(super) fn front(rest: &[u8], in_zeros: bool) -> Front {
+pub(super) fn front(rest: &[u8], in_zeros: bool) -> BufferStart {
     let zeros = zeros_of(rest);
     let (function, length) = match *rest {
-        [0, ..] if in_zeros || zeros >= ZEROS => return Front::Skip(zeros, Skip::Zeros),
-        [0, ..] if zeros == rest.len() => return Front::NeedMore,
+        [0, ..] if in_zeros || zeros >= ZEROS => return BufferStart::Skip(zeros, Skip::Zeros),
+        [0, ..] if zeros == rest.len() => return BufferStart::NeedMore,
         [first, second, ..] if [first, second] != HEADER => {
             let noise = next_start(rest);
             // Zeros that are a run of resynchronizing zeros, or may become one, do not belong to
@@ -99,31 +99,31 @@ pub(super) fn front(rest: &[u8], in_zeros: bool) -> Front {
                 let rest = rest.get(*at..).unwrap_or_default();
                 zeros_of(rest) >= ZEROS || zeros_of(rest) == rest.len()
             };
-            return Front::Skip((zeros.max(1)..noise).find(is_stop).unwrap_or(noise), Skip::Noise);
+            return BufferStart::Skip((zeros.max(1)..noise).find(is_stop).unwrap_or(noise), Skip::Noise);
         }
-        [first] if first != HEADER[0] => return Front::Skip(1, Skip::Noise),
+        [first] if first != HEADER[0] => return BufferStart::Skip(1, Skip::Noise),
         [_, _, function, length, ..] => (function, length),
-        _ => return Front::NeedMore,
+        _ => return BufferStart::NeedMore,
     };
     if known_lengths(function).is_some_and(|lengths| !lengths.contains(&length)) {
-        return Front::Skip(next_start(rest), Skip::Length { function, length });
+        return BufferStart::Skip(next_start(rest), Skip::Length { function, length });
     }
     let whole = OVERHEAD + usize::from(length);
     if length > PLAUSIBLE && known_lengths(function).is_none() {
         let inside = rest.get(..whole).unwrap_or(rest);
         if let Some(start) = command_inside(inside) {
-            return Front::Skip(start, Skip::Torn);
+            return BufferStart::Skip(start, Skip::Torn);
         }
     }
     let Some(frame) = rest.get(..whole) else {
-        return Front::NeedMore;
+        return BufferStart::NeedMore;
     };
     match check(frame) {
-        Ok(()) => Front::Frame(whole),
+        Ok(()) => BufferStart::Frame(whole),
         Err(FrameError::Checksum { expected, found }) => {
-            Front::Skip(next_start(frame), Skip::Checksum { expected, found })
+            BufferStart::Skip(next_start(frame), Skip::Checksum { expected, found })
         }
-        Err(_) => Front::Skip(1, Skip::Noise),
+        Err(_) => BufferStart::Skip(1, Skip::Noise),
     }
 }
 
