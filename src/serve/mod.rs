@@ -401,13 +401,13 @@ fn is_nothing(error: &io::Error) -> bool {
 
 /// A virtual board on its own thread, for one run of a script.
 #[derive(Debug)]
-pub struct Served {
+pub struct BoardThread {
     end: Receiver<Result<Received, ServeError>>,
     begin: Arc<AtomicU64>,
     stall: Stall,
 }
 
-impl Served {
+impl BoardThread {
     /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault
     /// unplugs the board. The port must have been opened before.
     pub fn start(board: Faulty, port: Pty, baud: u32) -> io::Result<Self> {
@@ -424,7 +424,7 @@ impl Served {
             drop(pty_link);
             let _ = tell.send(end.and(received));
         })?;
-        Ok(Served { end, begin, stall })
+        Ok(BoardThread { end, begin, stall })
     }
 
     /// Sets when the script begins: time 0 of the board and of its faults.

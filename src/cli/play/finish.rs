@@ -3,7 +3,7 @@
 use motionseq::board::Board;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
-use motionseq::serve::Served;
+use motionseq::serve::BoardThread;
 use motionseq::timeline::wire::LATE;
 
 use super::super::exit::Exit;
@@ -20,7 +20,7 @@ pub(super) struct Finish<'r> {
     pub(super) run: Run<'r>,
     /// The report file, if there is one, and the warnings of the script.
     pub(super) report: Option<(Report, Diagnostics)>,
-    pub(super) board: Option<Served>,
+    pub(super) board: Option<BoardThread>,
     /// Gets the goodbye once everything is reported.
     pub(super) guard: Option<Guard>,
 }
@@ -97,7 +97,7 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
 }
 
 /// Reports the end of the virtual board.
-fn board_end(screen: &Screen, board: &Board, served: Option<Served>) {
+fn board_end(screen: &Screen, board: &Board, served: Option<BoardThread>) {
     match served.map(|served| served.join(PATIENCE)) {
         None => {}
         Some(Some(Ok(received))) => board_summary(screen, board, &received),

@@ -18,7 +18,7 @@ use clap::Args;
 use motionseq::faults::{Faults, Stalling};
 use motionseq::link::Link;
 use motionseq::playback::{Guard, GuardConfig, Keys, Notice, Player, Realtime, Session, Signals, now};
-use motionseq::serve::Served;
+use motionseq::serve::BoardThread;
 use motionseq::source::Lines;
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos, NotATime};
@@ -112,7 +112,7 @@ impl Play {
         let display = Display::new(*screen, self.shown(screen), script, keys.is_some() && screen.is_live(), self.step);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
         let mut observers = Observers::start(timelines, display, files).map_err(|error| system(screen, &error))?;
-        let stalls = board.as_ref().map(Served::stalls).unwrap_or_default();
+        let stalls = board.as_ref().map(BoardThread::stalls).unwrap_or_default();
         let player = self.player(Player::new(&timeline, self.limit(path.is_some())), again.as_deref());
         let mut session = Session::new(player, Stalling::new(link, stalls), signals, Lines::of(&sources));
         session.keys = keys;

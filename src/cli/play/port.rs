@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{OpenError, Pty, Serial};
-use motionseq::serve::Served;
+use motionseq::serve::BoardThread;
 use motionseq::sim::{Device, Settings};
 use motionseq::timeline::Timeline;
 
@@ -17,7 +17,7 @@ use super::super::screen::Screen;
 /// An open port, and the virtual board at its other end if there is one.
 pub(super) struct Port {
     pub(super) link: Serial,
-    pub(super) board: Option<Served>,
+    pub(super) board: Option<BoardThread>,
 }
 
 impl Port {
@@ -38,7 +38,7 @@ impl Port {
         let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port: playing on the built-in virtual board");
         let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
-        let board = Served::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
+        let board = BoardThread::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })
     }
 }
