@@ -49,7 +49,7 @@ const ROOMS: &[(&str, &[&str])] = &[
 const AT_HOME: &[(&str, &str)] = &[
     ("pest", "src/syntax"),
     ("serialport::", "src/link/serial.rs"),
-    ("mcap::", "src/cli/log/book.rs"),
+    ("mcap::", "src/cli/log/log_builder.rs"),
     ("resvg::", "src/plot/png.rs"),
     ("svg::node", "src/plot/canvas.rs src/plot/svg.rs"),
     ("miette::", "src/diagnostic/show.rs"),
@@ -281,7 +281,7 @@ fn the_binary_decodes_a_stream_of_frames_once() {
     let decodes = |path: &PathBuf| ["TimedDecoder::", " Decoder::"].iter().any(|word| code(path).contains(word));
     let found: Vec<PathBuf> = files(Path::new("src/cli")).into_iter().filter(decodes).collect();
     // What a program sends is decoded in the watcher; what `play` has sent, in its log.
-    assert_eq!(found, ["src/cli/log/book.rs", "src/cli/watcher.rs"].map(PathBuf::from));
+    assert_eq!(found, ["src/cli/log/log_builder.rs", "src/cli/watcher.rs"].map(PathBuf::from));
 }
 
 #[test]

@@ -15,9 +15,9 @@ use motionseq::units::{Micros, NotATime};
 
 use super::Reading;
 use super::display::Format;
-use super::ending::board_summary;
 use super::exit::Exit;
 use super::log::Log;
+use super::run_summary::board_summary;
 use super::screen::Screen;
 use super::tape::Tape;
 use super::watcher::Watcher;

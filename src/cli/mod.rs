@@ -54,18 +54,6 @@ mod watcher;
 #[cfg(target_os = "linux")]
 mod worker;
 
-/// The old name, for `board`, until it uses the new one.
-#[cfg(target_os = "linux")]
-mod ending {
-    pub(super) use super::run_summary::board_summary;
-}
-
-/// The old name, for `record`, `tape` and `log`, until they use the new one.
-#[cfg(target_os = "linux")]
-mod growing {
-    pub(super) use super::growing_file::{GrowingFile as Growing, begin, create, is_same};
-}
-
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -10,14 +10,14 @@ use motionseq::board::{Board as Family, Hundredths, raspblock};
 use motionseq::faults::Faults;
 use motionseq::link::{Link as _, PtyLink, Serial};
 use motionseq::playback::{Guard, GuardConfig, Signals, Stop};
-use motionseq::serve::{End, Passed, ServeError, Server};
+use motionseq::serve::{End, ServeError, Server, TapEnd};
 use motionseq::units::{Micros, Nanos};
 
 use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
 use super::display::Format;
 use super::exit::Exit;
-use super::growing;
+use super::growing_file;
 use super::guard;
 use super::log::Log;
 use super::output::{self, Inputs};
@@ -75,7 +75,7 @@ const MAX_LATE: Nanos = Nanos::from_millis(250);
 impl Record {
     /// Records until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let created = match self.output.as_deref().map(|path| (path, growing::create(path, &Inputs::default()))) {
+        let created = match self.output.as_deref().map(|path| (path, growing_file::create(path, &Inputs::default()))) {
             None => None,
             Some((path, Ok(created))) => Some((path, created)),
             Some((path, Err(error))) => return output::exit(Err(error), Some(path), screen),
@@ -173,7 +173,7 @@ fn between(
     let mut server = Server::of_port(pty_link, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
-    let Some((Passed { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
+    let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
     let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
         Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),

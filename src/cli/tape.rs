@@ -11,7 +11,7 @@ use motionseq::capture::ScriptWriter;
 use motionseq::source::MAX_SOURCE;
 use motionseq::units::Micros;
 
-use super::growing::Growing;
+use super::growing_file::GrowingFile;
 use super::observer::Event;
 use super::screen::Screen;
 use super::worker::Worker;
@@ -48,7 +48,7 @@ impl Tape {
             Some(file) => file,
             None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
         };
-        let out = Growing::new(file, "the recording".to_owned(), screen);
+        let out = GrowingFile::new(file, "the recording".to_owned(), screen);
         let mut scribe = ScriptWriter::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // The start of a pipe cannot be amended later.
@@ -78,7 +78,7 @@ impl Tape {
 
 struct Writer {
     scribe: ScriptWriter,
-    out: Growing,
+    out: GrowingFile,
     lines: u64,
     screen: Screen,
     now: Micros,

@@ -60,7 +60,7 @@ pub enum ServeError {
 
 /// How serving a real board ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Passed {
+pub struct TapEnd {
     /// Whether the robot was stopped at the end; not needed if the last command of the board is known to be rest.
     pub stop: Stop,
     /// How many bytes of the program were not sent to the board.
@@ -142,7 +142,7 @@ impl<'d> Server<'d> {
     }
 
     /// Stops a real board, unless its last command is known to be rest, reports that to the guard, and returns the guard for its goodbye.
-    pub fn stop(&mut self) -> Option<(Passed, Option<Guard>)> {
+    pub fn stop(&mut self) -> Option<(TapEnd, Option<Guard>)> {
         let time = self.time(clock::now());
         match &mut self.far {
             Far::Board(_) => None,

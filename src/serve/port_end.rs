@@ -4,7 +4,7 @@ use std::io;
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 
-use super::{Passed, is_nothing};
+use super::{TapEnd, is_nothing};
 use crate::board::{Board, Decoder, Item, State};
 use crate::clock;
 use crate::link::{Link, Serial};
@@ -131,7 +131,7 @@ impl PortEnd {
     }
 
     /// Stops the robot, unless what its port took is known to end at rest. The program can send nothing more.
-    pub(super) fn stop(&mut self, time: Micros, waiting: u64) -> (Passed, Option<Guard>) {
+    pub(super) fn stop(&mut self, time: Micros, waiting: u64) -> (TapEnd, Option<Guard>) {
         let undelivered = waiting.saturating_add(self.left.len() as u64);
         let rests = self.state.surely_at_rest(&self.board) && self.decoder.is_between_frames() && self.left.is_empty();
         let PortEnd { board, port, out, guard, .. } = self;
@@ -150,6 +150,6 @@ impl PortEnd {
         if let Some(guard) = &mut guard {
             guard.ended(time, None, stop);
         }
-        (Passed { stop, undelivered }, guard)
+        (TapEnd { stop, undelivered }, guard)
     }
 }

@@ -12,6 +12,6 @@ use super::{Entry, Screen};
 
 pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
 
-pub(super) fn keep(_: File, _: String, _: Arc<Board>, _: Screen, _: &Receiver<(Nanos, Entry)>) -> Option<String> {
+pub(super) fn write(_: File, _: String, _: Arc<Board>, _: Screen, _: &Receiver<(Nanos, Entry)>) -> Option<String> {
     None
 }

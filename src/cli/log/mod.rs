@@ -12,16 +12,16 @@ use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
 
 use super::exit::Exit;
-use super::growing;
+use super::growing_file;
 use super::observer::Event;
 use super::output::{self, Inputs};
 use super::screen::Screen;
 use super::worker::Worker;
 
 #[cfg(feature = "mcap")]
-mod book;
+mod log_builder;
 #[cfg_attr(not(feature = "mcap"), path = "absent.rs")]
-mod keeper;
+mod log_writer;
 mod run;
 
 pub(super) use run::TimelineLog;
@@ -36,7 +36,7 @@ pub(super) struct Log {
     path: PathBuf,
     screen: Screen,
     /// Returns at its end why the log is not complete.
-    keeper: Worker<(Nanos, Entry), Option<String>>,
+    worker: Worker<(Nanos, Entry), Option<String>>,
     /// Time 0, on the clock of [`now`].
     begin: Nanos,
 }
@@ -82,8 +82,8 @@ impl Log {
         screen: &Screen,
     ) -> Result<Option<Self>, Exit> {
         let Some(path) = path else { return Ok(None) };
-        let file = growing::create(path, &Inputs::default()).and_then(|created| match beside {
-            Some(other) if growing::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
+        let file = growing_file::create(path, &Inputs::default()).and_then(|created| match beside {
+            Some(other) if growing_file::is_same(&created.file, other) => Err(io::Error::other("it is the file of -o")),
             _ => Ok(created.file),
         });
         let started = file.and_then(|file| Log::start(file, path, board, *screen));
@@ -92,13 +92,13 @@ impl Log {
 
     /// Starts a log in a file, and discards the content of the file. Time 0 is now.
     pub(super) fn start(file: File, path: &Path, board: Arc<Board>, screen: Screen) -> io::Result<Self> {
-        if let Some(why_not) = keeper::WHY_NOT {
+        if let Some(why_not) = log_writer::WHY_NOT {
             return Err(io::Error::other(why_not));
         }
-        growing::begin(&file)?;
+        growing_file::begin(&file)?;
         let name = format!("the log {}", path.display());
-        let keeper = Worker::start("log", ROOM, move |entries| keeper::keep(file, name, board, screen, entries))?;
-        let mut log = Log { path: path.to_owned(), screen, keeper, begin: Nanos::ZERO };
+        let worker = Worker::start("log", ROOM, move |entries| log_writer::write(file, name, board, screen, entries))?;
+        let mut log = Log { path: path.to_owned(), screen, worker, begin: Nanos::ZERO };
         log.begin(now());
         Ok(log)
     }
@@ -113,7 +113,7 @@ impl Log {
 
     /// Adds what happened at a time on the clock of [`now`].
     pub(super) fn put(&mut self, at: Nanos, entry: Entry) {
-        self.keeper.send((at - self.begin, entry));
+        self.worker.send((at - self.begin, entry));
     }
 
     /// Adds what happened at a board that other programs use, at a time since time 0.
@@ -146,8 +146,8 @@ impl Log {
 
     /// Ends the log, and warns if it is not complete. Returns whether it is.
     pub(super) fn end(self) -> bool {
-        let Log { path, screen, keeper, .. } = self;
-        let (failed, lost) = keeper.end(PATIENCE, "it");
+        let Log { path, screen, worker, .. } = self;
+        let (failed, lost) = worker.end(PATIENCE, "it");
         let lost = (lost > 0).then(|| format!("{lost} entries came faster than they could be written"));
         let why_not = failed.unwrap_or_else(Some).or(lost);
         if let Some(why) = &why_not {

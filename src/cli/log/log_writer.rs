@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use motionseq::board::Board;
 use motionseq::units::Nanos;
 
-use super::super::growing::Growing;
-use super::book::Book;
+use super::super::growing_file::GrowingFile;
+use super::log_builder::LogBuilder;
 use super::{Entry, Screen};
 
 /// How often the file is updated. A killed program loses at most this much of its log.
@@ -26,47 +26,47 @@ const MOST_PENDING: usize = 16 << 20;
 pub(super) const WHY_NOT: Option<&str> = None;
 
 /// Writes until there are no more entries. Returns why the log is not complete, if it is not.
-pub(super) fn keep(
+pub(super) fn write(
     file: File,
     name: String,
     board: Arc<Board>,
     screen: Screen,
     entries: &Receiver<(Nanos, Entry)>,
 ) -> Option<String> {
-    let mut keeper = Keeper { out: Growing::new(file, name.clone(), screen), name, screen, is_over: false };
-    match keeper.write_all(entries, board) {
-        Ok(()) => keeper.out.failing().map(str::to_owned),
+    let mut writer = LogWriter { out: GrowingFile::new(file, name.clone(), screen), name, screen, is_over: false };
+    match writer.write_all(entries, board) {
+        Ok(()) => writer.out.failing().map(str::to_owned),
         Err(error) => Some(error.to_string()),
     }
 }
 
-struct Keeper {
-    out: Growing,
+struct LogWriter {
+    out: GrowingFile,
     name: String,
     screen: Screen,
     /// Whether the log has ended because the file took nothing for too long.
     is_over: bool,
 }
 
-impl Keeper {
+impl LogWriter {
     fn write_all(&mut self, entries: &Receiver<(Nanos, Entry)>, board: Arc<Board>) -> io::Result<()> {
-        let mut book = Book::new(board)?;
+        let mut log = LogBuilder::new(board)?;
         let mut written = Instant::now();
         loop {
             match entries.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
-                Ok((at, entry)) if !self.is_over => book.take(at, entry)?,
+                Ok((at, entry)) if !self.is_over => log.take(at, entry)?,
                 Ok(_) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             if written.elapsed() >= UPDATE {
-                let piece = book.piece()?;
+                let piece = log.piece()?;
                 if !piece.is_empty() || self.out.failing().is_some() {
                     self.write(&piece, END);
                 }
                 written = Instant::now();
             }
         }
-        let last = book.last()?;
+        let last = log.last()?;
         self.write(&last, &[]);
         Ok(())
     }

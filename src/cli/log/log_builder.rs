@@ -18,7 +18,7 @@ use serde::Serialize;
 use super::{Entry, Level};
 
 /// A log. It is built in memory, piece by piece, and its owner writes the pieces to a file.
-pub(super) struct Book {
+pub(super) struct LogBuilder {
     /// The family; it decides how a `move` is decoded.
     board: Arc<Board>,
     writer: Writer<NoSeek<Pieces>>,
@@ -30,7 +30,7 @@ pub(super) struct Book {
     /// For bytes with the time at which a port took them.
     decoder: TimedDecoder,
     state: State,
-    shown: Option<Told>,
+    shown: Option<LastCommands>,
 }
 
 /// What is written and not yet taken.
@@ -91,7 +91,7 @@ struct FrameMessage<'a> {
 
 /// The last commands of a board, without the time.
 #[derive(Clone, PartialEq, Serialize)]
-struct Told(BTreeMap<Text, Value>);
+struct LastCommands(BTreeMap<Text, Value>);
 
 #[derive(Clone, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -106,7 +106,7 @@ struct BoardMessage<'a> {
     #[serde(rename = "t_us")]
     at: Micros,
     #[serde(flatten)]
-    told: &'a Told,
+    told: &'a LastCommands,
 }
 
 #[derive(Serialize)]
@@ -165,7 +165,7 @@ struct Timestamp {
     nsec: u64,
 }
 
-impl Book {
+impl LogBuilder {
     pub(super) fn new(board: Arc<Board>) -> io::Result<Self> {
         let pieces = Pieces::default();
         let options = WriteOptions::new()
@@ -175,7 +175,7 @@ impl Book {
             .chunk_size(None)
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(pieces.clone())).map_err(io::Error::other)?;
-        Ok(Book {
+        Ok(LogBuilder {
             writer,
             pieces,
             channels: BTreeMap::new(),
@@ -261,7 +261,7 @@ impl Book {
     }
 
     fn write(&mut self, topic: &Topic, time: Nanos, message: &impl Serialize) -> io::Result<()> {
-        let Book { writer, channels, begin, .. } = self;
+        let LogBuilder { writer, channels, begin, .. } = self;
         let (channel_id, sequence) = match channels.get_mut(topic.name) {
             Some((channel, count)) => {
                 *count = count.saturating_add(1);
@@ -299,7 +299,7 @@ impl Book {
 
 /// The last commands of a board by name: for each exclusive resource its value, whether it is on, or its command and the values of
 /// that command.
-fn told(board: &Board, state: &State) -> Told {
+fn told(board: &Board, state: &State) -> LastCommands {
     let mut told = BTreeMap::new();
     let number = |value: i32| Value::Number(value.into());
     let resources = board.resources.iter().enumerate().filter(|(_, resource)| resource.is_exclusive);
@@ -326,7 +326,7 @@ fn told(board: &Board, state: &State) -> Told {
             }
         }
     }
-    Told(told)
+    LastCommands(told)
 }
 
 /// The values of a report, by name.
