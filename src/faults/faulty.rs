@@ -42,7 +42,7 @@ impl Faulty {
         board
     }
 
-    /// ValueForm bytes of the line at a time since it was switched on.
+    /// Takes bytes of the line at a time since it was switched on.
     pub fn receive(&mut self, now: Micros, bytes: &[u8]) {
         self.poll(now);
         let Faulty { device, faults, decoder, dice: [dice, _], .. } = self;
@@ -85,7 +85,7 @@ impl Faulty {
         }
     }
 
-    /// ValueForm the bytes to send. An unplugged board sends nothing.
+    /// Takes the bytes to send. An unplugged board sends nothing.
     pub fn replies(&mut self) -> Vec<u8> {
         let replies = std::mem::take(&mut self.replies);
         if self.is_unplugged() { Vec::new() } else { replies }

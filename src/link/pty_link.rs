@@ -20,7 +20,7 @@ use crate::units::{Micros, Nanos};
 /// The folder of pseudo-terminals. A link to anything else is not ours.
 const TERMINALS: &str = "/dev/pts/";
 
-/// An event at a pty_link.
+/// An event at a [`PtyLink`].
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum PortEvent<'a> {
@@ -53,7 +53,7 @@ pub struct PtyLink {
     baud: u32,
 }
 
-/// Why a pty_link cannot be opened at a path.
+/// Why a pseudo-terminal cannot be opened at a path.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PtyLinkError {

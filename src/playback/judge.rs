@@ -89,7 +89,7 @@ impl<'t> Judge<'t> {
         self.open.clear();
     }
 
-    /// ValueForm a report received at `now`, on the clock of the run.
+    /// Takes a report received at `now`, on the clock of the run.
     ///
     /// `time` is the time of the script: a report after the end of a `within` is too late.
     pub(super) fn hear(&mut self, time: Nanos, now: Nanos, report: Report, tell: &mut impl FnMut(Verdict)) {
@@ -110,7 +110,7 @@ impl<'t> Judge<'t> {
         });
     }
 
-    /// ValueForm a report that no expectation waits for.
+    /// Takes a report that no expectation waits for.
     pub(super) fn note(&mut self, now: Nanos, report: Report) {
         self.newest = Some((now, report));
     }

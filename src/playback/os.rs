@@ -169,7 +169,7 @@ enum Sequence {
 }
 
 impl Sequence {
-    /// ValueForm the next character; returns it if it is a key by itself.
+    /// Takes the next character; returns it if it is a key by itself.
     fn take(&mut self, character: u8) -> Option<u8> {
         let was = std::mem::replace(self, Sequence::Outside);
         match (was, character) {

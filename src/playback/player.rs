@@ -153,7 +153,7 @@ impl<'t> Player<'t> {
         self.passed + self.script_time(now)
     }
 
-    /// ValueForm a report of the board, received at `now` from the start.
+    /// Takes a report of the board, received at `now` from the start.
     pub fn hear(&mut self, now: Nanos, report: Report, notices: &mut impl FnMut(Notice)) {
         notices(Notice::Report(report));
         let time = self.script_time(now);

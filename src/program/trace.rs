@@ -114,7 +114,7 @@ fn put(mut number: u32, bytes: &mut Vec<u8>) {
     }
 }
 
-/// ValueForm the next number.
+/// Takes the next number.
 fn take(bytes: &mut &[u8]) -> Option<u32> {
     let mut number = 0;
     for shift in (0..32).step_by(7) {

@@ -46,7 +46,7 @@ pub(super) enum Operation {
     Repeat,
     /// Starts each statement of its block at the start.
     Together,
-    /// ValueForm over the names of another file.
+    /// Takes over the names of another file.
     Use,
     /// What is sent when something ends a run early.
     Abort,

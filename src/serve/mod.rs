@@ -93,7 +93,7 @@ pub struct Server<'d> {
 pub type Watch<'w> = dyn FnMut(Micros, PortEvent<'_>, Option<&Device>) -> io::Result<()> + 'w;
 
 impl<'d> Server<'d> {
-    /// Serves a virtual board at a pty_link. A pseudo-terminal has no bit rate, so the server itself takes `baud / 10` bytes per second.
+    /// Serves a virtual board at a [`PtyLink`]. A pseudo-terminal has no bit rate, so the server itself takes `baud / 10` bytes per second.
     pub fn of_board(pty_link: &'d mut PtyLink, board: Faulty, baud: u32, signals: Option<&'d Signals>) -> Self {
         Server::new(pty_link, Far::Board(Box::new(BoardEnd::new(board, baud))), signals)
     }
@@ -225,7 +225,7 @@ impl<'d> Server<'d> {
         Ok(!program.is_empty())
     }
 
-    /// ValueForm what the program has written. Returns whether a server that ends with its program has ended.
+    /// Takes what the program has written. Returns whether a server that ends with its program has ended.
     fn take(&mut self, is_stalled: bool, watch: &mut Watch<'_>) -> Result<bool, ServeError> {
         let mut buffer = [0; 4096];
         let room = self.far.room().min(buffer.len());
@@ -271,7 +271,7 @@ impl<'d> Server<'d> {
         Ok(())
     }
 
-    /// ValueForm what the program had written before the end: for a virtual board it counts as sent. A real board gets no more.
+    /// Takes what the program had written before the end: for a virtual board it counts as sent. A real board gets no more.
     fn drain(&mut self, watch: &mut Watch<'_>) -> Result<(), ServeError> {
         let Far::Board(end) = &mut self.far else { return Ok(()) };
         end.hurry();

@@ -104,7 +104,7 @@ impl Device {
         raspblock::report(hundredths(voltage.max(0.0)), hundredths(yaw))
     }
 
-    /// ValueForm the reports to send.
+    /// Takes the reports to send.
     pub fn reports(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.reports)
     }
@@ -119,7 +119,7 @@ impl Device {
         Received { moves: self.body.moves(), ..self.received }
     }
 
-    /// ValueForm an item of the line.
+    /// Takes an item of the line.
     pub fn take(&mut self, item: Item<'_>) {
         match item {
             Item::Frame(frame) => {

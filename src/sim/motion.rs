@@ -84,7 +84,7 @@ impl Body {
         }
     }
 
-    /// ValueForm a command. Commands that do not drive change nothing, and neither does a displacement outside of position mode.
+    /// Takes a command. Commands that do not drive change nothing, and neither does a displacement outside of position mode.
     pub(super) fn take(&mut self, command: &Command, is_in_position_mode: bool) {
         if let Some(twist) = self.geometry.twist(command) {
             self.drive = Drive::Holds(twist);

@@ -126,7 +126,7 @@ pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnost
     clashes::check_seam(first, again, diagnostics);
     clashes::check_seam(again, again, diagnostics);
     wire::check(all, diagnostics);
-    lints::servo_speed(all, diagnostics);
+    lints::servo_speed::check(all, diagnostics);
 }
 
 /// A clip under construction.

@@ -207,7 +207,7 @@ impl Event {
 pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let timeline = schedule::schedule(program, events, diagnostics);
     wire::check(&timeline, diagnostics);
-    lints::servo_speed(&timeline, diagnostics);
+    lints::servo_speed::check(&timeline, diagnostics);
     timeline
 }
 

@@ -106,7 +106,7 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults) -> Rehe
 }
 
 impl Line<'_> {
-    /// ValueForm bytes from the player, all of them; some get lost on the line.
+    /// Takes bytes from the player, all of them; some get lost on the line.
     fn take(&mut self, now: Nanos, bytes: &[u8]) -> Input {
         let count = bytes.len();
         let mut rest = bytes;

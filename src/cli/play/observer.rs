@@ -8,7 +8,7 @@ use motionseq::units::Nanos;
 
 /// Follows a run from the observers' thread.
 pub(super) trait Observer {
-    /// ValueForm a notice with its time on the clock of [`now`](motionseq::playback::now), in a pass that plays this timeline.
+    /// Takes a notice with its time on the clock of [`now`](motionseq::playback::now), in a pass that plays this timeline.
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice);
 
     /// Called regularly.

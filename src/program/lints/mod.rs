@@ -1,5 +1,5 @@
 //! The warnings of this stage: one file each, named like its code in src/diagnostic/codes.rs, which explains it with an example. Those about
-//! the whole timeline are in src/timeline/lints.rs.
+//! the whole timeline are in src/timeline/lints/.
 
 pub(super) mod early_expect;
 pub(super) mod let_in_repeat;

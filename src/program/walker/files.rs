@@ -47,7 +47,7 @@ impl<'s> Walker<'s, '_> {
         })
     }
 
-    /// ValueForm the names of another file.
+    /// Takes the names of another file.
     pub(super) fn use_(&mut self, at: At<'_, 's>) -> Option<Time> {
         let mut args = at.args(&mut self.eval)?;
         let value = args.next()?;

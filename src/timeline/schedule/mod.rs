@@ -7,6 +7,7 @@ mod moves;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
+use super::lints;
 use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
@@ -65,8 +66,6 @@ pub(super) fn report_requests(board: &Board, expects: &[Expectation], end: Micro
 
 /// The maximum number of `expect`s with `within` that wait at the same time.
 const MAX_WAITING: usize = 64;
-/// A longer hold without `for` is probably a forgotten `stop`.
-const LONG_HOLD: Time = Time::from_millis(10_000);
 
 /// The step that a frame belongs to.
 #[derive(Clone, Copy, Default)]
@@ -314,17 +313,11 @@ impl<'d> Scheduler<'d> {
     fn long_hold(&mut self, resource: ResourceId, until: Time) {
         let held = self.held.get(resource).and_then(Option::as_ref);
         let Some(Held { since, command, from, .. }) = held.filter(|held| held.is_open_ended) else { return };
-        let lasted = until.minus(*since);
-        if lasted <= LONG_HOLD {
-            return;
+        let said = self.board.show(command).to_string();
+        if let Some(warning) = lints::long_hold::check(&said, until.minus(*since), from.span) {
+            let from = *from;
+            self.report(warning, from);
         }
-        let said = self.board.show(command);
-        let diagnostic =
-            diagnostic!(LongHold, from.span, "`{said}` keeps driving for {lasted} until another line ends it";
-            help: "if that is intended, write `{said} for {lasted}`")
-            .label("no `for`");
-        let from = *from;
-        self.report(diagnostic, from);
     }
 
     /// Ends a hold just before `until`, and adds its refreshes.
@@ -355,11 +348,8 @@ impl<'d> Scheduler<'d> {
             self.release(resource, end);
         }
         for (id, resource, rest) in self.state.closing(board, false).collect::<Vec<_>>() {
-            let message = format!("{} is still {} when the script ends", resource.name, resource.activity);
-            let rest = board.show(rest);
-            let help = format!("end the script with `{rest}`; motionseq sends it in any case");
             let from = self.last(id);
-            self.report(diagnostic!(LeftRunning, from.span, "{message}"; help: "{help}"), from);
+            self.report(lints::left_running::warning(resource, &board.show(rest).to_string(), from.span), from);
         }
     }
 

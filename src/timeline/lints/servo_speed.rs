@@ -1,9 +1,9 @@
-//! Warnings that need the whole timeline.
+//! A servo gets its next command before it can arrive.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tween::{MoveTracker, StepRole};
-use super::{Event, Timeline};
+use super::super::tween::{MoveTracker, StepRole};
+use super::super::{Event, Timeline};
 use crate::board::ResourceId;
 use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
 use crate::program::{MAX_SERVO_SPEED, TraceId};
@@ -20,7 +20,7 @@ const TRIES: usize = 16;
 
 /// Reports servos that cannot reach their target before their next command, once each time that one
 /// falls behind.
-pub(super) fn servo_speed(timeline: &Timeline, diagnostics: &mut Diagnostics) {
+pub(in super::super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics) {
     let speeds: Vec<Option<u64>> = timeline.speeds.iter().map(|speed| speed.map(u64::from)).collect();
     let paced = paced(timeline, &speeds);
     if paced.iter().flatten().all(|servo| servo.late.is_empty()) {
