@@ -491,13 +491,13 @@ fn every_crate_and_its_licence_is_listed() {
     );
 }
 
-/// What the board does when frames stop is unknown. Every page that mentions it has the same sentence, and the program has the
+/// What the board does when frames stop arriving is unknown. Every page that mentions it has the same sentence, and the program has the
 /// same first half.
 #[test]
 fn every_document_uses_one_sentence_for_silence() {
     let plain = |path: &str| fs::read_to_string(path).unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
-    let unknown = "hat the board does when frames stop is unknown; ";
-    let how = "to find out, play `scripts/silence.motion` as in [Test your board](";
+    let unknown = "hat the board does when frames stop arriving is unknown; ";
+    let how = "to find out, play `scripts/silence.motion` as described in [Test your board](";
     assert!(fs::exists("scripts/silence.motion").unwrap());
     for path in
         ["README.md", "docs/cli.md", "docs/language/holds.md", "docs/python-use.md", "docs/python.md", "docs/safety.md"]

@@ -71,7 +71,7 @@ fn an_overloaded_line_and_a_running_drive_are_reported() {
     }
     host.says("more than the line can carry");
     drop(port);
-    host.says("has not stopped the robot; what the board does when frames stop is unknown");
+    host.says("has not stopped the robot; what the board does when frames stop arriving is unknown");
     let (listing, _) = host.end();
     assert_eq!(frames(&listing).len(), 20);
 }

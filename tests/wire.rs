@@ -137,7 +137,7 @@ fn check_v_shows_the_load_by_second() {
     // Twenty frames of 13 bytes per second; the command and the stop are one each; then two of 8
     // bytes, the second of which waits 0.694 ms for the first.
     for line in [
-        "load of the serial line (11520 bytes/s):",
+        "load on the serial line (11520 bytes/s):",
         "          0-3 s     260 bytes/s    2 %",
         "            3 s      13 bytes/s    0 %",
         "            4 s      16 bytes/s    0 %",
@@ -145,5 +145,5 @@ fn check_v_shows_the_load_by_second() {
     ] {
         assert!(said.contains(line), "{line:?} is not in\n{said}");
     }
-    assert!(!stderr(&run(&["check", &script("load", text)])).contains("load of the serial line"));
+    assert!(!stderr(&run(&["check", &script("load", text)])).contains("load on the serial line"));
 }

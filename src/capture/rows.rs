@@ -9,7 +9,7 @@ use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
 use crate::units::Micros;
 
 /// A drive that gets no frame for this time counts as stopped, as on the virtual board. What a real
-/// board does when frames stop is unknown.
+/// board does when frames stop arriving is unknown.
 const REFRESH_TIMEOUT: Micros = Micros::from_millis(500);
 /// The maximum interval between two values of a move, and between two changes.
 const GAP: Micros = Micros::from_millis(100);

@@ -22,13 +22,13 @@ use super::screen::Screen;
 use super::tape::Tape;
 use super::watcher::Watcher;
 
-/// Offer a virtual board that any program can open as its serial port
+/// Provide a virtual board that any program can open as its serial port
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq board --link /tmp/board\n  python3 my_robot.py /tmp/board          in another terminal: it opens /tmp/board as it would /dev/ttyAMA0\n  motionseq play dance.motion --port /tmp/board\n\nEach frame is shown on a line: seconds since the start, the bytes, the command, and its error, if it has one.\nWhen a program closes the port, the board waits for the next program. Ctrl-C ends the board and removes the link."
+    after_help = "Examples:\n  motionseq board --link /tmp/board\n  python3 my_robot.py /tmp/board          in another terminal: it opens /tmp/board as it would /dev/ttyAMA0\n  motionseq play dance.motion --port /tmp/board\n\nEach frame is shown on a line: seconds since the start, the bytes, the command, and the error, if any.\nWhen a program closes the port, the board waits for the next program. Ctrl-C ends the board and removes the link."
 )]
 pub(super) struct Board {
-    /// Create a link to the port at this path; it is removed at the end
+    /// Create a symbolic link to the port at this path, and remove the link at the end
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
     /// Choose how frames are shown
@@ -40,10 +40,10 @@ pub(super) struct Board {
     /// Set the battery voltage at rest, 0V to 100V
     #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
     battery: Hundredths,
-    /// Add faults: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
+    /// Simulate faults: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// Set the time between two reports, 10ms to 10s; the board reports when requested
+    /// Once a program has requested reports, send one every TIME (10ms to 10s)
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
     report_every: Micros,
     /// Write a log of frames, state, pose and telemetry to this MCAP file, for Foxglove and other tools

@@ -19,7 +19,7 @@ use super::{Deny, Options, read, read_source, repository};
 /// Show the errors and warnings of scripts
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load of the serial line\n  motionseq check --format sarif . > motionseq.sarif"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --format sarif . > motionseq.sarif"
 )]
 pub(super) struct Check {
     /// Scripts or folders to check, or `-` for standard input
@@ -160,11 +160,11 @@ impl Check {
 /// The most lines shown for the load.
 const SHOWN: usize = 60;
 
-/// The load of the serial line: bytes per second, with equal seconds on one line, and the frame that waits longest.
+/// The load on the serial line: bytes per second, with equal seconds on one line, and the frame that waits longest.
 fn load(timeline: &Timeline, sources: &Sources) -> Vec<String> {
     let wire::Load { seconds: load, worst } = wire::load(timeline);
     let capacity = wire::Wire::new(timeline.baud).capacity();
-    let mut lines = vec![format!("  load of the serial line ({capacity} bytes/s):")];
+    let mut lines = vec![format!("  load on the serial line ({capacity} bytes/s):")];
     let mut second = 0;
     let groups: Vec<&[u64]> = load.chunk_by(|one, two| one == two).collect();
     for group in groups.iter().take(SHOWN) {

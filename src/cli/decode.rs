@@ -20,7 +20,7 @@ use super::screen::{Screen, plural};
 /// Decode a stream of bytes into a listing or a script
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion   # write a script\n\nThe input is binary or hex: plain, with 0x, a listing of `render`, JSON lines, xxd, hexdump -C, or a log such as\n`(0.500) ttyUSB0 FF FE ...` or `(0.500) can0 123#FFFE...`.\nEach output line has the time in seconds, or the position of the first byte if no times are known; then the bytes and the command.\nBytes that are not part of a frame are shown and skipped; they do not change the exit code.\nA script without known times sends the frames as fast as the line carries them."
+    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion   # write a script\n\nThe input is binary or hex: plain, with 0x, a listing of `render`, JSON lines, xxd, hexdump -C, or a log such as\n`(0.500) ttyUSB0 FF FE ...` or `(0.500) can0 123#FFFE...`.\nEach output line has the time in seconds, or the position of the first byte if no times are known; then the bytes and the command.\nBytes that are not part of a frame are shown and skipped; they do not change the exit code.\nIf no times are known, the script sends the frames as fast as the serial line can carry them."
 )]
 pub(super) struct Decode {
     /// Binary or hex file to read, or `-` for standard input
@@ -29,13 +29,13 @@ pub(super) struct Decode {
     /// Write to FILE instead of standard output: a script if its extension is .motion, else a listing
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Read the times of the bytes from FILE, as `script --log-timing` writes it
+    /// Read the times of the bytes from FILE, in the format of `script --log-timing` (util-linux)
     #[arg(long, value_name = "FILE")]
     timing: Option<PathBuf>,
-    /// Speed of the serial line, for a script [default: 115200, or as the snapshot says]
+    /// Bit rate of the serial line, used for a script [default: 115200, or as the snapshot says]
     #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: Option<u32>,
-    /// Write every frame to the script; do not merge frames into moves and holds
+    /// Keep every frame in the script; do not merge frames into moves and holds
     #[arg(long)]
     exact: bool,
     #[command(flatten)]

@@ -23,9 +23,9 @@ const CLEARED: Duration = Duration::from_millis(50);
 /// How frames are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Format {
-    /// Seconds, frame and command, separated by TABs
+    /// Time in seconds, frame and command, separated by tabs
     Listing,
-    /// One JSON object a line
+    /// One JSON object per line
     Jsonl,
 }
 

@@ -47,7 +47,7 @@ fn explained(code: Code) -> String {
     let (wrong, right) = code.example();
     let indented = |text: &str| text.lines().fold(String::new(), |out, line| out + "    " + line + "\n");
     let allowed = if severity == Severity::Warning {
-        format!("\nTo silence it on one line, end the line with: # allow: {code}\n")
+        format!("\nTo suppress it on one line, end the line with: # allow: {code}\n")
     } else {
         String::new()
     };

@@ -26,19 +26,19 @@ use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::Watcher;
 
-/// Write what another program sends to its board as a script
+/// Record what another program sends to its board, and write it as a script
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends the recording. The file is updated every half second. Time 0 of the script is the first frame.\nRepeated commands to the drive, a servo or the buzzer are left out. Values that follow an easing, within 5 us for servos\nand 1 for the drive, become one line with `over`. --exact keeps every frame."
 )]
 pub(super) struct Record {
-    /// Create a link to the port for the program at this path; it is removed at the end
+    /// Create a symbolic link at this path, which the program opens as its port; the link is removed at the end
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
     /// Pass bytes between the program and the board at this serial port, both ways and unchanged
     #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
     port: Option<PathBuf>,
-    /// Write the script to this new file instead of standard output
+    /// Write the script to this file, which must not exist, instead of standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Also show each frame on standard output as it arrives
@@ -53,10 +53,10 @@ pub(super) struct Record {
     /// Set the battery voltage of the virtual board at rest, 0V to 100V
     #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
     battery: Hundredths,
-    /// Add faults to the virtual board, as for `board`
+    /// Simulate faults on the virtual board, as in `board`
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// Set the time between two reports of the virtual board, 10ms to 10s; it reports when requested
+    /// Once the program has requested reports, send one every TIME from the virtual board (10ms to 10s)
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
     report_every: Micros,
     /// Write a log of frames, state and telemetry to this MCAP file, for Foxglove and other tools

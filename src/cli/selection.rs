@@ -21,10 +21,10 @@ pub(super) struct Selection<L: Args = Loop> {
     /// Start at this time or mark of the script; servos move to their positions there first
     #[arg(long, value_name = "TIME|MARK", help_heading = "Part and speed")]
     from: Option<String>,
-    /// End at this time or mark of the script; an `expect` that ends later is left out
+    /// End at this time or mark of the script; an `expect` that ends later is skipped
     #[arg(long, value_name = "TIME|MARK", help_heading = "Part and speed")]
     to: Option<String>,
-    /// Scale the speed, from 0.1 to 10; drive speeds do not change, so at 0.5 the robot drives twice as far
+    /// Scale the playback speed, from 0.1 to 10; the drive keeps its speed, so at 0.5 the robot drives twice as far
     #[arg(long, value_name = "FACTOR", value_parser = speed, default_value = "1", help_heading = "Part and speed")]
     speed: Speed,
     #[command(flatten)]
@@ -37,7 +37,7 @@ pub(super) struct Selection<L: Args = Loop> {
 /// The number of passes, or forever.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Loop {
-    /// Repeat N times, or `forever`; with `--from`, servos return to their start positions before each pass
+    /// Play the script N times, or `forever`; with `--from`, servos return to their start positions before each pass
     #[arg(long = "loop", value_name = "N|forever", value_parser = count, default_value = "1", help_heading = "Part and speed")]
     count: Count,
 }
@@ -45,7 +45,7 @@ pub(super) struct Loop {
 /// The number of passes.
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Passes {
-    /// Repeat N times; with `--from`, servos return to their start positions before each pass
+    /// Play the script N times; with `--from`, servos return to their start positions before each pass
     #[arg(long = "loop", value_name = "N", value_parser = times, default_value = "1", help_heading = "Part and speed")]
     times: u64,
 }

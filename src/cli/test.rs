@@ -30,7 +30,7 @@ pub(super) struct Test {
     /// Write snapshots that are missing or different
     #[arg(long)]
     bless: bool,
-    /// Also play each script on a virtual board, under a simulated clock, and check its `expect`s
+    /// Also play each script on a virtual board, under a simulated clock, and check each `expect`
     #[arg(long)]
     play: bool,
     /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7

@@ -156,8 +156,8 @@ codes! {
         "let a 5\nservo 1 (1500 + a)\n"
         "let a = 5\nservo 1 (1500 + a)\n"
 
-    ForeignSyntax "foreign-syntax" Error "This is written as in another language."
-        "The line is Python, C, G-code or the like. The help shows the same in this language."
+    ForeignSyntax "foreign-syntax" Error "This is the syntax of another language."
+        "The line looks like Python, C, G-code or similar. The help shows the equivalent in motionseq."
         "for i in range(4):\n"
         "repeat 4 as i { servo (i + 1) 1500 }\n"
 
@@ -376,7 +376,7 @@ nod()
         "raw 0x04 0  # allow: raw-frame\n"
 
     SlowRefresh "slow-refresh" Warning "The drive is refreshed too rarely."
-        "What the board does when frames stop is unknown; docs/safety.md has a test for it. A drive command that lasts is therefore sent \
+        "What the board does when frames stop arriving is unknown; docs/safety.md has a test for it. A drive command that lasts is therefore sent \
         again every 50 ms. If it is sent less often than every 500 ms, the robot may stop in between."
         "refresh 800ms\nrocker x=5 for 2s\n"
         "refresh 100ms\nrocker x=5 for 2s\n"

@@ -60,7 +60,11 @@ impl<'s> Evaluator<'s, '_> {
             Some(near) => format!("did you mean `{near}`?"),
             None => self.how_to_name(name, statement),
         };
-        self.unknown_value(name, span, format!("unknown name `{name}`"), help);
+        let message = match self.board.quantities.iter().any(|quantity| quantity.name == name) {
+            true => format!("`{name}` is only known while the script plays"),
+            false => format!("unknown name `{name}`"),
+        };
+        self.unknown_value(name, span, message, help);
     }
 
     /// How to give a value to a name that has none.

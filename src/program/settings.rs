@@ -205,10 +205,15 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
         Unit::None => args.number(value, "a speed"),
     };
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
-    if !(f64::from(min) <= low && low <= high && high <= f64::from(max)) {
+    if low > high {
+        let (written_low, written_high) = (args.eval.written(ends.0.span), args.eval.written(ends.1.span));
+        bail!(args.eval, OutOfRange, argument.span, "the smaller value of a limit comes first";
+            write: argument.span => "{written_high}..{written_low}");
+    }
+    if !(f64::from(min) <= low && high <= f64::from(max)) {
         bail!(args.eval, OutOfRange, argument.span,
             "a limit must be within the range of the board, {min}..{max}";
-            help: "narrow the range, and write the smaller value first");
+            help: "narrow the range");
     }
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);

@@ -75,7 +75,7 @@ impl Traces {
             let label = match trace.pass {
                 0 => "called here".to_owned(),
                 1 => continue,
-                pass => format!("in pass {pass} of this"),
+                pass => format!("in pass {pass} of this `repeat`"),
             };
             // Two places in one chain, such as a clash of two commands of one call, share it.
             if diagnostic.related.iter().any(|related| related.span == trace.span) {

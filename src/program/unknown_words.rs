@@ -75,6 +75,12 @@ impl<'s> Evaluator<'s, '_> {
 
     /// A word that other languages use.
     fn foreign(&mut self, word: &str, span: Span, found: foreign::Foreign) {
+        // The name that `function nod() {` defines is not reported as unknown, too.
+        let (_, statement) = self.text_from(span);
+        let name = statement.split_once(' ').and_then(|(_, rest)| rest.split(['(', ' ', '{', '\n']).next());
+        if let Some(name) = name.filter(|name| is_name(name) && found.help.contains("`def ")) {
+            self.lost.names.insert(name);
+        }
         if !found.origin.is_empty() {
             return self.push(found.diagnostic());
         }

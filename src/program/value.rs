@@ -163,7 +163,11 @@ fn plain(text: &str, span: Span) -> Result<Quantity, Box<Diagnostic>> {
         "mm" | "cm" => format!("lengths and speeds have no unit: write `{digits}`"),
         "S" => format!("write seconds as `{digits}s`"),
         "H" => format!("write hours as `{digits}h`"),
-        "beat" | "beats" | "bar" | "bars" => format!("write a space before it: `{digits} {name}`"),
+        "beat" | "beats" | "bar" | "bars" => {
+            return Err(
+                diagnostic!(Unit, span, "`{name}` needs a space before it"; help: "write `{digits} {name}`").into()
+            );
+        }
         _ => match unit_meant(name).or_else(|| suggest(name, names())) {
             Some(near) => format!("did you mean `{digits}{near}`?"),
             None => format!("the units are {}", list(names())),

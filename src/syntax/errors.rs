@@ -146,7 +146,7 @@ fn space_before_unit(word: &str, before: &str, start: usize) -> Option<Diagnosti
     let spaces = before.len() - before.trim_end().len();
     (is_unit && spaces > 0 && !number.is_empty()).then(|| {
         let span = Span::new(start, start + word.len());
-        diagnostic!(Unit, span, "there is a space between a number and its unit `{word}`";
+        diagnostic!(Unit, span, "no space is allowed between a number and its unit `{word}`";
             help: "write `{number}{word}`"; fix: Span::new(start - spaces, start) => "")
     })
 }
@@ -213,7 +213,7 @@ pub(super) fn needs_parentheses(source: &str, span: Span) -> Diagnostic {
     let values: Vec<&str> = words.iter().filter(|word| !is_unit(word)).copied().collect();
     if values.windows(2).any(|pair| !pair.iter().any(is_sign)) {
         let help = format!("write `{}`; a difference needs parentheses: `(8 - 8)`", written.replace("- ", "-"));
-        return trouble("there is a space between a minus sign and its number", help);
+        return trouble("no space is allowed between a minus sign and its number", help);
     }
     diagnostic!(MissingParentheses, span, "a calculation as an argument needs parentheses"; write: span => "({written})")
 }

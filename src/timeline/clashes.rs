@@ -139,11 +139,14 @@ fn in_one_line(clash: Diagnostic, both: (Occupied, Occupied), traces: &Traces, s
     let (first, second) = both;
     if first.span == second.span {
         let mut passes = outermost(traces, first.trace).into_iter().zip(outermost(traces, second.trace));
-        let label = match passes.find(|(one, other)| one != other) {
-            Some(((_, one), (_, other))) if one > 0 && other > 0 => format!("in pass {one} and in pass {other}"),
-            _ => "twice".to_owned(),
+        let (label, help) = match passes.find(|(one, other)| one != other) {
+            Some(((_, one), (_, other))) if one > 0 && other > 0 => (
+                format!("in pass {one} and in pass {other}"),
+                "add a `wait 0.5s` to the `repeat`, so that its passes start at different times".to_owned(),
+            ),
+            _ => ("twice".to_owned(), clash.help.clone()),
         };
-        return Diagnostic { label: Some(label), related: Vec::new(), ..clash };
+        return Diagnostic { label: Some(label), related: Vec::new(), help, ..clash };
     }
     let between = Span { start: first.span.end.min(second.span.end), end: first.span.start.max(second.span.start) };
     let between = sources.file(first.span).slice(between);

@@ -1,6 +1,6 @@
 //! The Yahboom Raspblock driver board: mecanum wheels, four servos, a buzzer.
 //!
-//! Source: the maker's driver and programs of users; docs/protocol.md has the complete table.
+//! Source: the vendor's driver and programs of users; docs/protocol.md has the complete table.
 
 mod codec;
 mod frame;

@@ -39,7 +39,7 @@ pub(super) use port::refused;
 /// Play a script on a robot or on a virtual board
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                         # on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0     # on a Raspblock\n  motionseq play scripts/dance.motion --from spin --speed 0.5 # from a mark, at half speed\n  motionseq play scripts/dance.motion --loop forever --report run.json\n\nKeys:\n  space     pause or continue\n  s         play one step while paused; the drive stays stopped\n  q         stop the robot and exit\n  ?         show the keys\n  Ctrl-C    stop the robot and exit, also without a terminal\n  Ctrl-Z    stop the robot and suspend; after `fg`, Enter continues\n\nThe keys work on a terminal, without `-q`. A step is one command, or one sample of a move.\nProgress shows the time of the run; `--from` and `--to` are times of the script.\nA second process, the guard, stops the robot if play is killed or hangs.\nAll messages go to standard error."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                         # on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0     # on a Raspblock\n  motionseq play scripts/dance.motion --from spin --speed 0.5 # from a mark, at half speed\n  motionseq play scripts/dance.motion --loop forever --report run.json\n\nKeys:\n  space     pause or continue\n  s         play one step while paused; the drive stays stopped\n  q         stop the robot and exit\n  ?         show the keys\n  Ctrl-C    stop the robot and exit, also without a terminal\n  Ctrl-Z    stop the robot and suspend; after `fg`, Enter continues\n\nThe keys work only on a terminal and without `-q`. A step is one command, or one sample of a move.\nThe progress line shows the time since the start of the run; `--from` and `--to` take times of the script.\nA second process, the guard, stops the robot if `play` is killed or hangs.\nAll messages go to standard error."
 )]
 pub(super) struct Play {
     /// Script to read, or `-` for standard input
@@ -47,22 +47,22 @@ pub(super) struct Play {
     /// Serial port of the board, such as /dev/serial0 [default: `MOTIONSEQ_PORT`, else a virtual board]
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
-    /// Stop the robot if a frame is later than TIME, from 1ms to 10s [default: 50ms; 1s on the virtual board]
+    /// Stop the robot if a frame is more than TIME late (1ms to 10s) [default: 50ms; 1s on the virtual board]
     #[arg(long, value_name = "TIME", value_parser = max_late)]
     max_late: Option<Nanos>,
     /// Use real-time priority and locked memory, if permitted
     #[arg(long)]
     realtime: bool,
-    /// Start no guard: nothing stops the robot if play is killed or hangs
+    /// Do not start the guard: then nothing stops the robot if `play` is killed or hangs
     #[arg(long)]
     no_guard: bool,
     /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// How to show progress
+    /// Choose how progress is shown
     #[arg(long, value_enum, default_value_t = Progress::Auto)]
     progress: Progress,
-    /// Start paused: space continues, s plays one step
+    /// Start paused; press space to continue, or `s` to play one step
     #[arg(long)]
     paused: bool,
     /// Start paused and play one step per Enter; the drive stays stopped

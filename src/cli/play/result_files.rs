@@ -24,7 +24,7 @@ use super::port::system;
 /// The result files that are requested.
 #[derive(Debug, Args)]
 pub(super) struct ResultPaths {
-    /// Write the bytes that the port accepted to FILE
+    /// Write to FILE the bytes that the port accepted
     #[arg(long, value_name = "FILE", help_heading = "Result files")]
     record: Option<PathBuf>,
     /// Write a JSON report of the run to FILE

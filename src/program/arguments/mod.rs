@@ -205,7 +205,9 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
             };
         }
         let help = self.meant(argument).unwrap_or_else(|| self.row().how());
-        diagnostic!(UnexpectedArgument, argument.span, "`{name}` takes no more arguments"; help: "{help}")
+        let is_first = self.command.arguments.first().is_some_and(|first| first.span == argument.span);
+        let more = if is_first { "" } else { "more " };
+        diagnostic!(UnexpectedArgument, argument.span, "`{name}` takes no {more}arguments"; help: "{help}")
     }
 
     /// What is said of `NAME=VALUE` with an unknown name.
@@ -496,7 +498,7 @@ pub(super) fn misplaced_unit(value: &Value<'_>, word: Name<'_>) -> Option<Diagno
             let meant = value::unit_meant(unit)?;
             let is_bare = number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
             is_bare.then(|| {
-                diagnostic!(Unit, span, "there is a space between a number and its unit `{unit}`"; write: span => "{number}{meant}")
+                diagnostic!(Unit, span, "no space is allowed between a number and its unit `{unit}`"; write: span => "{number}{meant}")
             })
         }
         ValueKind::Word(name) if matches!(unit, "beat" | "beats" | "bar" | "bars") => {
