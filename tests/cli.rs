@@ -195,11 +195,7 @@ fn hostile_scripts_stay_small() {
         ("minus.motion", [&b"servo 1 "[..], &b"-".repeat(50_000), b"5\n"].concat(), "error"),
         ("quotes.motion", b"\"".repeat(50_001), "no closing quotation mark"),
         ("texts.motion", [&b"say "[..], &b"\"\"".repeat(30_000), b"\n"].concat(), "no space between"),
-        (
-            "blank_lines.motion",
-            [&b"stop now\n"[..], &b"\n".repeat(1_000_000), b"# x"].concat(),
-            "takes no more arguments",
-        ),
+        ("blank_lines.motion", [&b"stop now\n"[..], &b"\n".repeat(1_000_000), b"# x"].concat(), "takes no arguments"),
         ("long.motion", [&b"raw "[..], &b"1 ".repeat(1_000_000)].concat(), "longer than 64 KiB"),
         ("word.motion", b"s".repeat(60_000), "there is no command"),
         ("not.motion", [&b"if "[..], &b"not ".repeat(50_000), b"true { stop }\n"].concat(), "error"),

@@ -410,6 +410,11 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
     port.write_all(&rocker(7)).unwrap();
     drop(port);
     tap.says("has not stopped the robot");
+    // Its answer shows that the board has read what came before.
+    let mut port = tap.open();
+    port.write_all(&request).unwrap();
+    port.read_exact(&mut reply).unwrap();
+    drop(port);
     // Nothing else can stop the robot then.
     let (_, said) = tap.end();
     assert!(said.contains("stop: sent"), "{said}");
@@ -417,8 +422,17 @@ fn bytes_pass_between_a_program_and_its_board_unchanged() {
     let (listing, _) = board.end();
     let found: Vec<&str> =
         listing.lines().filter_map(|line| line.split('\t').nth(2)).filter(|c| !c.is_empty()).collect();
-    let expected =
-        ["rocker x=5 y=0 z=0", "stop", "request voltage", "rocker x=7 y=0 z=0", "stop", "stop", "stop", "buzzer off"];
+    let expected = [
+        "rocker x=5 y=0 z=0",
+        "stop",
+        "request voltage",
+        "rocker x=7 y=0 z=0",
+        "request voltage",
+        "stop",
+        "stop",
+        "stop",
+        "buzzer off",
+    ];
     assert_eq!(found, expected, "{listing}");
     let skipped = listing.lines().find(|line| line.contains("skipped")).unwrap();
     assert!(skipped.contains("00 01 02 03") && skipped.contains("skipped 256"), "{listing}");

@@ -36,4 +36,5 @@ pub use table::{
 pub type Text = std::borrow::Cow<'static, str>;
 
 /// The sentence about a board that gets no frames. docs/safety.md describes the test.
-pub const ON_SILENCE: &str = "what the board does when frames stop arriving is unknown; docs/safety.md has a test for it";
+pub const ON_SILENCE: &str =
+    "what the board does when frames stop arriving is unknown; docs/safety.md has a test for it";

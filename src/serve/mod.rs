@@ -28,6 +28,8 @@ use port_end::PortEnd;
 const LOOK: Nanos = Nanos::from_millis(20);
 /// How often the loop checks whether a program has opened the port.
 const IDLE: Nanos = Nanos::from_millis(2);
+/// How many times a hang-up must be reported before it counts: a busy system may report it before the last bytes.
+const LAST_BYTES: u32 = 5;
 /// The most bytes that are read at the end, and the most time for that: a program may never stop writing.
 const MOST_LEFT: u64 = 1 << 20;
 const DRAIN: Nanos = Nanos::from_millis(1_000);
@@ -82,9 +84,9 @@ pub struct Server<'d> {
     begin: Arc<AtomicU64>,
     /// Whether it ends with the first program.
     once: bool,
-    /// Whether a program has the port open, and whether a hang-up was seen once.
+    /// Whether a program has the port open, and how many times in a row a hang-up was reported.
     is_open: bool,
-    is_ending: bool,
+    hang_ups: u32,
     /// The wrong line settings of the program that were reported.
     wrong: Option<LineSettings>,
 }
@@ -118,7 +120,7 @@ impl<'d> Server<'d> {
             begin: Arc::new(AtomicU64::new(clock::now().0)),
             once: false,
             is_open: false,
-            is_ending: false,
+            hang_ups: 0,
             wrong: None,
         }
     }
@@ -184,7 +186,7 @@ impl<'d> Server<'d> {
     fn look_for_program(&mut self, time: Micros, watch: &mut Watch<'_>) -> io::Result<()> {
         let port = self.pty_link.pty();
         if !self.is_open && (port.is_in_use()? || port.waiting()? > 0) {
-            (self.is_open, self.is_ending, self.wrong) = (true, false, None);
+            (self.is_open, self.hang_ups, self.wrong) = (true, 0, None);
             watch(time, PortEvent::Opened, self.far.board())?;
         }
         Ok(())
@@ -232,7 +234,8 @@ impl<'d> Server<'d> {
         let (buffer, _) = buffer.split_at_mut(room);
         match if is_stalled { Ok(0) } else { self.pty_link.pty().read(buffer) } {
             // The system may report the hang-up before the last bytes.
-            Ok(0) if !is_stalled && !std::mem::replace(&mut self.is_ending, true) => {
+            Ok(0) if !is_stalled && self.hang_ups < LAST_BYTES => {
+                self.hang_ups += 1;
                 clock::sleep_until(clock::now().saturating_add(IDLE));
             }
             Ok(0) => {
@@ -244,7 +247,7 @@ impl<'d> Server<'d> {
                 watch(self.time(clock::now()), PortEvent::Closed, self.far.board())?;
             }
             Ok(count) => {
-                self.is_ending = false;
+                self.hang_ups = 0;
                 self.pass(clock::now(), buffer.get(..count).unwrap_or_default(), watch)?;
             }
             Err(error) if is_nothing(&error) => {}
