@@ -60,9 +60,10 @@ impl<'s> Evaluator<'s, '_> {
             Some(near) => format!("did you mean `{near}`?"),
             None => self.how_to_name(name, statement),
         };
-        let message = match self.board.quantities.iter().any(|quantity| quantity.name == name) {
-            true => format!("`{name}` is only known while the script plays"),
-            false => format!("unknown name `{name}`"),
+        let message = if self.board.quantities.iter().any(|quantity| quantity.name == name) {
+            format!("`{name}` is only known while the script plays")
+        } else {
+            format!("unknown name `{name}`")
         };
         self.unknown_value(name, span, message, help);
     }
