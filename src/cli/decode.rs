@@ -26,7 +26,7 @@ pub(super) struct Decode {
     /// Binary or hex file to read, or `-` for standard input
     #[arg(value_name = "FILE")]
     stream: PathBuf,
-    /// Write to FILE instead of standard output: a script if its extension is .motion, else a listing
+    /// Write to FILE instead of standard output: a script if its extension is .motion, otherwise a listing
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Read the times of the bytes from FILE, in the format of `script --log-timing` (util-linux)
