@@ -4,6 +4,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::support::board::board;
+use crate::support::{Scratch, with_motionseq};
 use motionseq::diagnostic::{Code, Severity};
 use motionseq::program::{CURVES, FUNCTIONS, Options};
 use motionseq::program::{Row, SETTINGS, Signature, signatures};
@@ -88,32 +89,6 @@ fn without_measurements(text: &str) -> String {
         line.split(' ').map(|word| if is_measured(word) { "N" } else { word }).collect::<Vec<_>>().join(" ")
     };
     text.trim_end().lines().map(line).collect::<Vec<_>>().join("\n")
-}
-
-/// A folder of a test, removed with everything in it at the end.
-struct Scratch(std::path::PathBuf);
-
-impl Scratch {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("motionseq-docs-{name}-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        Scratch(folder)
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        fs::remove_dir_all(&self.0).unwrap();
-    }
-}
-
-/// A command that finds the built program as `motionseq`.
-fn with_motionseq(command: &str, folder: &std::path::Path) -> Command {
-    let program = std::path::Path::new(crate::support::program()).parent().unwrap().to_str().unwrap();
-    let mut command = Command::new(command);
-    let path = format!("{program}:{}", std::env::var("PATH").unwrap());
-    command.env("PATH", path).env_remove("MOTIONSEQ_PORT").current_dir(folder);
-    command
 }
 
 #[test]

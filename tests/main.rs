@@ -23,6 +23,7 @@ mod cli;
 mod codes;
 mod desk;
 mod diff;
+mod dist;
 mod docs;
 mod examples;
 mod family;

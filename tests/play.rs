@@ -5,13 +5,13 @@ use std::fs::{self, File, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Output, Stdio};
+use std::process::Stdio;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use crate::support::board::OnBoard;
 use crate::support::far::{BUZZER_OFF, FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
-use crate::support::{motionseq, rendered, run, script, stderr};
+use crate::support::{code, motionseq, rendered, run, script, stderr};
 use motionseq::faults::Faults;
 use motionseq::link::{Pty, Serial};
 use motionseq::playback::Cause;
@@ -20,10 +20,6 @@ use motionseq::sim::Settings;
 use motionseq::source::Source;
 use motionseq::verify::rehearse;
 use rustix::process::{Pid, Signal, kill_process};
-
-fn code(output: &Output) -> i32 {
-    output.status.code().expect("it ended by itself")
-}
 
 /// A script without frames that may be dropped on a machine that stalls: no refreshes and no
 /// samples.

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use crate::support::{motionseq, stderr, stdout};
+use crate::support::{code, motionseq, stderr, stdout};
 
 /// A folder of scripts, removed at the end.
 struct Repository(PathBuf);
@@ -38,10 +38,6 @@ impl Drop for Repository {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.0);
     }
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().unwrap()
 }
 
 const DANCE: &str = "def nod(depth = 200us) {\n  servo 2 (1500us + depth)\n  wait 200ms\n  servo 2 1500\n}\n\

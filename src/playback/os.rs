@@ -460,7 +460,9 @@ fn own_session() -> i32 {
 /// `SCHED_FIFO` for this thread, but not for threads that it starts.
 #[expect(unsafe_code, reason = "rustix cannot set a scheduling policy")]
 fn run_before_others(priority: i32) -> io::Result<()> {
-    let parameters = libc::sched_param { sched_priority: priority };
+    // SAFETY: all of its fields are integers. Some C libraries have more of them than the priority.
+    let mut parameters: libc::sched_param = unsafe { std::mem::zeroed() };
+    parameters.sched_priority = priority;
     // SAFETY: the pointer is to a live value of the type that the call reads; 0 is the calling thread.
     match unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, &raw const parameters) } {
         0 => Ok(()),

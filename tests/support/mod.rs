@@ -1,9 +1,10 @@
 //! Helpers for all tests.
-#![allow(dead_code, reason = "neither test binary uses all of it")]
+#![allow(dead_code, unused_imports, reason = "neither test binary uses all of it")]
 
 pub(crate) mod board;
 pub(crate) mod far;
 pub(crate) mod host;
+mod scratch;
 
 use std::fs;
 use std::path::Path;
@@ -16,6 +17,7 @@ use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Files as _, Sources};
 use motionseq::timeline::write_listing;
+pub(crate) use scratch::{Scratch, code, with_motionseq};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT};
 
 /// A script's listing and its messages, in the format of snapshots.
