@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::support::{run, stdout};
+use crate::support::{code, run, stderr, stdout};
 
 /// A folder with scripts, an unrelated file and a folder.
 fn scratch(name: &str) -> PathBuf {
@@ -146,4 +146,15 @@ fn the_documents_have_the_exit_codes_of_the_manual_page() {
     let cells = document.lines().filter_map(|line| line.strip_prefix('|')?.split('|').next());
     let documented: BTreeSet<String> = cells.map(|cell| cell.trim().trim_matches('`').to_owned()).collect();
     assert!(codes.len() > 8 && codes.is_subset(&documented), "{codes:?} {documented:?}");
+}
+
+#[test]
+fn frequent_commands_have_the_same_help_in_both_ways() {
+    for command in ["check", "render", "play", "test", "fmt"] {
+        let (one, all) = (run(&[command, "--help"]), run(&["help", command]));
+        assert_eq!((code(&one), stdout(&one)), (0, stdout(&all)), "{command}");
+        let (wrong, quiet) = (run(&[command, "--colour"]), run(&["-q", command, "--colour"]));
+        assert_eq!((code(&wrong), stderr(&wrong)), (2, stderr(&quiet)), "{command}");
+        assert!(stderr(&wrong).contains("--color"), "{}", stderr(&wrong));
+    }
 }
