@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::support::board::board;
 use crate::support::{run, script, stderr, stdout};
-use motionseq::diff::{Change, What, diff};
+use motionseq::diff::{Change, What, diff, diff_scripts};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Moment, Snapshot, Timeline, is_snapshot, read_snapshot, write_snapshot};
@@ -19,15 +19,22 @@ fn words(old: &str, new: &str) -> String {
         (sources, timeline)
     };
     let (old, new) = (side(old), side(new));
-    let sent = |side: &(Sources, Timeline)| Snapshot::of(&side.1);
+    let span = |timeline: &Timeline, aborts: bool, at: usize| {
+        let note = || timeline.notes(aborts).get(at - timeline.frames(aborts).len()).map(|note| note.span);
+        timeline.frames(aborts).get(at).map(|event| event.span).or_else(note)
+    };
     let origin = |side: &(Sources, Timeline), aborts: bool, at: Option<usize>| {
-        Some(side.1.origin(side.1.frames(aborts).get(at?)?, &side.0, &Lines::of(&side.0)))
+        let lines = Lines::of(&side.0);
+        match side.1.frames(aborts).get(at?) {
+            Some(event) => Some(side.1.origin(event, &side.0, &lines)),
+            None => Some(lines.place(span(&side.1, aborts, at?)?).to_string()),
+        }
     };
     let line = |change: &Change| {
         let (side, at) = if change.new.is_some() { (&new, change.new) } else { (&old, change.old) };
-        Some((change.new.is_some(), Lines::of(&side.0).place(side.1.frames(change.aborts).get(at?)?.span).line))
+        Some((change.new.is_some(), Lines::of(&side.0).place(span(&side.1, change.aborts, at?)?).line))
     };
-    let changes = diff(&sent(&old), &sent(&new), line);
+    let changes = diff_scripts(&old.1, &new.1, line);
     let lines = changes.iter().map(|change| {
         let place = origin(&new, change.aborts, change.new).or_else(|| origin(&old, change.aborts, change.old));
         change.words(place.as_deref()) + "\n"

@@ -190,7 +190,14 @@ impl<'i> Aligned<'i> {
                 (true, true) => 0,
                 (true, false) => 3,
                 (false, true) => 4,
-                (false, false) => 7,
+                // A note elsewhere is another note.
+                (false, false) => {
+                    if old.is_note {
+                        2 * ALONE + 1
+                    } else {
+                        7
+                    }
+                }
             }
         };
         // The lowest cost of aligning all remaining items, for each pair of positions.

@@ -5,10 +5,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use crate::board::Board;
 use crate::program::Ease;
 use crate::timeline::tween::{MoveTracker, StepRole};
-use crate::timeline::{Kind, Moment, Tween};
+use crate::timeline::{Kind, Moment, Note, NoteKind, Tween};
 use crate::units::Micros;
 
-/// One command, or one move.
+/// One command, one move, or one note.
 #[derive(Debug)]
 pub(super) struct Item {
     pub(super) lane: usize,
@@ -25,6 +25,10 @@ pub(super) struct Item {
     sent: Micros,
     /// The interval between two refreshes, if there are any.
     pub(super) refresh: Option<Micros>,
+    /// Whether it is a note, which is compared as a whole.
+    pub(super) is_note: bool,
+    /// Whether it keeps its resource active until the next item of its lane.
+    pub(super) is_active: bool,
     /// How long the resulting state lasts, until the next item of its lane.
     pub(super) holds: Micros,
 }
@@ -45,6 +49,9 @@ pub(super) struct Moves {
 impl Item {
     /// `servo 2 1700`, `servo 2 1700 over 500 ms`, in parts that are compared one by one.
     pub(super) fn parts(&self) -> Vec<String> {
+        if self.is_note {
+            return vec![self.notation.clone()];
+        }
         let mut parts: Vec<String> = self.notation.split(' ').map(str::to_owned).collect();
         match &self.moves {
             None => {}
@@ -77,13 +84,23 @@ impl Item {
     }
 }
 
-/// Groups frames. Without `tweens`, successive samples without another command in between form one
-/// move.
-pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
+/// The name of a lane. Each kind of note has its own, after those of the board.
+pub(super) fn lane_name(board: &Board, lane: usize) -> String {
+    let kind = lane.checked_sub(board.lanes()).and_then(|kind| NoteKind::ALL.get(kind));
+    kind.map_or_else(|| board.lane_name(lane).into_owned(), |kind| format!("`{}`", kind.word()))
+}
+
+/// Groups frames, and adds the notes. Without `tweens`, successive samples without another command
+/// in between form one move.
+pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>, notes: &[Note]) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut newest: Vec<Option<usize>> = vec![None; board.lanes()];
     let mut tracker = MoveTracker::new(board, tweens.unwrap_or_default());
     for (first, moment) in moments.iter().enumerate() {
+        // The requests for reports follow from the `expect`s.
+        if moment.kind == Kind::Auto && !notes.is_empty() {
+            continue;
+        }
         let lane = board.lane(&moment.command);
         let said = || board.show(&moment.command).to_string();
         let role = tracker.take(&moment.command, moment.kind);
@@ -127,6 +144,8 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
             }),
             sent: moment.at,
             refresh: None,
+            is_note: false,
+            is_active: moment.kind != Kind::Sample && board.is_active(&moment.command),
             holds: Micros::ZERO,
         };
         if moment.kind == Kind::Sample {
@@ -134,10 +153,30 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
         }
         items.push(item);
     }
+    for (lane, kind) in (board.lanes()..).zip(NoteKind::ALL) {
+        let its = (moments.len()..).zip(notes).filter(|(_, note)| note.kind == *kind);
+        items.extend(its.zip(0..).map(|((first, note), place)| Item::note(note, lane, place, first)));
+    }
     items
 }
 
 impl Item {
+    fn note(note: &Note, lane: usize, place: usize, first: usize) -> Self {
+        Item {
+            lane,
+            place,
+            at: note.at,
+            first,
+            notation: note.words.clone(),
+            moves: None,
+            sent: note.at,
+            refresh: None,
+            is_note: true,
+            is_active: false,
+            holds: Micros::ZERO,
+        }
+    }
+
     /// Adds a step to a move.
     fn extend(&mut self, moment: &Moment, notation: String) {
         self.notation = notation;
