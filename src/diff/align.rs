@@ -70,6 +70,13 @@ pub(super) fn align<'i>(lanes: &[(Vec<&'i Item>, Vec<&'i Item>)]) -> Vec<Aligned
     aligned
 }
 
+/// Aligns the items of a lane by content only.
+pub(super) fn by_content<'i>(old: &[&'i Item], new: &[&'i Item]) -> Vec<(&'i Item, &'i Item)> {
+    let mut aligned = Aligned::default();
+    aligned.by_words(old, new);
+    aligned.pairs
+}
+
 fn delta((old, new): &(&Item, &Item)) -> i64 {
     difference(old.at, new.at)
 }

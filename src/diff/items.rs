@@ -9,13 +9,15 @@ use crate::timeline::{Kind, Moment, Note, NoteKind, Tween};
 use crate::units::Micros;
 
 /// One command, one move, or one note.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Item {
     pub(super) lane: usize,
     /// Its position in its lane.
     pub(super) place: usize,
-    /// When it starts.
+    /// When it starts; for an old item, also scaled as other items are.
     pub(super) at: Micros,
+    /// When it starts in its own timeline.
+    pub(super) shown: Micros,
     /// The index of its first frame.
     pub(super) first: usize,
     /// The command; for a move, its target.
@@ -136,6 +138,7 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>,
             lane,
             place,
             at: tween.map_or(moment.at, |tween| tween.at),
+            shown: tween.map_or(moment.at, |tween| tween.at),
             first,
             notation: said() + closing,
             moves: (moment.kind == Kind::Sample).then(|| {
@@ -166,6 +169,7 @@ impl Item {
             lane,
             place,
             at: note.at,
+            shown: note.at,
             first,
             notation: note.words.clone(),
             moves: None,
@@ -174,6 +178,17 @@ impl Item {
             is_note: true,
             is_active: false,
             holds: Micros::ZERO,
+        }
+    }
+
+    /// Gives a move the duration and the steps of its new version, if the durations fit.
+    pub(super) fn scale_like(&mut self, new: &Item, fits: impl Fn(Micros, Micros) -> bool) {
+        if fits(self.lasts(), new.lasts())
+            && let (Some(old), Some(new)) = (&mut self.moves, &new.moves)
+            && let (Some((lasts, _)), Some((is, _))) = (&mut old.meant, new.meant)
+        {
+            *lasts = is;
+            (old.steps, old.hash) = (new.steps, new.hash);
         }
     }
 

@@ -14,6 +14,7 @@ use crate::units::Micros;
 
 mod align;
 mod items;
+mod scale;
 mod shifts;
 mod words;
 
@@ -62,6 +63,13 @@ pub enum What {
         things: Vec<String>,
         /// The shift.
         by: Shift,
+    },
+    /// From here on, everything runs faster or slower.
+    Scaled {
+        /// The end of this section in the old timeline; `None` if nothing follows.
+        until: Option<Micros>,
+        /// Its old and its new length.
+        lasts: [Micros; 2],
     },
     /// One item has other content.
     Changed {
@@ -211,6 +219,20 @@ impl Sides<'_> {
         let before = items::items(board, old, tweens.map(|[old, _]| old), was);
         let after = items::items(board, new, tweens.map(|[_, new]| new), is);
         let mut changes = compare_items(board, &before, &after);
+        // A section must save more than one line.
+        if changes.len() > 2
+            && let Some((sections, retimed)) = scale::explain(&by_lane(board, &before, &after), &before)
+            && sections.len() + 1 < changes.len()
+        {
+            let mut fewer = compare_items(board, &retimed, &after);
+            fewer.extend(sections.into_iter().map(|scale::Section { from, until, lasts, first }| {
+                let (old, new) = first.unzip();
+                Change::new(from, old, new, What::Scaled { until, lasts })
+            }));
+            if fewer.len() + 1 < changes.len() {
+                changes = fewer;
+            }
+        }
         if changes.is_empty() && old != new {
             let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
             let at = new.get(first).or(old.get(first)).map_or(Micros::ZERO, |moment| moment.at);
@@ -222,17 +244,28 @@ impl Sides<'_> {
     }
 }
 
+/// The items of each lane, on both sides.
+fn by_lane<'i>(board: &Board, before: &'i [Item], after: &'i [Item]) -> Vec<(Vec<&'i Item>, Vec<&'i Item>)> {
+    let mut lanes = vec![(Vec::new(), Vec::new()); board.lanes() + NoteKind::ALL.len()];
+    for item in before {
+        if let Some((old, _)) = lanes.get_mut(item.lane) {
+            old.push(item);
+        }
+    }
+    for item in after {
+        if let Some((_, new)) = lanes.get_mut(item.lane) {
+            new.push(item);
+        }
+    }
+    lanes
+}
+
 fn compare_items(board: &Board, before: &[Item], after: &[Item]) -> Vec<Change> {
     let mut changes = Vec::new();
     let mut lanes = Vec::new();
-    let of_lane = |lane| -> (Vec<&Item>, Vec<&Item>) {
-        let is_of_lane = |item: &&Item| item.lane == lane;
-        (before.iter().filter(is_of_lane).collect(), after.iter().filter(is_of_lane).collect())
-    };
-    let both: Vec<_> = (0..board.lanes() + NoteKind::ALL.len()).map(of_lane).collect();
-    for align::Aligned { pairs, removed, added } in align::align(&both) {
+    for align::Aligned { pairs, removed, added } in align::align(&by_lane(board, before, after)) {
         changes.extend(
-            removed.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))),
+            removed.iter().map(|item| Change::new(item.shown, Some(item.first), None, What::Removed(item.words()))),
         );
         changes
             .extend(added.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
@@ -248,7 +281,7 @@ fn fold<L: Eq + Hash>(changes: Vec<Change>, line: impl Fn(&Change) -> Option<L>)
     let mut folded: Vec<Change> = Vec::new();
     let mut known = HashMap::new();
     for change in changes {
-        let everywhere = matches!(change.what, What::Refreshed { .. } | What::Steps { .. });
+        let everywhere = matches!(change.what, What::Refreshed { .. } | What::Steps { .. } | What::Scaled { .. });
         let line = if everywhere { None } else { line(&change) };
         // Without a script, it is unknown whether other values come from one line.
         let key = (change.kind(line.is_some()), line);

@@ -102,7 +102,7 @@ pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<
             }
         } else if moved && !alone {
             let things = if everything { Vec::new() } else { vec![lane_name(board, old.lane)] };
-            changes.push(Change::new(old.at, Some(old.first), Some(new.first), What::Shifted { things, by }));
+            changes.push(Change::new(old.shown, Some(old.first), Some(new.first), What::Shifted { things, by }));
             scan.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {
             changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));
@@ -187,7 +187,7 @@ impl<'i> Scan<'i> {
         }
         let parts = |item: &Item, end: &Item| {
             let mut parts = item.parts();
-            parts.push(format!("for {}", span(end.at.saturating_sub(item.at))));
+            parts.push(format!("for {}", span(end.shown.saturating_sub(item.shown))));
             parts
         };
         let (from, to) = (parts(held.old, end.old), parts(held.new, end.new));

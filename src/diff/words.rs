@@ -17,6 +17,17 @@ impl Change {
                 let words = format!("{when}from {}{place}: {things} is {}", secs(self.at), Later(by.total_us));
                 words + &self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))))
             }
+            What::Scaled { until: None, lasts } if self.at == Micros::ZERO => {
+                format!("{when}everything runs {}", pace(*lasts))
+            }
+            What::Scaled { until, lasts } => {
+                let [old, new] = *lasts;
+                let to = until.map(|until| format!(" to {}", secs(until))).unwrap_or_default();
+                let words = format!("{when}from {}{to}{place}: everything runs {}", secs(self.at), pace(*lasts));
+                let later = Later(super::shifts::difference(old, new));
+                let then = until.map(|_| format!(", so the following commands are {later}")).unwrap_or_default();
+                words + &then + &self.again(", the same")
+            }
             What::Changed { from, to, by_us, then } => {
                 let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();
                 let words = format!("{at}{}{moved}", between(from, to));
@@ -97,6 +108,10 @@ impl Change {
         match &mut what {
             // Whether a lane is back at its old time is a separate change.
             What::Shifted { by, .. } => by.total_us = i64::from(by.total_us == 0),
+            What::Scaled { until, lasts } => {
+                *until = until.map(|_| Micros::ZERO);
+                *lasts = [Micros(permille(*lasts)), Micros(u64::from(lasts[0] < lasts[1]))];
+            }
             What::Changed { from, to, then, .. } => {
                 if let Some((_, by)) = then {
                     by.total_us = 0;
@@ -132,6 +147,22 @@ impl Change {
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
         self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || differs, total_us });
     }
+}
+
+/// By how much the speed changes, in tenths of a percent.
+fn permille([old, new]: [Micros; 2]) -> u64 {
+    let (change, new) = (u128::from(old.0.abs_diff(new.0)), u128::from(new.0.max(1)));
+    u64::try_from((change * 1_000 + new / 2) / new).unwrap_or(u64::MAX)
+}
+
+/// `4 % faster`: in whole percents from one percent on.
+fn pace(lasts: [Micros; 2]) -> String {
+    let by = match permille(lasts) {
+        0 => "less than 0.1 %".into(),
+        tenths @ 1..10 => format!("0.{tenths} %"),
+        tenths => format!("{} %", (tenths + 5) / 10),
+    };
+    format!("{by} {}", if lasts[1] < lasts[0] { "faster" } else { "slower" })
 }
 
 /// Whether a part is shown even if it has not changed.
