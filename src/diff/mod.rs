@@ -70,6 +70,8 @@ pub enum What {
         until: Option<Micros>,
         /// Its old and its new length.
         lasts: [Micros; 2],
+        /// The shift of what follows; in total, with the sections before.
+        by: Shift,
     },
     /// One item has other content.
     Changed {
@@ -225,9 +227,12 @@ impl Sides<'_> {
             && sections.len() + 1 < changes.len()
         {
             let mut fewer = compare_items(board, &retimed, &after);
+            let mut total_us = 0;
             fewer.extend(sections.into_iter().map(|scale::Section { from, until, lasts, first }| {
                 let (old, new) = first.unzip();
-                Change::new(from, old, new, What::Scaled { until, lasts })
+                let step_us = shifts::difference(lasts[0], lasts[1]);
+                total_us += step_us;
+                Change::new(from, old, new, What::Scaled { until, lasts, by: Shift { step_us, total_us } })
             }));
             if fewer.len() + 1 < changes.len() {
                 changes = fewer;

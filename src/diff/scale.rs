@@ -2,8 +2,8 @@
 //!
 //! Items are matched by content, and each matched time is an anchor. From one anchor to the next,
 //! time is scaled, kept, or neither; of all ways from start to end, the one with the fewest
-//! sections and exceptions is taken. An anchor that keeps its distance to the one before in its
-//! lane may be passed over: a beep of 60 ms stays one at every tempo.
+//! sections and exceptions is taken. The end of a command or a move that lasts as long as before
+//! may be passed over: a beep of 60 ms stays one at every tempo.
 
 use std::collections::BTreeMap;
 
@@ -31,7 +31,7 @@ struct Anchor<'i> {
     new: Micros,
     /// The items, if one starts here.
     start: Option<(&'i Item, &'i Item)>,
-    /// Whether it keeps its distance to the anchor before in its lane.
+    /// Whether it ends something that lasts as long as before.
     is_kept: bool,
 }
 
@@ -97,9 +97,12 @@ pub(super) fn explain(lanes: &[(Vec<&Item>, Vec<&Item>)], before: &[Item]) -> Op
 /// The starts and ends of the items of a lane.
 fn anchors<'i>(pairs: &[(&'i Item, &'i Item)]) -> Vec<Anchor<'i>> {
     let mut anchors: Vec<Anchor<'i>> = Vec::new();
-    let mut add = |old: Micros, new: Micros, start| {
-        let before = anchors.last().map(|anchor| difference(anchor.old, anchor.new));
-        anchors.push(Anchor { old, new, start, is_kept: before == Some(difference(old, new)) });
+    let mut add = |old: Micros, new: Micros, start: Option<(&'i Item, &'i Item)>| {
+        let is_kept = anchors.last().is_some_and(|before: &Anchor<'_>| {
+            let is_end = start.is_none() || before.start.is_some_and(|(item, _)| item.is_active);
+            is_end && difference(before.old, before.new) == difference(old, new)
+        });
+        anchors.push(Anchor { old, new, start, is_kept });
     };
     for (old, new) in pairs {
         add(old.at, new.at, Some((*old, *new)));

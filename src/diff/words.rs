@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Again, Change, What};
+use super::{Again, Change, Shift, What};
 use crate::units::Micros;
 
 impl Change {
@@ -17,16 +17,14 @@ impl Change {
                 let words = format!("{when}from {}{place}: {things} is {}", secs(self.at), Later(by.total_us));
                 words + &self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))))
             }
-            What::Scaled { until: None, lasts } if self.at == Micros::ZERO => {
+            What::Scaled { until: None, lasts, .. } if self.at == Micros::ZERO => {
                 format!("{when}everything runs {}", pace(*lasts))
             }
-            What::Scaled { until, lasts } => {
-                let [old, new] = *lasts;
+            What::Scaled { until, lasts, by } => {
                 let to = until.map(|until| format!(" to {}", secs(until))).unwrap_or_default();
                 let words = format!("{when}from {}{to}{place}: everything runs {}", secs(self.at), pace(*lasts));
-                let later = Later(super::shifts::difference(old, new));
-                let then = until.map(|_| format!(", so the following commands are {later}")).unwrap_or_default();
-                words + &then + &self.again(", the same")
+                let then = format!(", so the following commands are {}", Later(by.total_us));
+                words + until.map_or("", |_| &then) + &self.again(", the same")
             }
             What::Changed { from, to, by_us, then } => {
                 let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();
@@ -87,7 +85,9 @@ impl Change {
             _ => words,
         };
         let then = match &self.what {
-            What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } if by.total_us != total_us => {
+            What::Shifted { by, .. } | What::Scaled { by, .. } | What::Changed { then: Some((_, by)), .. }
+                if by.total_us != total_us =>
+            {
                 match total_us {
                     0 => format!(": {}", Later(0)),
                     _ => format!(": {} in total", Later(total_us)),
@@ -108,7 +108,8 @@ impl Change {
         match &mut what {
             // Whether a lane is back at its old time is a separate change.
             What::Shifted { by, .. } => by.total_us = i64::from(by.total_us == 0),
-            What::Scaled { until, lasts } => {
+            What::Scaled { until, lasts, by } => {
+                *by = Shift { step_us: 0, total_us: 0 };
                 *until = until.map(|_| Micros::ZERO);
                 *lasts = [Micros(permille(*lasts)), Micros(u64::from(lasts[0] < lasts[1]))];
             }
@@ -141,7 +142,9 @@ impl Change {
             _ => false,
         };
         let total_us = match &other.what {
-            What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } => by.total_us,
+            What::Shifted { by, .. } | What::Scaled { by, .. } | What::Changed { then: Some((_, by)), .. } => {
+                by.total_us
+            }
             _ => 0,
         };
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
