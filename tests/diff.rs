@@ -160,6 +160,34 @@ fn the_command_compares_scripts_and_snapshots() {
     assert_eq!(run(&["check", "-", "-"]).status.code(), Some(2));
 }
 
+#[test]
+fn the_totals_are_never_cut() {
+    let text = |more: u32| {
+        let lines = (0..100).map(|n| format!("servo 1 {}\nwait {}ms\n", 1_000 + 5 * n + more * (n + 1), 100 + n));
+        format!("{}wait {}s\n", lines.collect::<String>(), 1 + more)
+    };
+    let (old, new) = (script("totals-old", &text(0)), script("totals-new", &text(1)));
+    let output = run(&["diff", &old, &new]);
+    let shown = stdout(&output);
+    assert_eq!(shown.lines().count(), 50 + 1, "{shown}");
+    assert!(shown.ends_with("\noverall: the script ends at 15.950 s -> 16.950 s\n"), "{shown}");
+    assert_eq!(stderr(&output), "50 more changes; `-v` shows all\n");
+    // In a test, too: of 300 changes, 200 are kept and 20 shown.
+    let folder = std::env::temp_dir().join(format!("motionseq-totals-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("x.motion");
+    let name = path.to_str().unwrap();
+    fs::write(&path, text(0)).unwrap();
+    assert_eq!(run(&["test", "--bless", name]).status.code(), Some(0));
+    fs::write(&path, text(1)).unwrap();
+    for (format, shown) in [("human", 20), ("json", 100), ("tap", 100), ("github", 100)] {
+        let output = stdout(&run(&["test", "--format", format, name]));
+        assert_eq!(output.matches(" -> ").count(), shown + 1, "{format}: {output}");
+        assert!(output.contains("overall: the script ends at 15.950 s -> 16.950 s"), "{format}: {output}");
+    }
+    fs::remove_dir_all(folder).unwrap();
+}
+
 proptest! {
     /// Equal scripts are reported as equal, and different ones never are.
     #[test]
