@@ -18,7 +18,7 @@ use super::{Options, read};
 /// Show what changed between two scripts or snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n\nThe exit code is 1 if the two differ. The first 50 changes are shown; `-v` shows all."
+    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n\nThe exit code is 1 if the two differ. Two scripts are also compared by their `mark`, `say` and `expect`, which a snapshot does not\ncontain. The first 50 changes and the totals are shown; `-v` shows all."
 )]
 pub(super) struct Diff {
     /// Old script or snapshot (NAME.motion.frames), or `-` for standard input
@@ -124,7 +124,8 @@ impl Side {
             let (sources, timeline, lines, notes) = script.as_ref()?;
             let events = timeline.frames(aborts);
             let Some(event) = events.get(at) else {
-                let note = notes[usize::from(aborts)].get(at - events.len())?;
+                let [run, abort] = notes;
+                let note = (if aborts { abort } else { run }).get(at - events.len())?;
                 return Some(lines.place(note.span).to_string());
             };
             Some(if way { timeline.origin(event, sources, lines) } else { lines.place(event.span).to_string() })

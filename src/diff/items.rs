@@ -132,25 +132,7 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>,
             }
             *newest = Some(items.len());
         }
-        let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
-        let meant = tween.map(|tween| (tween.end - tween.at, tween.ease));
-        let mut item = Item {
-            lane,
-            place,
-            at: tween.map_or(moment.at, |tween| tween.at),
-            shown: tween.map_or(moment.at, |tween| tween.at),
-            first,
-            notation: said() + closing,
-            moves: (moment.kind == Kind::Sample).then(|| {
-                let start = tween.filter(|tween| tween.at == moment.at).map(|_| said());
-                Moves { meant, start, steps: 0, hash: 0 }
-            }),
-            sent: moment.at,
-            refresh: None,
-            is_note: false,
-            is_active: moment.kind != Kind::Sample && board.is_active(&moment.command),
-            holds: Micros::ZERO,
-        };
+        let mut item = Item::new(board, (first, moment), tween, place);
         if moment.kind == Kind::Sample {
             item.extend(moment, said());
         }
@@ -164,6 +146,33 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>,
 }
 
 impl Item {
+    /// The item that starts with a frame.
+    fn new(board: &Board, (first, moment): (usize, &Moment), tween: Option<&Tween>, place: usize) -> Self {
+        let said = board.show(&moment.command).to_string();
+        let at = tween.map_or(moment.at, |tween| tween.at);
+        let is_step = moment.kind == Kind::Sample;
+        let moves = is_step.then(|| {
+            let meant = tween.map(|tween| (tween.end - tween.at, tween.ease));
+            let start = tween.filter(|tween| tween.at == moment.at).map(|_| said.clone());
+            Moves { meant, start, steps: 0, hash: 0 }
+        });
+        let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
+        Item {
+            lane: board.lane(&moment.command),
+            place,
+            at,
+            shown: at,
+            first,
+            notation: said + closing,
+            moves,
+            sent: moment.at,
+            refresh: None,
+            is_note: false,
+            is_active: !is_step && board.is_active(&moment.command),
+            holds: Micros::ZERO,
+        }
+    }
+
     fn note(note: &Note, lane: usize, place: usize, first: usize) -> Self {
         Item {
             lane,

@@ -163,7 +163,8 @@ fn way(anchors: &[Anchor<'_>], ratio: Ratio) -> Vec<(usize, Gap)> {
                     (_, true) => (Gap::Kept, false, 0),
                     (false, false) => (Gap::Other, false, 1),
                 };
-                let place = &mut here[usize::from(goes)];
+                let [outside, within] = &mut here;
+                let place = if goes { within } else { outside };
                 if place.is_none_or(|(least, ..)| cost + more < least) {
                     *place = Some((cost + more, from_at, inside, gap));
                 }
@@ -176,10 +177,14 @@ fn way(anchors: &[Anchor<'_>], ratio: Ratio) -> Vec<(usize, Gap)> {
     }
     let mut way = Vec::new();
     let mut at = anchors.len() - 1;
-    let cost = |inside: usize| best.last().and_then(|here| here[inside]).map_or(u32::MAX, |(cost, ..)| cost);
-    let mut inside = cost(1) < cost(0);
+    let get = |at: usize, inside: bool| {
+        let [outside, within] = *best.get(at)?;
+        if inside { within } else { outside }
+    };
+    let cost = |inside: bool| get(at, inside).map_or(u32::MAX, |(cost, ..)| cost);
+    let mut inside = cost(true) < cost(false);
     while at > 0 {
-        let Some((_, from, was, gap)) = best.get(at).and_then(|here| here[usize::from(inside)]) else { break };
+        let Some((_, from, was, gap)) = get(at, inside) else { break };
         way.push((at, gap));
         (at, inside) = (from, was);
     }

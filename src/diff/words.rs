@@ -7,6 +7,7 @@ use crate::units::Micros;
 
 impl Change {
     /// Describes the change, with its place in the script if known.
+    #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
     pub fn words(&self, place: Option<&str>) -> String {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
         let when = if self.aborts { "on abort, " } else { "" };
@@ -17,14 +18,16 @@ impl Change {
                 let words = format!("{when}from {}{place}: {things} is {}", secs(self.at), Later(by.total_us));
                 words + &self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))))
             }
-            What::Scaled { until: None, lasts, .. } if self.at == Micros::ZERO => {
-                format!("{when}everything runs {}", pace(*lasts))
-            }
             What::Scaled { until, lasts, by } => {
+                let everything = format!("everything runs {}", pace(*lasts));
+                if until.is_none() && self.at == Micros::ZERO {
+                    return format!("{when}{everything}");
+                }
                 let to = until.map(|until| format!(" to {}", secs(until))).unwrap_or_default();
-                let words = format!("{when}from {}{to}{place}: everything runs {}", secs(self.at), pace(*lasts));
-                let then = format!(", so the following commands are {}", Later(by.total_us));
-                words + until.map_or("", |_| &then) + &self.again(", the same")
+                let then = until.map(|_| format!(", so the following commands are {}", Later(by.total_us)));
+                let words =
+                    format!("{when}from {}{to}{place}: {everything}{}", secs(self.at), then.unwrap_or_default());
+                words + &self.again(", the same")
             }
             What::Changed { from, to, by_us, then } => {
                 let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();

@@ -35,7 +35,7 @@ pub(super) struct Label {
 /// Labels with their places.
 #[derive(Default)]
 pub(super) struct Labels {
-    pub(super) labels: Vec<Label>,
+    pub(super) shown: Vec<Label>,
     /// The number of rows, at least 1.
     pub(super) rows: usize,
     /// The number of labels for which there is no room.
@@ -70,7 +70,7 @@ pub(super) fn place(texts: &[(f64, &str)], room: &Room) -> Labels {
             taken.iter_mut().take(row + 1).for_each(|taken| *taken = taken.min(from).min(*x));
             placed.rows = placed.rows.max(row + 1);
             let (at, anchor) = if from > *x { (from, Anchor::Start) } else { (from + wide, Anchor::End) };
-            placed.labels.push(Label { x: *x, at, anchor, row, text });
+            placed.shown.push(Label { x: *x, at, anchor, row, text });
         } else {
             placed.hidden += 1;
         }

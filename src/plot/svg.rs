@@ -382,7 +382,7 @@ impl Picture<'_> {
         let height = ROW + rows(last - 1);
         self.frame(name, height);
         self.stretches("hold", bars, top + ROW - 6.0, 3.0);
-        for label in placed.labels.iter().filter(|label| label.row > 0) {
+        for label in placed.shown.iter().filter(|label| label.row > 0) {
             self.canvas.line("leader", (label.x, row(0)), (label.x, row(label.row) + 5.0));
         }
         // Moments in one pixel column share a symbol.
@@ -400,7 +400,7 @@ impl Picture<'_> {
             };
             self.canvas.path(class, &sign(*x, row(0)), (at < MAX_TOOLTIPS).then(words).as_deref());
         }
-        for label in placed.labels.iter().rev() {
+        for label in placed.shown.iter().rev() {
             self.canvas.text((label.at, row(label.row) + 4.5), "text", label.anchor, &label.text);
         }
         if placed.hidden > 0 {

@@ -52,7 +52,7 @@ impl Picture<'_> {
         }
         self.y += 6.0 + rows(placed.rows);
         let bottom = self.y;
-        for label in placed.labels.iter().rev() {
+        for label in placed.shown.iter().rev() {
             let y = bottom - 7.0 - rows(label.row);
             if label.row > 0 {
                 self.canvas.path("leader", &down(label.x, y - 8.0, bottom), None);
