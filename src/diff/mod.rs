@@ -221,19 +221,14 @@ impl Sides<'_> {
         let before = items::items(board, old, tweens.map(|[old, _]| old), was);
         let after = items::items(board, new, tweens.map(|[_, new]| new), is);
         let mut changes = compare_items(board, &before, &after);
-        // A section must save more than one line.
-        if changes.len() > 2
-            && let Some((sections, retimed)) = scale::explain(&by_lane(board, &before, &after), &before)
-            && sections.len() + 1 < changes.len()
-        {
+        // An explanation must save more than one line.
+        let explanations = (changes.len() > 2).then(|| scale::explanations(&by_lane(board, &before, &after), &before));
+        for (sections, retimed) in explanations.into_iter().flatten() {
+            if sections.len() + 1 >= changes.len() {
+                continue;
+            }
             let mut fewer = compare_items(board, &retimed, &after);
-            let mut total_us = 0;
-            fewer.extend(sections.into_iter().map(|scale::Section { from, until, lasts, first }| {
-                let (old, new) = first.unzip();
-                let step_us = shifts::difference(lasts[0], lasts[1]);
-                total_us += step_us;
-                Change::new(from, old, new, What::Scaled { until, lasts, by: Shift { step_us, total_us } })
-            }));
+            fewer.extend(section_changes(sections));
             if fewer.len() + 1 < changes.len() {
                 changes = fewer;
             }
@@ -247,6 +242,16 @@ impl Sides<'_> {
         changes.sort_by_key(|change| (change.at, change.new, change.old));
         changes
     }
+}
+
+fn section_changes(sections: Vec<scale::Section>) -> impl Iterator<Item = Change> {
+    let mut total_us = 0;
+    sections.into_iter().map(move |scale::Section { from, until, lasts, first }| {
+        let (old, new) = first.unzip();
+        let step_us = shifts::difference(lasts[0], lasts[1]);
+        total_us += step_us;
+        Change::new(from, old, new, What::Scaled { until, lasts, by: Shift { step_us, total_us } })
+    })
 }
 
 /// The items of each lane, on both sides.

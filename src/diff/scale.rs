@@ -3,7 +3,8 @@
 //! Items are matched by content, and each matched time is an anchor. From one anchor to the next,
 //! time is scaled, kept, or neither; of all ways from start to end, the one with the fewest
 //! sections and exceptions is taken. The end of a command or a move that lasts as long as before
-//! may be passed over: a beep of 60 ms stays one at every tempo.
+//! may be passed over: a beep of 60 ms stays one at every tempo. If it lasts longer than the pause
+//! after it, it may not: then only the pauses are longer.
 
 use std::collections::BTreeMap;
 
@@ -46,6 +47,8 @@ struct Ratio {
 const ROUNDING_US: u64 = 2;
 /// The shortest distance that shows a ratio.
 const SHORTEST: Micros = Micros::from_millis(10);
+/// How many ratios are tried.
+const RATIOS: usize = 3;
 /// How many anchors may be passed over.
 const REACH: usize = 16;
 
@@ -60,15 +63,22 @@ impl Ratio {
     }
 }
 
-/// Explains the new times by sections with one ratio. Returns the sections and the old items at the
-/// times that they have then, so that only other changes are left.
-pub(super) fn explain(lanes: &[(Vec<&Item>, Vec<&Item>)], before: &[Item]) -> Option<(Vec<Section>, Vec<Item>)> {
+/// An explanation: the sections, and the old items at the times that they have then, so that only
+/// other changes are left.
+pub(super) type Explanation = (Vec<Section>, Vec<Item>);
+
+/// Explains the new times by sections with one ratio, for each ratio that may be the right one.
+pub(super) fn explanations(lanes: &[(Vec<&Item>, Vec<&Item>)], before: &[Item]) -> Vec<Explanation> {
     let by_lane: Vec<_> = lanes.iter().map(|(old, new)| anchors(&by_content(old, new))).collect();
-    let ratio = ratio(&by_lane)?;
+    let ratios = ratios(&by_lane);
     let mut anchors: Vec<Anchor<'_>> = by_lane.into_iter().flatten().collect();
     anchors.sort_by_key(|anchor| (anchor.old, anchor.new));
     anchors.insert(0, Anchor { old: Micros::ZERO, new: Micros::ZERO, start: None, is_kept: false });
-    let way = way(&anchors, ratio);
+    ratios.into_iter().filter_map(|ratio| explain(&anchors, ratio, before)).collect()
+}
+
+fn explain(anchors: &[Anchor<'_>], ratio: Ratio, before: &[Item]) -> Option<Explanation> {
+    let way = way(anchors, ratio);
     let end = anchors.last()?.old;
     let mut sections: Vec<Section> = Vec::new();
     for pair in way.windows(2) {
@@ -81,13 +91,25 @@ pub(super) fn explain(lanes: &[(Vec<&Item>, Vec<&Item>)], before: &[Item]) -> Op
                 section.lasts = [section.lasts[0] + lasts[0], section.lasts[1] + lasts[1]];
             }
             _ => {
-                let first = anchors.iter().skip(*begin).find_map(|anchor| anchor.start);
+                let starts = || anchors.iter().skip(*begin).filter_map(|anchor| anchor.start);
+                let first = starts().find(|(old, _)| !old.is_note).or_else(|| starts().next());
                 let first = first.map(|(old, new)| (old.first, new.first));
                 sections.push(Section { from: from.old, until: Some(to.old), lasts, first });
             }
         }
     }
-    let items = retimed(&anchors, &way, (ratio, &sections), before);
+    // A move beside a section that lasts as long as before shows that not everything is scaled.
+    let is_against = |(item, new): (&Item, &Item)| {
+        let end = item.at + item.lasts();
+        let crosses = |section: &Section| item.at < section.from && section.from < end || Some(end) > section.until;
+        let next = sections.partition_point(|section| section.from < end).checked_sub(1);
+        let beside = next.and_then(|at| sections.get(at)).filter(|section| section.until > Some(item.at));
+        item.lasts() > SHORTEST && item.lasts() == new.lasts() && beside.is_some_and(crosses)
+    };
+    if anchors.iter().filter_map(|anchor| anchor.start).any(is_against) {
+        return None;
+    }
+    let items = retimed(anchors, &way, (ratio, &sections), before);
     if let Some(last) = sections.last_mut().filter(|last| last.until == Some(end)) {
         last.until = None;
     }
@@ -110,11 +132,17 @@ fn anchors<'i>(pairs: &[(&'i Item, &'i Item)]) -> Vec<Anchor<'i>> {
             add(old.at + lasts, new.at + is, None);
         }
     }
+    for at in 1..anchors.len() {
+        let beside = [at - 1, at, at + 1].map(|at| anchors.get(at).map(|anchor| anchor.old));
+        if let ([Some(start), Some(end), Some(next)], Some(anchor)) = (beside, anchors.get_mut(at)) {
+            anchor.is_kept &= end - start <= next - end;
+        }
+    }
     anchors
 }
 
-/// The most frequent ratio of distances, by the time for which it holds.
-fn ratio(lanes: &[Vec<Anchor<'_>>]) -> Option<Ratio> {
+/// The most frequent ratios of distances, by the time for which they hold.
+fn ratios(lanes: &[Vec<Anchor<'_>>]) -> Vec<Ratio> {
     let mut found: BTreeMap<u64, (u64, Ratio)> = BTreeMap::new();
     let steps = lanes.iter().flat_map(|lane| (1..=2).flat_map(|apart| lane.iter().zip(lane.iter().skip(apart))));
     for (from, to) in steps {
@@ -129,7 +157,9 @@ fn ratio(lanes: &[Vec<Anchor<'_>>]) -> Option<Ratio> {
             *longest = ratio;
         }
     }
-    found.into_values().max_by_key(|(weight, _)| *weight).map(|(_, ratio)| ratio)
+    let mut found: Vec<(u64, Ratio)> = found.into_values().collect();
+    found.sort_by_key(|(weight, _)| std::cmp::Reverse(*weight));
+    found.into_iter().take(RATIOS).map(|(_, ratio)| ratio).collect()
 }
 
 /// What time does between two anchors.
@@ -221,7 +251,8 @@ fn retimed(
     }
     let mut items = before.to_vec();
     for item in &mut items {
-        let is_scaled = sections.iter().any(|section| section.from <= item.at && Some(item.at) < section.until);
+        let section = sections.partition_point(|section| section.from <= item.at).checked_sub(1);
+        let is_scaled = section.and_then(|at| sections.get(at)).is_some_and(|section| Some(item.at) < section.until);
         let before = moved.partition_point(|(from, _)| *from <= item.at).checked_sub(1);
         let by_us = before.and_then(|before| moved.get(before)).map_or(0, |(_, by_us)| *by_us);
         item.at = Micros(item.at.0.saturating_add_signed(by_us));
