@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::support::board::board;
 use crate::support::{run, script, stderr, stdout};
-use motionseq::diff::{Change, What, diff};
+use motionseq::diff::{Change, What, diff, diff_scripts};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Moment, Snapshot, Timeline, is_snapshot, read_snapshot, write_snapshot};
@@ -19,15 +19,22 @@ fn words(old: &str, new: &str) -> String {
         (sources, timeline)
     };
     let (old, new) = (side(old), side(new));
-    let sent = |side: &(Sources, Timeline)| Snapshot::of(&side.1);
+    let span = |timeline: &Timeline, aborts: bool, at: usize| {
+        let note = || timeline.notes(aborts).get(at - timeline.frames(aborts).len()).map(|note| note.span);
+        timeline.frames(aborts).get(at).map(|event| event.span).or_else(note)
+    };
     let origin = |side: &(Sources, Timeline), aborts: bool, at: Option<usize>| {
-        Some(side.1.origin(side.1.frames(aborts).get(at?)?, &side.0, &Lines::of(&side.0)))
+        let lines = Lines::of(&side.0);
+        match side.1.frames(aborts).get(at?) {
+            Some(event) => Some(side.1.origin(event, &side.0, &lines)),
+            None => Some(lines.place(span(&side.1, aborts, at?)?).to_string()),
+        }
     };
     let line = |change: &Change| {
         let (side, at) = if change.new.is_some() { (&new, change.new) } else { (&old, change.old) };
-        Some((change.new.is_some(), Lines::of(&side.0).place(side.1.frames(change.aborts).get(at?)?.span).line))
+        Some((change.new.is_some(), Lines::of(&side.0).place(span(&side.1, change.aborts, at?)?).line))
     };
-    let changes = diff(&sent(&old), &sent(&new), line);
+    let changes = diff_scripts(&old.1, &new.1, line);
     let lines = changes.iter().map(|change| {
         let place = origin(&new, change.aborts, change.new).or_else(|| origin(&old, change.aborts, change.old));
         change.words(place.as_deref()) + "\n"
@@ -153,6 +160,34 @@ fn the_command_compares_scripts_and_snapshots() {
     assert_eq!(run(&["check", "-", "-"]).status.code(), Some(2));
 }
 
+#[test]
+fn the_totals_are_never_cut() {
+    let text = |more: u32| {
+        let lines = (0..100).map(|n| format!("servo 1 {}\nwait {}ms\n", 1_000 + 5 * n + more * (n + 1), 100 + n));
+        format!("{}wait {}s\n", lines.collect::<String>(), 1 + more)
+    };
+    let (old, new) = (script("totals-old", &text(0)), script("totals-new", &text(1)));
+    let output = run(&["diff", &old, &new]);
+    let shown = stdout(&output);
+    assert_eq!(shown.lines().count(), 50 + 1, "{shown}");
+    assert!(shown.ends_with("\noverall: the script ends at 15.950 s -> 16.950 s\n"), "{shown}");
+    assert_eq!(stderr(&output), "50 more changes; `-v` shows all\n");
+    // In a test, too: of 300 changes, 200 are kept and 20 shown.
+    let folder = std::env::temp_dir().join(format!("motionseq-totals-{}", std::process::id()));
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("x.motion");
+    let name = path.to_str().unwrap();
+    fs::write(&path, text(0)).unwrap();
+    assert_eq!(run(&["test", "--bless", name]).status.code(), Some(0));
+    fs::write(&path, text(1)).unwrap();
+    for (format, shown) in [("human", 20), ("json", 100), ("tap", 100), ("github", 100)] {
+        let output = stdout(&run(&["test", "--format", format, name]));
+        assert_eq!(output.matches(" -> ").count(), shown + 1, "{format}: {output}");
+        assert!(output.contains("overall: the script ends at 15.950 s -> 16.950 s"), "{format}: {output}");
+    }
+    fs::remove_dir_all(folder).unwrap();
+}
+
 proptest! {
     /// Equal scripts are reported as equal, and different ones never are.
     #[test]
@@ -200,6 +235,8 @@ proptest! {
             Snapshot::of(&compiled.timeline.unwrap())
         };
         let changes = diff(&side(&before), &side(&after), |change| change.new);
+        // Sections at one pace are combined.
+        prop_assume!(!changes.iter().any(|change| matches!(change.what, What::Scaled { .. }) && change.more.is_some()));
         for (at, (servo, old_us, by_us)) in moved.into_iter().enumerate() {
             let thing = format!("servo {servo}");
             let mut said = 0;
@@ -210,12 +247,19 @@ proptest! {
                     said = by.total_us;
                 }
             }
+            let mut scaled = 0;
+            for change in changes.iter().filter(|change| change.at <= Micros(old_us)) {
+                if let What::Scaled { lasts: [old, new], .. } = change.what {
+                    let [old, new, since] = [old.0, new.0, (old_us - change.at.0).min(old.0)].map(i128::from);
+                    scaled += i64::try_from(since * (new - old) / old).unwrap();
+                }
+            }
             for change in changes.iter().filter(|change| change.new == Some(at)) {
                 if let What::Moved { by_us, .. } = change.what {
                     said = by_us;
                 }
             }
-            prop_assert_eq!(said, by_us, "servo {} at {} us: {:#?}\n{}\n{}", servo, old_us, changes, before, after);
+            prop_assert!((said + scaled - by_us).abs() <= 2, "servo {} at {} us: {:#?}\n{}\n{}", servo, old_us, changes, before, after);
         }
     }
 }

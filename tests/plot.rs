@@ -147,6 +147,85 @@ fn limits_of_the_script_are_in_its_lane() {
 }
 
 #[test]
+fn limits_have_numbers() {
+    let drawn = texts(&svg("x.motion", "limit servo 1 900..2100\nservo 1 1500\nwait 1s\n"));
+    for limit in ["limit 900", "limit 2100"] {
+        assert!(drawn.iter().any(|text| text == limit), "{drawn:?}");
+    }
+}
+
+#[test]
+fn a_value_beyond_its_lane_stays_in_it_and_has_a_number() {
+    let mut plot = plotted("x.motion", "servo 1 1500\nservo 2 1500\nat 1s servo 1 1600\nwait 2s\n");
+    let Shows::Curve { points, .. } = &mut plot.tracks[0].lanes[0].shows else { panic!() };
+    points[1].1 = Some(4_000.0);
+    points.push((Micros::from_millis(1_500), Some(-700.0)));
+    let svg = plot.to_svg(Theme::Light);
+    // The lane is 84 high, and its curve stays 3 away from its edges.
+    let top: f64 = path(&svg, "lane")[0].strip_prefix("M128 ").unwrap().split('h').next().unwrap().parse().unwrap();
+    let [high, low] = [top + 3.0, top + 81.0];
+    assert!(path(&svg, "curve")[0].contains(&format!("H480V{high}H656V{low}")), "{}", path(&svg, "curve")[0]);
+    let drawn = texts(&svg);
+    for value in ["4000", "-700"] {
+        assert_eq!(drawn.iter().filter(|text| *text == value).count(), 1, "{drawn:?}");
+    }
+    assert_eq!(path(&svg, "warn").len(), 2);
+}
+
+#[test]
+fn every_label_is_drawn_or_counted() {
+    let lines: Vec<String> = (0..5).map(|n| format!("say \"number {n}\"\nmark place_{n}\nwait 1ms\n")).collect();
+    let drawn = texts(&svg("x.motion", &format!("{}servo 1 1500\nwait 20s\n", lines.concat())));
+    for n in 0..5 {
+        for label in [format!("number {n}"), format!("place_{n}")] {
+            assert!(drawn.contains(&label), "{label}: {drawn:?}");
+        }
+    }
+    let drawn =
+        texts(&svg("x.motion", &format!("{}servo 1 1500\nwait 20s\n", lines.concat().repeat(6).replace("mark", "#"))));
+    let labels = drawn.iter().filter(|text| text.starts_with("number ")).count();
+    assert!(drawn.contains(&format!("and {} more labels", 30 - labels)), "{drawn:?}");
+}
+
+#[test]
+fn labels_do_not_overlap() {
+    let svg = svg("x.motion", &fs::read_to_string("tests/plots/labels_that_need_room.motion").unwrap());
+    let document = roxmltree::Document::parse(&svg).unwrap();
+    let mut boxes: Vec<(f64, f64, f64)> = Vec::new();
+    for node in document.descendants().filter(|node| ["text", "label"].contains(&node.attribute("class").unwrap_or("")))
+    {
+        let [x, y] = ["x", "y"].map(|name| node.attribute(name).unwrap().parse::<f64>().unwrap());
+        // Letters are at most 0.6 of the font size wide on average.
+        let wide = 0.6 * 13.0 * f64::from(u32::try_from(node.text().unwrap().chars().count()).unwrap());
+        let from = if node.attribute("text-anchor") == Some("end") { x - wide } else { x };
+        let meets = |other: &&(f64, f64, f64)| (other.2 - y).abs() < 12.0 && from < other.1 && from + wide > other.0;
+        assert_eq!(boxes.iter().find(meets), None, "{:?} at {from}, {y}", node.text());
+        boxes.push((from, from + wide, y));
+    }
+    assert_eq!(boxes.len(), 6 + 3 + 5 + 2, "{boxes:?}");
+}
+
+#[test]
+fn a_raw_drive_frame_is_shown() {
+    let drawn = texts(&svg("x.motion", "servo 1 1500\nwait 1s\nraw 3\nwait 1s\n"));
+    assert!(drawn.contains(&"raw 0x03".to_owned()), "{drawn:?}");
+}
+
+#[test]
+fn a_robot_that_is_back_is_not_turned_by_zero() {
+    let spin = texts(&svg("x.motion", "rocker z=90 for 1s\nrocker z=-90 for 1s\n"));
+    assert!(spin[1].ends_with(", turns on the spot, and ends facing as at the start"), "{spin:?}");
+    let way = texts(&svg("x.motion", "rocker y=10 for 1s\nrocker y=-10 for 1s\nrocker y=10 for 1s\n"));
+    assert!(way.contains(&"ends 10 cm forward,".to_owned()), "{way:?}");
+    assert!(way.contains(&"facing as at the start".to_owned()), "{way:?}");
+    let back = texts(&svg("x.motion", "rocker y=10 for 1s\nrocker y=-10 for 1s\n"));
+    assert!(back.contains(&"ends at its start,".to_owned()), "{back:?}");
+    for text in spin.iter().chain(&way).chain(&back) {
+        assert!(!text.contains("0° to") && !text.contains(" 0 cm"), "{text}");
+    }
+}
+
+#[test]
 fn bars_go_with_the_speed_and_with_a_part_of_the_script() {
     let script = file("bars.motion");
     fs::write(&script, "tempo 120bpm\nservo 1 1500\nat bar 3 { servo 1 1600 }\nat bar 5 { servo 1 1500 }\n").unwrap();

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use motionseq::board::raspblock;
-use motionseq::diff::{Change, diff};
+use motionseq::diff::{Change, diff, diff_scripts};
 use motionseq::source::{Disk, Lines, Sources, read_file};
-use motionseq::timeline::{Snapshot, Timeline, is_snapshot, read_snapshot};
+use motionseq::timeline::{Note, Snapshot, Timeline, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::exit::Exit;
@@ -18,7 +18,7 @@ use super::{Options, read};
 /// Show what changed between two scripts or snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n\nThe exit code is 1 if the two differ. The first 50 changes are shown; `-v` shows all."
+    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n\nThe exit code is 1 if the two differ. Two scripts are also compared by their `mark`, `say` and `expect`, which a snapshot does not\ncontain. The first 50 changes and the totals are shown; `-v` shows all."
 )]
 pub(super) struct Diff {
     /// Old script or snapshot (NAME.motion.frames), or `-` for standard input
@@ -88,19 +88,23 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
         let place = place.or_else(|| change.old.and_then(|at| was(change.aborts, at, false)));
         place.map(|place| (place, change.new.is_some()))
     };
-    let changes = diff(&old.sent, &new.sent, line);
+    let changes = match (&old.script, &new.script) {
+        (Some((_, old)), Some((_, new))) => diff_scripts(old, new, line),
+        _ => diff(&old.sent, &new.sent, line),
+    };
     if changes.is_empty() {
         screen.note(&format!("no difference: both send the same {}", plural(new.sent.moments.len(), "frame")));
         return Exit::Ok;
     }
-    let shown = if screen.is_verbose() { changes.len() } else { SHOWN };
+    let (totals, listed): (Vec<&Change>, Vec<&Change>) = changes.iter().partition(|change| change.what.is_total());
+    let shown = if screen.is_verbose() { listed.len() } else { SHOWN };
     let mut out = io::stdout().lock();
-    let written = changes.iter().take(shown).try_for_each(|change| {
+    let written = listed.iter().take(shown).chain(&totals).try_for_each(|change| {
         let place = change.new.and_then(|at| is(change.aborts, at, true));
         let place = place.or_else(|| change.old.and_then(|at| was(change.aborts, at, true)));
         writeln!(out, "{}", change.words(place.as_deref()))
     });
-    if let Some(more) = changes.len().checked_sub(shown).filter(|more| *more > 0) {
+    if let Some(more) = listed.len().checked_sub(shown).filter(|more| *more > 0) {
         screen.note(&format!("{}; `-v` shows all", plural(more, "more change")));
     }
     match output::exit(written, None, screen) {
@@ -110,12 +114,20 @@ fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
 }
 
 impl Side {
-    /// Returns the line that a frame comes from and, if asked, the calls and passes that led there.
+    /// Returns the line that a frame or a note comes from and, for a frame, if asked, the calls and passes that led there.
     fn places(&self) -> impl Fn(bool, usize, bool) -> Option<String> {
-        let script = self.script.as_ref().map(|(sources, timeline)| (sources, timeline, Lines::of(sources)));
+        let script = self.script.as_ref().map(|(sources, timeline)| {
+            let notes: [Vec<Note>; 2] = [false, true].map(|aborts| timeline.notes(aborts));
+            (sources, timeline, Lines::of(sources), notes)
+        });
         move |aborts, at, way| {
-            let (sources, timeline, lines) = script.as_ref()?;
-            let event = timeline.frames(aborts).get(at)?;
+            let (sources, timeline, lines, notes) = script.as_ref()?;
+            let events = timeline.frames(aborts);
+            let Some(event) = events.get(at) else {
+                let [run, abort] = notes;
+                let note = (if aborts { abort } else { run }).get(at - events.len())?;
+                return Some(lines.place(note.span).to_string());
+            };
             Some(if way { timeline.origin(event, sources, lines) } else { lines.place(event.span).to_string() })
         }
     }

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::faults::Faults;
 use motionseq::report;
-use motionseq::verify::{Case, Job, Replace, Status};
+use motionseq::verify::{Case, Job, Replace, Status, shortened};
 use rayon::prelude::*;
 
 use super::atomic_file::write_atomically;
@@ -160,8 +160,9 @@ fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
         };
         lines.push(format!("{mark}{}: {}", case.name, case.status.words()));
         let shown = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
-        lines.extend(case.problems.iter().take(shown).map(|problem| format!("  {}", problem.located())));
-        let more = case.problems.len().saturating_sub(shown) + case.left_out;
+        let before = lines.len();
+        lines.extend(shortened(&case.problems, shown).map(|problem| format!("  {}", problem.located())));
+        let more = case.problems.len() - (lines.len() - before) + case.left_out;
         if more > 0 {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };
             lines.push(format!("  and {}{how}", more_of(more, case.status)));

@@ -70,6 +70,13 @@ pub(super) fn align<'i>(lanes: &[(Vec<&'i Item>, Vec<&'i Item>)]) -> Vec<Aligned
     aligned
 }
 
+/// Aligns the items of a lane by content only.
+pub(super) fn by_content<'i>(old: &[&'i Item], new: &[&'i Item]) -> Vec<(&'i Item, &'i Item)> {
+    let mut aligned = Aligned::default();
+    aligned.by_words(old, new);
+    aligned.pairs
+}
+
 fn delta((old, new): &(&Item, &Item)) -> i64 {
     difference(old.at, new.at)
 }
@@ -190,7 +197,14 @@ impl<'i> Aligned<'i> {
                 (true, true) => 0,
                 (true, false) => 3,
                 (false, true) => 4,
-                (false, false) => 7,
+                // A note elsewhere is another note.
+                (false, false) => {
+                    if old.is_note {
+                        2 * ALONE + 1
+                    } else {
+                        7
+                    }
+                }
             }
         };
         // The lowest cost of aligning all remaining items, for each pair of positions.

@@ -5,17 +5,19 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use crate::board::Board;
 use crate::program::Ease;
 use crate::timeline::tween::{MoveTracker, StepRole};
-use crate::timeline::{Kind, Moment, Tween};
+use crate::timeline::{Kind, Moment, Note, NoteKind, Tween};
 use crate::units::Micros;
 
-/// One command, or one move.
-#[derive(Debug)]
+/// One command, one move, or one note.
+#[derive(Clone, Debug)]
 pub(super) struct Item {
     pub(super) lane: usize,
     /// Its position in its lane.
     pub(super) place: usize,
-    /// When it starts.
+    /// When it starts; for an old item, also scaled as other items are.
     pub(super) at: Micros,
+    /// When it starts in its own timeline.
+    pub(super) shown: Micros,
     /// The index of its first frame.
     pub(super) first: usize,
     /// The command; for a move, its target.
@@ -25,6 +27,10 @@ pub(super) struct Item {
     sent: Micros,
     /// The interval between two refreshes, if there are any.
     pub(super) refresh: Option<Micros>,
+    /// Whether it is a note, which is compared as a whole.
+    pub(super) is_note: bool,
+    /// Whether it keeps its resource active until the next item of its lane.
+    pub(super) is_active: bool,
     /// How long the resulting state lasts, until the next item of its lane.
     pub(super) holds: Micros,
 }
@@ -45,6 +51,9 @@ pub(super) struct Moves {
 impl Item {
     /// `servo 2 1700`, `servo 2 1700 over 500 ms`, in parts that are compared one by one.
     pub(super) fn parts(&self) -> Vec<String> {
+        if self.is_note {
+            return vec![self.notation.clone()];
+        }
         let mut parts: Vec<String> = self.notation.split(' ').map(str::to_owned).collect();
         match &self.moves {
             None => {}
@@ -77,13 +86,23 @@ impl Item {
     }
 }
 
-/// Groups frames. Without `tweens`, successive samples without another command in between form one
-/// move.
-pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>) -> Vec<Item> {
+/// The name of a lane. Each kind of note has its own, after those of the board.
+pub(super) fn lane_name(board: &Board, lane: usize) -> String {
+    let kind = lane.checked_sub(board.lanes()).and_then(|kind| NoteKind::ALL.get(kind));
+    kind.map_or_else(|| board.lane_name(lane).into_owned(), |kind| format!("`{}`", kind.word()))
+}
+
+/// Groups frames, and adds the notes. Without `tweens`, successive samples without another command
+/// in between form one move.
+pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>, notes: &[Note]) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut newest: Vec<Option<usize>> = vec![None; board.lanes()];
     let mut tracker = MoveTracker::new(board, tweens.unwrap_or_default());
     for (first, moment) in moments.iter().enumerate() {
+        // The requests for reports follow from the `expect`s.
+        if moment.kind == Kind::Auto && !notes.is_empty() {
+            continue;
+        }
         let lane = board.lane(&moment.command);
         let said = || board.show(&moment.command).to_string();
         let role = tracker.take(&moment.command, moment.kind);
@@ -113,31 +132,75 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>)
             }
             *newest = Some(items.len());
         }
-        let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
-        let meant = tween.map(|tween| (tween.end - tween.at, tween.ease));
-        let mut item = Item {
-            lane,
-            place,
-            at: tween.map_or(moment.at, |tween| tween.at),
-            first,
-            notation: said() + closing,
-            moves: (moment.kind == Kind::Sample).then(|| {
-                let start = tween.filter(|tween| tween.at == moment.at).map(|_| said());
-                Moves { meant, start, steps: 0, hash: 0 }
-            }),
-            sent: moment.at,
-            refresh: None,
-            holds: Micros::ZERO,
-        };
+        let mut item = Item::new(board, (first, moment), tween, place);
         if moment.kind == Kind::Sample {
             item.extend(moment, said());
         }
         items.push(item);
     }
+    for (lane, kind) in (board.lanes()..).zip(NoteKind::ALL) {
+        let its = (moments.len()..).zip(notes).filter(|(_, note)| note.kind == *kind);
+        items.extend(its.zip(0..).map(|((first, note), place)| Item::note(note, lane, place, first)));
+    }
     items
 }
 
 impl Item {
+    /// The item that starts with a frame.
+    fn new(board: &Board, (first, moment): (usize, &Moment), tween: Option<&Tween>, place: usize) -> Self {
+        let said = board.show(&moment.command).to_string();
+        let at = tween.map_or(moment.at, |tween| tween.at);
+        let is_step = moment.kind == Kind::Sample;
+        let moves = is_step.then(|| {
+            let meant = tween.map(|tween| (tween.end - tween.at, tween.ease));
+            let start = tween.filter(|tween| tween.at == moment.at).map(|_| said.clone());
+            Moves { meant, start, steps: 0, hash: 0 }
+        });
+        let closing = if moment.kind == Kind::Closing { " (closing)" } else { "" };
+        Item {
+            lane: board.lane(&moment.command),
+            place,
+            at,
+            shown: at,
+            first,
+            notation: said + closing,
+            moves,
+            sent: moment.at,
+            refresh: None,
+            is_note: false,
+            is_active: !is_step && board.is_active(&moment.command),
+            holds: Micros::ZERO,
+        }
+    }
+
+    fn note(note: &Note, lane: usize, place: usize, first: usize) -> Self {
+        Item {
+            lane,
+            place,
+            at: note.at,
+            shown: note.at,
+            first,
+            notation: note.words.clone(),
+            moves: None,
+            sent: note.at,
+            refresh: None,
+            is_note: true,
+            is_active: false,
+            holds: Micros::ZERO,
+        }
+    }
+
+    /// Gives a move the duration and the steps of its new version, if the durations fit.
+    pub(super) fn scale_like(&mut self, new: &Item, fits: impl Fn(Micros, Micros) -> bool) {
+        if fits(self.lasts(), new.lasts())
+            && let (Some(old), Some(new)) = (&mut self.moves, &new.moves)
+            && let (Some((lasts, _)), Some((is, _))) = (&mut old.meant, new.meant)
+        {
+            *lasts = is;
+            (old.steps, old.hash) = (new.steps, new.hash);
+        }
+    }
+
     /// Adds a step to a move.
     fn extend(&mut self, moment: &Moment, notation: String) {
         self.notation = notation;

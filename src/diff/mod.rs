@@ -9,11 +9,12 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use crate::board::Board;
-use crate::timeline::{Moment, Snapshot, Tween};
+use crate::timeline::{Moment, Note, NoteKind, Snapshot, Timeline, Tween};
 use crate::units::Micros;
 
 mod align;
 mod items;
+mod scale;
 mod shifts;
 mod words;
 
@@ -27,9 +28,11 @@ pub struct Change {
     /// Whether it concerns the frames that are sent if something ends a run early. Times and
     /// indices refer to those.
     pub aborts: bool,
-    /// The index of its first frame in the old timeline, if any.
+    /// The index of its first frame in the old timeline, if any. Notes are counted after all
+    /// frames.
     pub old: Option<usize>,
-    /// The index of its first frame in the new timeline, if any.
+    /// The index of its first frame in the new timeline, if any. Notes are counted after all
+    /// frames.
     pub new: Option<usize>,
     /// The change.
     pub what: What,
@@ -59,6 +62,15 @@ pub enum What {
         /// The names of the lanes; empty for all.
         things: Vec<String>,
         /// The shift.
+        by: Shift,
+    },
+    /// From here on, everything runs faster or slower.
+    Scaled {
+        /// The end of this section in the old timeline; `None` if nothing follows.
+        until: Option<Micros>,
+        /// Its old and its new length.
+        lasts: [Micros; 2],
+        /// The shift of what follows; in total, with the sections before.
         by: Shift,
     },
     /// One item has other content.
@@ -135,26 +147,42 @@ pub struct Shift {
 }
 
 impl What {
-    /// Whether it summarizes the run and has no place of its own.
-    pub(crate) fn is_total(&self) -> bool {
-        matches!(self, What::Length { .. } | What::Load { .. })
+    /// Whether it summarizes the run and has no place of its own. A shortened list keeps these.
+    pub fn is_total(&self) -> bool {
+        matches!(self, What::Baud { .. } | What::Length { .. } | What::Load { .. })
     }
 }
 
-/// Compares two timelines. Returns the changes sorted by time, or none if the robot does the same.
+/// Compares what two snapshots send. Returns the changes sorted by time, or none if the robot does
+/// the same.
 ///
 /// Equal changes of one line of the script, such as the passes of a `repeat`, are combined; `line`
 /// returns the line of a change.
 pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change) -> Option<L>) -> Vec<Change> {
-    if old.does_the_same(new) {
-        return Vec::new();
-    }
-    let both = old.more.as_ref().zip(new.more.as_ref());
-    let tweens = both.map(|(old, new)| (old.tweens.as_slice(), new.tweens.as_slice()));
-    let mut changes = fold(frames(&old.board, &old.moments, &new.moments, tweens), &line);
+    compare([old, new], Default::default(), line)
+}
+
+/// Compares two scripts like [`diff`], and also their marks, `say` and `expect`, which a snapshot
+/// does not contain.
+pub fn diff_scripts<L: Eq + Hash>(old: &Timeline, new: &Timeline, line: impl Fn(&Change) -> Option<L>) -> Vec<Change> {
+    let notes = [false, true].map(|aborts| [old.notes(aborts), new.notes(aborts)]);
+    compare([&Snapshot::of(old), &Snapshot::of(new)], notes, line)
+}
+
+/// `notes` contains those of the run and those of `on abort`, of both sides.
+fn compare<L: Eq + Hash>(
+    [old, new]: [&Snapshot; 2],
+    [run, abort]: [[Vec<Note>; 2]; 2],
+    line: impl Fn(&Change) -> Option<L>,
+) -> Vec<Change> {
     let board = &old.board;
+    let both = old.more.as_ref().zip(new.more.as_ref());
+    let tweens = both.map(|(old, new)| [old.tweens.as_slice(), new.tweens.as_slice()]);
+    let run = Sides { moments: [&old.moments, &new.moments], tweens, notes: run };
+    let mut changes = fold(run.changes(board), &line);
     if let Some((old, new)) = both {
-        let mut aborts = frames(board, &old.abort, &new.abort, None);
+        let abort = Sides { moments: [&old.abort, &new.abort], tweens: None, notes: abort };
+        let mut aborts = abort.changes(board);
         for change in &mut aborts {
             change.aborts = true;
         }
@@ -173,23 +201,81 @@ pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change)
     changes
 }
 
-/// Compares frames, and their moves if both sides have them.
-fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween], &[Tween])>) -> Vec<Change> {
-    if old == new {
-        return Vec::new();
+/// What is compared: the old and the new run, or what they send on abort.
+struct Sides<'s> {
+    moments: [&'s [Moment]; 2],
+    /// The moves, if both sides have them.
+    tweens: Option<[&'s [Tween]; 2]>,
+    notes: [Vec<Note>; 2],
+}
+
+impl Sides<'_> {
+    fn changes(&self, board: &Board) -> Vec<Change> {
+        let [old, new] = self.moments;
+        let words = |notes: &[Note]| notes.iter().map(|note| (note.at, note.words.clone())).collect::<Vec<_>>();
+        if old == new && words(&self.notes[0]) == words(&self.notes[1]) {
+            return Vec::new();
+        }
+        let tweens = self.tweens;
+        let [was, is] = &self.notes;
+        let before = items::items(board, old, tweens.map(|[old, _]| old), was);
+        let after = items::items(board, new, tweens.map(|[_, new]| new), is);
+        let mut changes = compare_items(board, &before, &after);
+        // An explanation must save more than one line.
+        let explanations = (changes.len() > 2).then(|| scale::explanations(&by_lane(board, &before, &after), &before));
+        for (sections, retimed) in explanations.into_iter().flatten() {
+            if sections.len() + 1 >= changes.len() {
+                continue;
+            }
+            let mut fewer = compare_items(board, &retimed, &after);
+            fewer.extend(section_changes(sections));
+            if fewer.len() + 1 < changes.len() {
+                changes = fewer;
+            }
+        }
+        if changes.is_empty() && old != new {
+            let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
+            let at = new.get(first).or(old.get(first)).map_or(Micros::ZERO, |moment| moment.at);
+            let there = |length: usize| (first < length).then_some(first);
+            changes.push(Change::new(at, there(old.len()), there(new.len()), What::Reordered));
+        }
+        changes.sort_by_key(|change| (change.at, change.new, change.old));
+        changes
     }
-    let before = items::items(board, old, tweens.map(|(old, _)| old));
-    let after = items::items(board, new, tweens.map(|(_, new)| new));
+}
+
+fn section_changes(sections: Vec<scale::Section>) -> impl Iterator<Item = Change> {
+    let mut total_us = 0;
+    sections.into_iter().map(move |scale::Section { from, until, lasts, first }| {
+        let (old, new) = first.unzip();
+        let step_us = shifts::difference(lasts[0], lasts[1]);
+        total_us += step_us;
+        Change::new(from, old, new, What::Scaled { until, lasts, by: Shift { step_us, total_us } })
+    })
+}
+
+/// The items of each lane, on both sides.
+fn by_lane<'i>(board: &Board, before: &'i [Item], after: &'i [Item]) -> Vec<(Vec<&'i Item>, Vec<&'i Item>)> {
+    let mut lanes = vec![(Vec::new(), Vec::new()); board.lanes() + NoteKind::ALL.len()];
+    for item in before {
+        if let Some((old, _)) = lanes.get_mut(item.lane) {
+            old.push(item);
+        }
+    }
+    for item in after {
+        if let Some((_, new)) = lanes.get_mut(item.lane) {
+            new.push(item);
+        }
+    }
+    lanes
+}
+
+fn compare_items(board: &Board, before: &[Item], after: &[Item]) -> Vec<Change> {
     let mut changes = Vec::new();
     let mut lanes = Vec::new();
-    let of_lane = |lane| -> (Vec<&Item>, Vec<&Item>) {
-        let is_of_lane = |item: &&Item| item.lane == lane;
-        (before.iter().filter(is_of_lane).collect(), after.iter().filter(is_of_lane).collect())
-    };
-    let both: Vec<_> = (0..board.lanes()).map(of_lane).collect();
-    for align::Aligned { pairs, removed, added } in align::align(&both) {
+    for align::Aligned { pairs, removed, added } in align::align(&by_lane(board, before, after)) {
         changes.extend(
-            removed.iter().map(|item| Change::new(item.at, Some(item.first), None, What::Removed(item.words()))),
+            removed.iter().map(|item| Change::new(item.shown, Some(item.first), None, What::Removed(item.words()))),
         );
         changes
             .extend(added.iter().map(|item| Change::new(item.at, None, Some(item.first), What::Added(item.words()))));
@@ -197,13 +283,6 @@ fn frames(board: &Board, old: &[Moment], new: &[Moment], tweens: Option<(&[Tween
     }
     shifts::find_changes(board, &lanes, &mut changes);
     refreshes(&lanes, &mut changes);
-    if changes.is_empty() {
-        let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
-        let at = new.get(first).or(old.get(first)).map_or(Micros::ZERO, |moment| moment.at);
-        let there = |length: usize| (first < length).then_some(first);
-        changes.push(Change::new(at, there(old.len()), there(new.len()), What::Reordered));
-    }
-    changes.sort_by_key(|change| (change.at, change.new, change.old));
     changes
 }
 
@@ -212,7 +291,7 @@ fn fold<L: Eq + Hash>(changes: Vec<Change>, line: impl Fn(&Change) -> Option<L>)
     let mut folded: Vec<Change> = Vec::new();
     let mut known = HashMap::new();
     for change in changes {
-        let everywhere = matches!(change.what, What::Refreshed { .. } | What::Steps { .. });
+        let everywhere = matches!(change.what, What::Refreshed { .. } | What::Steps { .. } | What::Scaled { .. });
         let line = if everywhere { None } else { line(&change) };
         // Without a script, it is unknown whether other values come from one line.
         let key = (change.kind(line.is_some()), line);

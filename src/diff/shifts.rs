@@ -1,5 +1,7 @@
 //! Finds items that have moved or changed.
 
+use super::items::lane_name;
+use super::words::span;
 use super::{Change, Item, Lane, Shift, What};
 use crate::board::Board;
 use crate::units::Micros;
@@ -46,11 +48,21 @@ struct Longer {
     by_us: i64,
 }
 
+/// The last item of a lane that was compared.
+#[derive(Clone, Copy)]
+struct Before {
+    /// The index of its pair.
+    pair: usize,
+    /// The index of its change, if its content has changed.
+    change: Option<usize>,
+}
+
 /// Compares all items in the order of time.
 pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<Change>) {
     let mut scan = Scan::new(lanes);
     // For each lane, the last move with a new duration.
     let mut longer: Vec<Option<Longer>> = lanes.iter().map(|_| None).collect();
+    let mut before: Vec<Option<Before>> = vec![None; lanes.len()];
     for at in 0..scan.pairs.len() {
         let Some(&Pair { old, new, next, .. }) = scan.pairs.get(at) else { continue };
         let total_us = difference(old.at, new.at);
@@ -75,14 +87,29 @@ pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<
         let cause = cause.and_then(|cause| changes.get_mut(cause.change));
         if let Some(Change { what: What::Changed { then, .. }, .. }) = cause {
             // The cause of the shift was already reported.
-            *then = Some(((!everything).then(|| board.lane_name(old.lane).into_owned()), by));
+            *then = Some(((!everything).then(|| lane_name(board, old.lane)), by));
             scan.shift(total_us, old.lane, everything);
+        } else if let Some(held) = before.get(old.lane).copied().flatten().filter(|_| moved && what.is_none())
+            && let Some(mut change) = scan.held(held.pair, at)
+        {
+            // The item ends a command that lasts longer or shorter.
+            if let What::Changed { then, .. } = &mut change.what {
+                *then = (!alone).then(|| ((!everything).then(|| lane_name(board, old.lane)), by));
+            }
+            lasts_longer(change, held.change, changes);
+            if !alone {
+                scan.shift(total_us, old.lane, everything);
+            }
         } else if moved && !alone {
-            let things = if everything { Vec::new() } else { vec![board.lane_name(old.lane).into_owned()] };
-            changes.push(Change::new(old.at, Some(old.first), Some(new.first), What::Shifted { things, by }));
+            let things = if everything { Vec::new() } else { vec![lane_name(board, old.lane)] };
+            changes.push(Change::new(old.shown, Some(old.first), Some(new.first), What::Shifted { things, by }));
             scan.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {
             changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));
+        }
+        if let Some(before) = before.get_mut(old.lane) {
+            let is_changed = matches!(what, Some(What::Changed { .. }));
+            *before = Some(Before { pair: at, change: is_changed.then_some(changes.len()) });
         }
         let Some(what) = what else { continue };
         let longer_by = difference(old.lasts(), new.lasts());
@@ -91,6 +118,20 @@ pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<
             *longer = Some(Longer { change: changes.len(), lane: old.lane, end, by_us: longer_by });
         }
         changes.push(Change::of(old, new, what));
+    }
+}
+
+/// Adds a new duration to the change of a command, if its content has changed as well.
+fn lasts_longer(change: Change, known: Option<usize>, changes: &mut Vec<Change>) {
+    let known = known.and_then(|known| changes.get_mut(known)).map(|known| &mut known.what);
+    if let (Some(What::Changed { from, to, then, .. }), What::Changed { from: old, to: new, then: followers, .. }) =
+        (known, &change.what)
+    {
+        from.extend(old.last().cloned());
+        to.extend(new.last().cloned());
+        then.clone_from(followers);
+    } else {
+        changes.push(change);
     }
 }
 
@@ -133,6 +174,24 @@ impl<'i> Scan<'i> {
                 *shifted = by_us;
             }
         }
+    }
+
+    /// The change of an active command that the next item of its lane ends, if only its end has
+    /// moved.
+    fn held(&self, before: usize, at: usize) -> Option<Change> {
+        let (held, end) = (self.pairs.get(before)?, self.pairs.get(at)?);
+        let follows = |before: &Item, item: &Item| before.is_active && before.place + 1 == item.place;
+        let is_held = follows(held.old, end.old) && follows(held.new, end.new);
+        if !is_held || held.delta() != self.shifted(held.old.lane) {
+            return None;
+        }
+        let parts = |item: &Item, end: &Item| {
+            let mut parts = item.parts();
+            parts.push(format!("for {}", span(end.shown.saturating_sub(item.shown))));
+            parts
+        };
+        let (from, to) = (parts(held.old, end.old), parts(held.new, end.new));
+        Some(Change::of(held.old, held.new, What::Changed { from, to, by_us: None, then: None }))
     }
 
     /// Whether everything moves with the item at `at`: in every other lane, the next item has the

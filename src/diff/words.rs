@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-use super::{Again, Change, What};
+use super::{Again, Change, Shift, What};
 use crate::units::Micros;
 
 impl Change {
     /// Describes the change, with its place in the script if known.
+    #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
     pub fn words(&self, place: Option<&str>) -> String {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
         let when = if self.aborts { "on abort, " } else { "" };
@@ -16,6 +17,17 @@ impl Change {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
                 let words = format!("{when}from {}{place}: {things} is {}", secs(self.at), Later(by.total_us));
                 words + &self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))))
+            }
+            What::Scaled { until, lasts, by } => {
+                let everything = format!("everything runs {}", pace(*lasts));
+                if until.is_none() && self.at == Micros::ZERO {
+                    return format!("{when}{everything}");
+                }
+                let to = until.map(|until| format!(" to {}", secs(until))).unwrap_or_default();
+                let then = until.map(|_| format!(", so the following commands are {}", Later(by.total_us)));
+                let words =
+                    format!("{when}from {}{to}{place}: {everything}{}", secs(self.at), then.unwrap_or_default());
+                words + &self.again(", the same")
             }
             What::Changed { from, to, by_us, then } => {
                 let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();
@@ -76,7 +88,9 @@ impl Change {
             _ => words,
         };
         let then = match &self.what {
-            What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } if by.total_us != total_us => {
+            What::Shifted { by, .. } | What::Scaled { by, .. } | What::Changed { then: Some((_, by)), .. }
+                if by.total_us != total_us =>
+            {
                 match total_us {
                     0 => format!(": {}", Later(0)),
                     _ => format!(": {} in total", Later(total_us)),
@@ -97,6 +111,11 @@ impl Change {
         match &mut what {
             // Whether a lane is back at its old time is a separate change.
             What::Shifted { by, .. } => by.total_us = i64::from(by.total_us == 0),
+            What::Scaled { until, lasts, by } => {
+                *by = Shift { step_us: 0, total_us: 0 };
+                *until = until.map(|_| Micros::ZERO);
+                *lasts = [Micros(permille(*lasts)), Micros(u64::from(lasts[0] < lasts[1]))];
+            }
             What::Changed { from, to, then, .. } => {
                 if let Some((_, by)) = then {
                     by.total_us = 0;
@@ -126,12 +145,30 @@ impl Change {
             _ => false,
         };
         let total_us = match &other.what {
-            What::Shifted { by, .. } | What::Changed { then: Some((_, by)), .. } => by.total_us,
+            What::Shifted { by, .. } | What::Scaled { by, .. } | What::Changed { then: Some((_, by)), .. } => {
+                by.total_us
+            }
             _ => 0,
         };
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
         self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || differs, total_us });
     }
+}
+
+/// By how much the speed changes, in tenths of a percent.
+fn permille([old, new]: [Micros; 2]) -> u64 {
+    let (change, new) = (u128::from(old.0.abs_diff(new.0)), u128::from(new.0.max(1)));
+    u64::try_from((change * 1_000 + new / 2) / new).unwrap_or(u64::MAX)
+}
+
+/// `4 % faster`: in whole percents from one percent on.
+fn pace(lasts: [Micros; 2]) -> String {
+    let by = match permille(lasts) {
+        0 => "less than 0.1 %".into(),
+        tenths @ 1..10 => format!("0.{tenths} %"),
+        tenths => format!("{} %", (tenths + 5) / 10),
+    };
+    format!("{by} {}", if lasts[1] < lasts[0] { "faster" } else { "slower" })
 }
 
 /// Whether a part is shown even if it has not changed.

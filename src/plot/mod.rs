@@ -3,6 +3,7 @@
 //! [`plot`] collects the data, which other programs can draw as well; [`Plot::to_svg`] draws it.
 
 mod canvas;
+mod labels;
 mod lanes;
 mod path;
 #[cfg(feature = "png")]

@@ -6,6 +6,7 @@ use svg::Node;
 use svg::node::element::{Element, Style};
 
 use super::canvas::{Anchor, Canvas, fit, number, point, stairs, steps, width};
+use super::labels::{self, Room};
 use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown};
 use crate::board::Text;
 use crate::units::Micros;
@@ -36,6 +37,7 @@ const PLACE: f64 = 84.0;
 const DRIVE: f64 = 64.0;
 const PLAIN: f64 = 44.0;
 const ROW: f64 = 26.0;
+const MORE_ROW: f64 = 16.0;
 const WIRE: f64 = 48.0;
 const GAP: f64 = 7.0;
 /// Font sizes of names and texts, and of secondary texts, in pixels.
@@ -44,6 +46,8 @@ const SOFT: f64 = 12.0;
 /// The maximum number of tooltips per lane, and of warnings shown as text.
 const MAX_TOOLTIPS: usize = 400;
 const WORDS: usize = 8;
+/// The maximum number of rows of labels.
+const ROWS: usize = 8;
 
 impl Plot {
     /// Draws the plot as SVG, 1200 pixels wide. Equal plots give equal bytes.
@@ -147,14 +151,11 @@ impl Picture<'_> {
             self.track(track);
         }
         if !plot.says.is_empty() {
-            self.row("say", |picture, y| picture.moments(&plot.says, "say", DOT, y));
+            self.moments("say", &plot.says, ("say", DOT), &[]);
         }
         if !plot.expects.is_empty() {
             let expects: Vec<Moment> = plot.expects.iter().map(|due| moment(due.at, &due.text)).collect();
-            self.row("expect", |picture, y| {
-                picture.stretches("hold", &plot.expects, y + ROW - 6.0, 3.0);
-                picture.moments(&expects, "expect", DIAMOND, y);
-            });
+            self.moments("expect", &expects, ("expect", DIAMOND), &plot.expects);
         }
         self.warnings();
         // Lines through all lanes are above the backgrounds and below the curves. Their length is
@@ -212,7 +213,7 @@ impl Picture<'_> {
                 let class = if *is_strong { "span" } else { "hold" };
                 self.row(&lane.name, |picture, y| picture.stretches(class, spans, y + 6.0, ROW - 12.0));
             }
-            Shows::Ticks { ticks } => self.row(&lane.name, |picture, y| picture.moments(ticks, "tick", BAR, y)),
+            Shows::Ticks { ticks } => self.moments(&lane.name, ticks, ("tick", BAR), &[]),
         }
     }
 
@@ -257,7 +258,8 @@ impl Picture<'_> {
         (top, height): (f64, f64),
         is_place: bool,
     ) {
-        let down = |value: f64| top + 3.0 + (high - value) / (high - low) * (height - 6.0);
+        // What is beyond the scale stays in this lane, and has a symbol with its number.
+        let down = |value: f64| top + 3.0 + (high - value.clamp(low, high)) / (high - low) * (height - 6.0);
         if !is_place {
             self.canvas.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
         }
@@ -281,7 +283,56 @@ impl Picture<'_> {
                 self.canvas.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
             }
         }
-        self.values(points, down, (top, height));
+        let inside: Vec<_> =
+            points.iter().map(|(at, value)| (*at, value.filter(|value| (low..=high).contains(value)))).collect();
+        self.values(&inside, down, (top, height));
+        self.limits(limits, [low, high], down, (top, height));
+        self.beyond(points, [low, high], (top, height));
+    }
+
+    /// Writes the numbers of the limits at the right end of their lines.
+    fn limits(
+        &mut self,
+        limits: Option<[f64; 2]>,
+        [low, high]: [f64; 2],
+        down: impl Fn(f64) -> f64,
+        (top, height): (f64, f64),
+    ) {
+        for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
+            let y = down(limit);
+            // Outside of the limits if there is room.
+            let is_upper = limits.is_some_and(|[_, upper]| limit == upper);
+            let [above, below] = [y - 4.0, y + 12.0];
+            let y = match is_upper {
+                true if y - top > 16.0 => above,
+                true => below,
+                false if top + height - y > 16.0 => below,
+                false => above,
+            };
+            let text = format!("limit {}", number(limit));
+            self.canvas.text((self.right - 4.0, y), "late", Anchor::End, &text);
+        }
+    }
+
+    /// Marks values beyond the scale at the edge of the lane, with their numbers.
+    fn beyond(&mut self, points: &[(Micros, Option<f64>)], [low, high]: [f64; 2], (top, height): (f64, f64)) {
+        let mut free = f64::NEG_INFINITY;
+        for (at, value) in points {
+            let (x, Some(value)) = (self.x(*at), *value) else { continue };
+            if (low..=high).contains(&value) || x < free {
+                continue;
+            }
+            let text = number(value);
+            let wide = width(&text, SOFT) + 18.0;
+            free = x + wide;
+            let is_high = value > high;
+            let sign = if is_high { UP(x + 6.0, top + 8.0) } else { DOWN(x + 6.0, top + height - 3.0) };
+            self.canvas.path("warn", &sign, Some(&format!("{text} is beyond the lane")));
+            let y = if is_high { top + 13.0 } else { top + height - 3.0 };
+            // To the left at the right end.
+            let (x, anchor) = if x + wide > self.right { (x - 2.0, Anchor::End) } else { (x + 14.0, Anchor::Start) };
+            self.canvas.text((x, y), "late", anchor, &text);
+        }
     }
 
     /// Writes values next to the curve, where they stay long enough.
@@ -320,42 +371,44 @@ impl Picture<'_> {
         }
     }
 
-    /// Draws symbols with texts to the right of them, as far as there is room.
-    fn moments(&mut self, moments: &[Moment], class: &str, sign: Sign, y: f64) {
-        let middle = y + ROW / 2.0;
+    /// A lane of symbols with their labels, and bars below the symbols.
+    fn moments(&mut self, name: &str, moments: &[Moment], (class, sign): (&str, Sign), bars: &[Stretch]) {
+        let texts: Vec<(f64, &str)> = moments.iter().map(|moment| (self.x(moment.at), moment.text.as_str())).collect();
+        let room = Room { right: self.right - 4.0, rows: ROWS, size: TEXT, has_symbols: true };
+        let placed = labels::place(&texts, &room);
+        let top = self.y;
+        let row = |row: usize| top + ROW / 2.0 + rows(row);
+        let last = placed.rows + usize::from(placed.hidden > 0);
+        let height = ROW + rows(last - 1);
+        self.frame(name, height);
+        self.stretches("hold", bars, top + ROW - 6.0, 3.0);
+        for label in placed.shown.iter().filter(|label| label.row > 0) {
+            self.canvas.line("leader", (label.x, row(0)), (label.x, row(label.row) + 5.0));
+        }
         // Moments in one pixel column share a symbol.
         let mut groups: Vec<(f64, Vec<&Moment>)> = Vec::new();
-        for moment in moments {
-            let x = self.x(moment.at);
+        for (moment, (x, _)) in moments.iter().zip(&texts) {
             match groups.last_mut() {
                 Some((first, group)) if x - *first < 2.0 => group.push(moment),
-                _ => groups.push((x, vec![moment])),
+                _ => groups.push((*x, vec![moment])),
             }
         }
-        let mut free = LEFT;
-        let nexts: Vec<f64> = groups.iter().skip(1).map(|(x, _)| *x).chain([self.right]).collect();
-        for (at, ((x, group), next)) in groups.iter().zip(nexts).enumerate() {
+        for (at, (x, group)) in groups.iter().enumerate() {
             let words = || {
                 let lines = group.iter().take(10).map(|moment| format!("{} at {} s", tooltip(&moment.text), moment.at));
                 lines.collect::<Vec<_>>().join("\n")
             };
-            self.canvas.path(class, &sign(*x, middle), (at < MAX_TOOLTIPS).then(words).as_deref());
-            let more = group.len() - 1;
-            let text = group.first().map_or("", |moment| moment.text.as_str());
-            let text = if more > 0 { format!("{text} and {more} more") } else { text.to_owned() };
-            let wide = width(&text, TEXT);
-            // To the left if the whole text fits only there.
-            if wide > next - x - 14.0 && wide < x - free - 16.0 {
-                self.canvas.text((x - 8.0, middle + 4.5), "text", Anchor::End, &text);
-                free = *x;
-                continue;
-            }
-            let text = fit(&text, TEXT, next - x - 14.0);
-            free = x + 8.0 + width(&text, TEXT);
-            if !text.is_empty() {
-                self.canvas.text((x + 8.0, middle + 4.5), "text", Anchor::Start, &text);
-            }
+            self.canvas.path(class, &sign(*x, row(0)), (at < MAX_TOOLTIPS).then(words).as_deref());
         }
+        for label in placed.shown.iter().rev() {
+            self.canvas.text((label.at, row(label.row) + 4.5), "text", label.anchor, &label.text);
+        }
+        if placed.hidden > 0 {
+            let plural = if placed.hidden == 1 { "" } else { "s" };
+            let text = format!("and {} more label{plural}", placed.hidden);
+            self.canvas.text((LEFT + 8.0, row(last - 1) + 4.5), "soft", Anchor::Start, &text);
+        }
+        self.y += height + GAP;
     }
 
     /// The load of the line, and late frames.
@@ -408,9 +461,10 @@ impl Picture<'_> {
         if warnings.is_empty() {
             return;
         }
-        let placed: Vec<Moment> =
+        let mut placed: Vec<Moment> =
             warnings.iter().filter_map(|warning| Some(moment(warning.at?, warning.code))).collect();
-        self.row("warnings", |picture, y| picture.moments(&placed, "warn", UP, y));
+        placed.sort_by_key(|warning| warning.at);
+        self.moments("warnings", &placed, ("warn", UP), &[]);
         self.y = self.y.max(self.side_bottom);
         for warning in warnings.iter().take(WORDS) {
             self.y += 12.0;
@@ -425,6 +479,12 @@ impl Picture<'_> {
         }
         self.y += GAP;
     }
+}
+
+/// The height of rows of labels in pixels.
+#[expect(clippy::cast_precision_loss, reason = "a few rows")]
+fn rows(count: usize) -> f64 {
+    count as f64 * MORE_ROW
 }
 
 fn moment(at: Micros, text: &str) -> Moment {
@@ -458,14 +518,20 @@ fn about_zero(points: &[(Micros, Option<f64>)], limits: Option<[f64; 2]>) -> [f6
 /// Describes the end of a path, for screen readers as well.
 fn end_words(last: &Place) -> [String; 2] {
     let way = |value: f64, [ahead, back]: [&str; 2]| {
-        format!("{} cm {}", number(value.abs()), if value < 0.0 { back } else { ahead })
+        let far = number(value.abs());
+        (far != "0").then(|| format!("{far} cm {}", if value < 0.0 { back } else { ahead }))
     };
-    [
-        format!("ends {}, {},", way(last.y_cm, ["forward", "back"]), way(last.x_cm, ["to the right", "to the left"])),
-        format!("turned {}", turned(last)),
-    ]
+    let ways = [way(last.y_cm, ["forward", "back"]), way(last.x_cm, ["to the right", "to the left"])];
+    let ways = ways.into_iter().flatten().collect::<Vec<_>>().join(", ");
+    let ends = if ways.is_empty() { "ends at its start,".into() } else { format!("ends {ways},") };
+    [ends, turned(last).map_or_else(|| AS_AT_THE_START.into(), |turned| format!("turned {turned}"))]
 }
 
-fn turned(end: &Place) -> String {
-    format!("{}° to the {}", number(end.yaw_deg.abs()), if end.yaw_deg < 0.0 { "left" } else { "right" })
+/// The end of a robot that has turned as much to one side as to the other.
+const AS_AT_THE_START: &str = "facing as at the start";
+
+/// `20° to the right`; `None` if it is not turned.
+fn turned(end: &Place) -> Option<String> {
+    let by = number(end.yaw_deg.abs());
+    (by != "0").then(|| format!("{by}° to the {}", if end.yaw_deg < 0.0 { "left" } else { "right" }))
 }

@@ -151,7 +151,7 @@ pub(crate) struct Program {
     /// What is sent when something ends a run early.
     pub abort: Option<Abort>,
     /// Moments that have a name.
-    pub marks: Vec<(String, Time)>,
+    pub marks: Vec<(String, Time, Span)>,
     /// The calls and passes that led to each step.
     pub traces: Traces,
     /// Whether all of these times are right, even if the script has other errors.
@@ -255,7 +255,7 @@ impl Program {
                 Action::Send(_) | Action::Say(_) => {}
             }
         }
-        for (_, at) in &mut self.marks {
+        for (_, at, _) in &mut self.marks {
             *at = speed.time(*at);
         }
         self.end = speed.time(self.end);

@@ -8,6 +8,7 @@ mod clashes;
 mod clip;
 mod lints;
 mod listing;
+mod notes;
 mod schedule;
 mod snapshot;
 pub(crate) mod tween;
@@ -23,6 +24,7 @@ use crate::units::Micros;
 
 pub use clip::{Clip, check_passes, clip, passes, state_after};
 pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
+pub use notes::{Note, NoteKind};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
@@ -145,6 +147,8 @@ pub struct Mark {
     pub name: String,
     /// The time from the start of the script.
     pub at: Micros,
+    /// Its place in the script.
+    pub span: Span,
 }
 
 /// A line to show at its time.

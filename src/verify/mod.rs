@@ -3,6 +3,7 @@
 mod play;
 mod rehearse;
 
+use std::borrow::Borrow;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -281,9 +282,9 @@ fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snaps
 
 impl Case {
     fn new(name: &str, status: Status, problems: Vec<Problem>) -> Self {
-        let left_out = problems.len().saturating_sub(KEPT);
-        let problems = problems.into_iter().take(KEPT).collect();
-        Case { name: name.to_owned(), status, problems, left_out }
+        let all = problems.len();
+        let problems: Vec<Problem> = shortened(problems, KEPT).collect();
+        Case { name: name.to_owned(), status, left_out: all - problems.len(), problems }
     }
 
     /// A script or a folder that cannot be read.
@@ -305,6 +306,16 @@ impl Case {
         let is_different = self.status == Status::Differs;
         is_different.then(|| format!("if the change is intended: motionseq test --bless {}", shell_word(&self.name)))
     }
+}
+
+/// The first `most` problems and, whatever their number, those that sum up others.
+pub fn shortened<P: Borrow<Problem>>(problems: impl IntoIterator<Item = P>, most: usize) -> impl Iterator<Item = P> {
+    let mut left = most;
+    problems.into_iter().filter(move |problem| {
+        let is_kept = problem.borrow().code == TOTAL || left > 0;
+        left = left.saturating_sub(1);
+        is_kept
+    })
 }
 
 /// A name quoted for a shell.

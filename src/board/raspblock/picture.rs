@@ -85,8 +85,10 @@ fn draw(board: &Board, command: &Command) -> Vec<(usize, Shown)> {
                 _ => [Some(0.0); 4],
             };
             shown.extend((WHEELS..).zip(wheels.map(Shown::Value)));
-            if command.verb() == verb::MOVE {
-                shown.push((MOVES, Shown::Tick));
+            match command.verb() {
+                verb::MOVE => shown.push((MOVES, Shown::Tick)),
+                verb::RAW => shown.push((OTHER, Shown::Tick)),
+                _ => {}
             }
             shown
         }

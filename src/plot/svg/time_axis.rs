@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use super::super::canvas::{Anchor, fit, number, point, round_step, width};
-use super::{LEFT, Picture, SOFT, TEXT, WIDTH, tooltip, turned};
+use super::super::labels::{self, Room};
+use super::{AS_AT_THE_START, LEFT, Picture, ROWS, SOFT, TEXT, WIDTH, rows, tooltip, turned};
 
 /// From this step, in seconds, times are shown as on a clock.
 const CLOCK: f64 = 30.0;
@@ -23,42 +24,41 @@ impl Picture<'_> {
             let _ = write!(facts, ", {} bpm, {} beats per bar", number(60e6 / bars.beat_us), bars.beats);
         }
         for end in plot.tracks.iter().filter(|track| !track.goes_away()).filter_map(|track| track.path.last()) {
-            facts.push_str(", turns on the spot, in total ");
-            facts.push_str(&turned(end));
+            let turned =
+                turned(end).map_or_else(|| format!("and ends {AS_AT_THE_START}"), |by| format!("in total {by}"));
+            let _ = write!(facts, ", turns on the spot, {turned}");
         }
         self.y += 20.0;
         self.canvas.text((16.0, self.y), "soft", Anchor::Start, &facts);
         self.y += 12.0;
     }
 
-    /// The names of marks, each if there is room for it.
+    /// The names of marks, in as many rows as they need.
     pub(super) fn marks(&mut self) {
         let marks = &self.plot.marks;
         if marks.is_empty() {
             return;
         }
-        self.name("marks", self.y + 15.0);
-        let mut free = [LEFT, LEFT];
-        for mark in marks {
-            let x = self.x(mark.at);
-            let name = fit(&mark.text, TEXT, 200.0);
-            let wide = width(&name, TEXT);
-            // The last names are to the left of their lines.
-            let (from, anchor, at) = if x + wide > WIDTH - 12.0 {
-                (x - wide - 4.0, Anchor::End, x - 4.0)
-            } else {
-                (x, Anchor::Start, x + 4.0)
-            };
-            let Some(row) = free.iter().position(|free| *free <= from) else { continue };
-            if let Some(free) = free.get_mut(row) {
-                *free = from + wide + 10.0;
-            }
-            #[expect(clippy::cast_precision_loss, reason = "0 or 1")]
-            let y = self.y + 15.0 + row as f64 * 16.0;
-            self.canvas.text((at, y), "label", anchor, &name);
+        let texts: Vec<(f64, &str)> = marks.iter().map(|mark| (self.x(mark.at), mark.text.as_str())).collect();
+        let room = Room { right: WIDTH - 12.0, rows: ROWS, size: TEXT, has_symbols: false };
+        let placed = labels::place(&texts, &room);
+        let top = self.y;
+        self.name("marks", top + 15.0);
+        if placed.hidden > 0 {
+            let plural = if placed.hidden == 1 { "" } else { "s" };
+            self.y += 16.0;
+            let text = format!("and {} more label{plural}", placed.hidden);
+            self.canvas.text((LEFT + 4.0, self.y - 1.0), "soft", Anchor::Start, &text);
         }
-        let rows = if free.iter().skip(1).any(|free| *free > LEFT) { 2.0 } else { 1.0 };
-        self.y += 6.0 + 16.0 * rows;
+        self.y += 6.0 + rows(placed.rows);
+        let bottom = self.y;
+        for label in placed.shown.iter().rev() {
+            let y = bottom - 7.0 - rows(label.row);
+            if label.row > 0 {
+                self.canvas.path("leader", &down(label.x, y - 8.0, bottom), None);
+            }
+            self.canvas.text((label.at, y), "label", label.anchor, &label.text);
+        }
     }
 
     /// Seconds, and bars if the script counts in bars.

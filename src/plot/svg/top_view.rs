@@ -11,6 +11,8 @@ use crate::units::Micros;
 const APART: f64 = 46.0;
 /// The maximum number of places of a path.
 const MOST: usize = 20_000;
+/// The maximum number of marks.
+const MARKS: usize = 100;
 /// The smallest area shown, in cm.
 const LEAST_CM: f64 = 20.0;
 
@@ -39,9 +41,10 @@ pub(super) fn draw(canvas: &mut Canvas, [x, y, side]: [f64; 3], way: &[Place], m
             }
         }
         canvas.path("body", &robot(map.place(end), end.yaw_deg, 11.0), Some("end"));
-        names(canvas, [x, top, side], (&map, way), marks);
+        let hidden = names(canvas, [x, top, side], (&map, way), marks);
         let mut down = top + side + 17.0;
-        for line in end_words(end) {
+        let more = (hidden > 0).then(|| format!("and {hidden} more mark{}", if hidden == 1 { "" } else { "s" }));
+        for line in more.into_iter().chain(end_words(end)) {
             canvas.text((x, down), "soft", Anchor::Start, &line);
             down += 16.0;
         }
@@ -143,26 +146,34 @@ fn robot((x, y): (f64, f64), yaw_deg: f64, size: f64) -> String {
     )
 }
 
-/// The names of marks at the places where they are passed, as far as there is room.
-fn names(canvas: &mut Canvas, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, Micros)]) {
+/// The names of marks at the places where they are passed: beside, above or below, where there is
+/// room. Returns the number of names without room.
+fn names(canvas: &mut Canvas, [x, _, side]: [f64; 3], (map, way): (&Map, &[Place]), marks: &[(&str, Micros)]) -> usize {
     let mut taken: Vec<(f64, f64, f64)> = Vec::new();
-    for (name, at) in marks.iter().take(100) {
+    let mut hidden = marks.len().saturating_sub(MARKS);
+    for (name, at) in marks.iter().take(MARKS) {
         let index = way.partition_point(|place| place.at <= *at).saturating_sub(1);
         let Some(place) = way.get(index) else { continue };
         let (px, py) = map.place(place);
         let name = fit(name, 12.0, side / 2.0);
         let wide = width(&name, 12.0);
-        let (from, anchor, at) = if px + 10.0 + wide > x + side {
-            (px - 10.0 - wide, Anchor::End, px - 10.0)
-        } else {
-            (px + 10.0, Anchor::Start, px + 10.0)
+        let sides = [0.0, -14.0, 14.0, -28.0, 28.0]
+            .into_iter()
+            .flat_map(|down| [px + 10.0, px - 10.0 - wide].map(|from| (from, py + down)));
+        let found = sides.into_iter().find(|(from, y)| {
+            let is_inside = *from >= x && from + wide <= x + side;
+            is_inside
+                && taken
+                    .iter()
+                    .all(|(left, right, other)| from > right || from + wide < *left || (y - other).abs() >= 14.0)
+        });
+        canvas.path("expect", &format!("M{}h5v5h-5z", point((px - 2.5, py - 2.5))), None);
+        let Some((from, y)) = found else {
+            hidden += 1;
+            continue;
         };
-        let is_free =
-            taken.iter().all(|(left, right, y)| from > *right || from + wide < *left || (py - y).abs() > 14.0);
-        if is_free && !name.is_empty() {
-            taken.push((from, from + wide, py));
-            canvas.path("expect", &format!("M{}h5v5h-5z", point((px - 2.5, py - 2.5))), None);
-            canvas.text((at, py + 4.0), "value", anchor, &name);
-        }
+        taken.push((from, from + wide, y));
+        canvas.text((from, y + 4.0), "value", Anchor::Start, &name);
     }
+    hidden
 }

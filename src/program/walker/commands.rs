@@ -121,7 +121,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             return self.eval.given_twice(name, first);
         }
         self.keep(cost::MARK, name.text.len(), at.command.span)?;
-        self.program.marks.push((name.text.to_owned(), at.start));
+        self.program.marks.push((name.text.to_owned(), at.start, at.command.span));
         self.eval.scope.bind(name, Quantity::Moment(at.start), Kind::Mark);
         Some(at.start)
     }

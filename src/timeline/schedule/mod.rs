@@ -18,7 +18,7 @@ use ends::{End, Ends, Starts};
 
 pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
     let Program { board, settings, steps, end, abort, traces, marks, .. } = program;
-    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at)| Mark { name, at: at.micros() }).collect();
+    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at, span)| Mark { name, at: at.micros(), span }).collect();
     marks.sort_by_key(|mark| mark.at);
     let mut script = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
     let steps = script.run(steps);
