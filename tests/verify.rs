@@ -380,11 +380,9 @@ fn check_reports_the_same_in_every_format() {
         (Some(5), Some(6))
     );
     let github = stdout(&repository.run(&[&args[..], &["github"]].concat()));
-    assert!(
-        github.starts_with(
-            "::error file=sub dir/x.motion,line=1,endLine=1,col=9,endColumn=13,title=out-of-range::pulse width 3000 is"
-        )
-    );
+    assert!(github.starts_with(
+        "::error file=sub dir/x.motion,line=1,endLine=1,col=9,endColumn=13,title=out-of-range::pulse width 3000 is"
+    ));
     let sarif: serde_json::Value =
         serde_json::from_str(&stdout(&repository.run(&[&args[..], &["sarif"]].concat()))).unwrap();
     assert_eq!(sarif["version"], "2.1.0");
