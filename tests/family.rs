@@ -331,8 +331,8 @@ fn it_is_decoded_and_folded() {
     }
     writer.finish(Micros(2_000_000));
     let text = writer.settled();
-    let lines: Vec<&str> = text.lines().skip(1).collect();
-    assert_eq!(lines, ["at 0s lamp 2 0", "at 0.5s lamp 2 1000 over 1s", "at 1.5s fan on", "at 1.8s fan off"], "{text}");
+    let lines: Vec<&str> = text.lines().skip(2).collect();
+    assert_eq!(lines, ["lamp 2 0", "wait 0.5s", "lamp 2 1000 over 1s", "fan on for 0.3s"], "{text}");
     assert_eq!(compiled(&text).events.len(), played.events.len());
 }
 

@@ -10,6 +10,7 @@ use crate::support::host::{Host, has, link, rocker, stop};
 use crate::support::{run, stderr, stdout};
 use mcap::read::{LinearReader, Options};
 use mcap::records::Record;
+use motionseq::source::{Source, Sources};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -222,14 +223,11 @@ fn the_log_the_listing_and_the_script_have_the_same_frames_at_the_same_times() {
     assert_eq!(printed.len(), 7, "{printed:?}");
     assert!(text.contains("skipped 3, FF FE 03: the stream ends inside a frame"), "{text}");
     let moved: Vec<u64> = printed.iter().filter(|(_, hex)| hex.starts_with("FFFE0308")).map(|(at, _)| *at).collect();
-    let lines: Vec<f64> = text
-        .lines()
-        .filter_map(|line| line.strip_prefix("at ")?.split_once("s "))
-        .filter(|(_, what)| what.starts_with("rocker") || *what == "stop")
-        .map(|(at, _)| at.parse().unwrap())
-        .collect();
-    let times: Vec<f64> = moved.iter().map(|at| (at - moved[0]) as f64 / 1e6).collect();
-    assert_eq!(lines, times, "{text}");
+    let sources = Sources::from(Source::new("same.motion", text.as_str()));
+    let script = motionseq::compile(&sources, &motionseq::program::Options::default()).timeline.unwrap();
+    let sent: Vec<u64> = script.events.iter().map(|event| event.at.0).collect();
+    let times: Vec<u64> = moved.iter().map(|at| at - moved[0]).collect();
+    assert_eq!(sent, times, "{text}");
     // A frame of 13 bytes after another, as the line carries them: 1,128.5 us.
     assert!((1_128..=1_129).contains(&(moved[3] - moved[2])), "{moved:?}");
 }

@@ -307,11 +307,11 @@ fn mistakes_are_reported() {
         assert_eq!(output.status.code(), Some(2), "{args:?}");
         assert!(stderr(&output).contains(why), "{}", stderr(&output));
     }
-    let empty = file("empty.motion");
-    fs::write(&empty, "# nothing\n").unwrap();
-    let output = run(&["plot", empty.to_str().unwrap()]);
+    let wrong = file("wrong.motion");
+    fs::write(&wrong, "servo 9 1500\n").unwrap();
+    let output = run(&["plot", wrong.to_str().unwrap()]);
     assert_eq!((output.status.code(), stdout(&output)), (Some(1), String::new()));
-    fs::remove_file(empty).unwrap();
+    fs::remove_file(wrong).unwrap();
 }
 
 #[test]

@@ -127,23 +127,29 @@ together {
 }
 rocker x=5 y=5 for 1s";
     let text = recorded(false, &sent(&compiled(script)));
-    let lines: Vec<&str> = text.lines().skip(1).collect();
-    // Times are those of the line; simultaneous commands follow each other there.
+    // What starts together starts together again, although the line carries one frame after the
+    // other.
     assert_eq!(
-        lines,
+        lines(&text),
         [
-            "at 0s servos 1500 1500",
-            "at 0s servo 1 2000 over 1s ease in-out-sine",
-            "at 1s servo 1 1200 over 0.7s ease out-quad",
-            "at 2.2s stop",
-            "at 2.2s rocker x=20 y=-10 z=180 over 2s ease in-quad",
-            "at 2.200694s servos 1500 1500 over 1.001128s",
-            "at 2.201128s servo 3 1000 -> 2000 over 1s ease out-bounce",
-            "at 4.201128s rocker x=5 y=5 z=0",
-            "at 5.2s stop",
+            "servos 1500 1500; servo 1 2000 over 1s ease in-out-sine",
+            "servo 1 1200 over 0.7s ease out-quad",
+            "wait 0.5s",
+            "together {",
+            "  rocker x=0 -> 20 y=0 -> -10 z=0 -> 180 over 2s ease in-quad",
+            "  servo 3 1000 -> 2000 over 1s ease out-bounce",
+            "  servos 1500 1500 over 1s",
+            "}",
+            // The last value of the move is on the line first.
+            "+1ms rocker x=5 y=5 for 999ms",
         ],
         "{text}"
     );
+}
+
+/// The lines of a recording below its header.
+fn lines(text: &str) -> Vec<&str> {
+    text.lines().skip(1).filter(|line| !line.is_empty()).collect()
 }
 
 /// A channel and its values.
@@ -186,6 +192,8 @@ struct Act {
     step: u64,
     jitter: u64,
     pause: u64,
+    /// Whether it starts together with the previous phase, as in a program with threads.
+    is_parallel: bool,
     seed: u64,
 }
 
@@ -194,18 +202,32 @@ fn act() -> impl Strategy<Value = Act> {
     let ease = prop::sample::select(Ease::names()).prop_map(|name| Ease::named(&name));
     let how = prop_oneof![3 => ease, 1 => Just(None)];
     let step = prop::sample::select(vec![2_000_u64, 5_000, 10_000, 20_000, 33_000, 90_000]);
-    let pause = prop_oneof![Just(0), Just(3_000), 10_000..400_000_u64, 600_000..900_000_u64];
+    let pause = prop_oneof![Just(0), Just(3_000), 10_000..400_000_u64, 600_000..1_500_000_u64];
     let to = [0.0..1.0, 0.0..1.0, 0.0..1.0];
-    (lane, to, how, 1..60_u64, step, 0..800_u64, pause, any::<u64>()).prop_map(
-        |(lane, to, how, steps, step, jitter, pause, seed)| Act { lane, to, how, steps, step, jitter, pause, seed },
+    let when = (step, 0..800_u64, pause, any::<bool>());
+    (lane, to, how, 1..60_u64, when, any::<u64>()).prop_map(
+        |(lane, to, how, steps, (step, jitter, pause, is_parallel), seed)| Act {
+            lane,
+            to,
+            how,
+            steps,
+            step,
+            jitter,
+            pause,
+            is_parallel,
+            seed,
+        },
     )
 }
 
 /// The frames of a program with these phases, and the values that it sent.
 fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
-    let (mut frames, mut now) = (Vec::new(), 0);
+    let (mut frames, mut now, mut begin) = (Vec::new(), 0, 0);
     let mut last: Vec<(Lane, [i32; 3])> = Vec::new();
     for act in acts {
+        let before = now;
+        now = if act.is_parallel { begin } else { now };
+        begin = now;
         let from = last.iter().rev().find(|(lane, _)| *lane == act.lane);
         let from = from.map_or_else(|| act.lane.values([0.5; 3]), |(_, values)| *values);
         let to = act.lane.values(act.to);
@@ -228,8 +250,9 @@ fn program(acts: &[Act]) -> Vec<(u64, Lane, [i32; 3])> {
             frames.push((at, act.lane, values));
             last.push((act.lane, values));
         }
-        now += act.pause + 1_000;
+        now = before.max(now + act.pause + 1_000);
     }
+    frames.sort_by_key(|(at, ..)| *at);
     frames
 }
 
@@ -256,15 +279,6 @@ fn held(values: &[(u64, [i32; 3])], from: u64, to: u64) -> Option<([i32; 3], [i3
     all.map(|values| (values, values)).reduce(|one, two| (both(one.0, two.0, i32::min), both(one.1, two.1, i32::max)))
 }
 
-/// Stops a drive that got no frame for half a second, as a board does.
-fn starve(sent: &mut Vec<(u64, [i32; 3])>, end: u64) {
-    let next = sent.iter().skip(1).map(|(at, _)| *at).chain([end]);
-    let fed = sent.clone().into_iter().zip(next.collect::<Vec<_>>());
-    let stops = fed.filter(|((at, values), next)| *values != [0; 3] && at + 500_000 < *next);
-    sent.extend(stops.map(|((at, _), _)| (at + 500_000, [0; 3])).collect::<Vec<_>>());
-    sent.sort_by_key(|(at, _)| *at);
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(if cfg!(debug_assertions) { 120 } else { 3_000 }))]
 
@@ -278,15 +292,19 @@ proptest! {
         let received = on_the_line(&frames);
         let begin_us = received[0].0;
         let end = received.last().unwrap().0 - begin_us;
+        // Every command that is not part of a move is a frame of the program, in the same order.
+        let mut rest = received.iter();
+        for event in folded.events.iter().filter(|event| event.kind == Kind::Command && event.at.0 <= end) {
+            let frame = event.command.to_frame();
+            let found = rest.find(|(at, sent)| *sent == frame && (at - begin_us).abs_diff(event.at.0) <= 4_000);
+            prop_assert!(found.is_some(), "{} at {} was not sent\n{text}", event.command.said(), event.at);
+        }
         for lane in [Lane::Servo(1), Lane::Servo(2), Lane::Servo(3), Lane::Rocker] {
             let tolerance = if lane == Lane::Rocker { DRIVE_TOLERANCE } else { SERVO_TOLERANCE };
             let sent = program.iter().zip(&received).filter_map(|((_, of, values), (at, _))| {
                 Some((at - begin_us, given(&of.command(*values), lane)?))
             });
-            let mut sent: Vec<(u64, [i32; 3])> = sent.collect();
-            if lane == Lane::Rocker {
-                starve(&mut sent, end);
-            }
+            let sent: Vec<(u64, [i32; 3])> = sent.collect();
             let events = folded.events.iter().filter(|event| event.kind != Kind::Refresh);
             let again: Vec<_> = events.filter_map(|event| Some((event.at.0, given(&event.command, lane)?))).collect();
             let Some((first, _)) = sent.first().copied() else {
@@ -323,8 +341,13 @@ fn text_of(path: &Path) -> String {
 
 /// The commands of a script, without their times.
 fn commands(text: &str) -> Vec<&str> {
-    let lines = text.lines().filter(|line| line.starts_with("at "));
-    lines.map(|line| line.splitn(3, ' ').nth(2).unwrap()).collect()
+    let lines = text.lines().map(|line| line.split("  #").next().unwrap_or(line).trim());
+    let lines = lines.map(|line| if line.starts_with('+') { line.split_once(' ').unwrap().1 } else { line });
+    let is_other = |line: &&str| {
+        let first = line.split(' ').next().unwrap_or_default();
+        matches!(first, "" | "#" | "wait" | "mark" | "together" | "{" | "}" | "limit" | "refresh")
+    };
+    lines.flat_map(|line| line.split("; ")).filter(|line| !is_other(line)).collect()
 }
 
 #[test]
@@ -371,9 +394,10 @@ fn a_folded_recording_of_an_owners_program_is_short() {
     let found = commands(&text);
     // A thousand wheel frames are one hold, and twenty successive servo frames are one move or
     // some.
-    assert_eq!(found.iter().filter(|command| command.starts_with("wheels")).collect::<Vec<_>>(), [&"wheels 8 -8 8 -8"]);
+    let wheels: Vec<_> = found.iter().filter(|command| command.starts_with("wheels")).collect();
+    assert!(wheels.len() == 1 && wheels[0].starts_with("wheels 8 -8 8 -8 for 1."), "{text}");
     assert!(found.contains(&"request report-start") && found.contains(&"request report-stop"), "{text}");
-    assert!(found.contains(&"buzzer on") && found.contains(&"buzzer off") && found.contains(&"stop"), "{text}");
+    assert!(found.iter().any(|command| command.starts_with("buzzer on for ")), "{text}");
     assert!(found.len() < 40, "{text}");
     compiled(&text);
 }
@@ -474,24 +498,80 @@ fn folded(sent: &[(u64, Command)]) -> String {
 }
 
 #[test]
-fn a_drive_without_frames_stops_as_on_a_board() {
-    let drive = Lane::Rocker.command([5, 0, 0]);
-    // Refreshed for a second, then silence, then a servo.
-    let mut sent: Vec<(u64, Command)> = (0..10).map(|time| (time * 100_000, drive.clone())).collect();
-    sent.push((3_000_000, Lane::Servo(1).command([1500, 0, 0])));
-    sent.push((3_500_000, drive));
-    let text = folded(&sent);
-    let lines: Vec<&str> = text.lines().skip(1).collect();
+fn a_silence_of_the_program_is_not_a_stop() {
+    let drive = || Lane::Rocker.command([5, 0, 0]);
+    let halt = || say("stop", &[]);
+    // Refreshed, but late once.
+    let sent = [0, 100_000, 605_000, 700_000].map(|at| (at, drive())).into_iter().chain([(800_000, halt())]);
+    let text = folded(&sent.collect::<Vec<_>>());
     assert_eq!(
-        lines,
+        lines(&text),
         [
-            "at 0s rocker x=5 y=0 z=0",
-            "at 1.4s stop  # no drive frame for 0.5s",
-            "at 3s servo 1 1500",
-            "at 3.5s rocker x=5 y=0 z=0",
-            "at 3.502s stop  # the recording ends here",
-        ]
+            "rocker x=5 for 0.8s",
+            "# 0.605s: no drive frame for 0.505s: what the board does then is unknown; this script keeps driving",
+        ],
+        "{text}"
     );
+    // Sent once, as many programs do; the silence is mentioned once.
+    let text = folded(&[(0, drive()), (1_200_000, halt()), (2_000_000, drive()), (3_250_000, halt())]);
+    assert_eq!(
+        lines(&text),
+        [
+            "rocker x=5 for 1.2s",
+            "# 1.2s: no drive frame for 1.2s: what the board does then is unknown; this script keeps driving",
+            "wait 0.8s",
+            "rocker x=5 for 1.25s",
+        ],
+        "{text}"
+    );
+    // To the end of the recording, past another command.
+    let text = folded(&[(0, drive()), (3_000_000, Lane::Servo(1).command([1500, 0, 0])), (3_400_000, drive())]);
+    assert_eq!(
+        lines(&text),
+        [
+            "rocker x=5",
+            "wait 3s",
+            "mark part_2",
+            "servo 1 1500",
+            "wait 402ms",
+            "# 3.4s: no drive frame for 3.4s: what the board does then is unknown; this script keeps driving",
+            "stop  # the recording ends here",
+        ],
+        "{text}"
+    );
+}
+
+#[test]
+fn a_drive_is_stopped_after_its_program_has_closed_the_port() {
+    let drive = |writer: &mut ScriptWriter, at_ms: u64| {
+        let mut decoder = TimedDecoder::new(board(), BAUD);
+        decoder.feed(Micros::from_millis(at_ms).nanos(), &rocker(5), |at, item| writer.take(at, item));
+    };
+    let mut writer = ScriptWriter::new(Arc::clone(board()), false, BAUD);
+    drive(&mut writer, 0);
+    writer.closed(Micros::from_millis(900));
+    writer.reopened(Micros::from_millis(5_000));
+    drive(&mut writer, 6_000);
+    // Programs that follow each other at once continue a hold.
+    writer.closed(Micros::from_millis(6_200));
+    writer.reopened(Micros::from_millis(6_300));
+    drive(&mut writer, 6_400);
+    writer.closed(Micros::from_millis(6_500));
+    writer.finish(Micros::from_millis(6_600));
+    let text = writer.settled();
+    assert_eq!(
+        lines(&text),
+        [
+            "rocker x=5 for 1.4s  # the program has closed its port",
+            "wait 4.6s",
+            "mark part_2",
+            "# 5s: a program opened the port again",
+            "rocker x=5 for 0.6s  # the recording ends here",
+            "# 6.3s: a program opened the port again",
+        ],
+        "{text}"
+    );
+    compiled(&text);
 }
 
 #[test]
@@ -506,16 +586,15 @@ fn harmful_frames_are_left_out_and_noted() {
     }
     writer.finish(Micros::SECOND);
     let text = writer.settled();
-    let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(
-        lines,
+        lines(&text),
         [
             "# 0s: left out, FF FE 02 04 05 DC 09 C4 B4: 2500 is out of range (500 to 1950)",
-            "# 0.000781s: skipped 3, 01 02 03: no frame starts here",
-            "at 0.001041s raw 0x40 0x05  # no command has this function and length",
-            "at 0.001562s raw 0x03 0x04 0x00 0x05 0x00 0x00 0x00 0x00 0x01  # move x=5 y=0 z=0, with no `pid position` before it",
-            "at 0.00269s stop",
-        ]
+            "# 0.001s: skipped 3, 01 02 03: no frame starts here",
+            "+1ms raw 0x40 0x05; raw 0x03 0x04 0x00 0x05 0x00 0x00 0x00 0x00 0x01  # no command has this function and length; move x=5 y=0 z=0, with no `pid position` before it",
+            "+2ms stop",
+        ],
+        "{text}"
     );
     compiled(&text);
 }
@@ -530,16 +609,16 @@ fn a_yaw_hold_at_zero_is_recorded_as_a_hold() {
     sent.push((1_010_000, say("stop", &[])));
     sent.extend((0..10).map(|time| (3_000_000 + time * 100_000, zero.clone())));
     let text = folded(&sent);
-    let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(
-        lines,
+        lines(&text),
         [
-            "at 0s stop",
-            "at 0.01s yawhold x=0 y=0",
-            "at 1.01s stop",
-            "at 3s yawhold x=0 y=0",
-            "at 3.902s stop  # the recording ends here",
-        ]
+            "stop",
+            "+10ms yawhold x=0 y=0 for 1s",
+            "wait 1.99s",
+            "mark part_2",
+            "yawhold x=0 y=0 for 902ms  # the recording ends here",
+        ],
+        "{text}"
     );
     compiled(&text);
 }
@@ -549,7 +628,7 @@ fn a_move_after_wheels_at_zero_says_where_it_starts() {
     let zero = say("wheels", &[0; 4]);
     let ramp = (0..=50).map(|step| (step as u64 * 20_000, Lane::Rocker.command([step * 2 / 5, 0, 0])));
     let text = folded(&[(0, zero)].into_iter().chain(ramp.map(|(at, to)| (at + 10_000, to))).collect::<Vec<_>>());
-    assert!(text.contains("rocker x=0 -> 20") || text.contains("\nat 0.01s stop\n"), "{text}");
+    assert!(text.contains("rocker x=0 -> 20") || text.contains("stop\n"), "{text}");
     compiled(&text);
 }
 
@@ -611,8 +690,11 @@ fn a_recording_does_not_move_during_a_pause_of_the_program() {
     let repeated = (0..100).map(|step| servo(step * 20_000, 1_500)).chain(ramp(2_000_000, 1_900)).collect();
     for sent in [jump, repeated] {
         let text = folded(&sent);
-        let lines: Vec<&str> = text.lines().skip(1).collect();
-        assert_eq!(lines, ["at 0s servo 1 1500", "at 2s servo 1 1900 -> 2000 over 0.4s"]);
+        assert_eq!(
+            lines(&text),
+            ["servo 1 1500", "wait 2s", "mark part_2", "servo 1 1900 -> 2000 over 0.4s"],
+            "{text}"
+        );
     }
     // A curve pauses for 90 ms in its middle.
     let pause = |step: u64| step * 20_000 + if step > 10 { 70_000 } else { 0 };
@@ -649,7 +731,7 @@ fn a_long_recording_of_any_shape_is_folded_in_time_that_grows_with_it() {
             decoder.feed(Micros(*at).nanos(), frame, |at, item| writer.take(at, item));
         }
         writer.finish(Micros(20_000 * 800));
-        assert!(writer.settled().lines().count() <= 20_001);
+        assert!(writer.settled().lines().count() <= 20_002);
     }
 }
 
@@ -697,4 +779,83 @@ fn the_on_abort_part_of_a_snapshot_is_not_part_of_a_script() {
     let mut listing = Vec::new();
     let decoded = decode(&snapshot[..], Reading::default(), &mut listing).unwrap();
     assert_eq!((decoded.frames, decoded.aborts), (2, 3));
+}
+
+#[test]
+fn noise_is_a_script_of_one_comment_that_sends_nothing() {
+    let mut random = 1_u64;
+    let noise = std::iter::repeat_with(|| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 56) as u8
+    });
+    let noise: Vec<u8> = noise.take(100_000).collect();
+    for exact in [false, true] {
+        let (text, decoded) = script_of(&noise, exact, None);
+        assert_eq!((decoded.frames, decoded.skipped), (0, 100_000));
+        assert_eq!(text.lines().filter(|line| line.contains("skipped 100000, ")).count(), 1, "{text}");
+        assert!(text.len() < 500 && compiled(&text).events.is_empty(), "{text}");
+    }
+    let path = link("noise.motion");
+    fs::write(&path, script_of(&noise, false, None).0).unwrap();
+    for (command, says) in [("check", "ok, sends nothing"), ("play", "the script sends nothing"), ("render", "")] {
+        let output = run(&[command, path.to_str().unwrap()]);
+        let said = stderr(&output);
+        assert!(output.status.success() && output.stdout.is_empty() && said.contains(says), "{command}: {said}");
+    }
+    fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn frames_without_times_are_sent_at_an_interval_on_request() {
+    let frames: Vec<u8> = (0..4).flat_map(|step| servo(0, 1_000 + step * 200).1.to_frame()).collect();
+    let reading = || Reading::default().with_every(Some(Micros::from_millis(20)));
+    let mut out = Vec::new();
+    to_script(&frames[..], reading(), false, &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert_eq!(
+        lines(&text),
+        ["servo 1 1000", "+20ms servo 1 1200", "+20ms servo 1 1400", "+20ms servo 1 1600"],
+        "{text}"
+    );
+    // The times of a listing are not replaced.
+    let mut out = Vec::new();
+    let listing = "0.5\tFF FE 04 01 01 06\n0.9\tFF FE 04 01 00 05\n";
+    assert!(to_script(listing.as_bytes(), reading(), false, &mut out).unwrap().is_timed);
+    assert_eq!(lines(&String::from_utf8(out).unwrap()), ["buzzer on for 0.4s"]);
+}
+
+#[test]
+fn the_listing_of_a_script_becomes_its_moves_again() {
+    let moves = [
+        "servo 1 1400 over 2s ease out-sine",
+        "servo 1 1700 over 0.7s",
+        "servo 1 1020 over 1s ease in-out-back",
+        "servo 1 1760 over 0.5s ease out-quart",
+        "servo 1 1297 over 510ms ease in-expo",
+    ];
+    let script = format!("servo 1 1500\nwait 0.5s\n{}\nrocker y=10 for 2s", moves.join("\n"));
+    let timeline = compiled(&script);
+    let mut listing = Vec::new();
+    write_listing(board(), &timeline.events, &mut listing).unwrap();
+    let (text, _) = script_of(&listing, false, None);
+    let expected: Vec<&str> =
+        ["servo 1 1500", "wait 0.5s"].into_iter().chain(moves).chain(["rocker y=10 for 2s"]).collect();
+    assert_eq!(lines(&text), expected, "{text}");
+    assert_eq!(sent(&compiled(&text)), sent(&timeline));
+}
+
+#[test]
+fn a_part_can_be_edited_in_one_line() {
+    let drive = |at_ms: u64, z: i32| (at_ms * 1_000, Lane::Rocker.command([0, 0, z]));
+    // A turn, a pause, a servo that moves during a second turn.
+    let mut all = vec![drive(0, 50), drive(2_000, 0), drive(4_000, 50), drive(6_000, 0)];
+    all.extend((0..=50).map(|step| servo(4_500_000 + step * 20_000, 1_000 + step as i32 * 10)));
+    all.sort_by_key(|(at, _)| *at);
+    let text = folded(&all);
+    let end = |text: &str| compiled(text).end;
+    assert!(text.contains("\nrocker z=50 for 2s\n") && text.contains("\nwait 2s\n\nmark part_2\n"), "{text}");
+    let longer = [("rocker z=50 for 2s", "rocker z=50 for 3s"), ("wait 2s", "wait 3s")];
+    for (old, new) in longer {
+        assert_eq!(end(&text.replacen(old, new, 1)), end(&text) + Micros::SECOND, "{text}");
+    }
 }

@@ -5,7 +5,6 @@
 use libfuzzer_sys::fuzz_target;
 use motionseq::board::{Decoder, Item, raspblock};
 use motionseq::capture::{Reading, decode, to_script};
-use motionseq::diagnostic::Code;
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 
@@ -54,8 +53,6 @@ fuzz_target!(|input: (u16, Vec<u8>)| {
         let script = String::from_utf8(script).expect("a script is text");
         let sources = Sources::from(Source::new("x.motion", script.as_str()));
         let compiled = motionseq::compile(&sources, &Options::default());
-        // Where nothing came, there is nothing to do.
-        let mut wrong = compiled.diagnostics.iter().filter(|found| found.is_error());
-        assert!(wrong.all(|found| found.code == Code::EmptyScript), "{:?}\n{script}", compiled.diagnostics);
+        assert!(compiled.timeline.is_some(), "{:?}\n{script}", compiled.diagnostics);
     }
 });

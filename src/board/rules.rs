@@ -248,7 +248,14 @@ impl Board {
 
     /// The canonical notation of a command: the line of a script that sends exactly this frame.
     pub fn show<'b>(&'b self, command: &'b Command) -> Notation<'b> {
-        Notation { board: self, command }
+        Notation { board: self, command, is_brief: false }
+    }
+
+    /// The same as short as a script may write it: named values of 0 are omitted if others remain.
+    pub fn brief<'b>(&'b self, command: &'b Command) -> Notation<'b> {
+        let offset = usize::from(self.verb(command.verb()).is_some_and(Verb::is_indexed));
+        let is_brief = command.values().iter().skip(offset).any(|value| *value != 0);
+        Notation { board: self, command, is_brief }
     }
 
     /// Appends the frame of a command.
@@ -330,11 +337,12 @@ impl Board {
 pub struct Notation<'b> {
     board: &'b Board,
     command: &'b Command,
+    is_brief: bool,
 }
 
 impl fmt::Display for Notation<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Notation { board, command } = self;
+        let Notation { board, command, is_brief } = self;
         let Some(verb) = board.verb(command.verb()) else { return f.write_str("?") };
         let alias = verb.alias.and_then(|alias| board.verb(alias));
         if let Some(alias) = alias.filter(|alias| alias.is.as_ref() == Some(command)) {
@@ -350,6 +358,9 @@ impl fmt::Display for Notation<'_> {
                     let value = values.next();
                     let word = words.iter().find(|(_, of)| Some(*of) == value).map_or("?", |(word, _)| word);
                     write!(f, " {word}")?;
+                }
+                ValueForm::Number if *is_brief && !axis.name.is_empty() && values.as_slice().first() == Some(&0) => {
+                    values.next();
                 }
                 ValueForm::Number | ValueForm::Index | ValueForm::List(..) => {
                     f.write_char(' ')?;

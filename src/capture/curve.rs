@@ -44,10 +44,10 @@ pub(super) struct Curve {
 }
 
 impl Curve {
-    /// The mean squared deviation from the points. Fails with the index of the next point if the
-    /// deviation from the current value exceeds the tolerance. A sample may precede the value that
-    /// it leads to by one sampling interval, if that value is the point `led` or a later one. Adds
-    /// the effort to `work`.
+    /// The mean squared deviation from the points; 0 if the move sends the same frames. Fails with
+    /// the index of the next point if the deviation from the current value exceeds the tolerance. A
+    /// sample may precede the value that it leads to by one sampling interval, if that value is the
+    /// point `led` or a later one. Adds the effort to `work`.
     pub(super) fn error(
         &self,
         points: &[Point],
@@ -58,7 +58,7 @@ impl Curve {
         let mut squares = 0.0;
         let mut next = 0;
         let mut now = self.begin.map(f64::from);
-        let mut sent = 0;
+        let (mut sent, mut same) = (0, 0);
         for (until, after) in self.samples() {
             *work += 2;
             sent += usize::from(now != after);
@@ -72,6 +72,8 @@ impl Curve {
                 squares += far.iter().zip(values).map(|(far, value)| (far - value) * (far - value)).sum::<f64>();
                 next += 1;
             }
+            let is_sent = |point: &Point| point.at == until && point.axes.map(f64::from) == after;
+            same += usize::from(now != after && points.get(next).is_some_and(is_sent));
             let around = points.split_at_checked(next).unwrap_or((points, &[]));
             if !limits.holds(after) || !self.is_held(around, led.saturating_sub(next), (until, after), limits) {
                 return Err(next);
@@ -83,7 +85,8 @@ impl Curve {
         if !is_spared || rest.iter().any(|point| point.axes != self.end) {
             return Err(next);
         }
-        Ok(squares / count(points.len()))
+        let changes = points.iter().filter(|point| !point.repeats).count();
+        Ok(if (same, same) == (sent, changes) { 0.0 } else { squares / count(points.len()) })
     }
 
     /// Its samples with their times, as a script sends them, without the one at its start. The last

@@ -3,9 +3,11 @@
 
 mod curve;
 mod hex_text;
+mod layout;
 mod listing;
 mod move_search;
 mod rows;
+mod script_clock;
 mod script_state;
 mod script_writer;
 mod timed_decoder;
@@ -14,7 +16,7 @@ mod timing;
 use std::io::{self, Read, Write};
 use std::sync::Arc;
 
-use crate::board::{self, Board, Command, Decoder, Item};
+use crate::board::{self, Board, Decoder, Item};
 use crate::units::{Micros, Nanos};
 use hex_text::HexText;
 pub use listing::{Listing, write_json};
@@ -60,6 +62,9 @@ pub struct Reading {
     /// The speed of the line in bits per second; by default that of a snapshot, or else that of the
     /// board.
     pub baud: Option<u32>,
+    /// The time between two frames of a script, if the input has no times; by default the time that
+    /// a frame takes on the line.
+    pub every: Option<Micros>,
     /// The board.
     pub board: Arc<Board>,
 }
@@ -77,6 +82,12 @@ impl Reading {
         Reading { baud, ..self }
     }
 
+    /// The same with a time between two frames of a script.
+    #[must_use]
+    pub fn with_every(self, every: Option<Micros>) -> Self {
+        Reading { every, ..self }
+    }
+
     /// The same for another board.
     #[must_use]
     pub fn with_board(self, board: Arc<Board>) -> Self {
@@ -86,7 +97,7 @@ impl Reading {
 
 impl Default for Reading {
     fn default() -> Self {
-        Reading { timing: None, baud: None, board: board::raspblock::board() }
+        Reading { timing: None, baud: None, every: None, board: board::raspblock::board() }
     }
 }
 
@@ -154,9 +165,9 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
     Ok(Decoded { is_timed: timed.is_some(), ..read.joined(listing.decoded) })
 }
 
-/// Decodes the same input and writes it as a script. Bytes without times, and bytes that a timing
-/// file gives one time, count as sent without a pause at the speed of the line. Times in hex text
-/// are used unchanged.
+/// Decodes the same input and writes it as a script. Frames without times count as sent without a
+/// pause at the speed of the line, or at regular intervals; bytes that a timing file gives one time
+/// count as sent without a pause. Times in hex text are used unchanged.
 ///
 /// Buffers the whole script, because its first lines depend on all of it.
 ///
@@ -168,19 +179,23 @@ pub fn to_script(
     exact: bool,
     out: &mut impl Write,
 ) -> Result<Decoded, DecodeError> {
-    let Reading { timing, baud, board } = reading;
+    let Reading { timing, baud, every, board } = reading;
     let line = baud.unwrap_or(board.baud);
     let mut writer = ScriptWriter::new(Arc::clone(&board), exact, line);
     let has_timing_file = timing.is_some();
     let mut frames: Option<TimedDecoder> = None;
     let mut decoded = Decoded::default();
     let mut script = String::new();
-    let mut now = Now::default();
+    let mut now = Micros::ZERO;
     let mut take = |writer: &mut ScriptWriter, decoded: &mut Decoded, at: Micros, item: Item<'_>| {
+        let at = match every.filter(|_| !decoded.is_timed) {
+            Some(every) => every * decoded.frames,
+            None => at,
+        };
         decoded.count(&board, item);
-        let at = now.of(&board, at, item);
-        writer.settle(at);
-        writer.take(at, item);
+        now = now.max(at);
+        writer.settle(now);
+        writer.take(now, item);
     };
     let read = pieces(input, timing, |at, bytes| {
         decoded.is_timed |= at.is_some();
@@ -200,7 +215,7 @@ pub fn to_script(
     if let Some(frames) = &mut frames {
         frames.finish(|at, item| take(&mut writer, &mut decoded, at, item));
     }
-    writer.finish(now.at);
+    writer.finish(now);
     script += &writer.settled();
     if let Some((at, text)) = writer.amendment() {
         script.replace_range(at..at + text.len(), text);
@@ -212,33 +227,6 @@ pub fn to_script(
     }
     out.write_all(script.as_bytes()).map_err(DecodeError::Write)?;
     Ok(read.joined(decoded))
-}
-
-/// The current time, and the commands sent at that time. Texts with coarse times may set one
-/// channel twice at one time; a script must not.
-#[derive(Default)]
-struct Now {
-    at: Micros,
-    sent: Vec<Command>,
-}
-
-impl Now {
-    /// The time of an item: later than an earlier frame for the same resource.
-    fn of(&mut self, board: &Board, at: Micros, item: Item<'_>) -> Micros {
-        let command = match item {
-            Item::Frame(frame) => board.decode_or_raw(frame.bytes()),
-            Item::Skipped { .. } => None,
-        };
-        let clashes = |one: &Command, other: &Command| board.supersedes(one, other) || board.supersedes(other, one);
-        let is_later = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
-        let at = at.max(self.at + Micros(u64::from(is_later)));
-        if at > self.at {
-            self.sent.clear();
-        }
-        self.at = at;
-        self.sent.extend(command);
-        at
-    }
 }
 
 /// What hex text contained in addition to its bytes.

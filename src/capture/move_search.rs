@@ -25,17 +25,38 @@ impl<'p> PointSeries<'p> {
         };
         let mut gaps: Vec<Micros> = points.windows(2).map(gap).collect();
         gaps.sort_unstable();
-        PointSeries { points, step: gaps.get(gaps.len() / 2).copied().unwrap_or_default(), until, limits }
+        let median = gaps.get(gaps.len() / 2).copied().unwrap_or_default();
+        // In a listing of a script, the samples that change nothing are missing.
+        let changes: Vec<Micros> = points.iter().filter(|point| !point.repeats).map(|point| point.at).collect();
+        let is_whole =
+            |pair: &&[Micros]| matches!(pair, [first, second] if (*second - *first).0.is_multiple_of(SAMPLE.0));
+        let whole = changes.windows(2).filter(is_whole).count();
+        PointSeries {
+            points,
+            step: if 4 * whole >= 3 * changes.len().saturating_sub(1) { SAMPLE } else { median },
+            until,
+            limits,
+        }
     }
 
-    /// The possible end times of a move that ends with this point: its last samples are not sent if
-    /// they round to the same value.
-    fn ends(&self, last: usize, at: Micros) -> impl Iterator<Item = Micros> {
-        let until = self.points.get(last + 1).map_or(self.until, |next| next.at.min(self.until));
-        [Micros::ZERO, Micros(self.step.0 / 2), self.step]
-            .into_iter()
-            .map(move |more| at + more)
-            .filter(move |at| *at <= until)
+    /// The next point from this one on that changes the value.
+    fn change(&self, from: usize) -> Option<usize> {
+        let later = self.points.get(from..)?.iter().position(|point| !point.repeats)?;
+        Some(from + later)
+    }
+
+    /// The possible end times of a move that ends with this point, and whether only the same frames
+    /// confirm them: the last samples are not sent if they round to the same value. The next move
+    /// may begin at the end.
+    fn ends(&self, last: usize, at: Micros) -> impl Iterator<Item = (Micros, bool)> {
+        let next = self.change(last + 1).and_then(|next| self.points.get(next));
+        let until = next.map_or(self.until, |next| next.at.min(self.until));
+        let half = Micros(self.step.0 / 2);
+        // Only a value that stays can be reached long before the end.
+        let most = if until > at + self.step * 2 { 2 * AHEAD } else { 2 };
+        let next = until.checked_sub(self.step).filter(|end| most > 2 && until < Micros::MAX && *end >= at);
+        let usual = (0..=most).map(move |halves| (at + half * halves, false));
+        next.map(|end| (end, true)).into_iter().chain(usual).filter(move |(at, _)| *at <= until)
     }
 }
 
@@ -45,8 +66,10 @@ pub(super) struct FoundMove {
     /// Its start time, and the values there.
     pub(super) from_at: Micros,
     pub(super) from: Axes,
-    /// The point that it begins at; `None` if its start was not sent.
-    pub(super) first: Option<usize>,
+    /// The first point that it replaces, and whether that is its start. Otherwise its start was not
+    /// sent.
+    pub(super) first: usize,
+    pub(super) has_start: bool,
     /// The point that it ends at, or shortly after.
     pub(super) last: usize,
     /// Its end time.
@@ -81,7 +104,7 @@ const EXACT: f64 = 0.1;
 /// easings; each comparison of a single point or sample costs two.
 const EFFORT: usize = 112;
 /// The additional search budget for a series.
-const MORE: usize = 2048;
+const MORE: usize = 1 << 16;
 /// The share of the remaining budget that one start may use, and the minimum.
 const SHARE: usize = 32;
 const LEAST: usize = 64;
@@ -145,13 +168,15 @@ impl EasingTable {
         let left = EFFORT * series.points.len() + MORE;
         let mut search =
             Search { easings: self, series, least: axes(i32::min), most: axes(i32::max), left, suspect: 0 };
-        let ahead = before.and_then(|before| search.begins_ahead(before));
+        let free = before.map_or(Micros::ZERO, |(since, _)| since);
+        let ahead = before.and_then(|before| search.begins_ahead(0, before));
         let mut from = ahead.map_or(0, |found| found.last);
         let mut moves: Vec<FoundMove> = ahead.into_iter().collect();
         while let Some(point) = series.points.get(from) {
             // A move that ends after its last value delays the next one.
-            let at = moves.last().filter(|found| found.last == from).map_or(point.at, |found| found.to_at);
-            match search.longest(from, Begin { at, axes: point.axes, first: Some(from), led: from }) {
+            let at = point.at.max(moves.last().map_or(free, |found| found.to_at));
+            let at_once = search.longest(from, Begin { at, axes: point.axes, first: Some(from), led: from });
+            match search.later(from, at, at_once).or(at_once) {
                 Some(found) => {
                     moves.push(found);
                     from = found.last;
@@ -197,20 +222,33 @@ impl Search<'_> {
     /// The longest move that starts before the first changed value, at a time when nothing was
     /// sent: its first samples were not sent because they changed nothing, or they repeat the
     /// value.
-    fn begins_ahead(&mut self, (since, axes): (Micros, Axes)) -> Option<FoundMove> {
+    fn begins_ahead(&mut self, first: usize, (since, axes): (Micros, Axes)) -> Option<FoundMove> {
         let PointSeries { points, step, .. } = *self.series;
-        let still = points.iter().position(|point| !point.repeats)?;
+        let still = self.series.change(first)?;
         let change = points.get(still)?;
         let begins = (1..=AHEAD).map_while(|steps| change.at.checked_sub(step * steps));
         let begins = begins.take_while(|begin_at| *begin_at >= since);
         let moves = begins.filter_map(|at| {
-            let from = points.iter().position(|point| point.at > at)?;
+            let from = first + points.get(first..)?.iter().position(|point| point.at > at)?;
             self.longest(from, Begin { at, axes, first: None, led: still + 1 })
         });
         let moves: Vec<FoundMove> = moves.collect();
         let longest = moves.iter().map(|found| found.last).max()?;
         let long = moves.into_iter().filter(|found| found.last + spare(longest) >= longest);
         long.reduce(|best, found| if found.error < best.error { found } else { best })
+    }
+
+    /// A move that begins some time after a point, if it fits better than one that begins there.
+    fn later(&mut self, from: usize, at: Micros, at_once: Option<FoundMove>) -> Option<FoundMove> {
+        // The begins after a point include those after its repeats.
+        let point = self.series.points.get(from).filter(|point| !point.repeats)?;
+        let change = self.series.change(from + 1).and_then(|change| self.series.points.get(change))?;
+        let has_room = change.at > at + self.series.step;
+        let is_exact = at_once.is_some_and(|found| found.error <= 0.0);
+        let later =
+            if has_room && !is_exact { self.begins_ahead(from + 1, (at + Micros(1), point.axes)) } else { None }?;
+        let is_better = at_once.is_none_or(|found| later.last >= found.last && later.error < found.error / 2.0);
+        is_better.then_some(later)
     }
 
     /// The longest move from a start, over the points from `from` on.
@@ -228,19 +266,22 @@ impl Search<'_> {
                 break;
             }
             changes -= 1;
-            for to_at in self.series.ends(last, end.at).filter(|_| end.axes != begin.axes) {
+            let has_tail = self.series.ends(last, end.at).count() > 3;
+            for (to_at, must_match) in self.series.ends(last, end.at).filter(|_| end.axes != begin.axes) {
                 let range = from_points..last + 1;
                 let Some(plausible) = self.plausible(range.clone(), begin, (to_at, end.axes)) else { continue };
                 work += 1;
                 // With many points, a slightly later end makes little difference.
-                if range.len() > MANY && !plausible.contains(&true) {
+                if range.len() > MANY && !has_tail && !plausible.contains(&true) {
                     break;
                 }
                 if let Some((ease, error)) = self.fitting(range, begin, (to_at, end.axes), plausible, &mut work)
                     && best.is_none_or(|best| error < best.error / 2.0)
+                    && (!must_match || error <= 0.0)
                 {
-                    let Begin { at: from_at, axes: from, first, .. } = begin;
-                    best = Some(FoundMove { from_at, from, first, last, to_at, ease, error });
+                    let has_start = begin.first.is_some();
+                    let (from_at, first) = (begin.at, begin.first.unwrap_or(from));
+                    best = Some(FoundMove { from_at, from: begin.axes, first, has_start, last, to_at, ease, error });
                 }
             }
         }

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::curve::{Axes, Point};
+use super::layout::Line;
 use super::script_state::{Channel, ScriptState};
 use crate::board::{Board, Command, Frame, Hex, Needs, NotACommand, Skip};
 use crate::units::Micros;
 
-/// A drive that gets no frame for this time counts as stopped, as on the virtual board. What a real
-/// board does when frames stop arriving is unknown.
-const REFRESH_TIMEOUT: Micros = Micros::from_millis(500);
-/// The maximum interval between two values of a move, and between two changes.
-const GAP: Micros = Micros::from_millis(100);
+/// A drive that gets no frame for this time has a silence, which the script mentions. A drive that
+/// a program leaves on when it closes its port is stopped after this time.
+const SILENCE: Micros = Micros::from_millis(500);
+/// The maximum interval between two changes of a value in a move.
 pub(super) const STILL: Micros = Micros::from_millis(300);
 /// How many values that repeat the previous one may precede a move.
 const LEAD: usize = 64;
@@ -25,15 +25,49 @@ pub(super) enum Received {
     Command(Command),
     /// A valid frame that is not a command: its bytes, the raw frame that it is, and the reason.
     Unknown(Vec<u8>, Option<Command>, NotACommand),
-    /// Bytes outside of frames: the first of them, their number, and the reason.
-    Skipped(Vec<u8>, usize, Skip),
+    /// Bytes outside of frames.
+    Skipped(Skipped),
     Note(String),
+    /// The program closed its port.
+    Closed,
 }
 
-/// A line of the script; without a text if the item changes nothing.
+/// A run of bytes outside of frames.
+#[derive(Clone, Debug)]
+pub(super) struct Skipped {
+    /// The first of them, and their number.
+    first: Vec<u8>,
+    count: usize,
+    /// The reason for the first of them, and whether it applies to all.
+    why: Skip,
+    is_uniform: bool,
+}
+
+impl Skipped {
+    pub(super) fn new(bytes: &[u8], why: Skip) -> Self {
+        let mut skipped = Skipped { first: Vec::new(), count: 0, why, is_uniform: true };
+        skipped.extend(bytes, why);
+        skipped
+    }
+
+    pub(super) fn extend(&mut self, bytes: &[u8], why: Skip) {
+        self.first.extend(bytes.iter().take(SHOWN.saturating_sub(self.first.len())));
+        self.count += bytes.len();
+        self.is_uniform &= why == self.why;
+    }
+
+    fn words(&self) -> String {
+        let Skipped { first, count, why, is_uniform } = self;
+        let more = if *count > first.len() { " …" } else { "" };
+        let others = if *is_uniform { "" } else { ", and other reasons" };
+        format!("skipped {count}, {}{more}: {why}{others}", Hex(first))
+    }
+}
+
+/// A line of the script; `None` if the item changes nothing.
 pub(super) struct Row {
     pub(super) at: Micros,
-    pub(super) text: Option<String>,
+    pub(super) line: Option<Line>,
     effect: Effect,
 }
 
@@ -53,8 +87,7 @@ pub(super) struct Run {
     pub(super) points: Vec<Point>,
     /// The row of each point.
     pub(super) rows: Vec<usize>,
-    /// The times of the last value and of the last change.
-    received: Micros,
+    /// The time of the last change.
     changed: Micros,
     /// When something else takes over the channel.
     pub(super) until: Micros,
@@ -71,66 +104,91 @@ pub(super) fn rows(
 ) -> Vec<Row> {
     let mut rows = Vec::with_capacity(waiting.len());
     for (at, received) in waiting {
-        stop_refreshing(state, &mut rows, exact, *at);
-        let (text, effect) = row(state, received, exact, *at);
-        rows.push(Row { at: *at, text, effect });
+        if !exact {
+            stop_abandoned(state, &mut rows, *at);
+            silence(state, received, &mut rows, *at);
+        }
+        let (line, effect) = row(state, received, exact, *at);
+        rows.push(Row { at: *at, line, effect });
     }
-    stop_refreshing(state, &mut rows, exact, now);
+    if !exact {
+        stop_abandoned(state, &mut rows, now);
+    }
     // Stop refreshed resources at the end. The script would otherwise end at its last other line.
     if is_last && !exact {
         for (resource, refreshed, rest) in state.refreshed() {
-            let text = Some(format!("{}  # the recording ends here", state.board.show(&rest)));
-            rows.push(Row { at: now.max(refreshed + Micros::from_millis(1)), text, effect: Effect::Break });
+            rows.push(stop(state, now.max(refreshed + Micros::from_millis(1)), &rest, "the recording ends here"));
             state.stop_refreshing(resource);
         }
     }
     rows
 }
 
-/// Stops resources that get no more frames. The script would refresh them, but the program did not.
-fn stop_refreshing(state: &mut ScriptState, rows: &mut Vec<Row>, exact: bool, now: Micros) {
-    if exact {
-        return;
-    }
+/// A row that brings a resource to rest, which the program did not do.
+fn stop(state: &ScriptState, at: Micros, rest: &Command, why: &str) -> Row {
+    let line = Line::command(&state.board, at, rest.clone()).with_remark(why);
+    Row { at, line: Some(line), effect: Effect::Break }
+}
+
+/// Stops resources that were active when the program closed its port, unless it continues soon.
+fn stop_abandoned(state: &mut ScriptState, rows: &mut Vec<Row>, now: Micros) {
+    let Some(stopped) = state.closed.map(|closed| closed + SILENCE).filter(|stopped| *stopped < now) else { return };
     for (_, refreshed, rest) in state.refreshed() {
-        let stopped = refreshed + REFRESH_TIMEOUT;
-        if stopped < now {
-            let text = format!("{}  # no drive frame for {REFRESH_TIMEOUT}s", state.board.show(&rest));
-            rows.push(Row { at: stopped, text: Some(text), effect: Effect::Break });
+        if state.closed.is_some_and(|closed| refreshed <= closed) {
+            rows.push(stop(state, stopped, &rest, "the program has closed its port"));
             state.set(stopped, &rest);
         }
     }
 }
 
-fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) -> (Option<String>, Effect) {
+/// Mentions that an active resource got no frame for some time before this one. What a board does
+/// then is unknown, so the script keeps it active. A silence much longer than those before is
+/// mentioned again.
+fn silence(state: &mut ScriptState, received: &Received, rows: &mut Vec<Row>, at: Micros) {
+    let Received::Command(command) = received else { return };
+    let touched = state.board.touches(command);
+    let silent = state.refreshed().into_iter().filter(|(resource, ..)| touched.contains(resource));
+    let Some(longest) = silent.map(|(_, refreshed, _)| at - refreshed).max() else { return };
+    if longest > SILENCE && longest > state.longest_silence * 2 {
+        state.longest_silence = longest;
+        let words = format!(
+            "{at}s: no drive frame for {longest}s: what the board does then is unknown; this script keeps driving"
+        );
+        rows.push(Row { at, line: Some(Line::comment(at, words)), effect: Effect::Other });
+    }
+}
+
+fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) -> (Option<Line>, Effect) {
     let board = Arc::clone(&state.board);
+    let comment = |words: String| Some(Line::comment(at, format!("{at}s: {words}")));
+    let line = |command: &Command| Line::command(&board, at, command.clone());
     let command = match received {
-        Received::Note(words) => return (Some(format!("# {words}")), Effect::Break),
-        Received::Skipped(first, count, why) => {
-            let more = if *count > first.len() { " …" } else { "" };
-            return (Some(format!("# skipped {count}, {}{more}: {why}", Hex(first))), Effect::Other);
+        Received::Note(words) => return (comment(words.clone()), Effect::Break),
+        Received::Closed => {
+            state.closed = Some(at);
+            return (None, Effect::Break);
         }
+        Received::Skipped(skipped) => return (comment(skipped.words()), Effect::Other),
         Received::Unknown(frame, raw, why) => {
             return match raw.as_ref().filter(|_| exact || !matches!(why, NotACommand::OutOfRange(_))) {
-                None => (Some(format!("# left out, {}: {why}", Hex(frame))), Effect::Other),
+                None => (comment(format!("left out, {}: {why}", Hex(frame))), Effect::Other),
                 Some(raw) => {
                     state.raw(raw);
-                    (Some(format!("{}  # {why}", board.show(raw))), Effect::Break)
+                    (Some(line(raw).with_remark(&why.to_string())), Effect::Break)
                 }
             };
         }
         Received::Command(command) => command,
     };
-    let said = board.show(command).to_string();
     if let Some((channel, axes)) = Channel::of(&board, command) {
         let before = state.value(channel);
         let repeats = !exact && state.repeats(channel, axes);
         state.set(at, command);
-        return ((!repeats).then_some(said), Effect::Value(channel, axes, before, repeats));
+        return ((!repeats).then(|| line(command)), Effect::Value(channel, axes, before, repeats));
     }
     if board.is_opaque(command) {
         state.raw(command);
-        return (Some(said), Effect::Break);
+        return (Some(line(command)), Effect::Break);
     }
     let occupied = board.occupies(command);
     if board.is_passing(command) {
@@ -144,17 +202,17 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
         {
             // The script must satisfy the precondition first, so send the frame as `raw`.
             state.has_raw = true;
-            let raw = board.show(&raw);
-            return (Some(format!("{raw}  # {said}, with no `{}` before it", needs.what)), Effect::Break);
+            let why = format!("{}, with no `{}` before it", board.show(command), needs.what);
+            return (Some(line(&raw).with_remark(&why)), Effect::Break);
         }
-        return (Some(said), Effect::Break);
+        return (Some(line(command)), Effect::Break);
     }
     let has_rest = |resource: &usize| board.rest(*resource).is_some() && state.command(*resource) == Some(command);
     if !exact && occupied.iter().any(has_rest) {
         return (None, Effect::Other);
     }
     state.set(at, command);
-    (Some(said), Effect::Other)
+    (Some(line(command)), Effect::Other)
 }
 
 /// Ends a run: something else moves its channel from this time on.
@@ -192,11 +250,10 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
         repeats_of.retain(|other, _| *other == channel || !other.meets(board, channel));
         let point = Point { at: *at, axes, repeats };
         let run = open.get(&channel).and_then(|run| runs.get_mut(*run));
-        let continues = |run: &&mut Run| *at <= run.received + GAP && *at <= run.changed + STILL;
+        let continues = |run: &&mut Run| *at <= run.changed + STILL;
         if let Some(run) = run.filter(continues) {
             run.points.push(point);
             run.rows.push(place);
-            run.received = *at;
             run.changed = if repeats { run.changed } else { *at };
             continue;
         }
@@ -218,7 +275,7 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
         let far = lead.len().saturating_sub(LEAD);
         let (rows, points) = lead.into_iter().skip(far).chain([(place, point)]).unzip();
         open.insert(channel, runs.len());
-        runs.push(Run { channel, before, points, rows, received: *at, changed: *at, until: Micros::MAX });
+        runs.push(Run { channel, before, points, rows, changed: *at, until: Micros::MAX });
     }
     runs
 }

@@ -18,6 +18,10 @@ pub(super) struct ScriptState {
     /// Whether the script contains a frame that is not interpreted, so that it ends by bringing
     /// everything to rest.
     pub(super) has_raw: bool,
+    /// When the program last closed its port.
+    pub(super) closed: Option<Micros>,
+    /// The longest silence of an active resource that the script mentions.
+    pub(super) longest_silence: Micros,
 }
 
 /// The last command of a resource.
@@ -49,7 +53,8 @@ pub(super) struct Channel {
 impl ScriptState {
     pub(super) fn new(board: Arc<Board>) -> Self {
         let count = board.resources.len();
-        ScriptState { board, last: vec![None; count], refreshed: vec![None; count], has_raw: false }
+        let (last, refreshed) = (vec![None; count], vec![None; count]);
+        ScriptState { board, last, refreshed, has_raw: false, closed: None, longest_silence: Micros::ZERO }
     }
 
     fn last(&self, resource: ResourceId) -> Option<&LastCommand> {
@@ -161,7 +166,7 @@ impl Channel {
     }
 
     /// The resources of the channel.
-    fn resources(self, board: &Board) -> &[ResourceId] {
+    pub(super) fn resources(self, board: &Board) -> &[ResourceId] {
         board.occupied(self.verb, self.index)
     }
 
@@ -203,6 +208,10 @@ impl Channel {
             let of = |axes: Axes| axes.get(at).copied().unwrap_or_default();
             let name = if axis.name.is_empty() { String::new() } else { format!("{}=", axis.name) };
             let is_said = written.is_some_and(|written| of(written) == of(from));
+            // A value without a name cannot be omitted.
+            if is_said && !name.is_empty() && of(from) == 0 && of(to) == 0 {
+                continue;
+            }
             let start = if is_said { String::new() } else { format!("{} -> ", of(from)) };
             let _ = write!(text, " {name}{start}{}", of(to));
         }

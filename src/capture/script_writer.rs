@@ -4,8 +4,10 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use super::curve::MoveLimits;
+use super::layout::{Layout, Line, duration};
 use super::move_search::{EasingTable, PointSeries};
-use super::rows::{Received, Row, Run, SHOWN, STILL, of_frame, rows, runs};
+use super::rows::{Received, Row, Run, STILL, Skipped, of_frame, rows, runs};
+use super::script_clock::ScriptClock;
 use super::script_state::{Channel, ScriptState};
 use crate::board::{Board, Command, DefaultLimit, Item};
 use crate::program::Ease;
@@ -21,18 +23,22 @@ const WAITING: usize = 2048;
 /// Converts frames and their times to a script. Settled text does not change: the script only
 /// grows.
 ///
-/// In exact mode, every frame is a line. Otherwise, repeats that a hold covers are left out, and a
-/// run of values that follows an easing is one line.
+/// In exact mode, every frame is sent at its time. Otherwise, times are rounded to milliseconds,
+/// repeats that a hold covers are left out, a command and its end are one line, and a run of values
+/// that follows an easing is one line.
 pub struct ScriptWriter {
     exact: bool,
     easings: EasingTable,
-    text: String,
-    /// The time of the first frame, which is time 0 of the script.
-    begin: Option<Micros>,
+    /// The header, until it is settled.
+    header: String,
+    clock: ScriptClock,
+    layout: Layout,
     waiting: Vec<(Micros, Received)>,
+    /// The last run of bytes outside of frames, with its time.
+    skipped: Option<(Micros, Skipped)>,
     state: ScriptState,
     frames: u64,
-    /// The time of the last line, in the time of the stream.
+    /// The time of the last line.
     settled: Micros,
     bounds: Bounds,
     /// Whether the line may be too slow for the samples of moves.
@@ -59,7 +65,7 @@ impl Bounds {
             let name = board.limited_name(limit.limited);
             let mut letters = name.chars();
             let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
-            format!(" {first}{} is at most {}.", letters.as_str(), limit.range.1)
+            format!(" {first}{} is at most {}", letters.as_str(), limit.range.1)
         };
         let line = |limit: &DefaultLimit| {
             let (least, most) = board.range(limit.limited).unwrap_or(limit.range);
@@ -67,9 +73,6 @@ impl Bounds {
         };
         let mut note: String = board.limits.iter().map(note).collect();
         let mut lines: String = board.limits.iter().map(line).collect();
-        if !lines.is_empty() {
-            lines.push('\n');
-        }
         let length = note.len().max(lines.len());
         note.extend(std::iter::repeat_n(' ', length - note.len()));
         lines.extend(std::iter::repeat_n('\n', length - lines.len()));
@@ -83,21 +86,24 @@ impl ScriptWriter {
     pub fn new(board: Arc<Board>, exact: bool, baud: u32) -> Self {
         let mut text = format!("# Recorded by motionseq {}", env!("CARGO_PKG_VERSION"));
         text += if exact {
-            ": every frame, unchanged."
+            ": every frame at its time."
         } else {
-            ". Repeats that a hold covers are left out; values that follow an easing are one move."
+            ". Repeated commands are left out, and values that follow an easing are one move."
         };
         let bounds = Bounds::new(&board, text.len());
         text = text + &bounds.note + if exact { "\nrefresh off\n" } else { "\n" };
         if baud != board.baud {
             let _ = writeln!(text, "baud {baud}");
         }
+        text.push('\n');
         ScriptWriter {
             exact,
             easings: EasingTable::new(),
-            text,
-            begin: None,
+            header: text,
+            clock: ScriptClock::new(Arc::clone(&board), exact, baud),
+            layout: Layout::new(Arc::clone(&board), exact),
             waiting: Vec::new(),
+            skipped: None,
             state: ScriptState::new(board),
             frames: 0,
             settled: Micros::ZERO,
@@ -120,7 +126,7 @@ impl ScriptWriter {
         if *is_settled {
             self.bounds.is_amended = true;
         } else {
-            self.text.replace_range(*at..*at + note.len(), lines);
+            self.header.replace_range(*at..*at + note.len(), lines);
         }
     }
 
@@ -132,29 +138,23 @@ impl ScriptWriter {
 
     /// Adds an item of a decoder with its start time. Times must not decrease.
     pub fn take(&mut self, at: Micros, item: Item<'_>) {
-        let received = match item {
+        match item {
             Item::Frame(frame) => {
                 self.frames += 1;
                 let received = of_frame(&self.state.board, frame);
                 if matches!(&received, Received::Command(command) if self.is_beyond(command)) {
                     self.widen();
                 }
-                received
+                let at = self.clock.frame(at, frame.bytes());
+                self.push(at, received);
             }
             // They are part of a stop and have no meaning on their own.
-            Item::Skipped { why, .. } if !why.is_wrong() => return,
-            Item::Skipped { bytes, why, .. } => {
-                if let Some((_, Received::Skipped(first, count, last))) = self.waiting.last_mut()
-                    && *last == why
-                {
-                    *count += bytes.len();
-                    first.extend(bytes.iter().take(SHOWN.saturating_sub(first.len())));
-                    return;
-                }
-                Received::Skipped(bytes.iter().take(SHOWN).copied().collect(), bytes.len(), why)
-            }
-        };
-        self.push(at, received);
+            Item::Skipped { why, .. } if !why.is_wrong() => {}
+            Item::Skipped { bytes, why, .. } => match &mut self.skipped {
+                Some((_, skipped)) => skipped.extend(bytes, why),
+                None => self.skipped = Some((self.clock.time(at), Skipped::new(bytes, why))),
+            },
+        }
     }
 
     /// Whether a command exceeds a default limit.
@@ -166,24 +166,29 @@ impl ScriptWriter {
         })
     }
 
-    /// Adds a comment.
-    pub fn note(&mut self, at: Micros, words: &str) {
-        self.push(at, Received::Note(words.to_owned()));
+    /// A program opened the port, after another one has closed it.
+    pub fn reopened(&mut self, at: Micros) {
+        let at = self.clock.time(at);
+        self.push(at, Received::Note("a program opened the port again".to_owned()));
+    }
+
+    /// The program closed the port.
+    pub fn closed(&mut self, at: Micros) {
+        let at = self.clock.time(at);
+        self.push(at, Received::Closed);
     }
 
     fn push(&mut self, at: Micros, received: Received) {
-        let is_frame = matches!(received, Received::Command(_) | Received::Unknown(..));
-        if is_frame {
-            self.begin.get_or_insert(at);
-        }
+        self.waiting.extend(self.skipped.take().map(|(at, skipped)| (at, Received::Skipped(skipped))));
         self.waiting.push((at, received));
         if self.waiting.len() >= WAITING {
-            self.write_waiting(WAITING, at, false);
+            self.write_waiting(self.waiting.len(), at, false);
         }
     }
 
     /// Writes everything that cannot change any more at this time.
     pub fn settle(&mut self, now: Micros) {
+        let now = self.clock.time(now);
         // Wait for values that may belong to a move, and for frames that may be the end.
         let moves = |(at, received): &(Micros, Received)| {
             let is_channel =
@@ -200,30 +205,31 @@ impl ScriptWriter {
     /// The text that was settled since the last call.
     pub fn settled(&mut self) -> String {
         self.bounds.is_settled = true;
-        std::mem::take(&mut self.text)
+        std::mem::take(&mut self.header) + &self.layout.take_text()
     }
 
     /// The rest of the script as plain lines, as if it ended here.
     pub fn tail(&self) -> String {
-        let mut text = String::new();
-        let now = self.waiting.last().map_or(self.settled, |(at, _)| *at);
-        let rows = rows(&mut self.state.clone(), &self.waiting, self.exact, now, true);
-        self.print(rows.into_iter().filter_map(|row| Some((row.at, row.text?))), &mut text);
-        text
+        let skipped = self.skipped.clone().map(|(at, skipped)| (at, Received::Skipped(skipped)));
+        let waiting: Vec<_> = self.waiting.iter().cloned().chain(skipped).collect();
+        let now = waiting.last().map_or(self.settled, |(at, _)| *at);
+        let rows = rows(&mut self.state.clone(), &waiting, self.exact, now, true);
+        let mut layout = self.layout.clone();
+        layout.add(rows.into_iter().filter_map(|row| row.line).collect(), true);
+        layout.take_text()
     }
 
     /// Ends the script at a time.
     pub fn finish(&mut self, now: Micros) {
+        let now = self.clock.time(now);
+        self.waiting.extend(self.skipped.take().map(|(at, skipped)| (at, Received::Skipped(skipped))));
         if self.exact {
             self.write_waiting(self.waiting.len() - self.closing(), now, false);
         }
         // A script with `raw` sends both at its end by itself.
         if let (true, true, Some((at, _))) = (self.exact, self.state.has_raw, self.waiting.first()) {
-            let end = [(*at, "mark end".to_owned())];
+            self.layout.wait_until(*at);
             self.waiting.clear();
-            let mut text = std::mem::take(&mut self.text);
-            self.print(end.into_iter(), &mut text);
-            self.text = text;
         }
         self.write_waiting(self.waiting.len(), now, true);
     }
@@ -231,6 +237,11 @@ impl ScriptWriter {
     /// The number of frames so far.
     pub fn frames(&self) -> u64 {
         self.frames
+    }
+
+    /// The number of settled lines that send them.
+    pub fn lines(&self) -> u64 {
+        self.layout.count
     }
 
     /// The number of last frames that bring everything to rest, or everything that is refreshed.
@@ -261,7 +272,7 @@ impl ScriptWriter {
             let mut ended: Vec<(Channel, Micros)> = Vec::new();
             let board = Arc::clone(&self.state.board);
             for mut run in runs(&board, &rows) {
-                run.until = run.until.min(now);
+                run.until = if is_last { run.until } else { run.until.min(now) };
                 let busy = ended.iter().filter(|(channel, _)| channel.meets(&board, run.channel)).map(|(_, at)| *at);
                 let free = busy.chain([self.settled]).max().unwrap_or_default();
                 ended.extend(self.write_moves(&run, free, &mut rows, &mut moves).map(|at| (run.channel, at)));
@@ -269,23 +280,15 @@ impl ScriptWriter {
             settled = ended.iter().map(|(_, at)| *at).max().unwrap_or_default();
         }
         self.settled = rows.iter().map(|row| row.at).chain([self.settled, settled]).max().unwrap_or_default();
-        let lines = rows.into_iter().enumerate().filter_map(|(place, row)| Some((row.at, place, row.text?)));
+        let lines = rows.into_iter().enumerate().filter_map(|(place, row)| Some((place, row.line?)));
         let mut lines: Vec<_> = lines.chain(moves).collect();
-        lines.sort_by_key(|(at, place, _)| (*at, *place));
-        let mut text = std::mem::take(&mut self.text);
-        self.print(lines.into_iter().map(|(at, _, text)| (at, text)), &mut text);
-        self.text = text;
+        lines.sort_by_key(|(place, line)| (line.at, *place));
+        self.layout.add(lines.into_iter().map(|(_, line)| line).collect(), is_last);
     }
 
-    /// Removes the rows that moves replace, and adds the lines of the moves, each with its time and
-    /// the row whose place it takes. No move starts before `free`. Returns when the last move ends.
-    fn write_moves(
-        &self,
-        run: &Run,
-        free: Micros,
-        rows: &mut [Row],
-        lines: &mut Vec<(Micros, usize, String)>,
-    ) -> Option<Micros> {
+    /// Removes the rows that moves replace, and adds the lines of the moves, each with the row whose
+    /// place it takes. No move starts before `free`. Returns when the last move ends.
+    fn write_moves(&self, run: &Run, free: Micros, rows: &mut [Row], lines: &mut Vec<(usize, Line)>) -> Option<Micros> {
         let before = run.before.map(|(since, axes)| (since.max(free), axes));
         let board = &self.state.board;
         let limits =
@@ -294,41 +297,29 @@ impl ScriptWriter {
         let ends = found.last().map(|one| one.to_at);
         let mut ended = None;
         for one in found {
-            let covered = one.first.unwrap_or(0)..=one.last;
-            let said = match one.first {
-                None => Some(one.from),
-                Some(first) if ended == Some(first) => Some(one.from),
-                Some(0) => run.before.map(|(_, axes)| axes),
-                Some(first) => run.points.get(first - 1).map(|point| point.axes),
+            let covered = one.first..=one.last;
+            let said = match one.first.checked_sub(1) {
+                _ if !one.has_start || ended == Some(one.first) => Some(one.from),
+                None => run.before.map(|(_, axes)| axes),
+                Some(before) => run.points.get(before).map(|point| point.axes),
             };
             let (Some(end), Some(place)) = (run.points.get(one.last), run.rows.get(*covered.start())) else {
                 continue;
             };
             for row in run.rows.get(covered).unwrap_or_default() {
                 if let Some(row) = rows.get_mut(*row) {
-                    row.text = None;
+                    row.line = None;
                 }
             }
+            let lasts = one.to_at - one.from_at;
             let mut text = run.channel.moved(board, said, one.from, end.axes);
-            let _ = write!(text, " over {}s", one.to_at - one.from_at);
+            let _ = write!(text, " over {}", duration(lasts));
             if one.ease != Ease::LINEAR {
                 let _ = write!(text, " ease {}", one.ease.name());
             }
-            lines.push((one.from_at, *place, text));
+            lines.push((*place, Line::moving(run.channel, one.from_at, lasts, text)));
             ended = Some(one.last);
         }
         ends
-    }
-
-    /// Writes lines with their times. A comment is a line of its own.
-    fn print(&self, lines: impl Iterator<Item = (Micros, String)>, text: &mut String) {
-        let begin = self.begin.unwrap_or_default();
-        for (at, line) in lines {
-            let at = at - begin;
-            let _ = match line.strip_prefix("# ") {
-                Some(comment) => writeln!(text, "# {at}s: {comment}"),
-                None => writeln!(text, "at {at}s {line}"),
-            };
-        }
     }
 }

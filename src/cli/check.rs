@@ -105,8 +105,11 @@ impl Check {
             let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
                 Some(timeline) if !denied => {
-                    let frames = plural(timeline.events.len(), "frame");
-                    screen.note(&format!("{}: ok, {frames} in {:.3} s", sources.main().name(), timeline.end));
+                    let sends = match timeline.events.len() {
+                        0 => "sends nothing".to_owned(),
+                        count => format!("{} in {:.3} s", plural(count, "frame"), timeline.end),
+                    };
+                    screen.note(&format!("{}: ok, {sends}", sources.main().name()));
                     if screen.is_verbose() {
                         for line in load(&timeline, &sources) {
                             screen.note(&line);

@@ -10,6 +10,7 @@ use motionseq::capture::{self, DecodeError, Decoded, Timing, decode, to_script};
 
 use motionseq::board::Board;
 use motionseq::source::{Disk, Files as _};
+use motionseq::units::{Micros, NotATime};
 
 use super::Reading;
 use super::atomic_file::AtomicFile;
@@ -20,7 +21,7 @@ use super::screen::{Screen, plural};
 /// Decode a stream of bytes into a listing or a script
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion   # write a script\n\nThe input is binary or hex: plain, with 0x, a listing of `render`, JSON lines, xxd, hexdump -C, or a log such as\n`(0.500) ttyUSB0 FF FE ...` or `(0.500) can0 123#FFFE...`.\nEach output line has the time in seconds, or the position of the first byte if no times are known; then the bytes and the command.\nBytes that are not part of a frame are shown and skipped; they do not change the exit code.\nIf no times are known, the script sends the frames as fast as the serial line can carry them."
+    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion   # write a script\n  motionseq decode frames.txt --every 20ms -o run.motion      # one frame every 20 ms\n\nThe input is binary or hex: plain, with 0x, a listing of `render`, JSON lines, xxd, hexdump -C, or a log such as\n`(0.500) ttyUSB0 FF FE ...` or `(0.500) can0 123#FFFE...`.\nEach output line has the time in seconds, or the position of the first byte if no times are known; then the bytes and the command.\nBytes that are not part of a frame are shown and skipped; they do not change the exit code.\nIf no times are known, the script sends the frames as fast as the serial line can carry them, or at the interval of --every."
 )]
 pub(super) struct Decode {
     /// Binary or hex file to read, or `-` for standard input
@@ -35,6 +36,9 @@ pub(super) struct Decode {
     /// Bit rate of the serial line, used for a script [default: 115200, or as the snapshot says]
     #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: Option<u32>,
+    /// Time between two frames of a script, 1ms to 10s, if the input has no times [default: as fast as the line]
+    #[arg(long, value_name = "TIME", value_parser = every, conflicts_with = "timing")]
+    every: Option<Micros>,
     /// Keep every frame in the script; do not merge frames into moves and holds
     #[arg(long)]
     exact: bool,
@@ -48,7 +52,7 @@ impl Decode {
     /// Writes the listing or the script, and a summary of the stream.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let is_script = self.output.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "motion"));
-        let for_scripts = [(self.exact, "--exact"), (self.baud.is_some(), "--baud")];
+        let for_scripts = [(self.exact, "--exact"), (self.baud.is_some(), "--baud"), (self.every.is_some(), "--every")];
         if let Some((_, option)) = for_scripts.iter().find(|(is_set, _)| *is_set && !is_script) {
             screen.error(&format!("`{option}` needs a script as output: add `-o NAME.motion`"));
             return Exit::Usage;
@@ -76,8 +80,8 @@ impl Decode {
             Some(file) => Box::new(file),
         };
         let board = self.reading.board();
-        let reading =
-            capture::Reading::default().with_timing(timing).with_baud(self.baud).with_board(Arc::clone(&board));
+        let reading = capture::Reading::default().with_timing(timing).with_baud(self.baud);
+        let reading = reading.with_every(self.every).with_board(Arc::clone(&board));
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let decoded =
             if is_script { to_script(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
@@ -90,8 +94,12 @@ impl Decode {
                 if decoded.ambiguous > 0 {
                     screen.note(&doubt(&board));
                 }
-                if is_script && !decoded.is_timed {
-                    screen.note("no times in the input: the script sends the frames as fast as the line carries them");
+                match (decoded.is_timed, self.every) {
+                    (false, None) if is_script && decoded.frames > 0 => screen.note(
+                        "no times in the input: the script sends the frames as fast as the line carries them; `--every 20ms` sets their interval",
+                    ),
+                    (true, Some(_)) => screen.note("the input has times, so `--every` has no effect"),
+                    _ => {}
                 }
                 output::exit(flushed, self.output.as_deref(), screen)
             }
@@ -122,6 +130,13 @@ impl Decode {
         screen.error(&format!("cannot read {}: {error}", name.display()));
         Exit::Script
     }
+}
+
+/// Reads the time between two frames.
+fn every(text: &str) -> Result<Micros, String> {
+    let time: Micros = text.parse().map_err(|error: NotATime| error.to_string())?;
+    let is_fine = (Micros::from_millis(1)..=Micros::from_millis(10_000)).contains(&time);
+    is_fine.then_some(time).ok_or_else(|| "write a time from 1ms to 10s, such as 20ms".to_owned())
 }
 
 fn summary(decoded: Decoded, screen: &Screen) {

@@ -29,7 +29,7 @@ use super::watcher::Watcher;
 /// Record what another program sends to its board, and write it as a script
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends the recording. The file is updated every half second. Time 0 of the script is the first frame.\nRepeated commands to the drive, a servo or the buzzer are left out. Values that follow an easing, within 5 us for servos\nand 1 for the drive, become one line with `over`. --exact keeps every frame."
+    after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends the recording. The file is updated every half second. Time 0 of the script is the first frame.\nTimes are relative and rounded to a millisecond; a mark follows each pause of more than a second. Repeated commands to the\ndrive, a servo or the buzzer are left out, and a command and its end become one line with `for`. Values that follow an\neasing, within 5 us for servos and 1 for the drive, become one line with `over`. --exact keeps every frame at its time."
 )]
 pub(super) struct Record {
     /// Create a symbolic link at this path, which the program opens as its port; the link is removed at the end

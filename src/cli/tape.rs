@@ -54,7 +54,8 @@ impl Tape {
             // The start of a pipe cannot be amended later.
             scribe.widen();
         }
-        let writer = Writer { scribe, out, lines: 0, screen, now: Micros::ZERO, begin: None, failed: None };
+        let (now, begin) = (Micros::ZERO, None);
+        let writer = Writer { scribe, out, screen, now, begin, was_closed: false, failed: None };
         Worker::start("tape", ROOM, |events| writer.run(events)).map(Tape)
     }
 
@@ -79,11 +80,12 @@ impl Tape {
 struct Writer {
     scribe: ScriptWriter,
     out: GrowingFile,
-    lines: u64,
     screen: Screen,
     now: Micros,
     /// The time of the first frame.
     begin: Option<Micros>,
+    /// Whether a program has closed the port.
+    was_closed: bool,
     failed: Option<String>,
 }
 
@@ -105,7 +107,7 @@ impl Writer {
         }
         self.scribe.finish(self.now);
         let failed = self.write("");
-        Kept { frames: self.scribe.frames(), lines: self.lines, failed: self.failed.or(failed) }
+        Kept { frames: self.scribe.frames(), lines: self.scribe.lines(), failed: self.failed.or(failed) }
     }
 
     fn take(&mut self, now: Micros, event: &Event) {
@@ -124,8 +126,11 @@ impl Writer {
         let scribe = &mut self.scribe;
         match event {
             Event::Came(items) => items.iter().for_each(|(at, item)| scribe.take(*at, item.item())),
-            Event::Opened => scribe.note(now, "a program has opened the port"),
-            Event::Closed => scribe.note(now, "the program has closed the port"),
+            Event::Opened if self.was_closed => scribe.reopened(now),
+            Event::Closed => {
+                self.was_closed = true;
+                scribe.closed(now);
+            }
             _ => {}
         }
     }
@@ -133,7 +138,6 @@ impl Writer {
     /// Updates the file. A failed write is tried again the next time.
     fn write(&mut self, tail: &str) -> Option<String> {
         let settled = self.scribe.settled();
-        self.lines += settled.lines().filter(|line| line.starts_with("at ")).count() as u64;
         if let Some((at, text)) = self.scribe.amendment() {
             self.out.amend(at as u64, text.as_bytes());
         }

@@ -120,10 +120,10 @@ codes! {
         "servo 1 1500\n"
 
     // syntax
-    EmptyScript "empty-script" Error "The script does nothing."
-        "A script without any command, setting, `def` or `let` is most likely a file that was not saved or has lost its content."
-        "# to be done\n"
-        "servo 1 1500\n"
+    EmptyScript "empty-script" Warning "The script sends nothing."
+        "A script that contains only comments and settings is most likely a file that was not saved or has lost its content. It is valid: a recording without any frames is such a script."
+        "rate 50hz  # to be done\n"
+        "rate 50hz\nservo 1 1500\n"
 
     Unclosed "unclosed" Error "A bracket or a quotation mark is opened and never closed."
         r#"Each `(`, `{` and `"` needs a closing partner. The error points at the opening one."#

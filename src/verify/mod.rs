@@ -119,7 +119,7 @@ impl Status {
         match self {
             Status::Same => "ok",
             Status::Blessed => "blessed",
-            Status::Phrases => "ok, phrases only",
+            Status::Phrases => "ok, sends nothing",
             Status::ExpectedError => "ok, fails as expected",
             Status::Differs => "differs from its snapshot",
             Status::NoSnapshot => "has no snapshot",

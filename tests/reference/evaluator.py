@@ -184,8 +184,6 @@ class Evaluator:
         place = Place(Scope(), Fraction(0), Fraction(1, 2), 4)
         while lines and lines[0].items[0].kind == "setting":
             self.at_line(lines[0].line, self.setting, lines.pop(0).items[0], place)
-        if not lines:
-            raise Refused("empty-script")
         self.check_calls(lines)
         _, end = self.lines(lines, place, Fraction(0))
         return end

@@ -80,6 +80,9 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
             screen.note(&format!("on abort: {}", cue.text));
         }
     }
+    if timeline.events.is_empty() {
+        screen.note("the script sends nothing");
+    }
     let dropped = if *dropped == 0 { String::new() } else { format!(", {dropped} dropped") };
     let extra = match *extra {
         0 => String::new(),

@@ -143,10 +143,10 @@ impl<'s> Walker<'s, '_> {
                 help: "write it in another way, and report this error");
         }
         if !frame.begun && !self.eval.diagnostics.has_errors() {
-            report!(self.eval, EmptyScript, Span::new(0, 0), "the script does nothing";
+            report!(self.eval, EmptyScript, Span::new(0, 0), "the script sends nothing";
                 help: "write a command, such as `servo 1 1500`");
         }
-        // A script that does nothing is a file of phrases. Lines that were not run because of an error may use a name.
+        // A script that sends nothing is a file of phrases. Lines that were not run because of an error may use a name.
         let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
         if !is_phrases && !self.eval.diagnostics.has_errors() {
             lints::unused::check(&mut self.eval);
