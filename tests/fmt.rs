@@ -32,10 +32,15 @@ fn meaning(source: Source) -> String {
             format!("{frames:?} {said:?} {}", timeline.end)
         }
         None => {
-            // Formatting may move the line that a message names.
-            let message = |text: &str| match text.split_once(" on line ") {
-                Some((before, after)) => format!("{before}{}", after.trim_start_matches(|c: char| c.is_ascii_digit())),
-                None => text.to_owned(),
+            // Formatting may move the line that a message names, and change the spaces of one that it quotes.
+            let message = |text: &str| {
+                let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+                match text.split_once(" on line ") {
+                    Some((before, after)) => {
+                        format!("{before}{}", after.trim_start_matches(|c: char| c.is_ascii_digit()))
+                    }
+                    None => text,
+                }
             };
             let errors = compiled.diagnostics.iter().map(|error| format!("{} {}", error.code, message(&error.message)));
             errors.collect::<Vec<_>>().join("\n")
