@@ -508,7 +508,7 @@ fn a_silence_of_the_program_is_not_a_stop() {
         lines(&text),
         [
             "rocker x=5 for 0.8s",
-            "# 0.605s: no drive frame for 0.505s: what the board does then is unknown; this script keeps driving",
+            "# no drive frame for 0.505s before this line: what the board does then is unknown; this script keeps driving",
         ],
         "{text}"
     );
@@ -518,7 +518,7 @@ fn a_silence_of_the_program_is_not_a_stop() {
         lines(&text),
         [
             "rocker x=5 for 1.2s",
-            "# 1.2s: no drive frame for 1.2s: what the board does then is unknown; this script keeps driving",
+            "# no drive frame for 1.2s before this line: what the board does then is unknown; this script keeps driving",
             "wait 0.8s",
             "rocker x=5 for 1.25s",
         ],
@@ -534,7 +534,7 @@ fn a_silence_of_the_program_is_not_a_stop() {
             "mark part_2",
             "servo 1 1500",
             "wait 402ms",
-            "# 3.4s: no drive frame for 3.4s: what the board does then is unknown; this script keeps driving",
+            "# no drive frame for 3.4s before this line: what the board does then is unknown; this script keeps driving",
             "stop  # the recording ends here",
         ],
         "{text}"

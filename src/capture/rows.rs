@@ -152,7 +152,7 @@ fn silence(state: &mut ScriptState, received: &Received, rows: &mut Vec<Row>, at
     if longest > SILENCE && longest > state.longest_silence * 2 {
         state.longest_silence = longest;
         let words = format!(
-            "{at}s: no drive frame for {longest}s: what the board does then is unknown; this script keeps driving"
+            "no drive frame for {longest}s before this line: what the board does then is unknown; this script keeps driving"
         );
         rows.push(Row { at, line: Some(Line::comment(at, words)), effect: Effect::Other });
     }

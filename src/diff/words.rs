@@ -183,16 +183,25 @@ fn between(from: &[String], to: &[String]) -> String {
     if from.len() != to.len() || from.first() != to.first() {
         return format!("{} -> {}", whole(from), whole(to));
     }
-    let pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_always_shown(new));
-    let words = pairs.map(|(old, new)| {
+    let change = |(old, new): (&String, &String)| {
         let (word, value) = new.split_once(' ').unwrap_or(("", new));
         match old.split_once(' ') {
             _ if old == new => new.clone(),
             Some((same, was)) if same == word => format!("{word} {was} -> {value}"),
             _ => format!("{old} -> {new}"),
         }
-    });
-    words.collect::<Vec<_>>().join(" ")
+    };
+    let mut pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_always_shown(new));
+    let verb = pairs.next().map(change);
+    let (values, others): (Vec<_>, Vec<_>) = pairs.partition(|(old, new)| !old.contains(' ') && !new.contains(' '));
+    // Several new values are shown together: `wheels 4 4 -4 -4 -> 2 2 -2 -2`.
+    let values = if values.iter().filter(|(old, new)| old != new).count() > 1 {
+        let (old, new): (Vec<&str>, Vec<&str>) = values.iter().map(|(old, new)| (old.as_str(), new.as_str())).unzip();
+        vec![format!("{} -> {}", old.join(" "), new.join(" "))]
+    } else {
+        values.into_iter().map(change).collect()
+    };
+    verb.into_iter().chain(values).chain(others.into_iter().map(change)).collect::<Vec<_>>().join(" ")
 }
 
 /// Seconds with three decimals, or with six if needed.
