@@ -177,8 +177,11 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// The options of commands that other programs start often.
-const FREQUENT: [(&str, fn(clap::Command) -> clap::Command); 5] = [
+/// Adds the options of a command.
+type AddOptions = fn(clap::Command) -> clap::Command;
+
+/// Commands that other programs start often.
+const FREQUENT: [(&str, AddOptions); 5] = [
     ("check", check::Check::augment_args),
     ("render", render::Render::augment_args),
     ("play", play::Play::augment_args),
