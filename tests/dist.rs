@@ -65,6 +65,11 @@ fn the_action_installs_an_archive_with_the_right_sum() {
     assert!(Path::new(path.trim()).join("motionseq").is_file());
     let wrong = step("install", repository, &[("ARCHIVE", "a.tar.gz"), ("SHA256", &"0".repeat(64))]);
     assert_eq!((code(&wrong), stdout(&wrong).contains("::error title=motionseq::a.tar.gz has the sum")), (1, true));
+    // Without an archive, a program from the cache is taken as it is.
+    let cached = step("install", repository, &[]);
+    assert_eq!((code(&cached), stdout(&cached).starts_with("motionseq ")), (0, true), "{}", stderr(&cached));
+    let key = stdout(&step("key", repository, &[]));
+    assert!(key.trim().strip_prefix("key=").is_some_and(|sum| sum.len() == 64), "{key}");
     let absent = step("install", repository, &[("ARCHIVE", "b.tar.gz")]);
     assert_eq!((code(&absent), stdout(&absent).contains("::error title=motionseq::there is no archive")), (1, true));
 }
