@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::process::{Command, Output, Stdio};
 
-use crate::support::{Scratch, code, motionseq, run, stderr, stdout};
+use crate::support::{Scratch, code, motionseq, run, script, stderr, stdout};
 
 /// Runs the program with at most 128 MiB of memory.
 fn run_small(args: &[&str]) -> Output {
@@ -353,4 +353,13 @@ fn commands_that_must_end_offer_no_endless_loop() {
         assert!(code(&output) == 2 && !stderr(&output).contains("forever"), "{}", stderr(&output));
     }
     assert!(stdout(&run(&["play", "--help"])).contains("forever"));
+}
+
+#[test]
+fn a_closing_frame_names_the_first_raw_frame_in_time() {
+    // The raw frame of line 1 is sent with the last sample of the move, and after that of line 3.
+    let path = script("closing", "at 0.6s raw 3 0\nat 0.3s yawhold x=0 -> 13 y=0 -> 0 over 300ms\nat 0.5s raw 2 1\n");
+    let frames = stdout(&run(&["render", "--format", "jsonl", &path]));
+    let last = frames.lines().last().unwrap();
+    assert!(last.contains("\"kind\":\"closing\"") && last.contains("\"line\":3"), "{last}");
 }

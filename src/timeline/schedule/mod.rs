@@ -122,7 +122,7 @@ struct Scheduler<'d> {
     /// The remaining budget of samples, sent or not.
     samples_left: u64,
     /// The first raw frame.
-    raw: Option<Origin>,
+    raw: Option<(Time, Origin)>,
     /// Whether the limit of events was reached.
     full: bool,
     diagnostics: &'d mut Diagnostics,
@@ -283,8 +283,9 @@ impl<'d> Scheduler<'d> {
                 *last = from;
             }
         }
-        if is_opaque {
-            self.raw = self.raw.or(Some(from));
+        // Raw frames between the samples of a move are applied early, so a later one may be the first in time.
+        if is_opaque && self.raw.is_none_or(|(first, _)| at < first) {
+            self.raw = Some((at, from));
         }
         self.state.apply(board, command);
     }
@@ -356,7 +357,7 @@ impl<'d> Scheduler<'d> {
     /// Ends what is still running. The state after a raw frame is unknown.
     fn close(&mut self, end: Time) {
         for (id, _, rest) in self.state.closing(self.board, self.raw.is_some()).collect::<Vec<_>>() {
-            self.emit(end, rest.clone(), Kind::Closing, self.raw.unwrap_or(self.last(id)));
+            self.emit(end, rest.clone(), Kind::Closing, self.raw.map_or(self.last(id), |(_, raw)| raw));
         }
     }
 
