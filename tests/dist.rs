@@ -166,13 +166,13 @@ fn a_build_refuses_what_it_cannot_build_and_leaves_nothing() {
     for (command, status, message) in [
         ("dist/build armv6l", 2, "unknown architecture `armv6l`; write x86_64 or aarch64"),
         ("PATH=$TOOLS bash dist/build", 1, "`cargo` is missing; install Rust"),
-        ("dist/build --binary-only", 1, "this is not a git checkout"),
+        ("dist/build --quick", 1, "this is not a git checkout"),
         (
-            "git -c user.name=x -c user.email=x@x commit -qm x && touch new && dist/build --binary-only",
+            "git -c user.name=x -c user.email=x@x commit -qm x && touch new && dist/build --quick",
             1,
             "the working tree has changes",
         ),
-        ("rm new && dist/build --binary-only --output dist", 2, "is not empty"),
+        ("rm new && dist/build --quick --output dist", 2, "is not empty"),
     ] {
         let output = shell(folder, command);
         let said = stderr(&output);
