@@ -64,7 +64,7 @@ impl ScriptClock {
         }
         self.now = time;
         self.sent.extend(command);
-        self.free = (exact.nanos() + self.byte_time * frame.len() as u64).micros();
+        self.free = (exact.nanos() + self.byte_time * u64::try_from(frame.len()).unwrap_or(u64::MAX)).micros();
         time
     }
 
