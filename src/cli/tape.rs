@@ -49,13 +49,13 @@ impl Tape {
             None => File::from(std::os::fd::AsFd::as_fd(&io::stdout()).try_clone_to_owned()?),
         };
         let out = GrowingFile::new(file, "the recording".to_owned(), screen);
-        let mut scribe = ScriptWriter::new(Arc::clone(board), exact, baud);
+        let mut script = ScriptWriter::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // The start of a pipe cannot be amended later.
-            scribe.widen();
+            script.widen();
         }
         let (now, begin) = (Micros::ZERO, None);
-        let writer = Writer { scribe, out, screen, now, begin, was_closed: false, failed: None };
+        let writer = Writer { script, out, screen, now, begin, was_closed: false, failed: None };
         Worker::start("tape", ROOM, |events| writer.run(events)).map(Tape)
     }
 
@@ -78,7 +78,7 @@ impl Tape {
 }
 
 struct Writer {
-    scribe: ScriptWriter,
+    script: ScriptWriter,
     out: GrowingFile,
     screen: Screen,
     now: Micros,
@@ -99,15 +99,15 @@ impl Writer {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             if written.elapsed() >= UPDATE {
-                self.scribe.settle(self.now);
-                let tail = self.scribe.tail();
+                self.script.settle(self.now);
+                let tail = self.script.tail();
                 self.write(&tail);
                 written = Instant::now();
             }
         }
-        self.scribe.finish(self.now);
+        self.script.finish(self.now);
         let failed = self.write("");
-        Kept { frames: self.scribe.frames(), lines: self.scribe.lines(), failed: self.failed.or(failed) }
+        Kept { frames: self.script.frames(), lines: self.script.lines(), failed: self.failed.or(failed) }
     }
 
     fn take(&mut self, now: Micros, event: &Event) {
@@ -123,13 +123,13 @@ impl Writer {
             self.failed = Some(failed);
             return;
         }
-        let scribe = &mut self.scribe;
+        let script = &mut self.script;
         match event {
-            Event::Came(items) => items.iter().for_each(|(at, item)| scribe.take(*at, item.item())),
-            Event::Opened if self.was_closed => scribe.reopened(now),
+            Event::Came(items) => items.iter().for_each(|(at, item)| script.take(*at, item.item())),
+            Event::Opened if self.was_closed => script.reopened(now),
             Event::Closed => {
                 self.was_closed = true;
-                scribe.closed(now);
+                script.closed(now);
             }
             _ => {}
         }
@@ -137,8 +137,8 @@ impl Writer {
 
     /// Updates the file. A failed write is tried again the next time.
     fn write(&mut self, tail: &str) -> Option<String> {
-        let settled = self.scribe.settled();
-        if let Some((at, text)) = self.scribe.amendment() {
+        let settled = self.script.settled();
+        if let Some((at, text)) = self.script.amendment() {
             self.out.amend(at as u64, text.as_bytes());
         }
         self.out.write(settled.as_bytes(), tail.as_bytes(), b"");
