@@ -124,7 +124,7 @@ impl<'s> Position<'s> {
         }
     }
 
-    /// Continues with the next piece; `false` if there is none.
+    /// Moves on to the next piece. Returns whether there is one.
     fn next_piece(&mut self, scanned: &Scanned<'_>) -> bool {
         self.end = scanned.piece(self.at, &self.inside);
         self.at < self.end
