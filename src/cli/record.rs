@@ -38,7 +38,7 @@ pub(super) struct Record {
     /// Pass bytes between the program and the board at this serial port, both ways and unchanged
     #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
     port: Option<PathBuf>,
-    /// Write the script to this file, which must not exist, instead of standard output
+    /// Write the script to this file instead of standard output; a file that has content is refused
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Also show each frame on standard output as it arrives
