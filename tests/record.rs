@@ -269,6 +269,8 @@ fn given(command: &Command, lane: Lane) -> Option<[i32; 3]> {
 
 /// Microseconds between two samples of a move.
 const SAMPLE: u64 = 20_000;
+/// A frame waits for others on the line, and a time is rounded: up to a millisecond each.
+const SLACK: u64 = 2_000;
 
 /// The minimum and maximum of each value between two times.
 fn held(values: &[(u64, [i32; 3])], from: u64, to: u64) -> Option<([i32; 3], [i32; 3])> {
@@ -313,7 +315,7 @@ proptest! {
             };
             for at in (first..=end).step_by(1_000) {
                 let [here, there] = [&sent, &again].map(|values| held(values, at, at));
-                let [soon_here, soon_there] = [&sent, &again].map(|values| held(values, at.saturating_sub(1_000), at + SAMPLE + 1_000));
+                let [soon_here, soon_there] = [&sent, &again].map(|values| held(values, at.saturating_sub(SLACK), at + SAMPLE + SLACK));
                 let is_near = [(here, soon_there), (there, soon_here)].into_iter().any(|(one, other)| {
                     one.zip(other).is_some_and(|((one, _), (least, most))| {
                         (0..3).all(|axis| (least[axis] - tolerance..=most[axis] + tolerance).contains(&one[axis]))
