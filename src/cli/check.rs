@@ -14,12 +14,13 @@ use super::exit::Exit;
 use super::output;
 use super::screen::{Screen, Warnings, plural};
 use super::script_files::find_scripts;
+use super::watch::Watch;
 use super::{Deny, Options, read, read_source, repository};
 
 /// Show the errors and warnings of scripts
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --format sarif . > motionseq.sarif"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --watch scripts           # again after each change\n  motionseq check --format sarif . > motionseq.sarif"
 )]
 pub(super) struct Check {
     /// Scripts or folders to check, or `-` for standard input
@@ -31,6 +32,8 @@ pub(super) struct Check {
     /// Output format; all formats except `human` go to standard output
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+    #[command(flatten)]
+    watch: Watch,
     #[command(flatten)]
     options: Options,
 }
@@ -49,8 +52,12 @@ enum Format {
 
 impl Check {
     /// Checks every file; fails if one of them does.
-    #[expect(clippy::too_many_lines, reason = "one format after the other")]
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        self.watch.run(&self.files, &self.options, screen, || self.run_once(screen))
+    }
+
+    #[expect(clippy::too_many_lines, reason = "one format after the other")]
+    fn run_once(&self, screen: &Screen) -> Exit {
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
             screen.error("standard input can be read only once: write `-` once");
             return Exit::Usage;
