@@ -8,10 +8,11 @@ use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::faults::Faults;
 use motionseq::report;
-use motionseq::verify::{Case, Job, Replace, Status, shortened};
+use motionseq::verify::{Case, Job, Replace, Status};
 use rayon::prelude::*;
 
 use super::atomic_file::write_atomically;
+use super::case_lines::{Shown, is_shown};
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
@@ -78,9 +79,6 @@ enum Format {
     /// GitHub Actions annotations
     Github,
 }
-
-/// How many changes of one script are shown without `-v`.
-const SHOWN: usize = 20;
 
 impl Test {
     /// Tests every script; fails if one of them does.
@@ -195,45 +193,6 @@ fn prune(orphan: &Path) -> Case {
     }
 }
 
-/// How much is shown of each case.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shown {
-    /// The most problems.
-    problems: usize,
-    /// Whether the command that accepts a difference is shown.
-    has_hint: bool,
-}
-
-impl Shown {
-    pub(super) fn new(screen: &Screen, all: bool, has_hint: bool) -> Self {
-        Shown { problems: if all || screen.is_verbose() { usize::MAX } else { SHOWN }, has_hint }
-    }
-
-    /// A case in lines.
-    pub(super) fn lines(self, case: &Case) -> Vec<String> {
-        let mark = match (case.status, case.status.is_passed()) {
-            (Status::Orphan, _) => "warning: ",
-            (_, true) => "",
-            (_, false) => "FAILED ",
-        };
-        let mut lines = vec![format!("{mark}{}: {}", case.name, case.status.words())];
-        lines.extend(shortened(&case.problems, self.problems).map(|problem| format!("  {}", problem.located())));
-        let more = case.problems.len() - (lines.len() - 1) + case.left_out;
-        if more > 0 {
-            let how = if case.left_out == 0 { "; -v shows them" } else { "" };
-            lines.push(format!("  and {}{how}", more_of(more, case.status)));
-        }
-        lines.extend(case.hint().filter(|_| self.has_hint).map(|hint| format!("  {hint}")));
-        lines
-    }
-}
-
-/// Whether a case is worth a line.
-pub(super) fn is_shown(case: &Case, screen: &Screen) -> bool {
-    let is_note = matches!(case.status, Status::Orphan | Status::Pruned);
-    !case.status.is_passed() || screen.is_verbose() || is_note && !screen.is_quiet()
-}
-
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
     let shown = Shown::new(screen, all, true);
     let cases = cases.iter().filter(|case| is_shown(case, screen));
@@ -252,9 +211,4 @@ fn summary(cases: &[Case], failed: usize) -> String {
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
     let pruned = if pruned > 0 { format!(", {} removed", plural(pruned, "snapshot")) } else { String::new() };
     format!("{}: {passed} passed{blessed}, {failed} failed{orphans}{pruned}", plural(count, "script"))
-}
-
-fn more_of(count: usize, status: Status) -> String {
-    let word = if status == Status::Differs { "change" } else { "error" };
-    plural(count, &format!("more {word}"))
 }
