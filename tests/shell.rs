@@ -5,14 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::support::{code, run, stderr, stdout};
+use crate::support::{code, run, stderr, stdout, with_motionseq};
 
 /// A folder with scripts, an unrelated file and a folder.
 fn scratch(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("motionseq-shell-{name}-{}", std::process::id()));
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(folder.join("sub")).unwrap();
-    let script = "mark bow\nservo 1 1500\nwait 1s\nmark back\nrepeat 2 {\nmark twice\nwait 1s\n}\nstop\n";
+    let script = "let depth = 200us; let pace = 1s\nlet wide = depth * 2\nmark bow\nservo 1 1500\nwait 1s\nmark back\nrepeat 2 {\nmark twice\nwait 1s\n}\nstop\n";
     fs::write(folder.join("dance.motion"), script).unwrap();
     fs::write(folder.join("my show.motion"), "mark intro\nstop\n").unwrap();
     fs::write(folder.join("notes.txt"), "").unwrap();
@@ -21,18 +21,17 @@ fn scratch(name: &str) -> PathBuf {
 
 /// The words that bash offers for the last of these words.
 fn offered(folder: &Path, words: &[&str]) -> Vec<String> {
-    let program = env!("CARGO_BIN_EXE_motionseq");
     let shell = r#"
-        source <("$1" completions bash)
+        source <(COMPLETE=bash motionseq)
         COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
-        [[ $(complete -p motionseq) == *"-F _motionseq_complete "* ]] || exit 1
-        _motionseq_complete "$1" "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD-1]}"
+        [[ $(complete -p motionseq) == *"-F _clap_complete_motionseq "* ]] || exit 1
+        _clap_complete_motionseq "$1" "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD-1]}"
         ((${#COMPREPLY[@]})) && printf '%s\n' "${COMPREPLY[@]}"
         exit 0
     "#;
-    let mut bash = Command::new("bash");
-    bash.args(["--norc", "--noprofile", "-c", shell, "bash", program]).args(words);
-    let output = bash.current_dir(folder).output().unwrap();
+    let mut bash = with_motionseq("bash", folder);
+    bash.args(["--norc", "--noprofile", "-c", shell, "bash", "motionseq"]).args(words);
+    let output = bash.output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{words:?}: {}", crate::support::stderr(&output));
     stdout(&output).lines().map(str::to_owned).collect()
 }
@@ -48,6 +47,8 @@ fn bash_completes_commands_codes_and_values() {
     assert_eq!(offered(&folder, &["completions", "ba"]), ["bash"]);
     assert_eq!(offered(&folder, &["render", "--format", "js"]), ["jsonl"]);
     assert_eq!(offered(&folder, &["render", "dance.motion", "--color", "a"]), ["auto", "always"]);
+    assert_eq!(offered(&folder, &["play", "dance.motion", "--set", ""]), ["depth=", "pace=", "wide="]);
+    assert_eq!(offered(&folder, &["check", "dance.motion", "--set", "wi"]), ["wide="]);
 }
 
 #[test]
@@ -59,10 +60,10 @@ fn bash_completes_scripts_and_options() {
         found
     };
     for command in ["check", "render", "play", "plot", "test", "diff", "fmt"] {
-        assert_eq!(sorted(&[command, ""]), ["dance.motion", "my show.motion", "sub"], "{command}");
+        assert_eq!(sorted(&[command, ""]), ["dance.motion", "my\\ show.motion", "sub/"], "{command}");
         assert_eq!(sorted(&[command, "da"]), ["dance.motion"], "{command}");
     }
-    assert_eq!(sorted(&["check", "dance.motion", "my"]), ["my show.motion"]);
+    assert_eq!(sorted(&["check", "dance.motion", "my"]), ["my\\ show.motion"]);
     assert_eq!(sorted(&["play", "--fr"]), ["--from"]);
     assert_eq!(sorted(&["play", "dance.motion", "--re"]), ["--realtime", "--record", "--report"]);
     // A file of any kind is the value of an option.
@@ -91,16 +92,20 @@ fn bash_completes_the_marks_of_the_script() {
 }
 
 #[test]
-fn zsh_and_fish_complete_marks_scripts_and_codes() {
-    let zsh = stdout(&run(&["completions", "zsh"]));
-    assert!(zsh.matches(":TIME|MARK:_motionseq_marks'").count() == 6, "{zsh}");
-    assert!(
-        zsh.contains("':file -- ") && zsh.contains(":_files -g \"*.motion\"'") && zsh.contains("clash\\:"),
-        "{zsh}"
-    );
-    let fish = stdout(&run(&["completions", "fish"]));
-    assert_eq!(fish.matches(" -x -a \"(__fish_motionseq_marks)\"").count(), 6, "{fish}");
-    assert!(fish.contains("(__fish_complete_suffix .motion)") && fish.contains(" -f -a clash -d "), "{fish}");
+fn the_static_scripts_know_commands_codes_and_values() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = stdout(&run(&["completions", shell]));
+        assert!(
+            ["explain", "clash", "jsonl", "--max-late"]
+                .iter()
+                .all(|word| script.contains(word.trim_start_matches('-'))),
+            "{shell}"
+        );
+    }
+    // A package has the other kind, which finds the program in PATH.
+    let mut asked = with_motionseq("motionseq", Path::new("."));
+    let registration = stdout(&asked.env("COMPLETE", "zsh").output().unwrap());
+    assert!(registration.contains("#compdef motionseq") && !registration.contains("target"), "{registration}");
 }
 
 /// Every command with a manual page.

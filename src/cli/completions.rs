@@ -1,32 +1,32 @@
-//! `motionseq completions`: shell completions, and the hidden command that they call to complete marks.
+//! `motionseq completions`: static completion scripts, and the answers of the program when a shell asks it.
 
-use std::collections::BTreeSet;
+use std::ffi::{OsStr, OsString};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::Path;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Command, CommandFactory};
-use clap_complete::Shell;
-use motionseq::diagnostic::Code;
+use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter as _};
+use clap_complete::{CompleteEnv, Shell};
+use motionseq::diagnostic::{Code, Diagnostics};
 use motionseq::program::Options;
-use motionseq::source::{Disk, Sources};
+use motionseq::source::{Disk, Files as _, Sources};
+use motionseq::syntax::{Statement, parse};
 
 use super::Cli;
 use super::exit::Exit;
 use super::output;
 use super::screen::Screen;
 
-/// The name of the command that lists the marks of a script.
-pub(super) const MARKS: &str = "complete-marks";
+/// The variable that names the shell that asks.
+const ASKS: &str = "COMPLETE";
 /// The commands whose arguments are scripts.
 const SCRIPT_COMMANDS: [&str; 7] = ["check", "render", "play", "plot", "test", "diff", "fmt"];
-/// The argument names of scripts in these commands.
-const SCRIPT_ARGUMENTS: [&str; 5] = ["file", "files", "paths", "old", "new"];
 
 /// Print a completion script for a shell
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq completions bash > ~/.local/share/bash-completion/completions/motionseq\n  motionseq completions zsh > ~/.zfunc/_motionseq    # a folder in $fpath\n  motionseq completions fish > ~/.config/fish/completions/motionseq.fish"
+    after_help = "Examples:\n  source <(COMPLETE=bash motionseq)                  # in ~/.bashrc; also completes marks, names and ports\n  motionseq completions bash > ~/.local/share/bash-completion/completions/motionseq\n  motionseq completions zsh > ~/.zfunc/_motionseq    # a folder in $fpath"
 )]
 pub(super) struct Completions {
     /// Shell to complete in
@@ -36,42 +36,21 @@ pub(super) struct Completions {
 impl Completions {
     /// Prints the script.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let text = script(self.shell);
-        output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen)
+        // Written to memory first, because clap_complete panics if it cannot write.
+        let mut text = Vec::new();
+        clap_complete::generate(self.shell, &mut completed(), "motionseq", &mut text);
+        output::exit(io::stdout().lock().write_all(&text), None, screen)
     }
 }
 
-/// List the marks of a script; called by completion scripts
-#[derive(Debug, Args)]
-pub(super) struct Marks {
-    file: PathBuf,
-}
-
-impl Marks {
-    /// Prints the marks that `--from` and `--to` accept, one per line. Prints no errors, because a user is typing.
-    pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let Ok(sources) = Sources::read(&self.file, Disk) else { return Exit::Script };
-        let Some(timeline) = motionseq::compile(&sources, &Options::default()).timeline else { return Exit::Script };
-        let names: Vec<&str> = timeline.marks.iter().map(|mark| mark.name.as_str()).collect();
-        let is_unique = |name: &&str| names.iter().filter(|other| *other == name).take(2).count() == 1;
-        let unique: Vec<&str> = names.iter().copied().filter(is_unique).collect();
-        let text = unique.join("\n") + if unique.is_empty() { "" } else { "\n" };
-        output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen)
-    }
-}
-
-/// The completion script of a shell.
-fn script(shell: Shell) -> String {
-    // Written to memory first, because clap_complete panics if it cannot write.
-    let mut text = Vec::new();
-    clap_complete::generate(shell, &mut completed(), "motionseq", &mut text);
-    let text = String::from_utf8_lossy(&text).into_owned();
-    match shell {
-        Shell::Bash => bash(&text),
-        Shell::Zsh => zsh(&text),
-        Shell::Fish => fish(&text),
-        _ => text,
-    }
+/// Answers a shell that asks for completions; returns whether one does.
+pub(super) fn answer() -> bool {
+    let Some(shell) = std::env::var_os(ASKS).filter(|shell| !shell.is_empty()) else { return false };
+    let is_bash = Path::new(&shell).file_stem().is_some_and(|name| name == "bash");
+    // Several installed versions have one name.
+    let answers = CompleteEnv::with_factory(|| with_completers(is_bash)).bin("motionseq").completer("motionseq");
+    let answered = answers.try_complete(std::env::args_os(), std::env::current_dir().ok().as_deref());
+    answered.unwrap_or_else(|error| error.exit())
 }
 
 /// The command line without hidden commands, and with the values of arguments that parse any string.
@@ -88,74 +67,101 @@ fn completed() -> Command {
     Command::new("motionseq").args(whole.get_arguments().cloned()).subcommands(commands)
 }
 
+/// The same with what only the program can complete: marks, names, ports and scripts.
+fn with_completers(is_bash: bool) -> Command {
+    completed().mut_subcommands(|command| {
+        let has_scripts = SCRIPT_COMMANDS.contains(&command.get_name());
+        command.mut_args(|argument| match argument.get_id().as_str() {
+            "from" | "to" => argument.add(ArgValueCompleter::new(marks)),
+            "set" => argument.add(ArgValueCompleter::new(names)),
+            #[cfg(target_os = "linux")]
+            "port" => argument.add(ArgValueCompleter::new(ports)),
+            "file" | "files" | "paths" | "old" | "new" if has_scripts => {
+                argument.add(ArgValueCompleter::new(move |word: &OsStr| scripts(word, is_bash)))
+            }
+            _ => argument,
+        })
+    })
+}
+
 /// The codes of errors and warnings, with their titles.
 fn codes() -> impl Iterator<Item = PossibleValue> {
     Code::ALL.iter().map(|code| PossibleValue::new(code.name()).help(code.title()))
 }
 
-/// Adds a function that completes marks and scripts, and registers it.
-fn bash(generated: &str) -> String {
-    let functions = include_str!("completions/marks.bash")
-        .replace("@OPTIONS@", &valued_options().into_iter().collect::<Vec<_>>().join("|"))
-        .replace("@COMMANDS@", &SCRIPT_COMMANDS.join("|"));
-    let generated = generated.replace("complete -F _motionseq ", "complete -F _motionseq_complete ");
-    insert(&generated, &functions, "if [[ \"${BASH_VERSINFO[0]}\"")
+/// The candidates that begin with a word.
+fn beginning(word: &OsStr, all: impl IntoIterator<Item = String>) -> Vec<CompletionCandidate> {
+    let word = word.to_string_lossy();
+    all.into_iter().filter(|candidate| candidate.starts_with(&*word)).map(CompletionCandidate::new).collect()
 }
 
-/// Options of any command that take a value, except those that complete marks.
-fn valued_options() -> BTreeSet<String> {
-    let whole = completed();
-    let arguments = whole.get_subcommands().flat_map(Command::get_arguments).chain(whole.get_arguments());
-    let valued = arguments.filter(|argument| !argument.is_positional() && argument.get_action().takes_values());
-    let names = valued.flat_map(|argument| {
-        let (long, short) = (argument.get_long(), argument.get_short());
-        long.map(|long| format!("--{long}")).into_iter().chain(short.map(|short| format!("-{short}")))
-    });
-    names.filter(|option| option != "--from" && option != "--to").collect()
+/// The script on the command line that is being typed: the first word that is a file.
+fn script_typed() -> Option<Sources> {
+    let words = std::env::args_os().skip_while(|word| word != "--").skip(3);
+    let script = words.map(|word| unquoted(&word)).find(|word| Path::new(word).is_file())?;
+    Some(Sources::new(Disk.read(Path::new(&script)).ok()?, Disk))
 }
 
-/// Replaces the actions of marks and scripts, and adds the function for marks.
-fn zsh(generated: &str) -> String {
-    let is_script = |line: &str| {
-        let name = line.trim_start_matches(['\'', '*', ':']).split(' ').next().unwrap_or_default();
-        line.contains(" -- ") && SCRIPT_ARGUMENTS.contains(&name)
+/// The marks of the script that `--from` and `--to` accept.
+fn marks(word: &OsStr) -> Vec<CompletionCandidate> {
+    let compiled = script_typed().map(|sources| motionseq::compile(&sources, &Options::default()));
+    let Some(timeline) = compiled.and_then(|compiled| compiled.timeline) else { return Vec::new() };
+    let names: Vec<&str> = timeline.marks.iter().map(|mark| mark.name.as_str()).collect();
+    let is_unique = |name: &&str| names.iter().filter(|other| *other == name).take(2).count() == 1;
+    beginning(word, names.iter().copied().filter(is_unique).map(str::to_owned))
+}
+
+/// The top-level names of the script that `--set` accepts, each with its `=`.
+fn names(word: &OsStr) -> Vec<CompletionCandidate> {
+    let Some(sources) = script_typed() else { return Vec::new() };
+    let Some(tree) = parse(sources.main(), &mut Diagnostics::default()) else { return Vec::new() };
+    let mut lets = Vec::new();
+    for line in tree.body.lines() {
+        lets.extend(line.statements().filter_map(|statement| match statement {
+            Statement::Let(named) => Some(format!("{}=", named.name.text)),
+            _ => None,
+        }));
+    }
+    beginning(word, lets)
+}
+
+/// The serial ports.
+#[cfg(target_os = "linux")]
+fn ports(word: &OsStr) -> Vec<CompletionCandidate> {
+    let ports = motionseq::link::ports().unwrap_or_default();
+    let ports = beginning(word, ports.into_iter().map(|port| port.path));
+    if ports.is_empty() { PathCompleter::any().complete(word) } else { ports }
+}
+
+/// Scripts and folders. bash inserts a candidate as it is, so spaces are escaped there.
+fn scripts(word: &OsStr, is_bash: bool) -> Vec<CompletionCandidate> {
+    let word = unquoted(word);
+    let is_script = |path: &Path| path.is_dir() || path.extension().is_some_and(|extension| extension == "motion");
+    let found = PathCompleter::any().filter(is_script).complete(&word);
+    let escaped = |path: &OsStr| {
+        let path = path.to_string_lossy();
+        path.chars()
+            .flat_map(|c| [Some('\\').filter(|_| " \t'\"\\$&;()<>|*?[]#`!".contains(c)), Some(c)])
+            .flatten()
+            .collect::<String>()
     };
-    let lines = generated.lines().map(|line| {
-        if line.contains(":TIME|MARK:") {
-            line.replace(":_default'", ":_motionseq_marks'")
-        } else if is_script(line) {
-            let files = ":_files -g \"*.motion\"'";
-            line.replace(":_files'", files).replace(":_default'", files)
-        } else {
-            line.to_owned()
+    if !is_bash {
+        return found;
+    }
+    found.into_iter().map(|path| CompletionCandidate::new(escaped(path.get_value()))).collect()
+}
+
+/// A word as the shell reads it.
+fn unquoted(word: &OsStr) -> OsString {
+    let Some(word) = word.to_str() else { return word.to_owned() };
+    let mut characters = word.chars();
+    let mut plain = String::new();
+    while let Some(c) = characters.next() {
+        match c {
+            '\\' => plain.extend(characters.next()),
+            '\'' | '"' => {}
+            c => plain.push(c),
         }
-    });
-    let text: Vec<String> = lines.collect();
-    insert(&(text.join("\n") + "\n"), include_str!("completions/marks.zsh"), "if [ \"$funcstack[1]\"")
-}
-
-/// Inserts functions before the last occurrence of a line.
-fn insert(text: &str, functions: &str, line: &str) -> String {
-    let (before, after) = text.split_at(text.rfind(line).unwrap_or(text.len()));
-    format!("{before}{functions}{after}")
-}
-
-/// Completes marks, and adds the positional arguments, which `clap_complete` leaves out.
-fn fish(generated: &str) -> String {
-    let is_mark = |line: &str| line.contains(" -l from ") || line.contains(" -l to ");
-    let using = |commands: &str| format!("complete -c motionseq -n \"__fish_motionseq_using_subcommand {commands}\"");
-    let quoted = |text: &str| text.replace('\\', "\\\\").replace('\'', "\\'");
-    let options = generated.lines().map(|line| match line.strip_suffix(" -r").filter(|line| is_mark(line)) {
-        Some(line) => format!("{line} -x -a \"(__fish_motionseq_marks)\""),
-        None => line.to_owned(),
-    });
-    let scripts = format!("{} -k -a \"(__fish_complete_suffix .motion)\"", using(&SCRIPT_COMMANDS.join(" ")));
-    let codes = Code::ALL
-        .iter()
-        .map(|code| format!("{} -f -a {} -d '{}'", using("explain"), code.name(), quoted(code.title())));
-    let whole = completed();
-    let pages = whole.get_subcommands().map(|command| format!("{} -f -a {}", using("man"), command.get_name()));
-    let functions = include_str!("completions/marks.fish").to_owned();
-    let lines: Vec<String> = options.chain([functions, scripts]).chain(codes).chain(pages).collect();
-    lines.join("\n") + "\n"
+    }
+    plain.into()
 }

@@ -117,8 +117,6 @@ enum Command {
     Latency(latency::Latency),
     Completions(completions::Completions),
     Man(man::Man),
-    #[command(name = completions::MARKS, hide = true)]
-    Marks(completions::Marks),
     #[cfg(target_os = "linux")]
     #[command(name = guard::WORD, hide = true)]
     Guard(guard::Guard),
@@ -207,6 +205,9 @@ fn parse() -> Result<Cli, clap::Error> {
 
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
+    if completions::answer() {
+        return Exit::Ok.into();
+    }
     let cli = match parse() {
         Ok(cli) => cli,
         Err(error) => {
@@ -237,7 +238,6 @@ pub(crate) fn main() -> ExitCode {
         Command::Ports(ports) => ports.run(&screen),
         Command::Completions(completions) => completions.run(&screen),
         Command::Man(man) => man.run(&screen),
-        Command::Marks(marks) => marks.run(&screen),
         #[cfg(target_os = "linux")]
         Command::Guard(guard) => guard.run(&screen),
     };
