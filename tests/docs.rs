@@ -4,7 +4,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::support::board::board;
-use crate::support::{Scratch, with_motionseq};
+use crate::support::{Scratch, code, with_motionseq};
 use motionseq::diagnostic::{Code, Severity};
 use motionseq::program::{CURVES, FUNCTIONS, Options};
 use motionseq::program::{Row, SETTINGS, Signature, signatures};
@@ -183,9 +183,41 @@ fn anchors(document: &str) -> Vec<String> {
 }
 
 #[test]
+fn the_book_has_every_page() {
+    let summary = fs::read_to_string("dist/book/SUMMARY.md").unwrap();
+    for document in documents() {
+        assert!(summary.contains(&format!("]({document})")), "dist/book/SUMMARY.md lacks {document}");
+    }
+    for target in summary.split("](").skip(1) {
+        let (path, _) = target.split_once(')').unwrap();
+        assert!(std::path::Path::new(path).exists(), "dist/book/SUMMARY.md has {path}");
+    }
+}
+
+#[test]
+fn every_hook_of_pre_commit_runs() {
+    let hooks = fs::read_to_string(".pre-commit-hooks.yaml").unwrap();
+    let folder = Scratch::new("hooks");
+    folder.file("dance.motion", b"servo 1   1500\n");
+    let entries: Vec<&str> = hooks.lines().filter_map(|line| line.trim().strip_prefix("entry: ")).collect();
+    assert_eq!(entries.len(), 3);
+    let run = |entry: &str, file: &[&str]| {
+        let mut words = entry.split(' ');
+        let output = with_motionseq(words.next().unwrap(), &folder.0).args(words).args(file).output().unwrap();
+        code(&output)
+    };
+    // The test has no snapshot yet.
+    let codes: Vec<i32> =
+        entries.iter().map(|entry| run(entry, if entry.ends_with("test") { &[] } else { &["dance.motion"] })).collect();
+    assert_eq!(codes, [0, 0, 1]);
+    assert_eq!(fs::read_to_string(folder.path("dance.motion")).unwrap(), "servo 1 1500\n");
+}
+
+#[test]
 fn every_link_leads_somewhere() {
     let mut seen = 0;
-    let others = ["ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "THIRD-PARTY.md"].map(str::to_owned);
+    let others =
+        ["ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md", "THIRD-PARTY.md"].map(str::to_owned);
     for document in documents().into_iter().chain(others) {
         let folder = std::path::Path::new(&document).parent().unwrap();
         // A link may start on one line and end on the next.
