@@ -4,6 +4,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::{Finding, Run, Totals};
+use crate::diagnostic::Code;
 use crate::verify::{Case, Problem};
 
 /// One JSON object: the format version, the counts, and every case with its problems.
@@ -62,6 +63,18 @@ pub fn findings(findings: &[Finding], totals: Totals) -> String {
     pretty(&json!({
         "version": 1, "errors": errors, "warnings": warnings, "findings": findings, "left_out": left_out,
     }))
+}
+
+/// One JSON object: the format version, and everything about some codes. The examples are those of [`Code::example`].
+pub fn codes(codes: &[Code]) -> String {
+    let row = |code: &Code| {
+        let (wrong, right) = code.example();
+        json!({
+            "code": code.name(), "severity": code.severity(), "title": code.title(), "explanation": code.explanation(),
+            "wrong": wrong, "right": right,
+        })
+    };
+    pretty(&json!({ "version": 1, "codes": codes.iter().map(row).collect::<Vec<_>>() }))
 }
 
 /// One JSON object: the format version and the result of a run.
