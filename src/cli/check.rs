@@ -1,5 +1,6 @@
 //! `motionseq check`: shows the errors and warnings of scripts.
 
+use std::collections::HashSet;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -157,7 +158,7 @@ impl Check {
             screen.diagnostics(sources, diagnostics, self.options.warnings(Warnings::First), self.deny.is_some());
             let fixable = diagnostics.iter().filter(|diagnostic| diagnostic.fix.is_some()).count();
             if fixable > 0 && !self.fix {
-                screen.note(&format!("{} can be corrected with `--fix`", plural(fixable, "error")));
+                screen.note(&format!("{} can be fixed with `--fix`", plural(fixable, "error")));
             }
         } else {
             results.findings.extend(report::findings(sources, diagnostics));
@@ -192,6 +193,13 @@ impl Check {
         if matches!(self.format, Format::Github | Format::Gitlab | Format::Sarif) {
             let repository = repository();
             *findings = findings.drain(..).map(|finding| finding.with_paths(|path| repository.path(path))).collect();
+        }
+        if self.format != Format::Json {
+            // An error in a file that several scripts use is one error.
+            let mut seen = HashSet::new();
+            findings.retain(|found| {
+                seen.insert((found.file.clone(), found.line, found.column, found.code, found.message.clone()))
+            });
         }
         let text = match self.format {
             Format::Human => String::new(),

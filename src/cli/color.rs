@@ -64,7 +64,6 @@ pub(super) enum Style {
     Red,
     /// A success, and what is added.
     Green,
-    Yellow,
     Cyan,
     Bold,
 }
@@ -75,7 +74,6 @@ impl Style {
         let code = match self {
             Style::Red => "31",
             Style::Green => "32",
-            Style::Yellow => "33",
             Style::Cyan => "36",
             Style::Bold => "1",
         };
