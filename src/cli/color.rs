@@ -3,6 +3,8 @@
 use std::io::IsTerminal;
 
 use clap::{ColorChoice, ValueEnum};
+use motionseq::diagnostic::escaped;
+use motionseq::diff::{Part, Words};
 
 /// When output is colored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -79,4 +81,14 @@ impl Style {
         };
         if is_colored { format!("\u{1b}[{code}m{text}\u{1b}[0m") } else { text.to_owned() }
     }
+}
+
+/// The words of a change: what was there before is red, and what is there now is green.
+pub(super) fn painted(words: &Words, is_colored: bool) -> String {
+    let part = |part: &Part| match part {
+        Part::Old(text) => Style::Red.paint(&escaped(text), is_colored),
+        Part::New(text) => Style::Green.paint(&escaped(text), is_colored),
+        other => escaped(other.text()),
+    };
+    words.parts().iter().map(part).collect()
 }
