@@ -241,7 +241,7 @@ proptest! {
             let thing = format!("servo {servo}");
             let mut said = 0;
             for change in changes.iter().filter(|change| change.at <= Micros(old_us)) {
-                if let What::Shifted { things, by } = &change.what
+                if let What::Shifted { things, by, .. } = &change.what
                     && (things.is_empty() || things.contains(&thing))
                 {
                     said = by.total_us;

@@ -42,6 +42,7 @@ mod plot;
 mod ports;
 mod properties;
 mod record;
+mod review;
 mod selection;
 mod shell;
 mod sim;

@@ -19,18 +19,19 @@ use super::output;
 use super::screen::{Screen, Warnings, plural};
 use super::script_files::find_scripts;
 use super::unified_diff::unified_diff;
+use super::watch::Watch;
 use super::{Deny, Options, read_source, repository};
 
 /// Show the errors and warnings of scripts
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check --diff . ; motionseq check --fix .     # show what would be corrected; correct it\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --format sarif . > motionseq.sarif\n  motionseq check --stdin-filename scripts/dance.motion - < draft.motion"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check --diff .                  # show what `--fix` would correct\n  motionseq check --fix .                   # correct it\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --watch scripts           # again after each change\n  motionseq check --format sarif . > motionseq.sarif\n  motionseq check --stdin-filename scripts/dance.motion - < draft.motion"
 )]
 pub(super) struct Check {
     /// Scripts or folders to check, or `-` for standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Correct errors that have only one correction, in the scripts and the files they use; print standard input as corrected
+    /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected
     #[arg(long)]
     fix: bool,
     /// Change no file; show what `--fix` would change, and fail if it would change anything
@@ -45,6 +46,8 @@ pub(super) struct Check {
     /// Treat standard input as the file at PATH: messages show this name, and `use` looks in its folder
     #[arg(long, value_name = "PATH")]
     stdin_filename: Option<PathBuf>,
+    #[command(flatten)]
+    watch: Watch,
     #[command(flatten)]
     options: Options,
 }
@@ -84,6 +87,10 @@ impl Results {
 impl Check {
     /// Checks every file; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        self.watch.run(&self.files, &self.options, screen, || self.run_once(screen))
+    }
+
+    fn run_once(&self, screen: &Screen) -> Exit {
         let stdin = self.files.iter().filter(|file| file.as_os_str() == STDIN).count();
         if stdin > 1 {
             screen.error("standard input can be read only once: write `-` once");

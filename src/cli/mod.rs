@@ -17,11 +17,13 @@ mod output;
 mod plot;
 mod progress_bar;
 mod render;
+mod review;
 mod screen;
 mod script_files;
 mod selection;
 mod test;
 mod unified_diff;
+mod watch;
 
 // The commands that need a serial port or a pseudo-terminal.
 #[cfg(target_os = "linux")]

@@ -92,7 +92,7 @@ pub(super) fn check(path: &Path, inputs: &Inputs, force: Force) -> io::Result<()
 }
 
 /// Whether the first line of a file shows that motionseq wrote it.
-fn is_ours(path: &Path) -> bool {
+pub(super) fn is_ours(path: &Path) -> bool {
     let mut first = Vec::new();
     let read = File::open(path).and_then(|file| file.take(64).read_to_end(&mut first));
     read.is_ok() && (first.starts_with(b"# motionseq frames") || first.starts_with(b"# Recorded by motionseq"))

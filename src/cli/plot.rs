@@ -2,6 +2,7 @@
 
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::slice;
 
 use clap::{Args, ValueEnum};
 use motionseq::plot::{Plot as Plotted, Theme, plot};
@@ -11,11 +12,12 @@ use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, Warnings};
 use super::selection::{Passes, Selection};
+use super::watch::Watch;
 
 /// Draw the timeline of a script and the path of the robot
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each servo, the drive and the buzzer, and lanes for marks, `say`, `expect`, the load of the serial\nline and warnings. Dashed lines are the limits of the script. The path shows the virtual board from above, in its nominal units."
+    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion -o dance.html --watch   # again after each change; the page reloads itself\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each servo, the drive and the buzzer, and lanes for marks, `say`, `expect`, the load of the serial\nline and warnings. Dashed lines are the limits of the script. The path shows the virtual board from above, in its nominal units."
 )]
 pub(super) struct Plot {
     /// Script to read, or `-` for standard input
@@ -32,6 +34,8 @@ pub(super) struct Plot {
     /// Width of a PNG in pixels, from 300 to 6000
     #[arg(long, value_name = "PIXELS", default_value_t = 1_200, value_parser = clap::value_parser!(u32).range(300..=6_000))]
     width: u32,
+    #[command(flatten)]
+    watch: Watch,
     #[command(flatten)]
     force: Force,
     #[command(flatten)]
@@ -62,6 +66,14 @@ enum Colours {
 impl Plot {
     /// Compiles the script and draws it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        if self.watch.watch && self.output.is_none() {
+            screen.error("`--watch` draws the same file again; write its name: `-o picture.svg`");
+            return Exit::Usage;
+        }
+        self.watch.run(slice::from_ref(&self.file), &self.options, screen, || self.run_once(screen))
+    }
+
+    fn run_once(&self, screen: &Screen) -> Exit {
         let Some(format) = self.format.or_else(|| self.output.as_deref().map_or(Some(Format::Svg), of_ending)) else {
             let name = self.output.as_deref().unwrap_or(Path::new("")).display();
             screen.error(&format!(
@@ -104,7 +116,7 @@ impl Plot {
         };
         match format {
             Format::Svg => Ok(plotted.to_svg(theme).into_bytes()),
-            Format::Html => Ok(plotted.to_html(theme).into_bytes()),
+            Format::Html => Ok(self.page(plotted.to_html(theme)).into_bytes()),
             Format::Json => Ok(plotted.to_json().into_bytes()),
             #[cfg(feature = "png")]
             Format::Png => motionseq::plot::png(plotted, theme, self.width).map_err(|error| error.to_string()),
@@ -114,6 +126,14 @@ impl Plot {
                     .to_owned())
             }
         }
+    }
+}
+
+impl Plot {
+    /// A page that loads itself again while its file is watched.
+    fn page(&self, page: String) -> String {
+        let (charset, refresh) = ("<meta charset=\"utf-8\">", "<meta http-equiv=\"refresh\" content=\"1\">");
+        if self.watch.watch { page.replacen(charset, &format!("{charset}\n{refresh}"), 1) } else { page }
     }
 }
 

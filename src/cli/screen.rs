@@ -170,6 +170,18 @@ impl Screen {
         print(&format!("{}{}\n", self.clearing(), self.folded(line)), Importance::Droppable);
     }
 
+    /// Writes a question, even with `-q`; the answer follows on the same line.
+    pub(super) fn prompt(&self, question: &str) {
+        print(question, Importance::Required);
+    }
+
+    /// Clears a terminal.
+    pub(super) fn clear(&self) {
+        if self.is_live() {
+            print("\x1b[2J\x1b[H", Importance::Droppable);
+        }
+    }
+
     /// Writes a warning, even with `-q`.
     pub(super) fn warning(&self, line: &str) {
         let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };

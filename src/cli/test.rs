@@ -1,35 +1,48 @@
 //! `motionseq test`: compares scripts with their snapshots.
 
+use std::fs;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
 use motionseq::faults::Faults;
 use motionseq::report;
-use motionseq::verify::{Case, Job, Replace, Status, shortened};
+use motionseq::verify::{Case, Job, Problem, Replace, Status, shortened};
 use rayon::prelude::*;
 
 use super::atomic_file::write_atomically;
+use super::color::{Style, painted};
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
+use super::review::Review;
 use super::screen::{Screen, plural};
 use super::script_files::{ScriptFiles, find_scripts};
+use super::watch::Watch;
 use super::{Deny, Options, repository};
 
 /// Compare scripts with their snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq test                    # test all scripts in this folder\n  motionseq test --bless scripts    # write snapshots; commit them with the scripts\n  motionseq test --play scripts     # also play the scripts on a virtual board\n  motionseq test --format github --junit report.xml\n\nThe snapshot of NAME.motion is NAME.motion.frames, in the same folder.\nA script that must not compile declares its error on its first line: # expect-error: CODE"
+    after_help = "Examples:\n  motionseq test                    # test all scripts in this folder\n  motionseq test --review           # show each change, and ask whether to accept it\n  motionseq test --bless scripts    # write snapshots; commit them with the scripts\n  motionseq test --play scripts     # also play the scripts on a virtual board\n  motionseq test --format github --junit report.xml\n\nThe snapshot of NAME.motion is NAME.motion.frames, in the same folder.\nA script that must not compile declares its error on its first line: # expect-error: CODE"
 )]
 pub(super) struct Test {
     /// Scripts or folders to test
     #[arg(default_value = ".", value_name = "PATH")]
     paths: Vec<PathBuf>,
+    /// Test only the scripts whose path contains NAME
+    #[arg(long, value_name = "NAME")]
+    filter: Option<String>,
     /// Write snapshots that are missing or different
     #[arg(long)]
     bless: bool,
+    /// Also remove snapshots without a script
+    #[arg(long, requires = "bless")]
+    prune: bool,
+    /// Show each script that differs from its snapshot, and ask whether to write the snapshot
+    #[arg(long, conflicts_with_all = ["bless", "format", "junit", "watch"])]
+    review: bool,
     /// Also play each script on a virtual board, under a simulated clock, and check each `expect`
     #[arg(long)]
     play: bool,
@@ -47,6 +60,8 @@ pub(super) struct Test {
     /// Test N scripts in parallel [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
+    #[command(flatten)]
+    watch: Watch,
     #[command(flatten)]
     options: Options,
     #[command(flatten)]
@@ -71,10 +86,15 @@ const SHOWN: usize = 20;
 impl Test {
     /// Tests every script; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let found = find_scripts(&self.paths);
-        if found.scripts.is_empty() && found.unreadable.is_empty() {
+        self.watch.run(&self.paths, &self.options, screen, || self.run_once(screen))
+    }
+
+    fn run_once(&self, screen: &Screen) -> Exit {
+        let found = self.find();
+        if found.scripts.is_empty() && found.unreadable.is_empty() && !(self.prune && !found.orphans.is_empty()) {
             let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
-            screen.error(&format!("no .motion files in {}", paths.join(", ")));
+            let with = self.filter.as_ref().map(|name| format!(" whose path contains `{name}`")).unwrap_or_default();
+            screen.error(&format!("no .motion files{with} in {}", paths.join(", ")));
             return Exit::Script;
         }
         // Opened before any script runs, so that a wrong path is reported first.
@@ -91,7 +111,7 @@ impl Test {
         // Never more threads than scripts.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let cases = match pool {
+        let mut cases = match pool {
             Ok(pool) => {
                 let progress = ProgressBar::new(screen, "scripts", found.scripts.len());
                 pool.install(|| run(&job, &found, || progress.add(1)))
@@ -101,6 +121,13 @@ impl Test {
                 return Exit::Usage;
             }
         };
+        let orphans = cases.split_off(cases.len() - found.orphans.len());
+        if self.review {
+            let paths = found.unreadable.iter().map(|(path, _)| path).chain(&found.scripts).chain(&found.orphans);
+            let cases = paths.map(PathBuf::as_path).zip(cases.into_iter().chain(orphans)).collect();
+            return Review { job: &job, shown: Shown::new(screen, self.options.all, false), screen }.run(cases);
+        }
+        cases.extend(if self.prune { found.orphans.iter().map(|orphan| prune(orphan)).collect() } else { orphans });
         let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
@@ -119,6 +146,17 @@ impl Test {
             }
             exit => exit,
         }
+    }
+
+    /// The scripts to test.
+    fn find(&self) -> ScriptFiles {
+        let mut found = find_scripts(&self.paths);
+        if let Some(name) = &self.filter {
+            let has = |path: &Path| path.to_string_lossy().contains(name.as_str());
+            found.scripts.retain(|script| has(script));
+            found.orphans.retain(|orphan| has(orphan));
+        }
+        found
     }
 
     fn print(&self, cases: &[Case], screen: &Screen) -> io::Result<()> {
@@ -145,43 +183,83 @@ fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
     cases
 }
 
-fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
-    let mut lines = Vec::new();
-    for case in cases {
-        let orphan = case.status == Status::Orphan;
-        let is_shown = !case.status.is_passed() || screen.is_verbose() || orphan && !screen.is_quiet();
-        if !is_shown {
-            continue;
-        }
-        let mark = match (orphan, case.status.is_passed()) {
-            (true, _) => "warning: ",
-            (_, true) => "",
-            (_, false) => "FAILED ",
+/// Removes a snapshot without a script, if motionseq has written it.
+fn prune(orphan: &Path) -> Case {
+    let removed = if output::is_ours(orphan) {
+        fs::remove_file(orphan)
+    } else {
+        Err(io::Error::other("it was not written by motionseq, so it was not removed"))
+    };
+    match removed {
+        Ok(()) => Case::pruned(orphan),
+        Err(error) => Case::unreadable(orphan, &error.to_string()),
+    }
+}
+
+/// How much is shown of each case.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shown {
+    /// The most problems.
+    problems: usize,
+    /// Whether the command that accepts a difference is shown.
+    has_hint: bool,
+    is_colored: bool,
+}
+
+impl Shown {
+    pub(super) fn new(screen: &Screen, all: bool, has_hint: bool) -> Self {
+        let problems = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
+        Shown { problems, has_hint, is_colored: screen.colors_results() }
+    }
+
+    /// A case in lines for a terminal.
+    pub(super) fn lines(self, case: &Case) -> Vec<String> {
+        let (failed, words) = (Style::Red.paint("FAILED ", self.is_colored), case.status.words());
+        let (mark, words) = match (case.status, case.status.is_passed()) {
+            (Status::Orphan, _) => ("warning: ", words.to_owned()),
+            (_, true) => ("", Style::Green.paint(words, self.is_colored)),
+            (_, false) => (&*failed, words.to_owned()),
         };
-        lines.push(format!("{mark}{}: {}", case.name, case.status.words()));
-        let shown = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
-        let before = lines.len();
-        lines.extend(shortened(&case.problems, shown).map(|problem| format!("  {}", problem.located())));
-        let more = case.problems.len() - (lines.len() - before) + case.left_out;
+        let problem = |problem: &Problem| match &problem.change {
+            Some(words) => format!("  {}", painted(words, self.is_colored)),
+            None => format!("  {}", escaped(&problem.located())),
+        };
+        let mut lines = vec![format!("{mark}{}: {words}", escaped(&case.name))];
+        lines.extend(shortened(&case.problems, self.problems).map(problem));
+        let more = case.problems.len() - (lines.len() - 1) + case.left_out;
         if more > 0 {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };
             lines.push(format!("  and {}{how}", more_of(more, case.status)));
         }
-        lines.extend(case.hint().map(|hint| format!("  {hint}")));
+        lines.extend(case.hint().filter(|_| self.has_hint).map(|hint| format!("  {}", escaped(&hint))));
+        lines
     }
-    lines.iter().map(|line| escaped(line) + "\n").collect()
+}
+
+/// Whether a case is worth a line.
+pub(super) fn is_shown(case: &Case, screen: &Screen) -> bool {
+    let is_note = matches!(case.status, Status::Orphan | Status::Pruned);
+    !case.status.is_passed() || screen.is_verbose() || is_note && !screen.is_quiet()
+}
+
+fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
+    let shown = Shown::new(screen, all, true);
+    let cases = cases.iter().filter(|case| is_shown(case, screen));
+    cases.flat_map(|case| shown.lines(case)).map(|line| line + "\n").collect()
 }
 
 /// `12 scripts: 10 passed, 2 failed`.
 fn summary(cases: &[Case], failed: usize) -> String {
-    let orphans = cases.iter().filter(|case| case.status.is_orphan()).count();
-    let count = cases.len() - orphans;
+    let pruned = cases.iter().filter(|case| case.status == Status::Pruned).count();
+    let orphans = cases.iter().filter(|case| case.status.is_orphan()).count() - pruned;
+    let count = cases.len() - orphans - pruned;
     let passed = cases.iter().filter(|case| case.status.is_passed() && !case.status.is_orphan()).count();
     let orphans =
         if orphans > 0 { format!(", {} without a script", plural(orphans, "snapshot")) } else { String::new() };
     let blessed = cases.iter().filter(|case| case.status == Status::Blessed).count();
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
-    format!("{}: {passed} passed{blessed}, {failed} failed{orphans}", plural(count, "script"))
+    let pruned = if pruned > 0 { format!(", {} removed", plural(pruned, "snapshot")) } else { String::new() };
+    format!("{}: {passed} passed{blessed}, {failed} failed{orphans}{pruned}", plural(count, "script"))
 }
 
 fn more_of(count: usize, status: Status) -> String {

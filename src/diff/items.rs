@@ -33,6 +33,8 @@ pub(super) struct Item {
     pub(super) is_active: bool,
     /// How long the resulting state lasts, until the next item of its lane.
     pub(super) holds: Micros,
+    /// The pause before it, in which nothing is sent but refreshes, and no move runs.
+    pub(super) pause: Micros,
 }
 
 /// What a move has in addition to a command.
@@ -142,7 +144,18 @@ pub(super) fn items(board: &Board, moments: &[Moment], tweens: Option<&[Tween]>,
         let its = (moments.len()..).zip(notes).filter(|(_, note)| note.kind == *kind);
         items.extend(its.zip(0..).map(|((first, note), place)| Item::note(note, lane, place, first)));
     }
+    measure_pauses(&mut items);
     items
+}
+
+fn measure_pauses(items: &mut [Item]) {
+    let mut in_time: Vec<&mut Item> = items.iter_mut().collect();
+    in_time.sort_by_key(|item| (item.at, item.first));
+    let mut end = Micros::ZERO;
+    for item in in_time {
+        item.pause = item.at.saturating_sub(end);
+        end = end.max(item.sent).max(item.at + item.lasts());
+    }
 }
 
 impl Item {
@@ -170,6 +183,7 @@ impl Item {
             is_note: false,
             is_active: !is_step && board.is_active(&moment.command),
             holds: Micros::ZERO,
+            pause: Micros::ZERO,
         }
     }
 
@@ -187,6 +201,7 @@ impl Item {
             is_note: true,
             is_active: false,
             holds: Micros::ZERO,
+            pause: Micros::ZERO,
         }
     }
 

@@ -65,6 +65,8 @@ pub enum What {
         things: Vec<String>,
         /// The shift.
         by: Shift,
+        /// The old and the new pause before it, if that is the reason.
+        pause: Option<[Micros; 2]>,
     },
     /// From here on, everything runs faster or slower.
     Scaled {

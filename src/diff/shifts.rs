@@ -78,6 +78,8 @@ pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<
         let is_last = at + 1 == scan.pairs.len();
         let alone = moved && (follower == Some(total_us - step_us) || follower.is_none() && (!everything || is_last));
         let by = Shift { step_us, total_us };
+        let is_reason = everything && difference(old.pause, new.pause) == step_us;
+        let pause = is_reason.then_some([old.pause, new.pause]);
         let differs = old.notation != new.notation || old.moves != new.moves;
         let by_us = alone.then_some(total_us);
         let what = scan.pairs.get(at).filter(|_| differs).and_then(|pair| change(pair, by_us));
@@ -100,9 +102,9 @@ pub(super) fn find_changes(board: &Board, lanes: &[Lane<'_>], changes: &mut Vec<
             if !alone {
                 scan.shift(total_us, old.lane, everything);
             }
-        } else if moved && !alone {
+        } else if moved && (!alone || is_last && what.is_none() && pause.is_some()) {
             let things = if everything { Vec::new() } else { vec![lane_name(board, old.lane)] };
-            changes.push(Change::new(old.shown, Some(old.first), Some(new.first), What::Shifted { things, by }));
+            changes.push(Change::new(old.shown, Some(old.first), Some(new.first), What::Shifted { things, by, pause }));
             scan.shift(total_us, old.lane, everything);
         } else if alone && !matches!(what, Some(What::Changed { .. })) {
             changes.push(Change::of(old, new, What::Moved { what: new.words(), by_us: total_us }));

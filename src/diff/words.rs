@@ -19,11 +19,12 @@ impl Change {
         let when = if self.aborts { "on abort, " } else { "" };
         let at = Words::from(format!("{when}at {}{place}: ", secs(self.at)));
         match &self.what {
-            What::Shifted { things, by } => {
+            What::Shifted { things, by, pause } => {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
-                let words = format!("{when}from {}{place}: {things} is {}", secs(self.at), Later(by.total_us));
                 let again = self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))));
-                Words::from(words) + again
+                let from = Words::from(format!("{when}from {}{place}: ", secs(self.at)));
+                let pause = pause.map(pause_before).unwrap_or_default();
+                from + pause + format!("{things} is {}", Later(by.total_us)) + again
             }
             What::Scaled { until, lasts, by } => {
                 let everything = format!("everything runs {}", pace(*lasts));
@@ -120,7 +121,10 @@ impl Change {
         let mut what = self.what.clone();
         match &mut what {
             // Whether a lane is back at its old time is a separate change.
-            What::Shifted { by, .. } => by.total_us = i64::from(by.total_us == 0),
+            What::Shifted { by, pause, .. } => {
+                by.total_us = i64::from(by.total_us == 0);
+                *pause = None;
+            }
             What::Scaled { until, lasts, by } => {
                 *by = Shift { step_us: 0, total_us: 0 };
                 *until = until.map(|_| Micros::ZERO);
@@ -149,6 +153,11 @@ impl Change {
 
     /// Adds another change of the same kind.
     pub(super) fn grow(&mut self, other: &Change) {
+        if let (What::Shifted { pause, .. }, What::Shifted { pause: other, .. }) = (&mut self.what, &other.what)
+            && pause != other
+        {
+            *pause = None;
+        }
         let differs = match (&self.what, &other.what) {
             (What::Changed { from, to, .. }, What::Changed { from: was, to: is, .. }) => from != was || to != is,
             (What::Added(one) | What::Removed(one), What::Added(two) | What::Removed(two)) => one != two,
@@ -162,6 +171,15 @@ impl Change {
         };
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
         self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || differs, total_us });
+    }
+}
+
+/// `the pause before it is 1.000 s -> 2.000 s, so `.
+fn pause_before([old, new]: [Micros; 2]) -> Words {
+    match (old, new) {
+        (Micros::ZERO, new) => Words::from("a pause of ") + Words::new(span(new)) + " is added before it, so ",
+        (old, Micros::ZERO) => Words::from("the pause of ") + Words::old(span(old)) + " before it is removed, so ",
+        (old, new) => Words::from("the pause before it is ") + Words::change(span(old), span(new)) + ", so ",
     }
 }
 

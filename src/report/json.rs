@@ -112,8 +112,11 @@ pub fn changes([old, new]: [&str; 2], changes: &[LocatedChange<'_>]) -> String {
 /// The kind of a change, and its values.
 fn values(what: &What) -> (&'static str, Value) {
     match what {
-        What::Shifted { things, by } => {
-            ("shifted", json!({ "things": things, "by_us": by.step_us, "total_us": by.total_us }))
+        What::Shifted { things, by, pause } => {
+            let pause = pause.map(|[old, new]| json!({ "old_us": old, "new_us": new }));
+            let values =
+                json!({ "things": things, "pause": pause, "by_us": by.step_us, "total_us": by.total_us });
+            ("shifted", values)
         }
         What::Scaled { until, lasts: [old, new], by } => {
             let values = json!({

@@ -15,7 +15,8 @@ use super::listing::{write_line, write_moment};
 use super::tween::{MoveTracker, StepRole};
 use super::{Event, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame};
-use crate::program::Ease;
+use crate::program::{Ease, TraceId, Traces};
+use crate::source::Span;
 use crate::units::{Micros, Nanos};
 
 /// The version that is written. Older versions stay readable.
@@ -74,6 +75,28 @@ impl Snapshot {
         Snapshot { board: Arc::clone(&timeline.board), moments: moments(&timeline.events), more: Some(more) }
     }
 
+    /// The timeline that it describes. A snapshot contains no places in the script, marks or limits.
+    pub fn timeline(&self) -> Timeline {
+        let events = |moments: &[Moment]| moments.iter().map(Event::from).collect();
+        let (end, more) = (self.moments.last().map_or(Micros::ZERO, |last| last.at), self.more.as_ref());
+        Timeline {
+            board: Arc::clone(&self.board),
+            events: events(&self.moments),
+            tweens: more.map(|more| more.tweens.clone()).unwrap_or_default(),
+            abort: more.map(|more| events(&more.abort)).unwrap_or_default(),
+            cues: Vec::new(),
+            expects: Vec::new(),
+            marks: Vec::new(),
+            abort_cues: Vec::new(),
+            end: more.map_or(end, |more| more.end),
+            baud: more.map_or(self.board.baud, |more| more.baud),
+            traces: Traces::default(),
+            limits: Vec::new(),
+            speeds: Vec::new(),
+            bars: None,
+        }
+    }
+
     /// Whether the robot does the same, as far as both snapshots describe it. Moves with equal
     /// frames are equal.
     pub fn does_the_same(&self, other: &Snapshot) -> bool {
@@ -100,6 +123,19 @@ pub struct Moment {
 impl From<&Event> for Moment {
     fn from(event: &Event) -> Self {
         Moment { at: event.at, command: event.command.clone(), kind: event.kind }
+    }
+}
+
+impl From<&Moment> for Event {
+    fn from(moment: &Moment) -> Self {
+        Event {
+            at: moment.at,
+            command: moment.command.clone(),
+            kind: moment.kind,
+            is_instant: moment.kind == Kind::Command,
+            span: Span::default(),
+            trace: TraceId::default(),
+        }
     }
 }
 

@@ -81,6 +81,8 @@ pub enum Status {
     Orphan,
     /// It is a snapshot without a script, and warnings are denied.
     DeniedOrphan,
+    /// It was a snapshot without a script, and was removed.
+    Pruned,
 }
 
 /// One problem of a script.
@@ -113,7 +115,10 @@ impl Problem {
 impl Status {
     /// Whether the script passed.
     pub fn is_passed(self) -> bool {
-        matches!(self, Status::Same | Status::Blessed | Status::Phrases | Status::ExpectedError | Status::Orphan)
+        matches!(
+            self,
+            Status::Same | Status::Blessed | Status::Phrases | Status::ExpectedError | Status::Orphan | Status::Pruned
+        )
     }
 
     /// The status in a few words.
@@ -133,12 +138,13 @@ impl Status {
             Status::Unreadable => "cannot be read",
             Status::Denied => "has warnings, and warnings are denied",
             Status::Orphan | Status::DeniedOrphan => "is a snapshot without a script",
+            Status::Pruned => "removed, because it had no script",
         }
     }
 
     /// Whether it is a snapshot without a script.
     pub fn is_orphan(self) -> bool {
-        matches!(self, Status::Orphan | Status::DeniedOrphan)
+        matches!(self, Status::Orphan | Status::DeniedOrphan | Status::Pruned)
     }
 }
 
@@ -302,6 +308,11 @@ impl Case {
         let message = format!("its script is missing; if you deleted it: git rm {}", shell_word(&name));
         let status = if is_denied { Status::DeniedOrphan } else { Status::Orphan };
         Case::new(&name, status, vec![problem(&name, 0, "orphan", message)])
+    }
+
+    /// A snapshot without a script that was removed.
+    pub fn pruned(path: &Path) -> Self {
+        Case::new(&path.display().to_string(), Status::Pruned, Vec::new())
     }
 
     /// The command that accepts the difference from the snapshot.

@@ -1,7 +1,7 @@
 """Plays a script in the foreground of a new terminal, presses keys, and prints the result.
 
 usage: terminal.py COLUMNS STEP... -- PROGRAM ARGUMENT...
-A step is `wait:TEXT` (until the terminal shows TEXT), `key:CHARACTERS`, `resize:COLUMNS`, `kill` (the program, not its group).
+A step is `wait:TEXT` (until the terminal shows TEXT), `key:CHARACTERS`, `resize:COLUMNS`, `run:COMMAND` (of the shell), `kill` (the program, not its group).
 Prints `exit CODE`, `icanon BOOL`, `echo BOOL`, and then what the terminal showed.
 """
 import fcntl, os, select, signal, struct, sys, termios, time
@@ -66,6 +66,8 @@ for step in steps:
         os.write(terminal, text.encode())
     elif what == "resize":
         resize(terminal, int(text))
+    elif what == "run":
+        os.system(text)
     elif what == "kill":
         os.kill(pid, signal.SIGKILL)
 end = time.monotonic() + LIMIT

@@ -1,0 +1,177 @@
+//! `motionseq test --review`: shows changed scripts one by one, and asks what to do with each.
+
+use std::fs;
+use std::io::{self, IsTerminal as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::process;
+
+use motionseq::board::raspblock;
+use motionseq::diagnostic::{Diagnostics, escaped};
+use motionseq::plot::{Theme, plot};
+use motionseq::source::{Disk, Files as _, Source, Sources};
+use motionseq::timeline::{Timeline, read_snapshot};
+use motionseq::verify::{Case, Job, Replace, SNAPSHOT, Status};
+
+use super::atomic_file::write_atomically;
+use super::exit::Exit;
+use super::screen::{Screen, plural};
+use super::test::{Shown, is_shown};
+
+/// What the user wants to do with a script.
+enum Choice {
+    Accept,
+    Skip,
+    Pictures,
+    Play,
+    Quit,
+}
+
+/// The question, with the keys.
+const QUESTION: &str = "[a]ccept, [s]kip, [p]ictures, [v]irtual board, [q]uit? ";
+
+/// A review in progress.
+pub(super) struct Review<'r> {
+    pub(super) job: &'r Job,
+    pub(super) shown: Shown,
+    pub(super) screen: &'r Screen,
+}
+
+impl Review<'_> {
+    /// Shows the scripts that differ from their snapshots or have none. Without a terminal, only lists them. Fails if one of them is
+    /// left, or if another case has failed.
+    pub(super) fn run(&self, cases: Vec<(&Path, Case)>) -> Exit {
+        let is_pending = |(_, case): &(&Path, Case)| matches!(case.status, Status::Differs | Status::NoSnapshot);
+        let (pending, others): (Vec<_>, Vec<_>) = cases.into_iter().partition(is_pending);
+        let failed = others.iter().filter(|(_, case)| !case.status.is_passed()).count();
+        for (_, case) in others.iter().filter(|(_, case)| is_shown(case, self.screen)) {
+            print(&self.shown.lines(case));
+        }
+        let exit = |left: usize| if left + failed > 0 { Exit::Script } else { Exit::Ok };
+        if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
+            for (_, case) in &pending {
+                print(&self.shown.lines(case));
+            }
+            self.screen.note(&format!("{} to review, {failed} failed", plural(pending.len(), "script")));
+            return exit(pending.len());
+        }
+        let (count, mut accepted, mut skipped) = (pending.len(), 0, 0);
+        let mut pictures = None;
+        for (number, (script, case)) in (1..).zip(pending) {
+            match self.ask(script, case, &format!("({number} of {count}) "), &mut pictures) {
+                Choice::Accept => accepted += 1,
+                Choice::Quit => break,
+                _ => skipped += 1,
+            }
+        }
+        if let Some(folder) = pictures {
+            // The pictures were only for this review.
+            let _ = fs::remove_dir_all(folder);
+        }
+        let left = count - accepted - skipped;
+        let left = if left > 0 { format!(", {left} not reviewed") } else { String::new() };
+        self.screen.note(&format!("{accepted} accepted, {skipped} skipped{left}, {failed} failed"));
+        exit(count - accepted)
+    }
+
+    /// Asks about one script until the answer is final.
+    fn ask(&self, script: &Path, mut case: Case, number: &str, pictures: &mut Option<PathBuf>) -> Choice {
+        print(&[vec![format!("{number}{}", escaped(&case.name))], self.shown.lines(&case)].concat());
+        loop {
+            match self.choice() {
+                Choice::Accept => {
+                    // Accept only what was shown.
+                    let now = self.job.case(script);
+                    if now != case {
+                        self.screen.note(&format!("{} has changed since:", case.name));
+                        case = now;
+                        print(&self.shown.lines(&case));
+                        continue;
+                    }
+                    let mut job = self.job.clone();
+                    job.bless = Some(write_atomically as Replace);
+                    let blessed = job.case(script);
+                    print(&self.shown.lines(&blessed));
+                    return if blessed.status.is_passed() { Choice::Accept } else { Choice::Skip };
+                }
+                Choice::Pictures => match self.draw(script, pictures) {
+                    Ok(paths) => print(&paths),
+                    Err(error) => self.screen.error(&format!("cannot draw {}: {error}", case.name)),
+                },
+                Choice::Play => self.play(script),
+                choice => return choice,
+            }
+        }
+    }
+
+    /// Reads an answer. The end of the input quits.
+    fn choice(&self) -> Choice {
+        loop {
+            self.screen.prompt(QUESTION);
+            let mut answer = String::new();
+            if io::stdin().read_line(&mut answer).unwrap_or(0) == 0 {
+                return Choice::Quit;
+            }
+            match answer.trim() {
+                "a" | "accept" => return Choice::Accept,
+                "s" | "skip" => return Choice::Skip,
+                "p" | "pictures" => return Choice::Pictures,
+                "v" => return Choice::Play,
+                "q" | "quit" => return Choice::Quit,
+                _ => {}
+            }
+        }
+    }
+
+    /// Draws the snapshot and the script, and returns a line for each picture.
+    fn draw(&self, script: &Path, folder: &mut Option<PathBuf>) -> io::Result<Vec<String>> {
+        let folder = match folder {
+            Some(folder) => folder,
+            None => {
+                let new = std::env::temp_dir().join(format!("motionseq-review-{}", process::id()));
+                fs::create_dir(&new)?;
+                folder.insert(new)
+            }
+        };
+        let name = script.file_stem().unwrap_or_default();
+        let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
+            let mut file = name.to_owned();
+            file.push(format!(".{when}.svg"));
+            let path = folder.join(file);
+            fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
+            Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
+        };
+        let mut snapshot = script.as_os_str().to_owned();
+        snapshot.push(SNAPSHOT);
+        let mut lines = Vec::new();
+        if let Some(old) = fs::read(&snapshot).ok().and_then(|text| read_snapshot(&raspblock::board(), &text).ok()) {
+            let sources = Source::new(snapshot.to_string_lossy(), "").into();
+            lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
+        }
+        let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
+        let compiled = motionseq::compile(&sources, &self.job.options);
+        let timeline = compiled.timeline.ok_or_else(|| io::Error::other("it does not compile any more"))?;
+        lines.push(draw("new", &timeline, &sources, &compiled.diagnostics)?);
+        Ok(lines)
+    }
+
+    /// Plays a script as `motionseq play` does, always on the virtual board.
+    fn play(&self, script: &Path) {
+        let played = std::env::current_exe().and_then(|program| {
+            let mut play = process::Command::new(program);
+            play.arg("play").arg(self.screen.color_option()).env_remove("MOTIONSEQ_PORT");
+            for (name, value) in &self.job.options.set {
+                play.arg("--set").arg(format!("{name}={value}"));
+            }
+            play.arg("--").arg(script).status()
+        });
+        if let Err(error) = played {
+            self.screen.error(&format!("cannot play it: {error}"));
+        }
+    }
+}
+
+fn print(lines: &[String]) {
+    let text: String = lines.iter().flat_map(|line| [line, "\n"]).collect();
+    // A terminal that is gone ends the review at the next question.
+    let _ = io::stdout().lock().write_all(text.as_bytes());
+}
