@@ -29,7 +29,7 @@ use super::{Deny, Options, read_source, repository};
 )]
 pub(super) struct Check {
     /// Scripts or folders to check, or `-` for standard input
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required_unless_present = "stdin_filename", value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected
     #[arg(long)]
@@ -91,7 +91,9 @@ impl Check {
     }
 
     fn run_once(&self, screen: &Screen) -> Exit {
-        let stdin = self.files.iter().filter(|file| file.as_os_str() == STDIN).count();
+        let input = [PathBuf::from(STDIN)];
+        let files = if self.files.is_empty() { &input } else { self.files.as_slice() };
+        let stdin = files.iter().filter(|file| file.as_os_str() == STDIN).count();
         if stdin > 1 {
             screen.error("standard input can be read only once: write `-` once");
             return Exit::Usage;
@@ -102,7 +104,7 @@ impl Check {
         }
         let mut results = Results { exit: Exit::Ok, findings: Vec::new(), totals: Totals::default() };
         // A script in a folder that declares its error is a test case, and passes if it has that error.
-        let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
+        let (folders, files): (Vec<_>, Vec<_>) = files.iter().cloned().partition(|path| path.is_dir());
         let found = find_scripts(&folders);
         if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
             let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();

@@ -214,7 +214,7 @@ impl Shown {
 
     /// A case in lines for a terminal.
     pub(super) fn lines(self, case: &Case) -> Vec<String> {
-        let (failed, words) = (Style::Red.paint("FAILED ", self.is_colored), case.status.words());
+        let (failed, words) = (Style::Red.paint("FAILED", self.is_colored) + " ", case.status.words());
         let (mark, words) = match (case.status, case.status.is_passed()) {
             (Status::Orphan, _) => ("warning: ", words.to_owned()),
             (_, true) => ("", Style::Green.paint(words, self.is_colored)),
