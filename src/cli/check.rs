@@ -91,8 +91,8 @@ impl Check {
     }
 
     fn run_once(&self, screen: &Screen) -> Exit {
-        let input = [PathBuf::from(STDIN)];
-        let files = if self.files.is_empty() { &input } else { self.files.as_slice() };
+        let only_input = [PathBuf::from(STDIN)];
+        let files = if self.files.is_empty() { &only_input } else { self.files.as_slice() };
         let stdin = files.iter().filter(|file| file.as_os_str() == STDIN).count();
         if stdin > 1 {
             screen.error("standard input can be read only once: write `-` once");
@@ -126,13 +126,7 @@ impl Check {
                     continue;
                 }
             };
-            let (sources, compiled) = if self.fix || self.diff {
-                corrected.compile(file, source, &self.options.of_library())
-            } else {
-                let sources = Sources::new(source, Disk);
-                let compiled = motionseq::compile(&sources, &self.options.of_library());
-                (sources, compiled)
-            };
+            let (sources, compiled) = self.compile(file, source, &corrected);
             if file.as_os_str() == STDIN {
                 input = Some(sources.main().text().to_owned());
             }
@@ -151,6 +145,17 @@ impl Check {
             failed => failed,
         };
         if written == Exit::Ok { results.exit } else { written }
+    }
+
+    /// Compiles a script, with `--fix` or `--diff` as corrected.
+    fn compile(&self, file: &Path, source: Source, corrected: &Corrected) -> (Sources, Compiled) {
+        let options = self.options.of_library();
+        if self.fix || self.diff {
+            return corrected.compile(file, source, &options);
+        }
+        let sources = Sources::new(source, Disk);
+        let compiled = motionseq::compile(&sources, &options);
+        (sources, compiled)
     }
 
     /// Shows the errors and warnings of one script.

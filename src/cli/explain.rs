@@ -12,7 +12,9 @@ use super::screen::Screen;
 
 /// Explain an error or a warning, with a wrong and a right example
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  motionseq explain clash\n  motionseq explain                  # list all codes\n  motionseq explain --format json    # everything about all codes")]
+#[command(
+    after_help = "Examples:\n  motionseq explain clash\n  motionseq explain                  # list all codes\n  motionseq explain --format json    # everything about all codes"
+)]
 pub(super) struct Explain {
     /// Code of the message, such as `clash`; without it, list all codes
     code: Option<String>,

@@ -262,7 +262,10 @@ mod tests {
         assert_eq!(counts, ["1", "2", "3", "4", "5", "6", "7", "8", "9"], "{text}");
         let data = lateness_of(&found);
         let rows = data["lateness_ns"]["rows"].as_array().unwrap();
-        assert_eq!(rows.iter().map(|row| row["count"].as_u64().unwrap()).collect::<Vec<_>>(), (1..=9).collect::<Vec<_>>());
+        assert_eq!(
+            rows.iter().map(|row| row["count"].as_u64().unwrap()).collect::<Vec<_>>(),
+            (1..=9).collect::<Vec<_>>()
+        );
         assert_eq!((rows[0]["below_ns"].as_u64(), rows[8]["below_ns"].as_u64()), (Some(1_000), None));
     }
 }

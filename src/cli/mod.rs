@@ -3,6 +3,7 @@
 #![cfg_attr(not(target_os = "linux"), allow(dead_code, reason = "shared with the commands that need Linux"))]
 
 mod atomic_file;
+mod case_lines;
 mod check;
 mod color;
 mod completions;

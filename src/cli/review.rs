@@ -13,9 +13,9 @@ use motionseq::timeline::{Timeline, read_snapshot};
 use motionseq::verify::{Case, Job, Replace, SNAPSHOT, Status};
 
 use super::atomic_file::write_atomically;
+use super::case_lines::{Shown, is_shown};
 use super::exit::Exit;
 use super::screen::{Screen, plural};
-use super::test::{Shown, is_shown};
 
 /// What the user wants to do with a script.
 enum Choice {

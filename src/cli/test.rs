@@ -5,14 +5,13 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use motionseq::diagnostic::escaped;
 use motionseq::faults::Faults;
 use motionseq::report;
-use motionseq::verify::{Case, Job, Problem, Replace, Status, shortened};
+use motionseq::verify::{Case, Job, Replace, Status};
 use rayon::prelude::*;
 
 use super::atomic_file::write_atomically;
-use super::color::{Style, painted};
+use super::case_lines::{Shown, is_shown};
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
@@ -79,9 +78,6 @@ enum Format {
     /// GitHub Actions annotations
     Github,
 }
-
-/// How many changes of one script are shown without `-v`.
-const SHOWN: usize = 20;
 
 impl Test {
     /// Tests every script; fails if one of them does.
@@ -196,52 +192,6 @@ fn prune(orphan: &Path) -> Case {
     }
 }
 
-/// How much is shown of each case.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shown {
-    /// The most problems.
-    problems: usize,
-    /// Whether the command that accepts a difference is shown.
-    has_hint: bool,
-    is_colored: bool,
-}
-
-impl Shown {
-    pub(super) fn new(screen: &Screen, all: bool, has_hint: bool) -> Self {
-        let problems = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
-        Shown { problems, has_hint, is_colored: screen.colors_results() }
-    }
-
-    /// A case in lines for a terminal.
-    pub(super) fn lines(self, case: &Case) -> Vec<String> {
-        let (failed, words) = (Style::Red.paint("FAILED", self.is_colored) + " ", case.status.words());
-        let (mark, words) = match (case.status, case.status.is_passed()) {
-            (Status::Orphan, _) => ("warning: ", words.to_owned()),
-            (_, true) => ("", Style::Green.paint(words, self.is_colored)),
-            (_, false) => (&*failed, words.to_owned()),
-        };
-        let problem = |problem: &Problem| match &problem.change {
-            Some(words) => format!("  {}", painted(words, self.is_colored)),
-            None => format!("  {}", escaped(&problem.located())),
-        };
-        let mut lines = vec![format!("{mark}{}: {words}", escaped(&case.name))];
-        lines.extend(shortened(&case.problems, self.problems).map(problem));
-        let more = case.problems.len() - (lines.len() - 1) + case.left_out;
-        if more > 0 {
-            let how = if case.left_out == 0 { "; -v shows them" } else { "" };
-            lines.push(format!("  and {}{how}", more_of(more, case.status)));
-        }
-        lines.extend(case.hint().filter(|_| self.has_hint).map(|hint| format!("  {}", escaped(&hint))));
-        lines
-    }
-}
-
-/// Whether a case is worth a line.
-pub(super) fn is_shown(case: &Case, screen: &Screen) -> bool {
-    let is_note = matches!(case.status, Status::Orphan | Status::Pruned);
-    !case.status.is_passed() || screen.is_verbose() || is_note && !screen.is_quiet()
-}
-
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
     let shown = Shown::new(screen, all, true);
     let cases = cases.iter().filter(|case| is_shown(case, screen));
@@ -260,9 +210,4 @@ fn summary(cases: &[Case], failed: usize) -> String {
     let blessed = if blessed > 0 { format!(" ({blessed} blessed)") } else { String::new() };
     let pruned = if pruned > 0 { format!(", {} removed", plural(pruned, "snapshot")) } else { String::new() };
     format!("{}: {passed} passed{blessed}, {failed} failed{orphans}{pruned}", plural(count, "script"))
-}
-
-fn more_of(count: usize, status: Status) -> String {
-    let word = if status == Status::Differs { "change" } else { "error" };
-    plural(count, &format!("more {word}"))
 }

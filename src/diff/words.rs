@@ -45,9 +45,7 @@ impl Change {
                 });
                 at + between(from, to) + moved + then.unwrap_or_default() + self.again(", the same")
             }
-            What::Moved { what, by_us } => {
-                at + format!("{what} is {}{}", Later(*by_us), self.again(", the same"))
-            }
+            What::Moved { what, by_us } => at + format!("{what} is {}{}", Later(*by_us), self.again(", the same")),
             What::Added(what) => at + Words::new(what) + " is added" + self.again(", the same"),
             What::Removed(what) => at + Words::old(what) + " is removed" + self.again(", the same"),
             What::Steps { what, from, to } => {

@@ -114,8 +114,7 @@ fn values(what: &What) -> (&'static str, Value) {
     match what {
         What::Shifted { things, by, pause } => {
             let pause = pause.map(|[old, new]| json!({ "old_us": old, "new_us": new }));
-            let values =
-                json!({ "things": things, "pause": pause, "by_us": by.step_us, "total_us": by.total_us });
+            let values = json!({ "things": things, "pause": pause, "by_us": by.step_us, "total_us": by.total_us });
             ("shifted", values)
         }
         What::Scaled { until, lasts: [old, new], by } => {
@@ -125,9 +124,9 @@ fn values(what: &What) -> (&'static str, Value) {
             ("scaled", values)
         }
         What::Changed { from, to, by_us, then } => {
-            let then = then.as_ref().map(|(thing, by)| {
-                json!({ "thing": thing, "by_us": by.step_us, "total_us": by.total_us })
-            });
+            let then = then
+                .as_ref()
+                .map(|(thing, by)| json!({ "thing": thing, "by_us": by.step_us, "total_us": by.total_us }));
             ("changed", json!({ "old": from, "new": to, "by_us": by_us, "then": then }))
         }
         What::Moved { what, by_us } => ("moved", json!({ "command": what, "by_us": by_us })),
