@@ -34,7 +34,8 @@ impl Color {
 
     /// The value of `--color` before the arguments are read: for the help, and for messages about wrong arguments.
     pub(super) fn in_arguments() -> Self {
-        let mut words = std::env::args().skip(1).take_while(|word| word != "--");
+        let words = std::env::args_os().skip(1).take_while(|word| word != "--");
+        let mut words = words.map(|word| word.to_string_lossy().into_owned());
         let mut color = Color::Auto;
         while let Some(word) = words.next() {
             let value = if word == "--color" { words.next() } else { word.strip_prefix("--color=").map(str::to_owned) };
