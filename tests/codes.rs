@@ -8,6 +8,7 @@ use crate::support::{run, script, stderr, stdout};
 use motionseq::diagnostic::{Code, Diagnostic, Severity};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Files as _, Sources};
+use serde_json::Value;
 
 /// The codes of a script in a folder with a file of phrases.
 fn codes(text: &[u8]) -> Vec<Code> {
@@ -82,6 +83,23 @@ fn explain_prints_the_table_and_each_row() {
         (output.status.code(), stderr(&output).as_str()),
         (Some(2), "error: unknown code `clsh`; did you mean `motionseq explain clash`?\n")
     );
+}
+
+#[test]
+fn explain_prints_the_same_as_data() {
+    let codes = |args: &[&str]| -> Vec<Value> {
+        let mut json: Value = serde_json::from_str(&stdout(&run(&[args, &["--format", "json"]].concat()))).unwrap();
+        serde_json::from_value(json["codes"].take()).unwrap()
+    };
+    let all = codes(&["explain"]);
+    let names: Vec<&str> = all.iter().map(|row| row["code"].as_str().unwrap()).collect();
+    assert_eq!(names, Code::ALL.iter().map(|code| code.name()).collect::<Vec<_>>());
+    let [clash] = &codes(&["explain", "clash"])[..] else { panic!("one code") };
+    let (wrong, right) = Code::Clash.example();
+    assert_eq!((&clash["wrong"], &clash["right"]), (&wrong.into(), &right.into()));
+    assert_eq!((&clash["severity"], &clash["title"]), (&"error".into(), &Code::Clash.title().into()));
+    assert_eq!(codes(&["explain", "arguments"]).len(), 7);
+    assert_eq!(run(&["explain", "clsh", "--format", "json"]).status.code(), Some(2));
 }
 
 #[test]

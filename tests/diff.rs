@@ -161,6 +161,41 @@ fn the_command_compares_scripts_and_snapshots() {
 }
 
 #[test]
+fn a_change_is_also_data() {
+    let old = script("data-old", "servo 1 1500\nwait 1s\nrepeat 3 { servo 2 900; wait 1s }\nbuzzer on for 1s\n");
+    let new = script("data-new", "wait 1s\nservo 1 1600\nwait 1s\nrepeat 3 { servo 2 950; wait 1s }\n");
+    let json = |old: &str, new: &str| -> serde_json::Value {
+        let output = run(&["diff", old, new, "--format", "json"]);
+        assert_eq!(output.status.code(), Some(i32::from(old != new)), "{}", stderr(&output));
+        serde_json::from_str(&stdout(&output)).unwrap()
+    };
+    let found = json(&old, &new);
+    let place = |file: &str, line: u32| serde_json::json!({ "file": file, "line": line });
+    let changes = found["changes"].as_array().unwrap();
+    // The first word of each line that is shown, and the kind.
+    let human = stdout(&run(&["diff", &old, &new]));
+    let shown: Vec<&str> = changes.iter().map(|change| change["message"].as_str().unwrap()).collect();
+    assert_eq!(shown.join("\n") + "\n", human);
+    let of_kind = |kind: &str| changes.iter().find(|change| change["kind"] == kind).unwrap();
+    let changed =
+        changes.iter().find(|change| change["values"]["old"][0] == "servo" && change["values"]["old"][1] == "2");
+    let changed = changed.unwrap();
+    assert_eq!((&changed["old"], &changed["new"]), (&place(&old, 3), &place(&new, 4)));
+    assert_eq!((&changed["values"]["old"][2], &changed["values"]["new"][2]), (&"900".into(), &"950".into()));
+    assert_eq!((&changed["more"]["count"], &changed["more"]["other_values"]), (&2.into(), &false.into()));
+    let removed = of_kind("removed");
+    assert_eq!((&removed["old"], &removed["new"]), (&place(&old, 4), &serde_json::Value::Null));
+    assert_eq!(removed["at_us"], 4_000_000);
+    assert_eq!((&found["old"], &found["new"]), (&old.as_str().into(), &new.as_str().into()));
+    assert_eq!(json(&old, &old)["changes"], serde_json::json!([]));
+    // A snapshot has no lines.
+    let snapshot =
+        script("data-snapshot", &format!("# motionseq frames 1\n# old\n{}", stdout(&run(&["render", &old]))));
+    let found = json(&snapshot, &new);
+    assert!(found["changes"].as_array().unwrap().iter().all(|change| change["old"].is_null()), "{found}");
+}
+
+#[test]
 fn the_totals_are_never_cut() {
     let text = |more: u32| {
         let lines = (0..100).map(|n| format!("servo 1 {}\nwait {}ms\n", 1_000 + 5 * n + more * (n + 1), 100 + n));

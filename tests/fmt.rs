@@ -6,7 +6,7 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-use crate::support::{motionseq, run, script, stderr, stdout};
+use crate::support::{Scratch, motionseq, run, script, stderr, stdout};
 use motionseq::diagnostic::Diagnostics;
 use motionseq::program::Options;
 use motionseq::source::{Disk, Files as _, Source, Sources};
@@ -140,6 +140,62 @@ fn standard_input_goes_to_standard_output() {
     child.stdin.take().unwrap().write_all(b"at 1s servo  1   1500").unwrap();
     let output = child.wait_with_output().unwrap();
     assert_eq!((output.status.code(), stdout(&output).as_str()), (Some(0), "at 1s servo 1 1500\n"));
+}
+
+#[test]
+fn a_difference_shows_what_would_change() {
+    let scratch = Scratch::new("fmt-difference");
+    let formatted = scratch.file("a.motion", b"servo 1 1500\n");
+    let text = "wait   1s\nstop\nstop\nstop\nstop\nstop\nstop\nservo  1 1500";
+    let other = scratch.file("b.motion", text.as_bytes());
+    let output = motionseq(&["fmt", "--diff", "."]).current_dir(&scratch.0).output().unwrap();
+    let shown = "\
+--- b.motion
++++ b.motion
+@@ -1,8 +1,8 @@
+-wait   1s
++wait 1s
+ stop
+ stop
+ stop
+ stop
+ stop
+ stop
+-servo  1 1500
+\\ No newline at end of file
++servo 1 1500
+";
+    assert_eq!((output.status.code(), stdout(&output).as_str()), (Some(1), shown));
+    assert_eq!(fs::read_to_string(&other).unwrap(), text);
+    let output = run(&["fmt", "--diff", &formatted]);
+    assert_eq!((output.status.code(), stdout(&output)), (Some(0), String::new()));
+    // Lines that are far apart are in parts of their own, with three lines around them.
+    scratch.file("b.motion", text.replace("stop\n", "stop\nstop\n").as_bytes());
+    let output = motionseq(&["fmt", "--diff", "b.motion"]).current_dir(&scratch.0).output().unwrap();
+    let parts: Vec<String> = stdout(&output).lines().filter(|line| line.starts_with("@@")).map(str::to_owned).collect();
+    assert_eq!(parts, ["@@ -1,4 +1,4 @@", "@@ -11,4 +11,4 @@"]);
+}
+
+#[test]
+fn a_folder_is_all_scripts_below_it() {
+    let scratch = Scratch::new("fmt-folder");
+    fs::create_dir_all(scratch.0.join("sub")).unwrap();
+    scratch.file("a.motion", b"servo  1 1500\n");
+    scratch.file("sub/b.motion", b"stop;stop\n");
+    scratch.file("notes.txt", b"servo  1\n");
+    // A test case that cannot be read is no failure.
+    scratch.file("wrong.motion", b"# expect-error: unclosed\n{\n");
+    let fmt = |args: &[&str]| motionseq(&[&["fmt"], args].concat()).current_dir(&scratch.0).output().unwrap();
+    let output = fmt(&["--check", "."]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("3 scripts checked, 2 not formatted"), "{}", stderr(&output));
+    assert_eq!(fmt(&["."]).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(scratch.path("a.motion")).unwrap(), "servo 1 1500\n");
+    assert_eq!(fs::read_to_string(scratch.path("sub/b.motion")).unwrap(), "stop; stop\n");
+    assert_eq!(fs::read_to_string(scratch.path("notes.txt")).unwrap(), "servo  1\n");
+    assert_eq!(fmt(&["--check", "."]).status.code(), Some(0));
+    fs::create_dir_all(scratch.0.join("empty")).unwrap();
+    assert_eq!(fmt(&["empty"]).status.code(), Some(1));
 }
 
 proptest! {

@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use motionseq::diagnostic::{Code, Diagnostic};
+use motionseq::diagnostic::{Code, Diagnostic, Edit};
 use motionseq::program::Options;
 use motionseq::source::{Lines, Source, Sources};
 
@@ -81,4 +81,18 @@ fn each_fix_removes_its_error() {
     }
     assert!(remaining.is_empty(), "{remaining}");
     assert!(count > 150, "{count}");
+}
+
+#[test]
+fn fixes_come_to_an_end() {
+    for text in scripts_with_mistakes() {
+        let mut source = Source::new("case", text.clone());
+        let is_fixed = (0..20).any(|_| {
+            let found = diagnostics(&source.clone().into());
+            let (fixed, count) = Edit::apply_all(found.iter().filter_map(|found| found.fix.as_ref()), &source);
+            source = source.with_text(fixed);
+            count == 0
+        });
+        assert!(is_fixed, "{text}\nbecomes\n{}", source.text());
+    }
 }

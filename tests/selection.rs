@@ -324,6 +324,15 @@ fn latency_ends_with_what_to_do() {
     let last = text.lines().last().unwrap();
     assert!(["good:", "use --realtime:", "this machine stalls:"].iter().any(|words| last.starts_with(words)), "{text}");
     assert_eq!(run(&["latency", "--for", "1ms"]).status.code(), Some(2));
+    let output = run(&["latency", "--for", "400ms", "--format", "json"]);
+    let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    for measured in ["idle", "busy"] {
+        let (count, lateness) = (&json[measured]["deadlines"], &json[measured]["lateness_ns"]);
+        let rows = lateness["rows"].as_array().unwrap().iter().map(|row| row["count"].as_u64().unwrap());
+        assert_eq!(Some(rows.sum()), count.as_u64(), "{json}");
+        assert!(lateness["p50"].as_u64() <= lateness["max"].as_u64(), "{json}");
+    }
+    assert!(["good", "try-realtime", "stalls"].iter().any(|verdict| json["verdict"] == *verdict), "{json}");
 }
 
 /// The same errors as in a `repeat`.

@@ -11,6 +11,23 @@ pub(super) fn write_atomically(path: &Path, text: &[u8]) -> io::Result<()> {
     file.finish()
 }
 
+/// Replaces the content of a file like [`write_atomically`], unless it is not `old` any more.
+pub(super) fn replace(path: &Path, old: &[u8], new: &[u8]) -> io::Result<()> {
+    let is_old = || match std::fs::read(path)? == old {
+        true => Ok(()),
+        false => Err(io::Error::other("it has changed since it was read")),
+    };
+    // A file that is written in place loses its content at once.
+    is_old()?;
+    let mut file = AtomicFile::begin(path)?;
+    file.write_all(new)?;
+    file.file.sync_all()?;
+    if !file.is_in_place() {
+        is_old()?;
+    }
+    file.finish()
+}
+
 /// A file that is written next to its destination and renamed when it is complete, or removed if it never is. A destination
 /// that is not a regular file, such as a pipe or `/dev/null`, is written in place, and so is a file whose owner cannot be kept.
 #[derive(Debug)]
@@ -115,4 +132,21 @@ pub(super) fn open_in_place(path: &Path) -> io::Result<File> {
 #[cfg(not(target_os = "linux"))]
 pub(super) fn open_in_place(path: &Path) -> io::Result<File> {
     File::options().write(true).create(true).truncate(false).open(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_has_changed_is_kept() {
+        let path = std::env::temp_dir().join(format!("motionseq-replace-{}", std::process::id()));
+        std::fs::write(&path, "saved by an editor").unwrap();
+        let error = replace(&path, b"as read", b"corrected").unwrap_err();
+        assert_eq!(error.to_string(), "it has changed since it was read");
+        assert_eq!(std::fs::read(&path).unwrap(), b"saved by an editor");
+        replace(&path, b"saved by an editor", b"corrected").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"corrected");
+        std::fs::remove_file(&path).unwrap();
+    }
 }

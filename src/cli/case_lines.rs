@@ -1,7 +1,9 @@
 //! The lines that `test` shows for a script.
 
-use motionseq::verify::{Case, Status, shortened};
+use motionseq::diagnostic::escaped;
+use motionseq::verify::{Case, Problem, Status, shortened};
 
+use super::color::{Style, painted};
 use super::screen::{Screen, plural};
 
 /// How many changes of one script are shown without `-v`.
@@ -14,28 +16,35 @@ pub(super) struct Shown {
     problems: usize,
     /// Whether the command that accepts a difference is shown.
     has_hint: bool,
+    is_colored: bool,
 }
 
 impl Shown {
     pub(super) fn new(screen: &Screen, all: bool, has_hint: bool) -> Self {
-        Shown { problems: if all || screen.is_verbose() { usize::MAX } else { SHOWN }, has_hint }
+        let problems = if all || screen.is_verbose() { usize::MAX } else { SHOWN };
+        Shown { problems, has_hint, is_colored: screen.colors_results() }
     }
 
-    /// A case in lines.
+    /// A case in lines for a terminal.
     pub(super) fn lines(self, case: &Case) -> Vec<String> {
-        let mark = match (case.status, case.status.is_passed()) {
-            (Status::Orphan, _) => "warning: ",
-            (_, true) => "",
-            (_, false) => "FAILED ",
+        let (failed, words) = (Style::Red.paint("FAILED", self.is_colored) + " ", case.status.words());
+        let (mark, words) = match (case.status, case.status.is_passed()) {
+            (Status::Orphan, _) => ("warning: ", words.to_owned()),
+            (_, true) => ("", Style::Green.paint(words, self.is_colored)),
+            (_, false) => (&*failed, words.to_owned()),
         };
-        let mut lines = vec![format!("{mark}{}: {}", case.name, case.status.words())];
-        lines.extend(shortened(&case.problems, self.problems).map(|problem| format!("  {}", problem.located())));
+        let problem = |problem: &Problem| match &problem.change {
+            Some(words) => format!("  {}", painted(words, self.is_colored)),
+            None => format!("  {}", escaped(&problem.located())),
+        };
+        let mut lines = vec![format!("{mark}{}: {words}", escaped(&case.name))];
+        lines.extend(shortened(&case.problems, self.problems).map(problem));
         let more = case.problems.len() - (lines.len() - 1) + case.left_out;
         if more > 0 {
             let how = if case.left_out == 0 { "; -v shows them" } else { "" };
             lines.push(format!("  and {}{how}", more_of(more, case.status)));
         }
-        lines.extend(case.hint().filter(|_| self.has_hint).map(|hint| format!("  {hint}")));
+        lines.extend(case.hint().filter(|_| self.has_hint).map(|hint| format!("  {}", escaped(&hint))));
         lines
     }
 }

@@ -1,37 +1,51 @@
 //! `motionseq check`: shows the errors and warnings of scripts.
 
+use std::collections::HashSet;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use motionseq::Compiled;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::report::{self, Finding, Totals};
 use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Timeline, wire};
 use motionseq::verify::{expectation, expected_error};
 
+use super::atomic_file::replace;
 use super::exit::Exit;
+use super::fixes::{Corrected, STDIN};
 use super::output;
 use super::screen::{Screen, Warnings, plural};
 use super::script_files::find_scripts;
+use super::unified_diff::unified_diff;
 use super::watch::Watch;
-use super::{Deny, Options, read, read_source, repository};
+use super::{Deny, Options, read_source, repository};
 
 /// Show the errors and warnings of scripts
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --watch scripts           # again after each change\n  motionseq check --format sarif . > motionseq.sarif"
+    after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check --diff .                  # show what `--fix` would correct\n  motionseq check --fix .                   # correct it\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --watch scripts           # again after each change\n  motionseq check --format sarif . > motionseq.sarif\n  motionseq check --stdin-filename scripts/dance.motion - < draft.motion"
 )]
 pub(super) struct Check {
     /// Scripts or folders to check, or `-` for standard input
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required_unless_present = "stdin_filename", value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected
+    #[arg(long)]
+    fix: bool,
+    /// Change no file; show what `--fix` would change, and fail if it would change anything
+    #[arg(long, conflicts_with = "format")]
+    diff: bool,
     /// Fail on warnings
     #[arg(long, value_enum, value_name = "WHAT")]
     deny: Option<Deny>,
     /// Output format; all formats except `human` go to standard output
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+    /// Treat standard input as the file at PATH: messages show this name, and `use` looks in its folder
+    #[arg(long, value_name = "PATH")]
+    stdin_filename: Option<PathBuf>,
     #[command(flatten)]
     watch: Watch,
     #[command(flatten)]
@@ -42,12 +56,32 @@ pub(super) struct Check {
 enum Format {
     /// Messages with the lines of the script
     Human,
+    /// One line for each message
+    Concise,
     /// One JSON object
     Json,
     /// GitHub Actions annotations
     Github,
+    /// GitLab code quality
+    Gitlab,
     /// SARIF 2.1.0, for code scanning
     Sarif,
+}
+
+/// What the scripts have shown.
+struct Results {
+    exit: Exit,
+    findings: Vec<Finding>,
+    totals: Totals,
+}
+
+impl Results {
+    /// Adds a file that cannot be read.
+    fn fail(&mut self, findings: Vec<Finding>) {
+        self.totals.errors += findings.len();
+        self.findings.extend(findings);
+        self.exit = Exit::Script;
+    }
 }
 
 impl Check {
@@ -56,104 +90,154 @@ impl Check {
         self.watch.run(&self.files, &self.options, screen, || self.run_once(screen))
     }
 
-    #[expect(clippy::too_many_lines, reason = "one format after the other")]
     fn run_once(&self, screen: &Screen) -> Exit {
-        if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
+        let only_input = [PathBuf::from(STDIN)];
+        let files = if self.files.is_empty() { &only_input } else { self.files.as_slice() };
+        let stdin = files.iter().filter(|file| file.as_os_str() == STDIN).count();
+        if stdin > 1 {
             screen.error("standard input can be read only once: write `-` once");
             return Exit::Usage;
         }
-        let mut exit = Exit::Ok;
-        let mut findings = Vec::new();
-        let mut totals = Totals::default();
+        if stdin == 0 && self.stdin_filename.is_some() {
+            screen.error("`--stdin-filename` is the name of standard input: write `-` as FILE");
+            return Exit::Usage;
+        }
+        let mut results = Results { exit: Exit::Ok, findings: Vec::new(), totals: Totals::default() };
         // A script in a folder that declares its error is a test case, and passes if it has that error.
-        let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
+        let (folders, files): (Vec<_>, Vec<_>) = files.iter().cloned().partition(|path| path.is_dir());
         let found = find_scripts(&folders);
         if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
             let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("no .motion files in {}", folders.join(", ")));
-            exit = Exit::Script;
+            results.exit = Exit::Script;
         }
         for (path, why) in &found.unreadable {
             screen.error(&format!("cannot read {}: {why}", path.display()));
-            findings.push(Finding::unreadable(&path.display().to_string(), why.clone()));
-            totals.errors += 1;
-            exit = Exit::Script;
+            results.fail(vec![Finding::unreadable(&path.display().to_string(), why.clone())]);
         }
         let files = files.iter().map(|file| (file, false)).chain(found.scripts.iter().map(|file| (file, true)));
+        let corrected = Corrected::default();
+        let mut input = None;
         for (file, is_found) in files {
             let source = match self.read(file, screen) {
                 Ok(source) => source,
                 Err(found) => {
-                    totals.errors += found.len();
-                    findings.extend(found);
-                    exit = Exit::Script;
+                    results.fail(found);
                     continue;
                 }
             };
-            let sources = Sources::new(source, Disk);
-            let compiled = motionseq::compile(&sources, &self.options.of_library());
-            if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
-                && expectation(expected, &compiled.diagnostics).is_ok()
-            {
-                screen.note(&format!("{}: ok, fails with `{expected}` as expected", sources.main().name()));
-                continue;
+            let (sources, compiled) = self.compile(file, source, &corrected);
+            if file.as_os_str() == STDIN {
+                input = Some(sources.main().text().to_owned());
             }
-            if self.format == Format::Human {
-                screen.diagnostics(
-                    &sources,
-                    &compiled.diagnostics,
-                    self.options.warnings(Warnings::First),
-                    self.deny.is_some(),
-                );
-            } else {
-                findings.extend(report::findings(&sources, &compiled.diagnostics));
-                totals.add(&compiled.diagnostics);
+            if !self.diff {
+                self.show(&sources, &compiled, is_found, &mut results, screen);
             }
-            let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
-            match compiled.timeline {
-                Some(timeline) if !denied => {
-                    let sends = match timeline.events.len() {
-                        0 => "sends nothing".to_owned(),
-                        count => format!("{} in {:.3} s", plural(count, "frame"), timeline.end),
-                    };
-                    screen.note(&format!("{}: ok, {sends}", sources.main().name()));
-                    if screen.is_verbose() {
-                        for line in load(&timeline, &sources) {
-                            screen.note(&line);
-                        }
+        }
+        let printed = self.print(&mut results.findings, results.totals, input.is_some());
+        let printed = printed.and_then(|()| match input.filter(|_| self.fix && !self.diff) {
+            Some(text) => io::stdout().lock().write_all(text.as_bytes()),
+            None => Ok(()),
+        });
+        let written = match output::exit(printed, None, screen) {
+            Exit::Ok if self.diff => show_changes(corrected, screen),
+            Exit::Ok => write_changes(corrected, screen),
+            failed => failed,
+        };
+        if written == Exit::Ok { results.exit } else { written }
+    }
+
+    /// Compiles a script, with `--fix` or `--diff` as corrected.
+    fn compile(&self, file: &Path, source: Source, corrected: &Corrected) -> (Sources, Compiled) {
+        let options = self.options.of_library();
+        if self.fix || self.diff {
+            return corrected.compile(file, source, &options);
+        }
+        let sources = Sources::new(source, Disk);
+        let compiled = motionseq::compile(&sources, &options);
+        (sources, compiled)
+    }
+
+    /// Shows the errors and warnings of one script.
+    fn show(&self, sources: &Sources, compiled: &Compiled, is_found: bool, results: &mut Results, screen: &Screen) {
+        let Compiled { timeline, diagnostics, .. } = compiled;
+        let name = sources.main().name();
+        if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
+            && expectation(expected, diagnostics).is_ok()
+        {
+            screen.note(&format!("{name}: ok, fails with `{expected}` as expected"));
+            return;
+        }
+        if self.format == Format::Human {
+            screen.diagnostics(sources, diagnostics, self.options.warnings(Warnings::First), self.deny.is_some());
+            let fixable = diagnostics.iter().filter(|diagnostic| diagnostic.fix.is_some()).count();
+            if fixable > 0 && !self.fix {
+                screen.note(&format!("{} can be fixed with `--fix`", plural(fixable, "error")));
+            }
+        } else {
+            results.findings.extend(report::findings(sources, diagnostics));
+            results.totals.add(diagnostics);
+        }
+        match timeline {
+            Some(timeline) if self.deny.is_none() || diagnostics.warnings() == 0 => {
+                let sends = match timeline.events.len() {
+                    0 => "sends nothing".to_owned(),
+                    count => format!("{} in {:.3} s", plural(count, "frame"), timeline.end),
+                };
+                screen.note(&format!("{name}: ok, {sends}"));
+                if screen.is_verbose() {
+                    for line in load(timeline, sources) {
+                        screen.note(&line);
                     }
                 }
-                Some(_) => {
-                    screen.error(&format!("{}: has warnings, which `--deny warnings` forbids", sources.main().name()));
-                    exit = Exit::Script;
-                }
-                None => exit = Exit::Script,
             }
+            Some(_) => {
+                screen.error(&format!("{name}: has warnings, which `--deny warnings` forbids"));
+                results.exit = Exit::Script;
+            }
+            None => results.exit = Exit::Script,
         }
-        if matches!(self.format, Format::Github | Format::Sarif) {
+    }
+
+    /// Prints the findings in the selected format.
+    fn print(&self, findings: &mut Vec<Finding>, totals: Totals, is_input: bool) -> io::Result<()> {
+        if self.diff || self.format == Format::Human {
+            return Ok(());
+        }
+        if matches!(self.format, Format::Github | Format::Gitlab | Format::Sarif) {
             let repository = repository();
-            for finding in &mut findings {
-                finding.file = repository.path(&finding.file);
-            }
+            *findings = findings.drain(..).map(|finding| finding.with_paths(|path| repository.path(path))).collect();
+        }
+        if self.format != Format::Json {
+            // An error in a file that several scripts use is one error.
+            let mut seen = HashSet::new();
+            findings.retain(|found| {
+                seen.insert((found.file.clone(), found.line, found.column, found.code, found.message.clone()))
+            });
         }
         let text = match self.format {
-            Format::Human => return exit,
-            Format::Json => report::json::findings(&findings, totals),
-            Format::Github => report::github::findings(&findings),
-            Format::Sarif => report::sarif::findings(&findings),
+            Format::Human => String::new(),
+            Format::Concise => report::concise::findings(findings),
+            Format::Json => report::json::findings(findings, totals),
+            Format::Github => report::github::findings(findings),
+            Format::Gitlab => report::gitlab::findings(findings),
+            Format::Sarif => report::sarif::findings(findings),
         };
-        match output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen) {
-            Exit::Ok => exit,
-            failed => failed,
+        // Standard output is for the corrected text of standard input.
+        if is_input && self.fix {
+            return io::stderr().lock().write_all(text.as_bytes());
         }
+        io::stdout().lock().write_all(text.as_bytes())
     }
 
     /// Reads a script. If it cannot be read, the reason is shown or returned as a finding.
     fn read(&self, file: &Path, screen: &Screen) -> Result<Source, Vec<Finding>> {
-        if self.format == Format::Human {
-            return read(file, screen).map_err(|_| Vec::new());
-        }
-        read_source(file).map_err(|error| {
+        let name = self.stdin_filename.as_deref().filter(|_| file.as_os_str() == STDIN);
+        read_source(file, name).map_err(|error| {
+            if self.format == Format::Human {
+                screen.unreadable(error);
+                return Vec::new();
+            }
             let words = error.to_string();
             match Diagnostic::of_source(error) {
                 None => vec![Finding::unreadable(&file.display().to_string(), words)],
@@ -165,6 +249,37 @@ impl Check {
             }
         })
     }
+}
+
+/// Shows what would be corrected; fails if anything would.
+fn show_changes(corrected: Corrected, screen: &Screen) -> Exit {
+    let files = corrected.into_files();
+    let count: usize = files.values().map(|file| file.count).sum();
+    let changes: String = files.values().map(|file| unified_diff(&file.name, &file.old, &file.new, screen)).collect();
+    let printed = io::stdout().lock().write_all(changes.as_bytes());
+    screen.note(&match count {
+        0 => "no error would be fixed".to_owned(),
+        count => format!("{} would be fixed", plural(count, "error")),
+    });
+    match output::exit(printed, None, screen) {
+        Exit::Ok if count > 0 => Exit::Script,
+        exit => exit,
+    }
+}
+
+/// Writes the corrected files, and reports each.
+fn write_changes(corrected: Corrected, screen: &Screen) -> Exit {
+    let mut exit = Exit::Ok;
+    for (path, file) in corrected.into_files() {
+        let is_input = path.as_os_str() == STDIN;
+        if !is_input && let Err(error) = replace(&path, file.old.as_bytes(), file.new.as_bytes()) {
+            screen.error(&format!("cannot write {}: {error}; the file is unchanged", file.name));
+            exit = Exit::Usage;
+        } else {
+            screen.note(&format!("fixed {} in {}", plural(file.count, "error"), file.name));
+        }
+    }
+    exit
 }
 
 /// The most lines shown for the load.

@@ -3,13 +3,15 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use motionseq::board::raspblock;
-use motionseq::diff::{Change, diff, diff_scripts};
-use motionseq::source::{Disk, Lines, Sources, read_file};
+use motionseq::diff::{Change, Words, diff, diff_scripts};
+use motionseq::report::json::{self, LocatedChange};
+use motionseq::source::{Disk, Lines, Place, Sources, read_file};
 use motionseq::timeline::{Note, Snapshot, Timeline, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
+use super::color::painted;
 use super::exit::Exit;
 use super::output;
 use super::screen::{Screen, plural};
@@ -18,15 +20,26 @@ use super::{Options, read};
 /// Show what changed between two scripts or snapshots
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n\nThe exit code is 1 if the two differ. Two scripts are also compared by their `mark`, `say` and `expect`, which a snapshot does not\ncontain. The first 50 changes and the totals are shown; `-v` shows all."
+    after_help = "Examples:\n  motionseq diff old.motion new.motion\n  motionseq diff dance.motion.frames dance.motion   # what changed since the snapshot\n  motionseq diff --format json old.motion new.motion\n\nThe exit code is 1 if the two differ. Two scripts are also compared by their `mark`, `say` and `expect`, which a snapshot does not\ncontain. The first 50 changes and the totals are shown; `-v` shows all."
 )]
 pub(super) struct Diff {
     /// Old script or snapshot (NAME.motion.frames), or `-` for standard input
     old: PathBuf,
     /// New script or snapshot
     new: PathBuf,
+    /// Output format
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
     #[command(flatten)]
     options: Options,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// One line for each change
+    Human,
+    /// One JSON object with all changes
+    Json,
 }
 
 /// How many changes are shown without `-v`.
@@ -47,7 +60,7 @@ impl Diff {
             return Exit::Usage;
         }
         match (self.side(&self.old, screen), self.side(&self.new, screen)) {
-            (Ok(old), Ok(new)) => compare(&old, &new, screen),
+            (Ok(old), Ok(new)) => self.compare(&old, &new, screen),
             (Err(exit), _) | (_, Err(exit)) => exit,
         }
     }
@@ -70,6 +83,46 @@ impl Diff {
         let sent = Snapshot::of(&timeline);
         Ok(Side { sent, script: Some((sources, timeline)) })
     }
+
+    fn compare(&self, old: &Side, new: &Side, screen: &Screen) -> Exit {
+        let (was, is) = (Lookup::of(old), Lookup::of(new));
+        let old_place = |change: &Change| was.as_ref()?.place(change.aborts, change.old?);
+        let new_place = |change: &Change| is.as_ref()?.place(change.aborts, change.new?);
+        let line = |change: &Change| {
+            let place = new_place(change).or_else(|| old_place(change))?;
+            Some((place.file, place.line, change.new.is_some()))
+        };
+        let changes = match (&old.script, &new.script) {
+            (Some((_, old)), Some((_, new))) => diff_scripts(old, new, line),
+            _ => diff(&old.sent, &new.sent, line),
+        };
+        let words = |change: &Change| {
+            let origin = change.new.and_then(|at| is.as_ref()?.origin(change.aborts, at));
+            let origin = origin.or_else(|| change.old.and_then(|at| was.as_ref()?.origin(change.aborts, at)));
+            change.parts(origin.as_deref())
+        };
+        let written = if self.format == Format::Json {
+            let located = |change| LocatedChange {
+                change,
+                old: old_place(change),
+                new: new_place(change),
+                message: words(change).to_string(),
+            };
+            let names = [&self.old, &self.new].map(|path| path.to_string_lossy());
+            let text = json::changes([&names[0], &names[1]], &changes.iter().map(located).collect::<Vec<_>>());
+            io::stdout().lock().write_all(text.as_bytes())
+        } else if changes.is_empty() {
+            let frames = plural(new.sent.moments.len(), "frame");
+            screen.note(&format!("no difference: both send the same {frames}"));
+            Ok(())
+        } else {
+            print(&changes, words, screen)
+        };
+        match output::exit(written, None, screen) {
+            Exit::Ok if !changes.is_empty() => Exit::Script,
+            exit => exit,
+        }
+    }
 }
 
 fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
@@ -81,54 +134,55 @@ fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> R
     Ok(Side { sent, script: None })
 }
 
-fn compare(old: &Side, new: &Side, screen: &Screen) -> Exit {
-    let (was, is) = (old.places(), new.places());
-    let line = |change: &Change| {
-        let place = change.new.and_then(|at| is(change.aborts, at, false));
-        let place = place.or_else(|| change.old.and_then(|at| was(change.aborts, at, false)));
-        place.map(|place| (place, change.new.is_some()))
-    };
-    let changes = match (&old.script, &new.script) {
-        (Some((_, old)), Some((_, new))) => diff_scripts(old, new, line),
-        _ => diff(&old.sent, &new.sent, line),
-    };
-    if changes.is_empty() {
-        screen.note(&format!("no difference: both send the same {}", plural(new.sent.moments.len(), "frame")));
-        return Exit::Ok;
-    }
+/// Prints the first changes and the totals, or with `-v` all.
+fn print(changes: &[Change], words: impl Fn(&Change) -> Words, screen: &Screen) -> io::Result<()> {
     let (totals, listed): (Vec<&Change>, Vec<&Change>) = changes.iter().partition(|change| change.what.is_total());
     let shown = if screen.is_verbose() { listed.len() } else { SHOWN };
     let mut out = io::stdout().lock();
-    let written = listed.iter().take(shown).chain(&totals).try_for_each(|change| {
-        let place = change.new.and_then(|at| is(change.aborts, at, true));
-        let place = place.or_else(|| change.old.and_then(|at| was(change.aborts, at, true)));
-        writeln!(out, "{}", change.words(place.as_deref()))
-    });
+    for change in listed.iter().take(shown).chain(&totals) {
+        writeln!(out, "{}", painted(&words(change), screen.colors_results()))?;
+    }
     if let Some(more) = listed.len().checked_sub(shown).filter(|more| *more > 0) {
         screen.note(&format!("{}; `-v` shows all", plural(more, "more change")));
     }
-    match output::exit(written, None, screen) {
-        Exit::Ok => Exit::Script,
-        failed => failed,
-    }
+    Ok(())
 }
 
-impl Side {
-    /// Returns the line that a frame or a note comes from and, for a frame, if asked, the calls and passes that led there.
-    fn places(&self) -> impl Fn(bool, usize, bool) -> Option<String> {
-        let script = self.script.as_ref().map(|(sources, timeline)| {
-            let notes: [Vec<Note>; 2] = [false, true].map(|aborts| timeline.notes(aborts));
-            (sources, timeline, Lines::of(sources), notes)
-        });
-        move |aborts, at, way| {
-            let (sources, timeline, lines, notes) = script.as_ref()?;
-            let events = timeline.frames(aborts);
-            let Some(event) = events.get(at) else {
-                let [run, abort] = notes;
-                let note = (if aborts { abort } else { run }).get(at - events.len())?;
-                return Some(lines.place(note.span).to_string());
-            };
-            Some(if way { timeline.origin(event, sources, lines) } else { lines.place(event.span).to_string() })
+/// Finds the lines of one side.
+struct Lookup<'s> {
+    sources: &'s Sources,
+    timeline: &'s Timeline,
+    lines: Lines<'s>,
+    /// The notes of the run and of `on abort`.
+    notes: [Vec<Note>; 2],
+}
+
+impl<'s> Lookup<'s> {
+    /// `None` for a snapshot, which has no lines.
+    fn of(side: &'s Side) -> Option<Self> {
+        let (sources, timeline) = side.script.as_ref()?;
+        let notes = [false, true].map(|aborts| timeline.notes(aborts));
+        Some(Lookup { sources, timeline, lines: Lines::of(sources), notes })
+    }
+
+    /// The line that a frame or a note comes from.
+    fn place(&self, aborts: bool, at: usize) -> Option<Place<'s>> {
+        let events = self.timeline.frames(aborts);
+        let span = match events.get(at) {
+            Some(event) => event.span,
+            None => {
+                let [run, abort] = &self.notes;
+                (if aborts { abort } else { run }).get(at - events.len())?.span
+            }
+        };
+        Some(self.lines.place(span))
+    }
+
+    /// This line and, for a frame, the calls and passes that led there.
+    fn origin(&self, aborts: bool, at: usize) -> Option<String> {
+        match self.timeline.frames(aborts).get(at) {
+            Some(event) => Some(self.timeline.origin(event, self.sources, &self.lines)),
+            None => Some(self.place(aborts, at)?.to_string()),
         }
     }
 }

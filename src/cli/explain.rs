@@ -2,8 +2,9 @@
 
 use std::io::{self, Write};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use motionseq::diagnostic::{Code, Severity};
+use motionseq::report;
 
 use super::exit::Exit;
 use super::output;
@@ -11,32 +12,47 @@ use super::screen::Screen;
 
 /// Explain an error or a warning, with a wrong and a right example
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  motionseq explain clash\n  motionseq explain          # list all codes")]
+#[command(
+    after_help = "Examples:\n  motionseq explain clash\n  motionseq explain                  # list all codes\n  motionseq explain --format json    # everything about all codes"
+)]
 pub(super) struct Explain {
     /// Code of the message, such as `clash`; without it, list all codes
     code: Option<String>,
+    /// Output format
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Text in lines of 80 characters
+    Human,
+    /// One JSON object
+    Json,
 }
 
 impl Explain {
     /// Prints the explanation; fails if the code is unknown.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let text = match &self.code {
-            None => {
+        let named = self.code.as_deref().map(|name| (name, Code::all_named(name.trim_matches(['[', ']', '`']))));
+        let text = match (&named, self.format) {
+            (Some((name, codes)), _) if codes.is_empty() => {
+                let near = motionseq::program::suggest(name, Code::ALL.iter().map(|code| code.name()));
+                let help = match near {
+                    Some(near) => format!("did you mean `motionseq explain {near}`?"),
+                    None => "list the codes with `motionseq explain`".to_owned(),
+                };
+                screen.error(&format!("unknown code `{name}`; {help}"));
+                return Exit::Usage;
+            }
+            (named, Format::Json) => report::json::codes(named.as_ref().map_or(Code::ALL, |(_, codes)| codes)),
+            (Some((_, codes)), Format::Human) => {
+                codes.iter().map(|code| explained(*code)).collect::<Vec<_>>().join("\n")
+            }
+            (None, Format::Human) => {
                 let rows = Code::ALL.iter().map(|code| format!("{:<20} {}", code.name(), code.title()));
                 rows.collect::<Vec<_>>().join("\n") + "\n"
             }
-            Some(name) => match Code::all_named(name.trim_matches(['[', ']', '`'])).as_slice() {
-                codes @ [_, ..] => codes.iter().map(|code| explained(*code)).collect::<Vec<_>>().join("\n"),
-                [] => {
-                    let near = motionseq::program::suggest(name, Code::ALL.iter().map(|code| code.name()));
-                    let help = match near {
-                        Some(near) => format!("did you mean `motionseq explain {near}`?"),
-                        None => "list the codes with `motionseq explain`".to_owned(),
-                    };
-                    screen.error(&format!("unknown code `{name}`; {help}"));
-                    return Exit::Usage;
-                }
-            },
         };
         output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen)
     }

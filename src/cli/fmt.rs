@@ -6,29 +6,35 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::syntax;
+use motionseq::verify::{expectation, expected_error};
 
-use super::atomic_file::write_atomically;
+use super::atomic_file::replace;
 use super::exit::Exit;
 use super::output;
 use super::read;
 use super::screen::{Screen, Warnings, plural};
+use super::script_files::find_scripts;
+use super::unified_diff::unified_diff;
 
 /// Format scripts without changing what they send
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq fmt scripts/*.motion\n  motionseq fmt --check scripts/*.motion   # for CI: change no file, fail if one is not formatted\n  motionseq fmt - < draft.motion           # format standard input to standard output\n\nLine breaks and comments are kept. A script with syntax errors is not changed."
+    after_help = "Examples:\n  motionseq fmt .                          # all scripts in this folder\n  motionseq fmt --check scripts/*.motion   # for CI: change no file, fail if one is not formatted\n  motionseq fmt --diff .                   # show what would change\n  motionseq fmt - < draft.motion           # format standard input to standard output\n\nLine breaks and comments are kept. A script with syntax errors is not changed."
 )]
 pub(super) struct Fmt {
-    /// Scripts to format, or `-` for standard input
+    /// Scripts or folders to format, or `-` for standard input
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Change no file; list the scripts that are not formatted, and fail if there are any
     #[arg(long)]
     check: bool,
+    /// Change no file; show what would change, and fail if anything would
+    #[arg(long)]
+    diff: bool,
 }
 
 impl Fmt {
-    /// Formats every file; fails if one cannot be read, or with `--check` if one would change.
+    /// Formats every file; fails if one cannot be read, or with `--check` or `--diff` if one would change.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
             screen.error("standard input can be read only once: write `-` once");
@@ -36,44 +42,67 @@ impl Fmt {
         }
         let mut exit = Exit::Ok;
         let (mut changed, mut failed) = (0_usize, 0_usize);
-        for file in &self.files {
-            match self.file(file, screen) {
+        let (folders, mut files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
+        let found = find_scripts(&folders);
+        for (path, why) in &found.unreadable {
+            screen.error(&format!("cannot read {}: {why}", path.display()));
+            exit = Exit::Script;
+        }
+        let named = files.len();
+        files.extend(found.scripts);
+        if files.is_empty() && exit == Exit::Ok {
+            let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
+            screen.error(&format!("no .motion files in {}", folders.join(", ")));
+            return Exit::Script;
+        }
+        for (at, file) in files.iter().enumerate() {
+            match self.file(file, at >= named, screen) {
                 Ok(is_changed) => changed += usize::from(is_changed),
                 Err(cause) => (exit, failed) = (cause, failed + 1),
             }
         }
-        let scripts = plural(self.files.len(), "script");
-        screen.note(&match (self.check, changed) {
+        let scripts = plural(files.len(), "script");
+        let is_dry = self.check || self.diff;
+        screen.note(&match (is_dry, changed) {
             (_, 0) if failed > 0 => format!("{scripts} checked, {failed} cannot be formatted"),
             (_, 0) => format!("{scripts} checked, all formatted"),
             (true, _) => format!("{scripts} checked, {changed} not formatted; format with `motionseq fmt FILE`"),
             (false, _) => format!("{scripts} checked, {changed} formatted"),
         });
-        if exit == Exit::Ok && self.check && changed > 0 { Exit::Script } else { exit }
+        if exit == Exit::Ok && is_dry && changed > 0 { Exit::Script } else { exit }
     }
 
-    /// Formats a file; returns whether that changes it.
-    fn file(&self, path: &Path, screen: &Screen) -> Result<bool, Exit> {
+    /// Formats a file; returns whether that changes it. A script in a folder that declares its error is a test case.
+    fn file(&self, path: &Path, is_found: bool, screen: &Screen) -> Result<bool, Exit> {
         let source = read(path, screen)?;
         let mut diagnostics = Diagnostics::default();
         let Some(text) = syntax::format(&source, &mut diagnostics) else {
+            let expected = expected_error(&source).filter(|_| is_found);
+            if expected.is_some_and(|expected| expectation(expected, &diagnostics).is_ok()) {
+                return Ok(false);
+            }
             screen.diagnostics(&source.into(), &diagnostics, Warnings::First, false);
             return Err(Exit::Script);
         };
         let is_changed = text != source.text();
-        if path.as_os_str() == "-" && !self.check {
-            let written = io::stdout().lock().write_all(text.as_bytes());
-            return match output::exit(written, None, screen) {
-                Exit::Ok => Ok(is_changed),
-                failed => Err(failed),
-            };
-        }
         if is_changed && self.check {
             screen.note(&format!("{} is not formatted", source.name()));
-        } else if is_changed && let Err(error) = write_atomically(path, text.as_bytes()) {
+        }
+        let printed = if self.diff {
+            unified_diff(source.name(), source.text(), &text, screen)
+        } else if self.check {
+            return Ok(is_changed);
+        } else if path.as_os_str() == "-" {
+            text
+        } else if is_changed && let Err(error) = replace(path, source.text().as_bytes(), text.as_bytes()) {
             screen.error(&format!("cannot write {}: {error}; the file is unchanged", path.display()));
             return Err(Exit::Usage);
+        } else {
+            return Ok(is_changed);
+        };
+        match output::exit(io::stdout().lock().write_all(printed.as_bytes()), None, screen) {
+            Exit::Ok => Ok(is_changed),
+            failed => Err(failed),
         }
-        Ok(is_changed)
     }
 }

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use hdrhistogram::Histogram;
 use motionseq::playback::{Signals, lateness};
 use motionseq::units::{Micros, Nanos, NotATime};
+use serde_json::{Value, json};
 
 use super::exit::Exit;
 use super::output;
@@ -18,7 +19,7 @@ use super::screen::Screen;
 /// Measure how well this machine keeps time, idle and busy
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq latency\n  motionseq latency --for 60s --realtime\n\nIt waits for deadlines 5 ms apart, in the same way as `play`: half of the time on an idle machine, half of the time with every\nprocessor busy. The last line says whether this machine is good enough, and what to do if it is not."
+    after_help = "Examples:\n  motionseq latency\n  motionseq latency --for 60s --realtime\n  motionseq latency --format json > latency.json\n\nIt waits for deadlines 5 ms apart, in the same way as `play`: half of the time on an idle machine, half of the time with every\nprocessor busy. The last line says whether this machine is good enough, and what to do if it is not."
 )]
 pub(super) struct Latency {
     /// Measure for TIME, from 200ms to 1h
@@ -27,6 +28,17 @@ pub(super) struct Latency {
     /// Use real-time priority and locked memory, if permitted
     #[arg(long)]
     realtime: bool,
+    /// Output format
+    #[arg(long, value_enum, default_value_t = Format::Human)]
+    format: Format,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Two tables, and what to do
+    Human,
+    /// One JSON object
+    Json,
 }
 
 fn time(text: &str) -> Result<Micros, String> {
@@ -77,12 +89,17 @@ impl Latency {
             measured.push(found);
         }
         let [idle, busy] = measured.as_slice() else { return Exit::Failed };
-        let mut text = String::new();
-        for (found, name) in [(idle, "idle"), (busy, "busy")] {
-            text.push_str(&table(found, name));
-        }
-        text.push_str(verdict(idle, busy, realtime));
-        text.push('\n');
+        let verdict = verdict(idle, busy, realtime);
+        let text = match self.format {
+            Format::Human => table(idle, "idle") + &table(busy, "busy") + verdict.words() + "\n",
+            Format::Json => {
+                let measured = json!({
+                    "version": 1, "realtime": realtime, "idle": lateness_of(idle), "busy": lateness_of(busy),
+                    "verdict": verdict.name(), "advice": verdict.words(),
+                });
+                format!("{measured:#}\n")
+            }
+        };
         output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen)
     }
 }
@@ -139,16 +156,60 @@ fn table(found: &Histogram<u64>, name: &str) -> String {
     text
 }
 
-/// Whether the machine is good enough, and what to do if not.
-fn verdict(idle: &Histogram<u64>, busy: &Histogram<u64>, realtime: bool) -> &'static str {
+/// A histogram as data. Its rows are those of [`table`].
+fn lateness_of(found: &Histogram<u64>) -> Value {
+    let mut from = 0;
+    let rows = ROWS.map(|(to, _)| {
+        let count = found.count_between(from, to.0.saturating_sub(1));
+        from = to.0;
+        json!({ "below_ns": Some(to.0).filter(|_| to != Nanos::MAX), "count": count })
+    });
+    json!({
+        "deadlines": found.len(),
+        "lateness_ns": {
+            "p50": found.value_at_quantile(0.5), "p99": found.value_at_quantile(0.99), "max": found.max(), "rows": rows,
+        },
+    })
+}
+
+/// Whether the machine is good enough.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Good,
+    /// Good with real-time priority, perhaps.
+    TryRealtime,
+    Stalls,
+}
+
+fn verdict(idle: &Histogram<u64>, busy: &Histogram<u64>, realtime: bool) -> Verdict {
     let is_good = |found: &Histogram<u64>| found.value_at_quantile(0.99) < FRAME.0 && found.max() < NEAR.0;
     match (is_good(idle), is_good(busy)) {
-        (true, true) => "good: frames are sent on time, also while other programs run",
-        (true, false) if !realtime => {
-            "use --realtime: this machine keeps time only while it is idle; try `motionseq latency --realtime`"
+        (true, true) => Verdict::Good,
+        (true, false) if !realtime => Verdict::TryRealtime,
+        _ => Verdict::Stalls,
+    }
+}
+
+impl Verdict {
+    /// The name in the JSON object.
+    fn name(self) -> &'static str {
+        match self {
+            Verdict::Good => "good",
+            Verdict::TryRealtime => "try-realtime",
+            Verdict::Stalls => "stalls",
         }
-        _ => {
-            "this machine stalls: close other programs, use a machine that is not shared or virtual, or raise the limit, such as `play --max-late 200ms`; by default a frame later than 50 ms ends a run"
+    }
+
+    /// The verdict, and what to do.
+    fn words(self) -> &'static str {
+        match self {
+            Verdict::Good => "good: frames are sent on time, also while other programs run",
+            Verdict::TryRealtime => {
+                "use --realtime: this machine keeps time only while it is idle; try `motionseq latency --realtime`"
+            }
+            Verdict::Stalls => {
+                "this machine stalls: close other programs, use a machine that is not shared or virtual, or raise the limit, such as `play --max-late 200ms`; by default a frame later than 50 ms ends a run"
+            }
         }
     }
 }
@@ -170,12 +231,12 @@ mod tests {
         let good = histogram(&[(500, 990), (900_000, 10)]);
         let late = histogram(&[(500, 900), (4_000_000, 100)]);
         let stalls = histogram(&[(500, 999), (60_000_000, 1)]);
-        assert!(verdict(&good, &good, false).starts_with("good"));
-        assert!(verdict(&good, &late, false).starts_with("use --realtime"));
-        assert!(verdict(&good, &stalls, false).starts_with("use --realtime"));
-        assert!(verdict(&good, &late, true).starts_with("this machine stalls"));
-        assert!(verdict(&late, &good, false).starts_with("this machine stalls"));
-        assert!(verdict(&stalls, &stalls, true).starts_with("this machine stalls"));
+        assert_eq!(verdict(&good, &good, false), Verdict::Good);
+        assert_eq!(verdict(&good, &late, false), Verdict::TryRealtime);
+        assert_eq!(verdict(&good, &stalls, false), Verdict::TryRealtime);
+        assert_eq!(verdict(&good, &late, true), Verdict::Stalls);
+        assert_eq!(verdict(&late, &good, false), Verdict::Stalls);
+        assert_eq!(verdict(&stalls, &stalls, true), Verdict::Stalls);
     }
 
     #[test]
@@ -199,5 +260,12 @@ mod tests {
             .map(|line| line.split('#').next().unwrap().split_whitespace().next_back().unwrap())
             .collect();
         assert_eq!(counts, ["1", "2", "3", "4", "5", "6", "7", "8", "9"], "{text}");
+        let data = lateness_of(&found);
+        let rows = data["lateness_ns"]["rows"].as_array().unwrap();
+        assert_eq!(
+            rows.iter().map(|row| row["count"].as_u64().unwrap()).collect::<Vec<_>>(),
+            (1..=9).collect::<Vec<_>>()
+        );
+        assert_eq!((rows[0]["below_ns"].as_u64(), rows[8]["below_ns"].as_u64()), (Some(1_000), None));
     }
 }

@@ -5,11 +5,13 @@
 mod atomic_file;
 mod case_lines;
 mod check;
+mod color;
 mod completions;
 mod decode;
 mod diff;
 mod exit;
 mod explain;
+mod fixes;
 mod fmt;
 mod man;
 mod output;
@@ -21,6 +23,7 @@ mod screen;
 mod script_files;
 mod selection;
 mod test;
+mod unified_diff;
 mod watch;
 
 // The commands that need a serial port or a pseudo-terminal.
@@ -58,25 +61,25 @@ mod watcher;
 mod worker;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc;
 use std::thread;
 
-use clap::{Args, FromArgMatches as _, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
 use motionseq::Compiled;
 use std::sync::Arc;
 
 use motionseq::board::{Board as Family, raspblock};
-use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::Speed;
 use motionseq::report::Repository;
 use motionseq::source::{Disk, Files as _, Source, SourceError, Sources};
 
+use color::Color;
 use exit::Exit;
 #[cfg(not(target_os = "linux"))]
 use linux_only::{board, latency, play, ports, record};
-use screen::{Color, Screen, Volume, Warnings};
+use screen::{Screen, Volume, Warnings};
 
 /// Check, play and test timed motion scripts for the Yahboom Raspblock
 #[derive(Debug, Parser)]
@@ -125,7 +128,7 @@ enum Command {
 /// How messages look.
 #[derive(Debug, Args)]
 struct Output {
-    /// Color messages; `auto` colors them on a terminal, unless `NO_COLOR` is set
+    /// Color output; `auto` colors it on a terminal, unless `NO_COLOR` is set
     #[arg(long, global = true, value_enum, default_value_t = Color::Auto, value_name = "WHEN", help_heading = "Global options")]
     color: Color,
     /// Show only errors
@@ -194,11 +197,18 @@ const FREQUENT: [(&str, AddOptions); 5] = [
 /// of a short run.
 fn parse() -> Result<Cli, clap::Error> {
     let name = std::env::args_os().nth(1);
-    let Some((name, options)) = FREQUENT.iter().find(|(word, _)| name.as_ref().is_some_and(|name| name == word)) else {
-        return Cli::try_parse();
+    let frequent = FREQUENT.iter().find(|(word, _)| name.as_ref().is_some_and(|name| name == word));
+    let motionseq = match frequent {
+        None => Cli::command(),
+        Some((name, options)) => {
+            let motionseq = Output::augment_args(clap::Command::new("motionseq").max_term_width(100));
+            motionseq.subcommand(options(clap::Command::new(*name)))
+        }
     };
-    let motionseq = Output::augment_args(clap::Command::new("motionseq").max_term_width(100));
-    let mut motionseq = motionseq.subcommand(options(clap::Command::new(*name)));
+    let mut motionseq = motionseq.color(Color::in_arguments().choice());
+    if screen::is_terminal_of_unknown_size() {
+        motionseq = motionseq.term_width(screen::WIDTH);
+    }
     let matches = motionseq.try_get_matches_from_mut(std::env::args_os())?;
     Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut motionseq))
 }
@@ -290,23 +300,19 @@ fn start_thread(name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<
     is_up.recv().map_err(io::Error::other)
 }
 
-/// Reads a script; `-` is standard input.
-fn read_source(path: &std::path::Path) -> Result<Source, SourceError> {
-    if path.as_os_str() == "-" { Source::read_from("<stdin>", io::stdin().lock()) } else { Disk.read(path) }
+/// Reads a script; `-` is standard input, which can have the name of a file.
+fn read_source(path: &Path, stdin_name: Option<&Path>) -> Result<Source, SourceError> {
+    match stdin_name {
+        _ if path.as_os_str() != "-" => Disk.read(path),
+        None => Source::read_from("<stdin>", io::stdin().lock()),
+        Some(name) => Ok(Source::read_from(name.display().to_string(), io::stdin().lock())?.at(name)),
+    }
 }
 
 /// Reads a script, or shows why it cannot be read.
-fn read(path: &std::path::Path, screen: &Screen) -> Result<Source, Exit> {
-    read_source(path).map_err(|error| {
-        let words = error.to_string();
-        match Diagnostic::of_source(error) {
-            None => screen.error(&words),
-            Some((source, diagnostic)) => {
-                let mut diagnostics = Diagnostics::default();
-                diagnostics.push(diagnostic);
-                screen.diagnostics(&source.into(), &diagnostics, Warnings::First, false);
-            }
-        }
+fn read(path: &Path, screen: &Screen) -> Result<Source, Exit> {
+    read_source(path, None).map_err(|error| {
+        screen.unreadable(error);
         Exit::Script
     })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process;
 
 use motionseq::board::raspblock;
-use motionseq::diagnostic::Diagnostics;
+use motionseq::diagnostic::{Diagnostics, escaped};
 use motionseq::plot::{Theme, plot};
 use motionseq::source::{Disk, Files as _, Source, Sources};
 use motionseq::timeline::{Timeline, read_snapshot};
@@ -75,7 +75,7 @@ impl Review<'_> {
 
     /// Asks about one script until the answer is final.
     fn ask(&self, script: &Path, mut case: Case, number: &str, pictures: &mut Option<PathBuf>) -> Choice {
-        print(&[vec![format!("{number}{}", case.name)], self.shown.lines(&case)].concat());
+        print(&[vec![format!("{number}{}", escaped(&case.name))], self.shown.lines(&case)].concat());
         loop {
             match self.choice() {
                 Choice::Accept => {
@@ -138,7 +138,7 @@ impl Review<'_> {
             file.push(format!(".{when}.svg"));
             let path = folder.join(file);
             fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
-            Ok::<_, io::Error>(format!("  {when}: {}", path.display()))
+            Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
         };
         let mut snapshot = script.as_os_str().to_owned();
         snapshot.push(SNAPSHOT);
@@ -171,7 +171,7 @@ impl Review<'_> {
 }
 
 fn print(lines: &[String]) {
-    let text: String = lines.iter().map(|line| motionseq::diagnostic::escaped(line) + "\n").collect();
+    let text: String = lines.iter().flat_map(|line| [line, "\n"]).collect();
     // A terminal that is gone ends the review at the next question.
     let _ = io::stdout().lock().write_all(text.as_bytes());
 }

@@ -6,27 +6,22 @@ use std::io::{self, IsTerminal, Write as _};
 use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use clap::ValueEnum;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Code, Diagnostic, Diagnostics, MAX_ERRORS, Printable, Severity, escaped};
 #[cfg(target_os = "linux")]
 use motionseq::playback::is_in_foreground;
-use motionseq::source::Sources;
-use terminal_size::{Width, terminal_size_of};
+use motionseq::source::{SourceError, Sources};
+use terminal_size::{Width, terminal_size, terminal_size_of};
 use textwrap::{WordSeparator, WordSplitter};
 
-/// When messages are colored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Color {
-    Auto,
-    Always,
-    Never,
-}
+use super::color::Color;
 
 /// Standard error, and how much is written there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Screen {
     color: bool,
+    /// Whether standard output is colored.
+    results: bool,
     volume: Volume,
     terminal: bool,
 }
@@ -53,8 +48,8 @@ pub(super) enum Warnings {
 /// How many warnings of each code are shown in full.
 const FIRST: usize = 3;
 
-/// Width of messages without a terminal.
-const WIDTH: usize = 80;
+/// Width of messages without a terminal, or on one that does not know its size.
+pub(super) const WIDTH: usize = 80;
 
 /// How long the end of a run waits for a blocked standard error, and for a blocked report file. Neither waits for the other.
 pub(super) const PATIENCE: Duration = Duration::from_secs(2);
@@ -96,14 +91,9 @@ const CAPACITY: usize = 4 * 1024;
 impl Screen {
     pub(super) fn new(color: Color, volume: Volume) -> Self {
         let terminal = io::stderr().is_terminal();
-        let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
         let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-        let color = match color {
-            Color::Always => true,
-            Color::Never => false,
-            Color::Auto => terminal && !dumb && !set("NO_COLOR"),
-        };
-        Screen { color, volume, terminal: terminal && !dumb }
+        let (color, results) = (color.is_for(&io::stderr()), color.is_for(&io::stdout()));
+        Screen { color, results, volume, terminal: terminal && !dumb }
     }
 
     /// From now on a thread writes all text, and nothing else waits for standard error. If the thread cannot keep up, lines are lost
@@ -138,6 +128,11 @@ impl Screen {
     /// The `--color` option that makes another process look the same.
     pub(super) fn color_option(&self) -> &'static str {
         if self.color { "--color=always" } else { "--color=never" }
+    }
+
+    /// Whether standard output is colored.
+    pub(super) fn colors_results(&self) -> bool {
+        self.results
     }
 
     pub(super) fn is_quiet(&self) -> bool {
@@ -205,6 +200,19 @@ impl Screen {
     pub(super) fn error(&self, line: &str) {
         let word = if self.color { "\u{1b}[31;1merror\u{1b}[0m" } else { "error" };
         print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Importance::Required);
+    }
+
+    /// Writes why a script cannot be read.
+    pub(super) fn unreadable(&self, error: SourceError) {
+        let words = error.to_string();
+        match Diagnostic::of_source(error) {
+            None => self.error(&words),
+            Some((source, diagnostic)) => {
+                let mut diagnostics = Diagnostics::default();
+                diagnostics.push(diagnostic);
+                self.diagnostics(&source.into(), &diagnostics, Warnings::First, false);
+            }
+        }
     }
 
     /// Writes every error of a script, the selected warnings, and a line with the totals.
@@ -303,6 +311,12 @@ impl Screen {
             .break_words(false);
         textwrap::fill(&line, options)
     }
+}
+
+/// Whether there is a terminal, but neither it nor the environment knows its size. A serial console has no rows and no columns.
+pub(super) fn is_terminal_of_unknown_size() -> bool {
+    let is_terminal = io::stdout().is_terminal() || io::stderr().is_terminal();
+    is_terminal && terminal_size().is_none() && std::env::var_os("COLUMNS").is_none()
 }
 
 /// How important a text is.

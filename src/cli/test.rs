@@ -5,7 +5,6 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use motionseq::diagnostic::escaped;
 use motionseq::faults::Faults;
 use motionseq::report;
 use motionseq::verify::{Case, Job, Replace, Status};
@@ -196,7 +195,7 @@ fn prune(orphan: &Path) -> Case {
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {
     let shown = Shown::new(screen, all, true);
     let cases = cases.iter().filter(|case| is_shown(case, screen));
-    cases.flat_map(|case| shown.lines(case)).map(|line| escaped(&line) + "\n").collect()
+    cases.flat_map(|case| shown.lines(case)).map(|line| line + "\n").collect()
 }
 
 /// `12 scripts: 10 passed, 2 failed`.

@@ -41,10 +41,31 @@ pub struct Edit {
 impl Edit {
     /// The text of a file with this correction; `None` if the span is not in the file.
     pub fn apply(&self, source: &Source) -> Option<String> {
-        let (base, text, range) = (source.base() as usize, source.text(), self.span.range());
-        let before = text.get(..range.start.checked_sub(base)?)?;
-        let after = text.get(range.end.checked_sub(base)?..)?;
-        Some([before, &self.text, after].concat())
+        let (text, count) = Edit::apply_all([self], source);
+        (count == 1).then_some(text)
+    }
+
+    /// The text of a file with those of the corrections that are in it, and their number. Of corrections that touch each other,
+    /// only the first is made, because it may make the others superfluous: compile again to find out.
+    pub fn apply_all<'e>(edits: impl IntoIterator<Item = &'e Edit>, source: &Source) -> (String, usize) {
+        let (base, old) = (source.base() as usize, source.text());
+        let mut edits: Vec<&Edit> = edits.into_iter().collect();
+        edits.sort_by_key(|edit| edit.span);
+        let (mut new, mut done, mut count) = (String::new(), 0, 0);
+        for edit in edits {
+            let range = edit.span.range();
+            let Some(range) = range.start.checked_sub(base).zip(range.end.checked_sub(base)) else { continue };
+            let (start, end) = range;
+            if count > 0 && start <= done || end < start || old.get(end..).is_none() {
+                continue;
+            }
+            let Some(kept) = old.get(done..start) else { continue };
+            new.push_str(kept);
+            new.push_str(&edit.text);
+            (done, count) = (end, count + 1);
+        }
+        new.push_str(old.get(done..).unwrap_or_default());
+        (new, count)
     }
 }
 

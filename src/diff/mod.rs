@@ -14,11 +14,13 @@ use crate::units::Micros;
 
 mod align;
 mod items;
+mod parts;
 mod scale;
 mod shifts;
 mod words;
 
 use items::Item;
+pub use parts::{Part, Words};
 
 /// One change.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,76 +2,84 @@
 
 use std::fmt;
 
+use super::parts::Words;
 use super::{Again, Change, Shift, What};
 use crate::units::Micros;
 
 impl Change {
     /// Describes the change, with its place in the script if known.
-    #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
     pub fn words(&self, place: Option<&str>) -> String {
+        self.parts(place).to_string()
+    }
+
+    /// Describes the change like [`words`](Self::words), in parts.
+    #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
+    pub fn parts(&self, place: Option<&str>) -> Words {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
         let when = if self.aborts { "on abort, " } else { "" };
-        let at = format!("{when}at {}{place}: ", secs(self.at));
+        let at = Words::from(format!("{when}at {}{place}: ", secs(self.at)));
         match &self.what {
             What::Shifted { things, by, pause } => {
                 let things = if things.is_empty() { "everything".into() } else { things.join(", ") };
+                let again = self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))));
+                let from = Words::from(format!("{when}from {}{place}: ", secs(self.at)));
                 let pause = pause.map(pause_before).unwrap_or_default();
-                let words = format!("{when}from {}{place}: {pause}{things} is {}", secs(self.at), Later(by.total_us));
-                words + &self.again(&format!(", and by another {}", span(Micros(by.step_us.unsigned_abs()))))
+                from + pause + format!("{things} is {}", Later(by.total_us)) + again
             }
             What::Scaled { until, lasts, by } => {
                 let everything = format!("everything runs {}", pace(*lasts));
                 if until.is_none() && self.at == Micros::ZERO {
-                    return format!("{when}{everything}");
+                    return Words::from(format!("{when}{everything}"));
                 }
                 let to = until.map(|until| format!(" to {}", secs(until))).unwrap_or_default();
                 let then = until.map(|_| format!(", so the following commands are {}", Later(by.total_us)));
                 let words =
                     format!("{when}from {}{to}{place}: {everything}{}", secs(self.at), then.unwrap_or_default());
-                words + &self.again(", the same")
+                Words::from(words) + self.again(", the same")
             }
             What::Changed { from, to, by_us, then } => {
                 let moved = by_us.map(|by_us| format!(", and is {}", Later(by_us))).unwrap_or_default();
-                let words = format!("{at}{}{moved}", between(from, to));
-                let Some((thing, by)) = then else { return words + &self.again(", the same") };
-                let of = thing.as_ref().map(|thing| format!(" of {thing}")).unwrap_or_default();
-                format!("{words}, so the following commands{of} are {}{}", Later(by.total_us), self.again(", the same"))
+                let then = then.as_ref().map(|(thing, by)| {
+                    let of = thing.as_ref().map(|thing| format!(" of {thing}")).unwrap_or_default();
+                    format!(", so the following commands{of} are {}", Later(by.total_us))
+                });
+                at + between(from, to) + moved + then.unwrap_or_default() + self.again(", the same")
             }
-            What::Moved { what, by_us } => format!("{at}{what} is {}{}", Later(*by_us), self.again(", the same")),
-            What::Added(what) => format!("{at}{what} is added{}", self.again(", the same")),
-            What::Removed(what) => format!("{at}{what} is removed{}", self.again(", the same")),
+            What::Moved { what, by_us } => at + format!("{what} is {}{}", Later(*by_us), self.again(", the same")),
+            What::Added(what) => at + Words::new(what) + " is added" + self.again(", the same"),
+            What::Removed(what) => at + Words::old(what) + " is removed" + self.again(", the same"),
             What::Steps { what, from, to } => {
-                let steps = if from == to { "takes other steps".into() } else { format!("takes {from} -> {to} steps") };
+                let takes = if from == to {
+                    Words::from(format!("{what} takes other steps"))
+                } else {
+                    Words::from(format!("{what} takes ")) + Words::change(from.to_string(), to.to_string()) + " steps"
+                };
                 let more = self.more.map_or(String::new(), |again| match again.count {
                     1 => ", and one more move takes other steps".into(),
                     more => format!(", and {more} more moves take other steps"),
                 });
-                format!("{at}{what} {steps}{more}")
+                at + takes + more
             }
             What::Refreshed { from, to } => {
-                let interval = |time: &Micros| format!("every {}", span(*time));
-                let now = match (from, to) {
-                    (Some(from), Some(to)) => format!("{} -> {}", interval(from), interval(to)),
-                    (Some(from), None) => format!("{} -> off", interval(from)),
-                    (None, Some(to)) => format!("off -> {}", interval(to)),
-                    (None, None) => "unchanged".into(),
-                };
-                format!("drive refresh {now}")
+                let interval =
+                    |time: &Option<Micros>| time.map_or("off".into(), |time| format!("every {}", span(time)));
+                Words::from("drive refresh ") + Words::change(interval(from), interval(to))
             }
-            What::Reordered => format!("{at}the frames at this time are sent in another order"),
-            What::Baud { from, to } => format!("overall: baud {from} -> {to}"),
+            What::Reordered => at + "the frames at this time are sent in another order",
+            What::Baud { from, to } => Words::from("overall: baud ") + Words::change(from.to_string(), to.to_string()),
             What::Length { from, to } => {
-                format!("overall: the script ends at {} -> {}", secs(*from), secs(*to))
+                Words::from("overall: the script ends at ") + Words::change(secs(*from), secs(*to))
             }
             What::Load { from, to } => {
-                let all =
-                    if from.0 == to.0 { format!("{} bytes", to.0) } else { format!("{} -> {} bytes", from.0, to.0) };
-                let busiest = if from.1 == to.1 {
-                    String::new()
-                } else {
-                    format!(", {} -> {} in the busiest second", from.1, to.1)
+                let number = |from: u64, to: u64| match from == to {
+                    true => Words::from(from.to_string()),
+                    false => Words::change(from.to_string(), to.to_string()),
                 };
-                format!("overall: {all} are sent{busiest}")
+                let words = Words::from("overall: ") + number(from.0, to.0) + " bytes are sent";
+                if from.1 == to.1 {
+                    return words;
+                }
+                words + ", " + number(from.1, to.1) + " in the busiest second"
             }
         }
     }
@@ -165,11 +173,11 @@ impl Change {
 }
 
 /// `the pause before it is 1.000 s -> 2.000 s, so `.
-fn pause_before([old, new]: [Micros; 2]) -> String {
+fn pause_before([old, new]: [Micros; 2]) -> Words {
     match (old, new) {
-        (Micros::ZERO, new) => format!("a pause of {} is added before it, so ", span(new)),
-        (old, Micros::ZERO) => format!("the pause of {} before it is removed, so ", span(old)),
-        (old, new) => format!("the pause before it is {} -> {}, so ", span(old), span(new)),
+        (Micros::ZERO, new) => Words::from("a pause of ") + Words::new(span(new)) + " is added before it, so ",
+        (old, Micros::ZERO) => Words::from("the pause of ") + Words::old(span(old)) + " before it is removed, so ",
+        (old, new) => Words::from("the pause before it is ") + Words::change(span(old), span(new)) + ", so ",
     }
 }
 
@@ -195,18 +203,18 @@ pub(super) fn is_always_shown(part: &str) -> bool {
 }
 
 /// `servo 2 1500 -> 1600 over 500 ms`: unchanged words are not repeated.
-fn between(from: &[String], to: &[String]) -> String {
+fn between(from: &[String], to: &[String]) -> Words {
     let whole =
         |parts: &[String]| parts.iter().filter(|part| is_always_shown(part)).cloned().collect::<Vec<_>>().join(" ");
     if from.len() != to.len() || from.first() != to.first() {
-        return format!("{} -> {}", whole(from), whole(to));
+        return Words::change(whole(from), whole(to));
     }
     let change = |(old, new): (&String, &String)| {
         let (word, value) = new.split_once(' ').unwrap_or(("", new));
         match old.split_once(' ') {
-            _ if old == new => new.clone(),
-            Some((same, was)) if same == word => format!("{word} {was} -> {value}"),
-            _ => format!("{old} -> {new}"),
+            _ if old == new => Words::from(new.as_str()),
+            Some((same, was)) if same == word => Words::from(format!("{word} ")) + Words::change(was, value),
+            _ => Words::change(old, new),
         }
     };
     let mut pairs = from.iter().zip(to).filter(|(old, new)| old != new || is_always_shown(new));
@@ -215,11 +223,11 @@ fn between(from: &[String], to: &[String]) -> String {
     // Several new values are shown together: `wheels 4 4 -4 -4 -> 2 2 -2 -2`.
     let values = if values.iter().filter(|(old, new)| old != new).count() > 1 {
         let (old, new): (Vec<&str>, Vec<&str>) = values.iter().map(|(old, new)| (old.as_str(), new.as_str())).unzip();
-        vec![format!("{} -> {}", old.join(" "), new.join(" "))]
+        vec![Words::change(old.join(" "), new.join(" "))]
     } else {
         values.into_iter().map(change).collect()
     };
-    verb.into_iter().chain(values).chain(others.into_iter().map(change)).collect::<Vec<_>>().join(" ")
+    Words::joined(verb.into_iter().chain(values).chain(others.into_iter().map(change)))
 }
 
 /// Seconds with three decimals, or with six if needed.

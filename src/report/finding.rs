@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::diagnostic::{Diagnostics, Severity};
+use crate::diagnostic::{Diagnostics, Edit, Severity};
 use crate::source::{Encoding, Lines, Position, Sources};
 
 /// One error or warning. Lines and columns count from 1, columns in characters; the end is exclusive.
@@ -26,6 +26,34 @@ pub struct Finding {
     pub message: String,
     /// What to do.
     pub help: String,
+    /// The correction, if there is only one.
+    pub fix: Option<Fix>,
+}
+
+/// A correction: edits of scripts. None of them touch.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Fix {
+    /// What it does.
+    pub message: String,
+    /// What it changes.
+    pub edits: Vec<Replacement>,
+}
+
+/// A text that replaces a part of a file. Lines and columns count as in a [`Finding`]; without a length, the text is inserted.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Replacement {
+    /// The file.
+    pub file: String,
+    /// First line.
+    pub line: usize,
+    /// First column.
+    pub column: usize,
+    /// Last line.
+    pub end_line: usize,
+    /// Column after the last character.
+    pub end_column: usize,
+    /// The new text.
+    pub text: String,
 }
 
 /// The numbers of errors and warnings, listed or not.
@@ -49,6 +77,16 @@ impl Totals {
 pub(super) const UNREADABLE: &str = "unreadable";
 
 impl Finding {
+    /// The same with other paths, such as those relative to a repository.
+    #[must_use]
+    pub fn with_paths(mut self, path: impl Fn(&str) -> String) -> Self {
+        self.file = path(&self.file);
+        for edit in self.fix.iter_mut().flat_map(|fix| &mut fix.edits) {
+            edit.file = path(&edit.file);
+        }
+        self
+    }
+
     /// A file that cannot be read.
     pub fn unreadable(file: &str, message: String) -> Self {
         Finding {
@@ -61,6 +99,7 @@ impl Finding {
             code: UNREADABLE,
             message,
             help: "check the name and the permissions of the file".to_owned(),
+            fix: None,
         }
     }
 }
@@ -71,6 +110,12 @@ pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
     let place = |offset| {
         let Position { line, column } = lines.position(offset, Encoding::Utf32);
         (line as usize + 1, column as usize + 1)
+    };
+    let fix = |help: &str, Edit { span, text, .. }: &Edit| {
+        let ((line, column), (end_line, end_column)) = (place(span.start), place(span.end));
+        let file = sources.file(*span).name().to_owned();
+        let edit = Replacement { file, line, column, end_line, end_column, text: text.clone() };
+        Fix { message: help.to_owned(), edits: vec![edit] }
     };
     let all = diagnostics.iter().map(|diagnostic| {
         let file = sources.file(diagnostic.span);
@@ -86,6 +131,7 @@ pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
             code: diagnostic.code.name(),
             message: diagnostic.message.clone(),
             help: diagnostic.help.clone(),
+            fix: diagnostic.fix.as_ref().map(|edit| fix(&diagnostic.help, edit)),
         }
     });
     all.collect()

@@ -1,6 +1,8 @@
 //! Results as text for other programs: pure functions of the data, one file per format.
 
+pub mod concise;
 pub mod github;
+pub mod gitlab;
 pub mod json;
 pub mod junit;
 pub mod sarif;
@@ -10,6 +12,6 @@ mod finding;
 mod repository;
 mod run;
 
-pub use finding::{Finding, Totals, findings};
+pub use finding::{Finding, Fix, Replacement, Totals, findings};
 pub use repository::Repository;
 pub use run::{Asked, Dropped, Expected, Frames, Lateness, Run};

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::finding::UNREADABLE;
-use super::{Finding, json::pretty};
+use super::{Finding, Replacement, json::pretty};
 use crate::diagnostic::Code;
 
 /// The errors and warnings of scripts.
@@ -31,25 +31,7 @@ pub fn findings(findings: &[Finding]) -> String {
             "defaultConfiguration": { "level": "error" },
         })])
         .collect();
-    let results: Vec<Value> = findings
-        .iter()
-        .map(|finding| {
-            json!({
-                "ruleId": finding.code,
-                "level": finding.severity,
-                "message": { "text": format!("{}\n{}", finding.message, finding.help) },
-                "locations": [{ "physicalLocation": {
-                    "artifactLocation": { "uri": uri(&finding.file) },
-                    "region": {
-                        "startLine": finding.line,
-                        "startColumn": finding.column,
-                        "endLine": finding.end_line,
-                        "endColumn": finding.end_column,
-                    },
-                }}],
-            })
-        })
-        .collect();
+    let results: Vec<Value> = findings.iter().map(result).collect();
     pretty(&json!({
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
         "version": "2.1.0",
@@ -59,6 +41,44 @@ pub fn findings(findings: &[Finding]) -> String {
             "results": results,
         }],
     }))
+}
+
+fn result(finding: &Finding) -> Value {
+    let mut result = json!({
+        "ruleId": finding.code,
+        "level": finding.severity,
+        "message": { "text": format!("{}\n{}", finding.message, finding.help) },
+        "locations": [{ "physicalLocation": {
+            "artifactLocation": { "uri": uri(&finding.file) },
+            "region": {
+                "startLine": finding.line,
+                "startColumn": finding.column,
+                "endLine": finding.end_line,
+                "endColumn": finding.end_column,
+            },
+        }}],
+    });
+    // The schema allows no `null`.
+    if let Some(fix) = &finding.fix {
+        let changes: Vec<Value> = fix.edits.iter().map(change).collect();
+        result["fixes"] = json!([{ "description": { "text": fix.message }, "artifactChanges": changes }]);
+    }
+    result
+}
+
+fn change(edit: &Replacement) -> Value {
+    json!({
+        "artifactLocation": { "uri": uri(&edit.file) },
+        "replacements": [{
+            "deletedRegion": {
+                "startLine": edit.line,
+                "startColumn": edit.column,
+                "endLine": edit.end_line,
+                "endColumn": edit.end_column,
+            },
+            "insertedContent": { "text": edit.text },
+        }],
+    })
 }
 
 /// A path as a relative URI reference, percent-encoded.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::board::Board;
 use crate::diagnostic::{Code, Diagnostic, Diagnostics};
-use crate::diff::{Change, diff};
+use crate::diff::{Change, Words, diff};
 use crate::faults::Faults;
 use crate::program::Options;
 use crate::source::{Disk, Lines, Source, Sources, read_file};
@@ -96,12 +96,14 @@ pub struct Problem {
     pub code: &'static str,
     /// What is wrong, in words.
     pub message: String,
+    /// The same words in parts, if it is a difference from the snapshot.
+    pub change: Option<Words>,
 }
 
 impl Problem {
     /// The message, with its position unless the message contains it.
     pub fn located(&self) -> String {
-        let Problem { file, line, code, message } = self;
+        let Problem { file, line, code, message, .. } = self;
         match *code {
             DIFFERENCE | TOTAL => message.clone(),
             code if *line > 0 => format!("{file}:{line}: {code}: {message}"),
@@ -263,7 +265,8 @@ impl Job {
                     let origin = event(&change).map(|event| timeline.origin(event, sources, lines));
                     let (file, line) = line(&change).unwrap_or((sources.main().name(), 0));
                     let code = if sums_up && is_total(&change) { TOTAL } else { DIFFERENCE };
-                    problem(file, line, code, change.words(origin.as_deref()))
+                    let words = change.parts(origin.as_deref());
+                    Problem { change: Some(words.clone()), ..problem(file, line, code, words.to_string()) }
                 });
                 (Status::Differs, problems.collect())
             }
@@ -350,7 +353,7 @@ fn found(diagnostic: &Diagnostic, lines: &Lines<'_>) -> Problem {
 }
 
 fn problem(file: &str, line: usize, code: &'static str, message: String) -> Problem {
-    Problem { file: file.to_owned(), line, code, message }
+    Problem { file: file.to_owned(), line, code, message, change: None }
 }
 
 /// The code of the error that a script declares on its first line.

@@ -76,6 +76,9 @@ pub(crate) fn program() -> &'static str {
     env!("CARGO_BIN_EXE_motionseq")
 }
 
+/// Variables that turn colors on and off.
+pub(crate) const COLORS: [&str; 4] = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "FORCE_COLOR"];
+
 /// The built program, run from the root of the project, without settings of the user.
 pub(crate) fn motionseq(args: &[&str]) -> Command {
     let mut command = Command::new(program());
@@ -85,11 +88,10 @@ pub(crate) fn motionseq(args: &[&str]) -> Command {
     if args.first() == Some(&"play") && !args.contains(&"--max-late") {
         command.args(["--max-late", "5s"]);
     }
-    command
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .env_remove("MOTIONSEQ_PORT")
-        .env_remove("NO_COLOR")
-        .stdin(Stdio::null());
+    for name in COLORS {
+        command.env_remove(name);
+    }
+    command.current_dir(env!("CARGO_MANIFEST_DIR")).env_remove("MOTIONSEQ_PORT").stdin(Stdio::null());
     command
 }
 
