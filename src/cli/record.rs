@@ -19,7 +19,7 @@ use super::display::Format;
 use super::exit::Exit;
 use super::growing_file;
 use super::guard;
-use super::log::Log;
+use super::log::{About, Log};
 use super::output::{self, Inputs};
 use super::play;
 use super::screen::{PATIENCE, Screen, plural};
@@ -75,21 +75,17 @@ const MAX_LATE: Nanos = Nanos::from_millis(250);
 impl Record {
     /// Records until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let created = match self.output.as_deref().map(|path| (path, growing_file::create(path, &Inputs::default()))) {
-            None => None,
-            Some((path, Ok(created))) => Some((path, created)),
-            Some((path, Err(error))) => return output::exit(Err(error), Some(path), screen),
+        let created = self.output.as_deref().map(|path| {
+            growing_file::create(path, &Inputs::default()).map_err(|error| output::exit(Err(error), Some(path), screen))
+        });
+        let created = match created.transpose() {
+            Ok(created) => created,
+            Err(exit) => return exit,
         };
-        let file = created.as_ref().map(|(_, created)| created.file.try_clone()).transpose();
-        match file.map_err(|error| board::failed(screen, &error)).and_then(|file| self.record(file, screen)) {
-            Ok(exit) => exit,
-            Err(exit) => {
-                if let Some((path, created)) = created {
-                    created.undo(path);
-                }
-                exit
-            }
-        }
+        // Until the end: if nothing is recorded, it removes the file.
+        let file = created.as_ref().map(|created| created.file.try_clone()).transpose();
+        let file = file.map_err(|error| board::failed(screen, &error));
+        file.and_then(|file| self.record(file, screen)).unwrap_or_else(|exit| exit)
     }
 
     /// Fails if nothing was recorded.
@@ -98,7 +94,8 @@ impl Record {
         let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
         let port = port.transpose()?;
         let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), file.as_ref(), self.reading.board(), screen)?;
+        let what = ("record", About::new(self.port.as_deref()));
+        let log = Log::open(self.log.as_deref(), file.as_ref(), what, self.reading.board(), screen)?;
         let signals = board::begin(screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
         let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
@@ -173,7 +170,9 @@ fn between(
     let mut server = Server::of_port(pty_link, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
-    let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
+    let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else {
+        return (Exit::Failed, watcher.end(Exit::Failed, "motionseq failed; this is a bug"));
+    };
     let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
         Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),
@@ -192,14 +191,11 @@ fn between(
         Stop::Sent => "the program did not stop the robot; stop: sent",
         _ => "the program did not stop the robot; stop: NOT SENT - cut the power",
     };
-    match cause {
-        Some(cause) => screen.error(&format!("{cause}; {robot}")),
-        None if stop == Stop::NotSent => screen.error(robot),
-        None => screen.note(robot),
-    }
+    let words = cause.as_ref().map_or_else(|| robot.to_owned(), |cause| format!("{cause}; {robot}"));
+    if cause.is_some() || stop == Stop::NotSent { screen.error(&words) } else { screen.note(&words) }
     // A guard without a goodbye prints this line itself, if the screen takes nothing.
     if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {
         guard.goodbye();
     }
-    (exit, watcher.end())
+    (exit, watcher.end(exit, &words))
 }

@@ -102,11 +102,12 @@ impl Play {
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
         let path = self.port_path();
-        let Port { link, board } =
+        let Port { link, board, poses } =
             Port::open(path.as_deref(), &timeline, self.faults(path.is_some(), screen)?, screen)?;
 
         // The port is open. Everything that may fail or wait is done before the first frame.
-        let (files, report) = results.start(&timeline.board, &sources, screen)?;
+        let (mut files, report) = results.start(&timeline.board, &sources, path.as_deref(), screen)?;
+        files.poses = poses;
         let (timeline, again) = (Arc::new(timeline), again.map(Arc::new));
         let keys = Keys::open(screen.is_live());
         let display = Display::new(*screen, self.shown(screen), script, keys.is_some() && screen.is_live(), self.step);

@@ -4,12 +4,14 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver};
 
 use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{OpenError, Pty, Serial};
 use motionseq::serve::BoardThread;
-use motionseq::sim::{Device, Settings};
+use motionseq::sim::{Device, Pose, Settings};
 use motionseq::timeline::Timeline;
+use motionseq::units::Micros;
 
 use super::super::exit::Exit;
 use super::super::screen::Screen;
@@ -18,7 +20,13 @@ use super::super::screen::Screen;
 pub(super) struct Port {
     pub(super) link: Serial,
     pub(super) board: Option<BoardThread>,
+    /// Where the robot of the virtual board is, ten times a second, since the start of the run.
+    pub(super) poses: Option<Receiver<(Micros, Pose)>>,
 }
+
+/// How often the pose of the robot is noted, and how many poses fit in the queue.
+const POSE_EVERY: Micros = Micros::from_millis(100);
+const POSES: usize = 1_024;
 
 impl Port {
     pub(super) fn open(
@@ -31,15 +39,25 @@ impl Port {
         if let Some(path) = path {
             let link = Serial::open(path, *baud).map_err(|error| refused(screen, path, &error))?;
             screen.note(&format!("playing on {}", path.display()));
-            return Ok(Port { link, board: None });
+            return Ok(Port { link, board: None, poses: None });
         }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
         // Opened by its path, like a real port.
         let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
         screen.note("no --port: playing on the built-in virtual board");
         let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
-        let board = BoardThread::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
-        Ok(Port { link, board: Some(board) })
+        let (tell, poses) = mpsc::sync_channel(POSES);
+        let mut due = Micros(1);
+        let watch = move |time: Micros, board: &Device| {
+            // Before the script begins, the time is 0.
+            if time >= due {
+                due = time + POSE_EVERY;
+                // Without a log, nothing takes them.
+                let _ = tell.try_send((time, board.received().pose));
+            }
+        };
+        let board = BoardThread::start(board, pty, *baud, watch).map_err(|error| system(screen, &error))?;
+        Ok(Port { link, board: Some(board), poses: Some(poses) })
     }
 }
 
