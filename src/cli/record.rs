@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
@@ -21,7 +21,7 @@ use super::growing_file;
 use super::guard;
 use super::log::{About, Log};
 use super::output::{self, Inputs};
-use super::play;
+use super::port_opening::{self, doubt};
 use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::Watcher;
@@ -35,9 +35,12 @@ pub(super) struct Record {
     /// Create a symbolic link at this path, which the program opens as its port; the link is removed at the end
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
-    /// Pass bytes between the program and the board at this serial port, both ways and unchanged
+    /// Pass bytes between the program and the board at this serial port (or `auto`), both ways and unchanged
     #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
     port: Option<PathBuf>,
+    /// If the port cannot be opened yet, wait for it up to TIME
+    #[arg(long, value_name = "TIME", requires = "port", value_parser = port_opening::wait)]
+    wait: Option<Micros>,
     /// Write the script to this file instead of standard output; a file that has content is refused
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -90,13 +93,13 @@ impl Record {
 
     /// Fails if nothing was recorded.
     fn record(&self, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
-        let port = self.port.as_deref();
-        let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
-        let port = port.transpose()?;
-        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
-        let what = ("record", About::new(self.port.as_deref()));
-        let log = Log::open(self.log.as_deref(), file.as_ref(), what, self.reading.board(), screen)?;
         let signals = board::begin(screen)?;
+        let port = self.port.as_deref();
+        let port = port.map(|path| port_opening::open(path, self.baud, self.wait, &signals, screen)).transpose()?;
+        let path = port.as_ref().map(|(_, path)| path.clone());
+        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
+        let what = ("record", About::new(path.as_deref()));
+        let log = Log::open(self.log.as_deref(), file.as_ref(), what, self.reading.board(), screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
         let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
         let watcher =
@@ -112,10 +115,11 @@ impl Record {
                 begun("a virtual board");
                 serve_board(&mut pty_link, board, self.baud, &signals, watcher, screen)
             }
-            Some(port) => {
+            Some((port, path)) => {
+                doubt(&path, screen);
                 // Last: from here on the loop must send signs of life.
                 let guard = self.guard(&port, screen).map_err(failed)?;
-                begun(&format!("the board at {}", self.port.as_deref().unwrap_or(Path::new("")).display()));
+                begun(&format!("the board at {}", path.display()));
                 between(&mut pty_link, self.reading.board(), port, guard, &signals, watcher, screen)
             }
         };
@@ -192,7 +196,11 @@ fn between(
         _ => "the program did not stop the robot; stop: NOT SENT - cut the power",
     };
     let words = cause.as_ref().map_or_else(|| robot.to_owned(), |cause| format!("{cause}; {robot}"));
-    if cause.is_some() || stop == Stop::NotSent { screen.error(&words) } else { screen.note(&words) }
+    if cause.is_some() || stop == Stop::NotSent {
+        screen.error(&words)
+    } else {
+        screen.note(&words)
+    }
     // A guard without a goodbye prints this line itself, if the screen takes nothing.
     if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {
         guard.goodbye();

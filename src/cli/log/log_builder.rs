@@ -89,7 +89,8 @@ impl LogBuilder {
         self.metadata("motionseq", facts)?;
         for (name, text) in scripts {
             let data = Cow::Owned(text.into_bytes());
-            let script = Attachment { log_time: started.0, create_time: 0, name, media_type: "text/plain".into(), data };
+            let script =
+                Attachment { log_time: started.0, create_time: 0, name, media_type: "text/plain".into(), data };
             self.writer.attach(&script).map_err(io::Error::other)?;
         }
         Ok(())

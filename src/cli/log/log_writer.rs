@@ -53,12 +53,7 @@ struct LogWriter {
 }
 
 impl LogWriter {
-    fn write_all(
-        &mut self,
-        entries: &Receiver<(Nanos, Entry)>,
-        board: Arc<Board>,
-        about: About,
-    ) -> io::Result<()> {
+    fn write_all(&mut self, entries: &Receiver<(Nanos, Entry)>, board: Arc<Board>, about: About) -> io::Result<()> {
         let mut log = LogBuilder::new(board)?;
         log.about(about)?;
         let mut written = Instant::now();

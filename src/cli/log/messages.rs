@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use motionseq::board::{Board, Report, Sets, State, Text, Verb, ValueForm};
+use motionseq::board::{Board, Report, Sets, State, Text, ValueForm, Verb};
 use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
 use serde::Serialize;

@@ -21,10 +21,10 @@ use super::worker::Worker;
 
 #[cfg(feature = "mcap")]
 mod log_builder;
-#[cfg(feature = "mcap")]
-mod messages;
 #[cfg_attr(not(feature = "mcap"), path = "absent.rs")]
 mod log_writer;
+#[cfg(feature = "mcap")]
+mod messages;
 mod run;
 
 pub(super) use run::TimelineLog;

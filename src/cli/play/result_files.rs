@@ -66,9 +66,7 @@ impl<'p> ResultFiles<'p> {
             report: open_one(report.as_deref(), screen, |path| {
                 output::whole(path, &inputs, *force).map(|file| file.is_in_place().then_some(file))
             })?,
-            log: open_one(log.as_deref(), screen, |path| {
-                log::create(path, &log::name_of(sources), &inputs)
-            })?,
+            log: open_one(log.as_deref(), screen, |path| log::create(path, &log::name_of(sources), &inputs))?,
         })
     }
 
