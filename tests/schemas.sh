@@ -21,6 +21,7 @@ cp scripts/hello.motion.frames scripts/gone.motion.frames
 "$motionseq" check scripts/*.motion --format sarif >check.sarif && exit 1
 "$motionseq" check scripts/*.motion --format json >check.json && exit 1
 "$motionseq" render scripts/greeting.motion --format jsonl | head -1 >frame.json
+"$motionseq" ports --format json >ports.json 2>/dev/null
 "$motionseq" plot "$OLDPWD/tests/plots/every_lane_at_once.motion" -o plot.json 2>/dev/null
 
 "$motionseq" play scripts/drift.motion --speed 5 --report run.json -q && exit 1
@@ -32,5 +33,6 @@ check-jsonschema --schemafile "$OLDPWD/docs/schemas/check.json" check.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/frame.json" frame.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/run.json" run.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/plot.json" plot.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/ports.json" ports.json
 check-jsonschema --builtin-schema vendor.github-workflows "$OLDPWD/docs/ci/github.yml"
 check-jsonschema --builtin-schema vendor.gitlab-ci "$OLDPWD/docs/ci/gitlab.yml"

@@ -44,7 +44,7 @@ impl Ports {
         let written = match self.format {
             Format::Human => found.iter().try_for_each(|port| writeln!(out, "{}", line(port))),
             Format::Json => {
-                let list = List { ports: found.iter().map(Port::from).collect() };
+                let list = List { version: 1, ports: found.iter().map(Port::from).collect() };
                 serde_json::to_writer_pretty(&mut out, &list).map_err(Into::into).and_then(|()| writeln!(out))
             }
         };
@@ -68,6 +68,7 @@ pub(super) fn line(port: &PortInfo) -> String {
 /// The list as JSON. Fields may be added; existing ones never change their meaning.
 #[derive(Serialize)]
 struct List {
+    version: u32,
     ports: Vec<Port>,
 }
 

@@ -71,6 +71,10 @@ pub struct Owner {
     pub process: u32,
 }
 
+/// How to free a port of the system.
+const NO_LOGIN: &str =
+    "on a Raspberry Pi, disable it with `sudo raspi-config` (Interface Options, Serial Port: login shell no)";
+
 /// `python3 (process 1234)`.
 impl fmt::Display for Owner {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -82,8 +86,8 @@ impl fmt::Display for Obstacle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Obstacle::Bluetooth => f.write_str("connected to the Bluetooth chip, not to the pins"),
-            Obstacle::Console => f.write_str("the console of the system: disable it with `sudo raspi-config` (Interface Options, Serial Port: login shell no), or remove `console=` from the kernel command line"),
-            Obstacle::Login(owner) => write!(f, "a login prompt is there, {owner}: disable it with `sudo raspi-config` (Interface Options, Serial Port: login shell no)"),
+            Obstacle::Console => write!(f, "the console of the system; {NO_LOGIN}"),
+            Obstacle::Login(owner) => write!(f, "a login prompt is there, {owner}; {NO_LOGIN}"),
             Obstacle::InUse(Some(owner)) => write!(f, "in use by {owner}"),
             Obstacle::InUse(None) => f.write_str("in use"),
             Obstacle::Forbidden(Some(group)) => {

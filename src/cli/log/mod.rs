@@ -237,3 +237,22 @@ impl Log {
         why_not.is_none()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logs_of_the_same_second_have_different_names() {
+        let folder = std::env::temp_dir().join(format!("motionseq-log-names-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let created: Vec<Created> = (0..8).map(|_| create(&folder, "dance", &Inputs::default()).unwrap()).collect();
+        let names: Vec<&str> = created.iter().map(|one| one.path().file_name().unwrap().to_str().unwrap()).collect();
+        assert!(names.iter().any(|name| name.ends_with("Z-2.mcap")), "{names:?}");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 8);
+        drop(created);
+        // Nothing was written to them.
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0);
+        std::fs::remove_dir(folder).unwrap();
+    }
+}
