@@ -340,8 +340,8 @@ fn pythons_reader_reads_it_and_every_message_matches_its_schema() {
 /// Where the robot of a script is at the end: in the frame of the floor, as a transform, and in the units of the virtual board.
 #[test]
 fn the_pose_of_the_virtual_board_is_in_the_log_of_a_run_as_foxglove_has_it() {
-    // Forward, and then to the right.
-    let script = "rocker y=20 for 0.5s; wait 0.5s\nrocker x=10 for 0.5s\nwait 0.3s\nrocker z=90 for 1s\nwait 0.5s\n";
+    // Forward, to the right, and a quarter turn clockwise.
+    let script = "rocker y=20 for 0.5s\nrocker x=10 for 0.5s\nrocker z=90 for 1s\nwait 0.3s\n";
     let (messages, said, code) = played("pose", script, &[]);
     assert_eq!(code, Some(0), "{said}");
     let (poses, transforms, positions) = (of(&messages, "/pose"), of(&messages, "/tf"), of(&messages, "/position"));

@@ -67,6 +67,8 @@ pub(super) struct Stamped {
     /// What tio writes before a time, besides the bytes: a line end, if it shows them as hex.
     before: &'static [u8],
     is_at_start: bool,
+    /// Whether the last byte that was passed on is a line end.
+    is_line_end: bool,
 }
 
 impl Stamped {
@@ -80,6 +82,7 @@ impl Stamped {
             at: Nanos::ZERO,
             before,
             is_at_start: true,
+            is_line_end: false,
         })
     }
 
@@ -90,30 +93,35 @@ impl Stamped {
         let mut rest = bytes.as_slice();
         let mut from = 0;
         while let Some(place) = self.next_stamp(rest, from) {
-            let end = place.saturating_sub(self.before.len());
             match stamp(rest.get(place..).unwrap_or_default()) {
                 Stamp::None => from = place + 1,
                 Stamp::Partial => {
-                    sink(self.at, rest.get(..end).unwrap_or_default());
-                    self.is_at_start &= end == 0;
-                    self.waiting = rest.get(end..).unwrap_or_default().to_vec();
+                    rest = self.pass(rest, place.saturating_sub(self.before.len()), &mut sink);
+                    self.waiting = rest.to_vec();
                     return;
                 }
                 Stamp::Whole(at, length) => {
-                    sink(self.at, rest.get(..end).unwrap_or_default());
+                    self.pass(rest, place.saturating_sub(self.before.len()), &mut sink);
                     self.at = self.times.take(at);
                     rest = rest.get(place + length..).unwrap_or_default();
-                    (from, self.is_at_start) = (0, false);
+                    (from, self.is_at_start, self.is_line_end) = (0, false, false);
                 }
             }
         }
         // A line end may belong to the next time.
-        let kept =
-            (1..=self.before.len()).rev().find(|count| rest.ends_with(self.before.get(..*count).unwrap_or_default()));
-        let (given, kept) = rest.split_at(rest.len() - kept.unwrap_or(0));
-        sink(self.at, given);
-        self.is_at_start &= given.is_empty();
-        self.waiting = kept.to_vec();
+        let ends = |count: &usize| rest.ends_with(self.before.get(..*count).unwrap_or_default());
+        let kept = (1..=self.before.len()).rev().find(ends).unwrap_or(0);
+        self.waiting = self.pass(rest, rest.len() - kept, &mut sink).to_vec();
+    }
+
+    /// Passes the first bytes to `sink`, and returns the others.
+    fn pass<'b>(&mut self, bytes: &'b [u8], count: usize, sink: &mut impl FnMut(Nanos, &[u8])) -> &'b [u8] {
+        let (given, kept) = bytes.split_at_checked(count).unwrap_or((bytes, &[]));
+        if let Some(last) = given.last() {
+            sink(self.at, given);
+            (self.is_at_start, self.is_line_end) = (false, *last == b'\n');
+        }
+        kept
     }
 
     /// Reads the rest.
@@ -125,10 +133,11 @@ impl Stamped {
     fn next_stamp(&self, bytes: &[u8], from: usize) -> Option<usize> {
         let is_start = |at: usize| {
             let before = bytes.get(..at).unwrap_or_default();
-            if at == self.before.len() && self.is_at_start {
-                return before == self.before;
+            match (self.before.is_empty(), at) {
+                (true, 0) => self.is_at_start || self.is_line_end,
+                (true, _) => before.ends_with(b"\n"),
+                (false, _) => before.ends_with(self.before),
             }
-            if self.before.is_empty() { before.ends_with(b"\n") } else { before.ends_with(self.before) }
         };
         (from..bytes.len()).find(|at| bytes.get(*at) == Some(&b'[') && is_start(*at))
     }

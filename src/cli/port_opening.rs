@@ -47,7 +47,7 @@ pub(super) fn open(
             return Err(refused.report(screen));
         };
         if !is_told {
-            screen.note(&format!("{refused}; waiting up to {} s", wait.unwrap_or_default().short()));
+            screen.note(&format!("{refused}; waiting up to {}", wait.unwrap_or_default().short()));
             is_told = true;
         }
         let left = until.saturating_duration_since(Instant::now());
@@ -126,10 +126,10 @@ impl Refused {
                 Exit::Port
             }
             Refused::Several(ports) | Refused::None(ports) => {
-                let lines: String = ports.iter().map(|port| format!("\n  {}", line(port))).collect();
                 let more =
                     help(ports).unwrap_or_else(|| "write the port of the board, such as `--port PATH`".to_owned());
-                screen.error(&format!("{self}; nothing was sent; {more}{lines}"));
+                screen.error(&format!("{self}; nothing was sent; {more}"));
+                ports.iter().for_each(|port| screen.ask(&line(port)));
                 Exit::Port
             }
         }

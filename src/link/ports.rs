@@ -253,11 +253,13 @@ impl Computer {
         if matches!(user, Some(Obstacle::Login(_))) {
             return user;
         }
-        let console = self.is_console(path).then_some(Obstacle::Console);
-        console.or(user).or_else(|| match rustix::fs::access(self.file(path), Access::READ_OK | Access::WRITE_OK) {
+        if self.is_console(path) {
+            return Some(Obstacle::Console);
+        }
+        match rustix::fs::access(self.file(path), Access::READ_OK | Access::WRITE_OK) {
             Err(rustix::io::Errno::ACCESS | rustix::io::Errno::PERM) => Some(Obstacle::Forbidden(self.group(path))),
-            _ => None,
-        })
+            _ => user,
+        }
     }
 
     /// Whether the messages of the kernel go to a device.

@@ -14,7 +14,7 @@ use super::super::growing_file::GrowingFile;
 use super::log_builder::LogBuilder;
 use super::{About, Entry, Screen};
 
-/// How often the file is updated. A killed program loses at most this much of its log.
+/// How often the file is updated. A killed program loses at most this and [`HOLD`] of its log.
 const UPDATE: Duration = Duration::from_millis(500);
 /// How long a message waits for earlier ones, so that all are written in the order of their times.
 const HOLD: Nanos = Nanos::from_millis(250);

@@ -16,13 +16,15 @@ pub(in super::super) struct TimelineLog {
     /// Time 0 of the pass, on the clock of
     /// [`now`](motionseq::playback::now), moved by the pauses.
     begin: Nanos,
+    /// Whether the script is paused. A step then reaches its marks at another time.
+    is_paused: bool,
     /// The poses of the robot of a virtual board, with their times since time 0.
     poses: Option<Receiver<(Micros, Pose)>>,
 }
 
 impl TimelineLog {
     pub(in super::super) fn new(log: Log, poses: Option<Receiver<(Micros, Pose)>>) -> Self {
-        TimelineLog { log, begin: Nanos::ZERO, poses }
+        TimelineLog { log, begin: Nanos::ZERO, is_paused: false, poses }
     }
 
     /// Logs the poses that have come.
@@ -46,7 +48,7 @@ impl TimelineLog {
             }
             Notice::Marked { mark } => {
                 if let Some(mark) = timeline.marks.get(mark) {
-                    let at = self.begin + mark.at.nanos();
+                    let at = if self.is_paused { at } else { self.begin + mark.at.nanos() };
                     self.log.put(at, Entry::Mark { name: mark.name.clone(), script: mark.at });
                 }
             }
@@ -75,14 +77,15 @@ impl TimelineLog {
                 }
             }
             Notice::Sleeping { at: script } | Notice::Paused { at: script } => {
+                self.is_paused = true;
                 self.line(at, Level::Info, format!("paused at {script:.3} s"), None);
             }
             Notice::Resumed { at: script } => {
-                self.begin = at - script.nanos();
+                (self.begin, self.is_paused) = (at - script.nanos(), false);
                 self.line(at, Level::Info, format!("continues at {script:.3} s"), None);
             }
             Notice::Pass { pass } => {
-                self.begin = at;
+                (self.begin, self.is_paused) = (at, false);
                 if pass > 1 {
                     self.line(at, Level::Info, format!("pass {pass}"), None);
                 } else {

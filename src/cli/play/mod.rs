@@ -169,10 +169,6 @@ impl Play {
                 let opened = port_opening::open(&path, timeline.baud, self.wait, signals, screen)?;
                 Ok(Port::real(opened, screen))
             }
-            None if self.wait.is_some() => {
-                screen.error("`--wait` needs a port: add `--port PATH` or `--port auto`");
-                Err(Exit::Usage)
-            }
             None => Port::of_board(timeline, faults, screen),
         }
     }
