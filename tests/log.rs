@@ -54,8 +54,11 @@ fn messages(path: &Path) -> Vec<Message> {
     found
 }
 
+/// Records of metadata: their names and fields.
+type Facts = BTreeMap<String, BTreeMap<String, String>>;
+
 /// The metadata of a log, and the names and texts of its attachments.
-fn about(path: &Path) -> (BTreeMap<String, BTreeMap<String, String>>, Vec<(String, String)>) {
+fn about(path: &Path) -> (Facts, Vec<(String, String)>) {
     let bytes = fs::read(path).unwrap();
     let (mut metadata, mut attachments) = (BTreeMap::new(), Vec::new());
     for record in LinearReader::new_with_options(&bytes, Options::IgnoreEndMagic.into()).unwrap() {

@@ -129,7 +129,9 @@ impl Refused {
                 let more =
                     help(ports).unwrap_or_else(|| "write the port of the board, such as `--port PATH`".to_owned());
                 screen.error(&format!("{self}; nothing was sent; {more}"));
-                ports.iter().for_each(|port| screen.ask(&line(port)));
+                for port in ports {
+                    screen.ask(&line(port));
+                }
                 Exit::Port
             }
         }

@@ -197,9 +197,9 @@ fn between(
     };
     let words = cause.as_ref().map_or_else(|| robot.to_owned(), |cause| format!("{cause}; {robot}"));
     if cause.is_some() || stop == Stop::NotSent {
-        screen.error(&words)
+        screen.error(&words);
     } else {
-        screen.note(&words)
+        screen.note(&words);
     }
     // A guard without a goodbye prints this line itself, if the screen takes nothing.
     if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {

@@ -135,7 +135,9 @@ impl Computer {
                 names.entry(resolved(&Path::new("/").join(folder), &target)).or_default().push(name);
             }
         }
-        names.values_mut().for_each(|names| names.sort());
+        for names in names.values_mut() {
+            names.sort();
+        }
         Computer { root: root.to_owned(), names }
     }
 

@@ -12,6 +12,7 @@ use super::{About, Entry, Screen};
 
 pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
 
+#[expect(clippy::too_many_arguments, reason = "as with logs")]
 pub(super) fn write(
     _: File,
     _: String,

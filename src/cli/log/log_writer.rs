@@ -29,6 +29,7 @@ const MOST_PENDING: usize = 16 << 20;
 pub(super) const WHY_NOT: Option<&str> = None;
 
 /// Writes until there are no more entries. Returns why the log is not complete, if it is not.
+#[expect(clippy::too_many_arguments, reason = "a file, what the log is about, and its entries")]
 pub(super) fn write(
     file: File,
     name: String,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use motionseq::board::{Board, Report, Sets, State, Text, ValueForm, Verb};
+use motionseq::board::{Board, Command, Report, Sets, State, Text, ValueForm, Verb};
 use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
 use serde::Serialize;
@@ -68,7 +68,7 @@ impl LastCommands {
             let command = state.last(id);
             let verb = command.and_then(|command| board.verb(command.verb())).or_else(|| setters().next());
             let Some(verb) = verb else { continue };
-            let values = command.map(|command| command.values());
+            let values = command.map(Command::values);
             let values = values.as_deref().unwrap_or_default();
             let value = match verb.axes.as_slice() {
                 _ if verb.is_indexed() => Value::Number(values.last().copied().unwrap_or(0).into()),
