@@ -4,7 +4,7 @@
 use std::io::{self, Read, Write};
 use std::process::Stdio;
 
-use crate::support::{motionseq, rendered, run, stderr, stdout};
+use crate::support::{Scratch, motionseq, program, rendered, run, stderr, stdout, with_motionseq};
 use motionseq::capture::{DecodeError, Decoded, Reading, Timing, TimingError, decode};
 
 fn listing(bytes: &[u8]) -> (String, Decoded) {
@@ -223,6 +223,88 @@ fn the_command_reads_files_and_standard_input() {
     assert_eq!(run(&["decode", "scripts"]).status.code(), Some(1));
 }
 
+/// As version 1.7.4 prints it between a program and a board, with `-x`, with `-x -v`, and with `-d -d -x`.
+#[test]
+fn socat_shows_both_directions_and_the_frames_are_in_one() {
+    let plain = "> 2026/11/28 21:02:56.000932972  length=6 from=0 to=5\n ff fe 04 01 01 06\n\
+        < 2026/11/28 21:02:57.000083131  length=14 from=0 to=13\n 7b 41 30 3a 30 3a 30 3a 31 32 30 30 7d 23\n\
+        > 2026/11/28 21:02:57.000236859  length=6 from=6 to=11\n ff fe 04 01 00 05\n";
+    let with_text = "> 2026/11/28 21:02:56.000932972  length=6 from=0 to=5\n ff fe 04 01 01 06                                ......\n--\n\
+        < 2026/11/28 21:02:57.000083131  length=14 from=0 to=13\n 7b 41 30 3a 30 3a 30 3a 31 32 30 30 7d 23        {A0:0:0:1200}#\n--\n\
+        > 2026/11/28 21:02:57.000236859  length=6 from=6 to=11\n ff fe 04 01 00                                   .....\n 05                                               .\n--\n";
+    let with_messages = format!(
+        "2026/11/28 21:02:59 socat[4642] N PTY is /dev/pts/7\n{plain}2026/11/28 21:03:01 socat[4642] N exit(143)\n"
+    );
+    // Between a board and a program, the directions are the other way round; other versions write six digits.
+    let turned = plain
+        .replace('>', "=")
+        .replace('<', ">")
+        .replace('=', "<")
+        .replace("length<", "length=")
+        .replace("from<", "from=")
+        .replace("to<", "to=");
+    let frames = "0.000000\tFF FE 04 01 01 06\tbuzzer on\n0.303887\tFF FE 04 01 00 05\tbuzzer off\n";
+    for text in
+        [plain, with_text, &with_messages, &turned, &plain.replace(":56.000", ":56.").replace(":57.000", ":57.")]
+    {
+        let (found, decoded) = listing(text.as_bytes());
+        assert_eq!(found, frames, "{text}");
+        assert_eq!(decoded, Decoded { bytes: 12, frames: 2, is_timed: true, other_way: 14, ..Decoded::default() });
+    }
+}
+
+/// As version 2.5 logs and prints it; version 3 also writes a time before each block of bytes that it shows as hex.
+#[test]
+fn tio_writes_times_between_bytes_and_before_lines() {
+    let bytes = [&[0xFF, 0xFE, 2, 3, 1, 0x0A][..], &[0, 0x10], &[0xFF, 0xFE, 4, 1, 0, 5]];
+    let shown =
+        "0.000000\tFF FE 02 03 01 0A 00 10\traw 0x02 0x01 0x0A 0x00\tunknown: 2560 is out of range (500 to 2500)\n";
+    let log = |first: &str, second: &str| [first.as_bytes(), bytes[0], second.as_bytes(), bytes[1], bytes[2]].concat();
+    for (first, second) in [
+        ("[21:03:47.328] ", "[21:03:47.479] "),
+        ("[2026-11-28T21:03:47.328] ", "[2026-11-28T21:03:47.479] "),
+        ("[00:00:00.000] ", "[00:00:00.151] "),
+        ("[1795899827.328] ", "[1795899827.479] "),
+    ] {
+        let text = log(first, second);
+        let expected = format!("{shown}0.151000\tFF FE 04 01 00 05\tbuzzer off\n");
+        for size in [1, 2, 5, 13, 100] {
+            let mut out = Vec::new();
+            decode(Pieces(&text, size), Reading::default(), &mut out).unwrap();
+            assert_eq!(String::from_utf8(out).unwrap(), expected, "{first} in pieces of {size}");
+        }
+    }
+    // With the output as hex, a line end before each time is not one of the bytes, but this one is.
+    let text = [b"\r\n[21:03:47.328] ", bytes[0], b"\r\n[21:03:47.479] ", bytes[1], bytes[2]].concat();
+    for size in [1, 2, 3, 100] {
+        let mut out = Vec::new();
+        decode(Pieces(&text, size), Reading::default(), &mut out).unwrap();
+        assert!(String::from_utf8(out).unwrap().starts_with(shown), "in pieces of {size}");
+    }
+    let hex = "\r\u{1b}[1m[21:04:08.909] tio v2.5\u{1b}[0m\r\n\r\u{1b}[1m[21:04:08.920] Connected\u{1b}[0m\r\nff fe 04 01 01 06 ff fe 04 01 00 05 \n\r\u{1b}[1m[21:04:09.971] Disconnected\u{1b}[0m\r\n";
+    assert_eq!(listing(hex.as_bytes()).0, "0\tFF FE 04 01 01 06\tbuzzer on\n6\tFF FE 04 01 00 05\tbuzzer off\n");
+    let lines = "[23:59:59.900] ff fe 04 01 01 06 \r\n[00:00:00.100] ff fe 04 01 00 05 \r\n";
+    assert_eq!(
+        listing(lines.as_bytes()).0,
+        "0.000000\tFF FE 04 01 01 06\tbuzzer on\n0.200000\tFF FE 04 01 00 05\tbuzzer off\n"
+    );
+}
+
+#[test]
+fn an_input_without_a_frame_is_an_error() {
+    let folder = Scratch::new("no-frame");
+    for (name, bytes) in [("empty", &b""[..]), ("noise", b"\x00\x01\xFF"), ("text.txt", b"hello\n")] {
+        std::fs::write(folder.0.join(name), bytes).unwrap();
+        let output = with_motionseq(program(), &folder.0).args(["decode", name]).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{name}: {}", stderr(&output));
+        assert!(stderr(&output).ends_with("error: the input contains no frame\n"), "{name}: {}", stderr(&output));
+    }
+    // The script is still written: its comments show the bytes.
+    let output = with_motionseq(program(), &folder.0).args(["decode", "noise", "-o", "noise.motion"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(std::fs::read_to_string(folder.0.join("noise.motion")).unwrap().contains("skipped 3"));
+}
+
 #[test]
 fn jsonl_names_the_line_of_every_frame() {
     let text = stdout(&run(&["render", "scripts/greeting.motion", "--format", "jsonl"]));
@@ -268,10 +350,15 @@ fn completions_and_man_pages_list_every_command_but_the_hidden_one() {
 fn ports_lists_what_is_there() {
     let output = run(&["ports"]);
     assert_eq!(output.status.code(), Some(0));
-    let is_told = stderr(&output).contains("there is no serial port");
-    assert_eq!(stdout(&output).is_empty(), is_told);
     for line in stdout(&output).lines() {
         assert!(line.split('\t').count() >= 2 && std::fs::exists(line.split('\t').next().unwrap()).unwrap(), "{line}");
+    }
+    let json: serde_json::Value = serde_json::from_str(&stdout(&run(&["ports", "--format", "json"]))).unwrap();
+    let ports = json["ports"].as_array().unwrap();
+    assert_eq!((json["version"].as_u64(), ports.len()), (Some(1), stdout(&output).lines().count()));
+    for (port, line) in ports.iter().zip(stdout(&output).lines()) {
+        assert!(line.starts_with(port["path"].as_str().unwrap()), "{port}");
+        assert!(port["obstacle"].is_null() || line.contains(port["obstacle"]["why"].as_str().unwrap()), "{port}");
     }
 }
 

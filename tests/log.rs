@@ -1,6 +1,7 @@
 //! `--log`: the events of a run, as a file that other tools read.
 #![cfg(feature = "mcap")]
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,36 @@ fn messages(path: &Path) -> Vec<Message> {
             Err(_) => break,
         }
     }
+    // Tools expect this of every log, within a chunk and from one to the next.
+    assert!(found.is_sorted_by_key(|(_, time, _)| *time), "messages are not in the order of time");
+    let keys = |message: &Value| message.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    let states: Vec<_> = found.iter().filter(|(topic, ..)| topic == "/board").map(|(.., state)| keys(state)).collect();
+    assert!(
+        states.windows(2).all(|pair| pair[0] == pair[1]) && states.iter().all(|keys| keys.len() == 14),
+        "{states:?}"
+    );
     found
+}
+
+/// Records of metadata: their names and fields.
+type Facts = BTreeMap<String, BTreeMap<String, String>>;
+
+/// The metadata of a log, and the names and texts of its attachments.
+fn about(path: &Path) -> (Facts, Vec<(String, String)>) {
+    let bytes = fs::read(path).unwrap();
+    let (mut metadata, mut attachments) = (BTreeMap::new(), Vec::new());
+    for record in LinearReader::new_with_options(&bytes, Options::IgnoreEndMagic.into()).unwrap() {
+        match record.unwrap() {
+            Record::Metadata(facts) => {
+                metadata.insert(facts.name, facts.metadata);
+            }
+            Record::Attachment { header, data, .. } => {
+                attachments.push((header.name, String::from_utf8(data.to_vec()).unwrap()));
+            }
+            _ => {}
+        }
+    }
+    (metadata, attachments)
 }
 
 fn of<'m>(messages: &'m [Message], topic: &str) -> Vec<&'m Value> {
@@ -100,10 +130,12 @@ fn a_run_is_in_its_log_from_the_line_of_the_script_to_the_frame_on_the_wire() {
 
     // The state follows, with the values that a plot needs.
     let board = of(&messages, "/board");
-    let pulses: Vec<i64> = board.iter().filter_map(|state| state["servo_1"].as_i64()).collect();
+    let pulses: Vec<i64> =
+        board.iter().filter_map(|state| state["servo_1"].as_i64()).filter(|pulse| *pulse > 0).collect();
     assert_eq!((pulses[0], pulses[pulses.len() - 1]), (1000, 2000));
     assert!(pulses.is_sorted());
     let driving = board.iter().find(|state| state["x"] == 20).unwrap();
+    assert_eq!((&board[0]["servo_1"], &board[0]["drive"], &board[0]["buzzer"]), (&0.into(), &"".into(), &false.into()));
     assert_eq!((&driving["z"], &driving["drive"]), (&Value::from(-5), &Value::from("rocker x=20 y=0 z=-5")));
     assert_eq!((&board[board.len() - 1]["x"], &board[board.len() - 1]["wheel_a"]), (&Value::from(0), &Value::from(0)));
 
@@ -179,7 +211,7 @@ fn a_board_and_a_recording_log_what_comes() {
         );
         let wrong: Vec<&str> = texts(&messages, "/frames", "wrong");
         assert_eq!(wrong, ["checksum 0x09 instead of 0x06"], "{what}");
-        assert_eq!(texts(&messages, "/board", "drive"), ["rocker x=20 y=0 z=0", "stop"]);
+        assert_eq!(texts(&messages, "/board", "drive"), ["", "rocker x=20 y=0 z=0", "stop"]);
         assert!(!of(&messages, "/telemetry").is_empty() && !of(&messages, "/pose").is_empty(), "{what}");
         let lines = texts(&messages, "/log", "message");
         assert_eq!(
@@ -306,4 +338,183 @@ fn pythons_reader_reads_it_and_every_message_matches_its_schema() {
     for topic in ["/board", "/frames", "/lateness", "/log", "/marks", "/telemetry"] {
         assert!(counted.contains(&format!("{topic} {}\n", of(&expected, topic).len())), "{topic} of {counted}");
     }
+}
+
+/// Where the robot of a script is at the end: in the frame of the floor, as a transform, and in the units of the virtual board.
+#[test]
+fn the_pose_of_the_virtual_board_is_in_the_log_of_a_run_as_foxglove_has_it() {
+    // Forward, to the right, and a quarter turn clockwise.
+    let script = "rocker y=20 for 0.5s\nrocker x=10 for 0.5s\nrocker z=90 for 1s\nwait 0.3s\n";
+    let (messages, said, code) = played("pose", script, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    let (poses, transforms, positions) = (of(&messages, "/pose"), of(&messages, "/tf"), of(&messages, "/position"));
+    assert!(poses.len() > 10 && poses.len() == transforms.len() && poses.len() == positions.len());
+    let (pose, transform, position) = (poses[poses.len() - 1], transforms[poses.len() - 1], positions[poses.len() - 1]);
+    assert_eq!(
+        (&pose["frame_id"], &transform["parent_frame_id"], &transform["child_frame_id"]),
+        (&"odom".into(), &"odom".into(), &"base_link".into())
+    );
+    assert_eq!(
+        (&pose["pose"]["position"], &pose["pose"]["orientation"]),
+        (&transform["translation"], &transform["rotation"])
+    );
+    assert_eq!(pose["timestamp"], transform["timestamp"]);
+    let number = |value: &Value| value.as_f64().unwrap();
+    let (x, y) = (number(&pose["pose"]["position"]["x"]), number(&pose["pose"]["position"]["y"]));
+    // 10 cm forward and 5 cm to the right, which is negative; a quarter turn clockwise. Frames may be some milliseconds late.
+    assert!((0.09..0.13).contains(&x) && (-0.08..-0.04).contains(&y), "{pose}");
+    let turned = 2.0 * number(&pose["pose"]["orientation"]["z"]).atan2(number(&pose["pose"]["orientation"]["w"]));
+    assert!((-1.9..-1.4).contains(&turned), "{pose}");
+    assert_eq!((number(&position["y_cm"]) / 100.0, -number(&position["x_cm"]) / 100.0), (x, y));
+    assert!((turned.to_degrees() + number(&position["yaw_deg"])).abs() < 1e-6, "{pose} {position}");
+}
+
+#[test]
+fn a_log_says_what_made_it_and_has_the_scripts() {
+    let log = file("about.mcap");
+    let output = run(&["play", "scripts/greeting.motion", "--speed", "8", "--log", log.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let (metadata, attachments) = about(&log);
+    fs::remove_file(log).unwrap();
+    let run = &metadata["motionseq"];
+    assert_eq!((&*run["version"], &*run["port"]), (env!("CARGO_PKG_VERSION"), "virtual board"));
+    let arguments: Vec<String> = serde_json::from_str(&run["arguments"]).unwrap();
+    assert_eq!(arguments[..4], ["play", "scripts/greeting.motion", "--speed", "8"]);
+    let result = &metadata["result"];
+    assert_eq!((&*result["exit"], &*result["cause"]), ("0", "everything was sent"));
+    let files = ["scripts/greeting.motion", "scripts/lib/phrases.motion"];
+    let read = files.map(|name| (name.to_owned(), fs::read_to_string(name).unwrap()));
+    assert_eq!(attachments, read);
+}
+
+#[test]
+fn in_a_folder_each_run_has_a_log_of_its_own() {
+    let folder = file("folder");
+    fs::create_dir(&folder).unwrap();
+    let names = || {
+        let mut names: Vec<String> =
+            fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    let place = format!("{}/", folder.display());
+    let play = |more: &[&str]| run(&[&["play", "scripts/hello.motion", "--speed", "8"], more].concat());
+    // A run that does not begin leaves nothing.
+    let refused = play(&["--log", &place, "--port", "/dev/no-such-port"]);
+    assert_eq!((refused.status.code(), names().len()), (Some(3), 0), "{}", stderr(&refused));
+    for place in [&place, folder.to_str().unwrap(), &place] {
+        let output = play(&["--log", place]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert!(stderr(&output).contains(&format!("writing the log {}", folder.display())), "{}", stderr(&output));
+    }
+    let found = names();
+    assert_eq!(found.len(), 3, "{found:?}");
+    for name in &found {
+        let time = name.strip_prefix("hello-").and_then(|rest| rest.strip_suffix(".mcap")).unwrap();
+        assert!(time.len() >= 16 && time[8..].starts_with('T') && time[15..].starts_with('Z'), "{name}");
+    }
+    let output = play(&["--log", &format!("{place}none/")]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn decode_reads_the_frames_of_a_log() {
+    let (log, cut) = (file("decode.mcap"), file("decode-cut.mcap"));
+    let path = log.to_str().unwrap();
+    assert_eq!(run(&["play", "scripts/hello.motion", "--log", path]).status.code(), Some(0));
+    let columns = |text: &str| -> Vec<String> {
+        text.lines().map(|line| line.split('\t').skip(1).take(2).collect::<Vec<_>>().join("\t")).collect()
+    };
+    let rendered = columns(&stdout(&run(&["render", "scripts/hello.motion"])));
+    let decoded = run(&["decode", path]);
+    assert_eq!((decoded.status.code(), columns(&stdout(&decoded))), (Some(0), rendered.clone()));
+    let times: Vec<f64> =
+        stdout(&decoded).lines().map(|line| line.split('\t').next().unwrap().parse().unwrap()).collect();
+    assert!(times.is_sorted() && times[0] >= 0.5 && times[0] < 3.0, "{times:?}");
+    // Without its end.
+    let bytes = fs::read(&log).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let decoded = columns(&stdout(&run(&["decode", cut.to_str().unwrap()])));
+    assert!(!decoded.is_empty() && rendered.starts_with(&decoded), "{decoded:?}");
+    // A log of another program.
+    let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    other.add_channel(0, "/camera", "json", &BTreeMap::new()).unwrap();
+    other.finish().unwrap();
+    fs::write(&cut, other.into_inner().into_inner()).unwrap();
+    let refused = run(&["decode", cut.to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("without the topic `/frames`"), "{}", stderr(&refused));
+    fs::remove_file(log).unwrap();
+    fs::remove_file(cut).unwrap();
+}
+
+#[test]
+fn the_layout_for_foxglove_shows_topics_and_fields_of_the_log() {
+    fn strings(value: &Value, found: &mut Vec<String>) {
+        match value {
+            Value::String(text) => found.push(text.clone()),
+            Value::Array(values) => values.iter().for_each(|value| strings(value, found)),
+            Value::Object(fields) => {
+                found.extend(fields.keys().cloned());
+                fields.values().for_each(|value| strings(value, found));
+            }
+            _ => {}
+        }
+    }
+    let layout: Value = serde_json::from_str(&fs::read_to_string("docs/foxglove-layout.json").unwrap()).unwrap();
+    let mut found = Vec::new();
+    strings(&layout, &mut found);
+    let shapes =
+        fs::read_dir("docs/schemas/log").unwrap().map(|entry| fs::read_to_string(entry.unwrap().path()).unwrap());
+    let shapes: String = shapes.collect();
+    let page = fs::read_to_string("docs/logs.md").unwrap();
+    let paths: Vec<&String> = found.iter().filter(|text| text.starts_with('/')).collect();
+    assert!(paths.len() > 10, "{paths:?}");
+    for path in paths {
+        let (topic, field) = path.split_once('.').map_or((path.as_str(), None), |(topic, field)| (topic, Some(field)));
+        assert!(page.contains(&format!("| `{topic}` |")), "{path}");
+        assert!(field.is_none_or(|field| shapes.contains(&format!("\"{field}\": {{"))), "{path}");
+    }
+    // Every panel has a place.
+    let panels = layout["configById"].as_object().unwrap();
+    let placed = layout["layout"].to_string();
+    assert!(panels.keys().all(|panel| placed.contains(&format!("\"{panel}\""))), "{placed}");
+}
+
+/// The checks of `mcap doctor`, and that command itself where it is installed.
+#[test]
+fn a_doctor_finds_nothing() {
+    let folder = file("doctor");
+    fs::create_dir(&folder).unwrap();
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let (whole, early, killed) = (path("whole.mcap"), path("early.mcap"), path("killed.mcap"));
+    let (script, failing) = (path("a.motion"), path("b.motion"));
+    fs::write(&script, SCRIPT).unwrap();
+    fs::write(&failing, "rocker x=20\nat 0.5s expect voltage > 90V\nat 1s stop\n").unwrap();
+    assert_eq!(run(&["play", &script, "--log", &whole, "--loop", "2"]).status.code(), Some(0));
+    assert_eq!(run(&["play", &failing, "--log", &early]).status.code(), Some(7));
+    let host = Host::start("log-doctor", &["--log", &killed]);
+    let mut port = host.open();
+    port.write_all(&rocker(20)).unwrap();
+    while !messages(Path::new(&killed)).iter().any(|(topic, ..)| topic == "/frames") {
+        std::thread::yield_now();
+    }
+    host.signal(Signal::KILL);
+    drop((port, host));
+    let (metadata, _) = about(Path::new(&killed));
+    assert!(metadata.contains_key("motionseq") && !metadata.contains_key("result"), "{metadata:?}");
+    if has("mcap") {
+        let output =
+            Command::new("python3").args(["tests/clients/doctor.py", &whole, &early, &killed]).output().unwrap();
+        assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
+    }
+    for log in [&whole, &early, &killed] {
+        let Ok(output) = Command::new("mcap").args(["doctor", "--strict-message-order", log]).output() else {
+            println!("skipped: there is no mcap command");
+            break;
+        };
+        assert!(output.status.success() && stderr(&output).is_empty(), "{log}: {}", stderr(&output));
+    }
+    fs::remove_dir_all(folder).unwrap();
 }

@@ -1,9 +1,9 @@
 //! Ports, terminals and signals as other programs left them, and as this one leaves them.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{BufRead as _, BufReader, Read as _, Write};
 use std::os::unix::fs::symlink;
-use std::process::{Command, Stdio};
+use std::process::{ChildStderr, Command, Stdio};
 
 use motionseq::link::Pty;
 use rustix::process::{Pid, Signal, kill_process};
@@ -252,4 +252,66 @@ fn a_forbidden_port_names_the_group_of_its_node() {
     assert!(group(named("dialout")).contains("usermod -aG dialout $USER"));
     assert!(group(named("tty")).contains("usermod -aG tty $USER"));
     assert!(!group(0).contains("usermod"));
+}
+
+/// Plays with `--wait`, and returns the player once it waits, with the line that says so.
+fn waiting(path: &std::path::Path, script: &str) -> (std::process::Child, BufReader<ChildStderr>) {
+    let mut player = motionseq(&["play", script, "--wait", "1h", "--port", path.to_str().unwrap()]);
+    let mut child = player.stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    said.read_line(&mut line).unwrap();
+    assert!(line.contains("waiting up to"), "{line}");
+    (child, said)
+}
+
+#[test]
+fn a_run_waits_for_a_port_that_is_not_there_yet() {
+    let script = script("waits", "rocker x=10\nwait 100ms\nstop\n");
+    let (far, path) = (FarEnd::new(), link("waits-for"));
+    let (mut child, mut said) = waiting(&path, &script);
+    symlink(&far.path, &path).unwrap();
+    let received = bytes(&far.rest());
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    assert!(rest.contains(&format!("playing on {}", path.display())), "{rest}");
+    assert!(received.starts_with(&rocker(10)), "{received:?}");
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn a_signal_ends_the_wait_for_a_port() {
+    let script = script("waits-no-more", "rocker x=10\nwait 100ms\nstop\n");
+    for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+        let (mut child, mut said) = waiting(&link("never-there"), &script);
+        kill_process(Pid::from_child(&child), signal).unwrap();
+        let mut rest = String::new();
+        said.read_to_string(&mut rest).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{rest}");
+        assert!(rest.contains("nothing was sent"), "{rest}");
+    }
+}
+
+#[test]
+fn a_wait_that_is_over_is_a_port_that_cannot_be_opened() {
+    let path = link("never-there-either");
+    for command in [
+        &["play", "scripts/hello.motion", "--port", path.to_str().unwrap()][..],
+        &["record", "--link", "/tmp/never", "--port", path.to_str().unwrap()],
+    ] {
+        let output = run(&[command, &["--wait", "10ms"]].concat());
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+        assert!(
+            stderr(&output).contains("waiting up to 10") && stderr(&output).contains("no such port; nothing was sent"),
+            "{}",
+            stderr(&output)
+        );
+    }
+    // What is not a port does not become one.
+    let output = run(&["play", "scripts/hello.motion", "--port", "scripts/hello.motion", "--wait", "1h"]);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    // The virtual board is there at once.
+    let output = run(&["play", "scripts/hello.motion", "--wait", "1h"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 }

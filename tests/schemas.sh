@@ -29,6 +29,7 @@ printf 'servo 1 1500\nrepeat 3 { rocker x=10 for 1s; buzzer on for 200ms }\nsay 
 "$motionseq" diff old.motion new.motion --format json >diff-2.json && exit 1
 "$motionseq" latency --for 200ms --format json -q >latency.json
 "$motionseq" render scripts/greeting.motion --format jsonl | head -1 >frame.json
+"$motionseq" ports --format json >ports.json 2>/dev/null
 "$motionseq" plot "$OLDPWD/tests/plots/every_lane_at_once.motion" -o plot.json 2>/dev/null
 
 "$motionseq" play scripts/drift.motion --speed 5 --report run.json -q && exit 1
@@ -49,5 +50,6 @@ grep -q insertedContent check.sarif
 grep -q '"text": "servo"' check.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/run.json" run.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/plot.json" plot.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/ports.json" ports.json
 check-jsonschema --builtin-schema vendor.github-workflows "$OLDPWD/docs/ci/github.yml"
 check-jsonschema --builtin-schema vendor.gitlab-ci "$OLDPWD/docs/ci/gitlab.yml"

@@ -6,11 +6,15 @@ use std::io;
 
 use serde::Deserialize;
 
+use super::stamps::{FromFirst, tio_line};
 use crate::timeline::Snapshot;
 use crate::units::{Micros, Nanos};
 
 /// A time above this one counts from 1970.
 const SINCE_1970: Nanos = Micros::SECOND.saturating_mul(100_000_000).nanos();
+
+/// The start of a sequence that sets colors on a terminal.
+const ESCAPE: u8 = 0x1B;
 
 /// A longer line is read in pieces.
 const LINE: usize = 64 * 1024;
@@ -38,9 +42,10 @@ pub(super) struct HexText {
     aborts: u64,
     /// The speed of the line in bits per second, if a snapshot states it.
     baud: Option<u32>,
-    /// The time of the last line that had one, and the time that counts as 0.
+    /// The time of the last line that had one, the time that counts as 0, and the times of a clock.
     at: Option<Nanos>,
     base: Option<Nanos>,
+    clock: FromFirst,
     /// A buffer for the bytes of a block.
     bytes: Vec<u8>,
 }
@@ -121,9 +126,13 @@ impl HexText {
                 sink(self.at, bytes)?;
                 bytes.clear();
             }
-            // Times since 1970 count from the first one.
-            let base = *self.base.get_or_insert(if at > SINCE_1970 { at } else { Nanos::ZERO });
-            self.at = Some(at - base);
+            self.at = Some(if logged.as_ref().is_some_and(|logged| logged.is_clock) {
+                self.clock.take(at)
+            } else {
+                // Times since 1970 count from the first one.
+                let base = *self.base.get_or_insert(if at > SINCE_1970 { at } else { Nanos::ZERO });
+                at - base
+            });
         }
         match logged {
             Some(logged) => self.digits(&logged.digits, bytes),
@@ -251,7 +260,7 @@ impl HexText {
 /// Whether a byte may be part of hex text. Characters beyond ASCII may be the ellipsis of a
 /// listing; no text contains the bytes that start a frame.
 fn is_text(byte: &u8) -> bool {
-    (b' '..=b'~').contains(byte) || byte.is_ascii_whitespace() || (0x80..0xF5).contains(byte)
+    (b' '..=b'~').contains(byte) || *byte == ESCAPE || byte.is_ascii_whitespace() || (0x80..0xF5).contains(byte)
 }
 
 /// Whether a line contains bytes separated by spaces, some with one digit.
@@ -275,14 +284,17 @@ fn has_bytes(line: &[u8]) -> bool {
 struct LogLine<'l> {
     at: Option<Nanos>,
     digits: Cow<'l, [u8]>,
+    /// Whether the time is that of a clock, and counts from the first one.
+    is_clock: bool,
 }
 
 impl<'l> LogLine<'l> {
     fn of(line: &'l [u8]) -> Option<Self> {
         let line = line.trim_ascii();
-        match line.first()? {
+        match *line.first()? {
             b'(' => Self::of_candump(line),
             b'{' => Self::of_json(line),
+            b'[' | ESCAPE => Self::of_tio(line),
             byte if byte.is_ascii_digit() => Self::of_listing(line),
             _ => None,
         }
@@ -296,7 +308,7 @@ impl<'l> LogLine<'l> {
         let at = first.contains(&b'.').then(|| Nanos::from_seconds(std::str::from_utf8(first).ok()?)).flatten();
         let is_position = more.is_some() && first.iter().all(u8::is_ascii_digit);
         let frame = frame.strip_suffix(" …".as_bytes()).unwrap_or(frame);
-        (at.is_some() || is_position).then_some(LogLine { at, digits: Cow::Borrowed(frame) })
+        (at.is_some() || is_position).then_some(LogLine { at, digits: Cow::Borrowed(frame), is_clock: false })
     }
 
     /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123
@@ -314,7 +326,21 @@ impl<'l> LogLine<'l> {
             let name = rest.split_ascii_whitespace().take_while(|word| !is_hex(word)).last();
             name.and_then(|name| rest.split_once(name)).map_or(rest, |(_, data)| data)
         };
-        Some(LogLine { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()) })
+        Some(LogLine { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()), is_clock: false })
+    }
+
+    /// What tio shows of a port (`tio -x`, `--output-mode hex`): its messages and bytes, with a time or not, and maybe in bold.
+    fn of_tio(line: &'l [u8]) -> Option<Self> {
+        let text = std::str::from_utf8(line).ok()?;
+        // `ESC [ 1 m` to `ESC [ 0 m`.
+        let plain: String = text
+            .split('\u{1b}')
+            .enumerate()
+            .map(|(at, part)| if at == 0 { part } else { part.split_once('m').map_or("", |(_, text)| text) })
+            .collect();
+        let (at, digits) = tio_line(plain.trim())?;
+        let digits = digits.as_bytes().to_vec();
+        Some(LogLine { at: (!digits.is_empty()).then_some(at), digits: Cow::Owned(digits), is_clock: true })
     }
 
     /// A line of `--format jsonl`.
@@ -327,7 +353,7 @@ impl<'l> LogLine<'l> {
         }
         let Line { t_us, frame, skipped } = serde_json::from_slice(line).ok()?;
         let digits = frame.or(skipped)?.into_bytes();
-        Some(LogLine { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits) })
+        Some(LogLine { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits), is_clock: false })
     }
 }
 

@@ -10,6 +10,8 @@ mod rows;
 mod script_clock;
 mod script_state;
 mod script_writer;
+mod socat;
+mod stamps;
 mod timed_decoder;
 mod timing;
 
@@ -21,6 +23,8 @@ use crate::units::{Micros, Nanos};
 use hex_text::HexText;
 pub use listing::{Listing, write_json};
 pub use script_writer::ScriptWriter;
+use socat::Direction;
+use stamps::Stamped;
 pub use timed_decoder::TimedDecoder;
 pub use timing::{Timing, TimingError};
 
@@ -51,6 +55,8 @@ pub struct Decoded {
     pub aborts: u64,
     /// Whether the input contained times.
     pub is_timed: bool,
+    /// Bytes of the other direction in a capture of both. They are left out.
+    pub other_way: u64,
 }
 
 /// How to read a capture.
@@ -131,13 +137,13 @@ pub enum DecodeError {
     Write(io::Error),
 }
 
-/// Decodes a stream of frames, or hex digits of one (bare, in a listing, in a log with times, or in
-/// a dump). Writes a line for each frame and for each run of bytes outside of frames: the position
+/// Decodes a stream of frames, with or without the times of tio, or hex digits of one (bare, in a listing, in a log with times, in the
+/// output of `socat -x`, or in a dump). Writes a line for each frame and for each run of bytes outside of frames: the position
 /// of its first byte, counted from 0, or its time in seconds if there are times; the bytes in hex;
 /// and the command.
 ///
 /// No input is fatal. Buffers one block of the input, and at most 16 MiB for the repeated rows of a
-/// dump.
+/// dump; of the output of `socat -x`, all.
 ///
 /// # Errors
 /// If reading or writing fails.
@@ -145,7 +151,7 @@ pub fn decode(input: impl Read, reading: Reading, out: &mut impl Write) -> Resul
     let mut listing = Listing::new(out, Arc::clone(&reading.board));
     let mut decoder = Decoder::new(&reading.board);
     let mut timed: Option<TimedDecoder> = None;
-    let read = pieces(input, reading.timing, |at, bytes| {
+    let read = pieces(input, reading.timing, &reading.board, |at, bytes| {
         match (&mut timed, at) {
             (None, None) => decoder.feed(bytes, |item| listing.take(listing.decoded.bytes, item)),
             (timed, at) => {
@@ -197,7 +203,7 @@ pub fn to_script(
         writer.settle(now);
         writer.take(now, item);
     };
-    let read = pieces(input, timing, |at, bytes| {
+    let read = pieces(input, timing, &board, |at, bytes| {
         decoded.is_timed |= at.is_some();
         let frames = frames.get_or_insert_with(|| {
             if at.is_none() || has_timing_file {
@@ -236,32 +242,62 @@ struct TextFindings {
     half_byte: bool,
     aborts: u64,
     baud: Option<u32>,
+    other_way: u64,
 }
 
 impl TextFindings {
     fn joined(self, decoded: Decoded) -> Decoded {
-        let TextFindings { not_hex, half_byte, aborts, .. } = self;
-        Decoded { not_hex, half_byte, aborts, ..decoded }
+        let TextFindings { not_hex, half_byte, aborts, other_way, .. } = self;
+        Decoded { not_hex, half_byte, aborts, other_way, ..decoded }
     }
+}
+
+/// The direction with the frames, of a capture of both.
+fn with_frames(board: &Board, [there, back]: [Direction; 2]) -> (Direction, Direction) {
+    let frames = |direction: &Direction| {
+        let (mut decoder, mut count) = (Decoder::new(board), 0_u64);
+        for (_, bytes) in direction {
+            decoder.feed(bytes, |item| count += u64::from(matches!(item, Item::Frame(_))));
+        }
+        count
+    };
+    if frames(&back) > frames(&there) { (back, there) } else { (there, back) }
+}
+
+/// How the bytes of a capture are written.
+enum Form {
+    /// As they are.
+    Bytes,
+    /// As they are, with times between them.
+    Stamped(Stamped),
+    Text(Box<HexText>),
 }
 
 /// Reads a capture and passes its bytes to `sink` in pieces, each with its time, if known.
 fn pieces(
     mut input: impl Read,
     mut timing: Option<Timing>,
+    board: &Board,
     mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
 ) -> Result<TextFindings, DecodeError> {
     let mut buffer = vec![0; CHUNK];
     let head = head(&mut input, &mut buffer, timing.is_some())?;
     let mut block = captured(buffer.get(..head).unwrap_or_default(), timing.is_some()).unwrap_or_default();
-    let mut text = HexText::of(block);
+    if timing.is_none() && socat::is_socat(block) {
+        return both_ways(block, &mut input, board, sink);
+    }
+    let mut form = match HexText::of(block) {
+        Some(text) => Form::Text(Box::new(text)),
+        None => Stamped::of(block).filter(|_| timing.is_none()).map_or(Form::Bytes, Form::Stamped),
+    };
     loop {
         let mut failed = Ok(());
         let mut give = |at: Option<Nanos>, bytes: &[u8]| {
             if failed.is_ok() {
-                failed = match &mut text {
-                    Some(text) => text.feed(bytes, |of_line, bytes| sink(of_line.or(at), bytes)),
-                    None => sink(at, bytes),
+                failed = match &mut form {
+                    Form::Text(text) => text.feed(bytes, |of_line, bytes| sink(of_line.or(at), bytes)),
+                    Form::Stamped(stamped) => all(|sink| stamped.feed(bytes, sink), &mut sink),
+                    Form::Bytes => sink(at, bytes),
                 };
             }
         };
@@ -276,10 +312,49 @@ fn pieces(
         }
         block = buffer.get(..count).unwrap_or_default();
     }
-    let Some(mut text) = text else { return Ok(TextFindings::default()) };
+    let mut text = match form {
+        Form::Bytes => return Ok(TextFindings::default()),
+        Form::Stamped(stamped) => {
+            all(|give| stamped.finish(give), &mut sink).map_err(DecodeError::Write)?;
+            return Ok(TextFindings::default());
+        }
+        Form::Text(text) => text,
+    };
     text.finish(&mut sink).map_err(DecodeError::Write)?;
     let (not_hex, half_byte) = (text.not_hex(), text.is_half());
-    Ok(TextFindings { not_hex, half_byte, aborts: text.aborts(), baud: text.baud() })
+    Ok(TextFindings { not_hex, half_byte, aborts: text.aborts(), baud: text.baud(), other_way: 0 })
+}
+
+/// Passes pieces with times to a sink up to its first error.
+fn all(
+    give: impl FnOnce(&mut dyn FnMut(Nanos, &[u8])),
+    sink: &mut impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut result = Ok(());
+    give(&mut |at, bytes| {
+        if result.is_ok() && !bytes.is_empty() {
+            result = sink(Some(at), bytes);
+        }
+    });
+    result
+}
+
+/// Reads a capture of both directions, and passes the bytes of the one with the frames to `sink`. Buffers the whole capture, because
+/// only all of it shows which one that is.
+fn both_ways(
+    block: &[u8],
+    input: &mut impl Read,
+    board: &Board,
+    mut sink: impl FnMut(Option<Nanos>, &[u8]) -> io::Result<()>,
+) -> Result<TextFindings, DecodeError> {
+    let mut text = block.to_vec();
+    input.read_to_end(&mut text).map_err(DecodeError::Read)?;
+    let (frames, other) = with_frames(board, socat::directions(&String::from_utf8_lossy(&text)));
+    for (at, bytes) in frames {
+        sink(Some(at), &bytes).map_err(DecodeError::Write)?;
+    }
+    let other_way = other.iter().map(|(_, bytes)| bytes.len() as u64).sum();
+    Ok(TextFindings { other_way, ..TextFindings::default() })
 }
 
 /// Reads until the format of the stream is known, and returns the number of bytes. The first read

@@ -16,8 +16,8 @@ use motionseq::units::{Micros, NotATime};
 use super::Reading;
 use super::display::Format;
 use super::exit::Exit;
-use super::log::Log;
-use super::run_summary::board_summary;
+use super::log::{About, Log};
+use super::run_summary::{board_summary, signal_name};
 use super::screen::Screen;
 use super::tape::Tape;
 use super::watcher::Watcher;
@@ -75,7 +75,8 @@ impl Board {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), None, self.reading.board(), screen)?;
+        let what = ("board", About::new(None));
+        let log = Log::open(self.log.as_deref(), None, what, self.reading.board(), screen)?;
         let signals = begin(screen)?;
         screen.note(&format!(
             "{} leads to a virtual board with {} baud; Ctrl-C ends it",
@@ -121,24 +122,28 @@ pub(super) fn serve_board(
     let mut server = Server::of_board(pty_link, board, baud, Some(signals));
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     let received = server.received();
-    let tape = watcher.end();
-    let exit = match ended {
-        Ok(end) => {
-            if let Some(received) = received {
-                board_summary(screen, &family, &received);
-            }
-            if end == End::Unplugged {
-                screen.note("the board was unplugged, by the fault `unplug`");
-            }
-            Exit::Ok
-        }
+    let (is_unplugged, is_broken) = (matches!(ended, Ok(End::Unplugged)), ended.is_err());
+    let (exit, cause) = match ended {
+        Ok(End::Unplugged) => (Exit::Ok, "the board was unplugged, by the fault `unplug`".to_owned()),
+        Ok(End::Signal(signal)) => (Exit::Ok, signal_name(signal)),
+        Ok(_) => (Exit::Ok, "the program has closed the port".to_owned()),
         // The reader of the frames has closed its end.
-        Err(ServeError::Failed(error)) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Ok,
-        Err(error) => {
-            screen.error(&format!("the virtual board failed: {error}"));
-            Exit::Port
+        Err(ServeError::Failed(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+            (Exit::Ok, "the reader of the frames has closed its end".to_owned())
         }
+        Err(error) => (Exit::Port, format!("the virtual board failed: {error}")),
     };
+    let tape = watcher.end(exit, &cause);
+    if exit == Exit::Port {
+        screen.error(&cause);
+        return (exit, tape);
+    }
+    if let Some(received) = received.filter(|_| !is_broken) {
+        board_summary(screen, &family, &received);
+    }
+    if is_unplugged {
+        screen.note(&cause);
+    }
     (exit, tape)
 }
 

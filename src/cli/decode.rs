@@ -15,13 +15,14 @@ use motionseq::units::{Micros, NotATime};
 use super::Reading;
 use super::atomic_file::AtomicFile;
 use super::exit::Exit;
+use super::mcap_frames;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, plural};
 
 /// Decode a stream of bytes into a listing or a script
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion   # write a script\n  motionseq decode frames.txt --every 20ms -o run.motion      # one frame every 20 ms\n\nThe input is binary or hex: plain, with 0x, a listing of `render`, JSON lines, xxd, hexdump -C, or a log such as\n`(0.500) ttyUSB0 FF FE ...` or `(0.500) can0 123#FFFE...`.\nEach output line has the time in seconds, or the position of the first byte if no times are known; then the bytes and the command.\nBytes that are not part of a frame are shown and skipped; they do not change the exit code.\nIf no times are known, the script sends the frames as fast as the serial line can carry them, or at the interval of --every."
+    after_help = "Examples:\n  motionseq decode run.bin\n  echo FF FE 02 03 01 05 DC E7 | motionseq decode -\n  motionseq decode run.bin --timing run.times -o run.motion   # write a script\n  motionseq decode frames.txt --every 20ms -o run.motion      # one frame every 20 ms\n  motionseq decode run.mcap                                   # the frames of a log\n\nThe input is binary or hex: plain, with 0x, a listing of `render`, JSON lines, xxd, hexdump -C, or a log such as\n`(0.500) ttyUSB0 FF FE ...` or `(0.500) can0 123#FFFE...`; the output of `socat -x`, a log or hex output of tio, or an\nMCAP log of motionseq.\nEach output line has the time in seconds, or the position of the first byte if no times are known; then the bytes and the command.\nBytes that are not part of a frame are shown and skipped. If no byte is part of a frame, the exit code is 1.\nIf no times are known, the script sends the frames as fast as the serial line can carry them, or at the interval of --every."
 )]
 pub(super) struct Decode {
     /// Binary or hex file to read, or `-` for standard input
@@ -61,13 +62,9 @@ impl Decode {
             Ok(timing) => timing,
             Err(exit) => return exit,
         };
-        let input: Box<dyn Read> = if self.stream.as_os_str() == "-" {
-            Box::new(io::stdin().lock())
-        } else {
-            match File::open(&self.stream) {
-                Ok(file) => Box::new(file),
-                Err(error) => return self.unreadable(&error, screen),
-            }
+        let input = match self.input() {
+            Ok(input) => input,
+            Err(error) => return self.unreadable(&error, screen),
         };
         let inputs = Inputs::of([Some(&self.stream), self.timing.as_ref()].into_iter().flatten());
         let file = self.output.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose();
@@ -101,7 +98,12 @@ impl Decode {
                     (true, Some(_)) => screen.note("the input has times, so `--every` has no effect"),
                     _ => {}
                 }
-                output::exit(flushed, self.output.as_deref(), screen)
+                let written = output::exit(flushed, self.output.as_deref(), screen);
+                if decoded.frames == 0 && written == Exit::Ok {
+                    screen.error("the input contains no frame");
+                    return Exit::Script;
+                }
+                written
             }
             Err(DecodeError::Write(error)) => output::exit(Err(error), self.output.as_deref(), screen),
             Err(DecodeError::Read(error)) => self.unreadable(&error, screen),
@@ -110,6 +112,22 @@ impl Decode {
                 Exit::Script
             }
         }
+    }
+
+    /// Opens the input. A log of motionseq becomes the lines of a listing.
+    fn input(&self) -> io::Result<Box<dyn Read>> {
+        let mut input: Box<dyn Read> = if self.stream.as_os_str() == "-" {
+            Box::new(io::stdin().lock())
+        } else {
+            Box::new(File::open(&self.stream)?)
+        };
+        let mut head = Vec::new();
+        input.by_ref().take(mcap_frames::MAGIC.len() as u64).read_to_end(&mut head)?;
+        if head != mcap_frames::MAGIC {
+            return Ok(Box::new(io::Cursor::new(head).chain(input)));
+        }
+        input.read_to_end(&mut head)?;
+        Ok(Box::new(io::Cursor::new(mcap_frames::listing(&head)?)))
     }
 
     /// Reads the times of the bytes.
@@ -147,6 +165,7 @@ fn summary(decoded: Decoded, screen: &Screen) {
         (decoded.not_hex, count(decoded.not_hex, "character") + " ignored (not hex)"),
         (decoded.aborts, count(decoded.aborts, "frame") + " of `on abort` left out"),
         (u64::from(decoded.half_byte), "half a byte at the end".to_owned()),
+        (decoded.other_way, count(decoded.other_way, "byte") + " of the other direction left out"),
     ];
     let found = format!("{} in {}", count(decoded.frames, "frame"), count(decoded.bytes, "byte"));
     let parts = parts.into_iter().filter(|(count, _)| *count > 0).map(|(_, words)| words);

@@ -5,6 +5,9 @@ use std::io::{self, Write as _};
 use std::os::unix::fs::{FileExt as _, MetadataExt as _};
 use std::path::{Path, PathBuf};
 
+use rustix::fs::FlockOperation;
+use rustix::io::Errno;
+
 use super::atomic_file::open_in_place;
 use super::output::{Force, Inputs, check};
 use super::screen::Screen;
@@ -16,33 +19,63 @@ pub(super) fn open(path: &Path, inputs: &Inputs, force: Force) -> io::Result<Fil
     open_in_place(path)
 }
 
-/// A file for a result that cannot be produced again.
+/// A file for a result that cannot be produced again. Dropping it removes the file if it is new and still empty.
 pub(super) struct Created {
     pub(super) file: File,
-    /// Whether it did not exist before.
+    path: PathBuf,
+    /// Whether it did not exist before, and whether its name was chosen for it.
     is_new: bool,
+    pub(super) is_named: bool,
 }
 
 impl Created {
-    /// Removes the file if this run created it and wrote nothing.
-    pub(super) fn undo(self, path: &Path) {
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Created {
+    fn drop(&mut self) {
         let is_it =
             |meta: &Metadata| self.file.metadata().is_ok_and(|own| (own.dev(), own.ino()) == (meta.dev(), meta.ino()));
-        if self.is_new && path.symlink_metadata().is_ok_and(|meta| meta.is_file() && meta.len() == 0 && is_it(&meta)) {
-            let _ = std::fs::remove_file(path);
+        let is_empty = |meta: Metadata| meta.is_file() && meta.len() == 0 && is_it(&meta);
+        if self.is_new && self.path.symlink_metadata().is_ok_and(is_empty) {
+            let _ = std::fs::remove_file(&self.path);
         }
     }
 }
 
-/// Creates a file for a result that cannot be produced again. Refuses an existing file that is not empty.
+/// Creates a file for a result that cannot be produced again. Refuses an existing file that is not empty, and one that another run
+/// has just created.
 pub(super) fn create(path: &Path, inputs: &Inputs) -> io::Result<Created> {
     let is_new = path.symlink_metadata().is_err();
     let file = open(path, inputs, Force::ALWAYS)?;
-    let of_file = file.metadata()?;
+    let created = Created { file, path: path.to_owned(), is_new, is_named: false };
+    let of_file = created.file.metadata()?;
     if of_file.is_file() && of_file.len() > 0 {
         return Err(io::Error::other("it exists and is not overwritten; choose another name"));
     }
-    Ok(Created { file, is_new })
+    created.lock()
+}
+
+/// Creates a file that does not exist, with a name that was chosen for it.
+pub(super) fn create_new(path: &Path) -> io::Result<Created> {
+    let file = File::options().write(true).create_new(true).open(path)?;
+    Created { file, path: path.to_owned(), is_new: true, is_named: true }.lock()
+}
+
+impl Created {
+    /// Locks a regular file against other runs that could create it at the same time. A file system without locks has none.
+    fn lock(mut self) -> io::Result<Self> {
+        let is_file = self.file.metadata()?.is_file();
+        match rustix::fs::flock(&self.file, FlockOperation::NonBlockingLockExclusive) {
+            Err(Errno::WOULDBLOCK) if is_file => {
+                self.is_new = false;
+                Err(io::Error::other("another run writes it; choose another name"))
+            }
+            _ => Ok(self),
+        }
+    }
 }
 
 /// The canonical path, even if there is no file yet.
@@ -57,10 +90,10 @@ pub(super) fn takes_everything(path: &Path) -> bool {
     path.metadata().is_ok_and(|meta| !meta.is_file())
 }
 
-/// Whether two open files are the same file.
-pub(super) fn is_same(left: &File, right: &File) -> bool {
-    let identity = |file: &File| file.metadata().map(|meta| (meta.is_file(), meta.dev(), meta.ino()));
-    matches!((identity(left), identity(right)), (Ok(left), Ok(right)) if left.0 && left == right)
+/// Whether a path leads to an open file.
+pub(super) fn is_at(path: &Path, file: &File) -> bool {
+    let identity = |meta: Metadata| (meta.is_file(), meta.dev(), meta.ino());
+    matches!((path.metadata().map(identity), file.metadata().map(identity)), (Ok(one), Ok(other)) if one.0 && one == other)
 }
 
 /// Discards the old content of a file.

@@ -14,6 +14,8 @@ mod explain;
 mod fixes;
 mod fmt;
 mod man;
+#[cfg_attr(not(feature = "mcap"), path = "mcap_frames_absent.rs")]
+mod mcap_frames;
 mod output;
 mod plot;
 mod progress_bar;
@@ -45,6 +47,8 @@ mod log;
 mod observer;
 #[cfg(target_os = "linux")]
 mod play;
+#[cfg(target_os = "linux")]
+mod port_opening;
 #[cfg(target_os = "linux")]
 mod ports;
 #[cfg(target_os = "linux")]

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
@@ -19,9 +19,9 @@ use super::display::Format;
 use super::exit::Exit;
 use super::growing_file;
 use super::guard;
-use super::log::Log;
+use super::log::{About, Log};
 use super::output::{self, Inputs};
-use super::play;
+use super::port_opening::{self, doubt};
 use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::Watcher;
@@ -35,9 +35,12 @@ pub(super) struct Record {
     /// Create a symbolic link at this path, which the program opens as its port; the link is removed at the end
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
-    /// Pass bytes between the program and the board at this serial port, both ways and unchanged
+    /// Pass bytes between the program and the board at this serial port (or `auto`), both ways and unchanged
     #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
     port: Option<PathBuf>,
+    /// If the port cannot be opened yet, wait for it up to TIME
+    #[arg(long, value_name = "TIME", requires = "port", value_parser = port_opening::wait)]
+    wait: Option<Micros>,
     /// Write the script to this file instead of standard output; a file that has content is refused
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -75,31 +78,28 @@ const MAX_LATE: Nanos = Nanos::from_millis(250);
 impl Record {
     /// Records until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let created = match self.output.as_deref().map(|path| (path, growing_file::create(path, &Inputs::default()))) {
-            None => None,
-            Some((path, Ok(created))) => Some((path, created)),
-            Some((path, Err(error))) => return output::exit(Err(error), Some(path), screen),
+        let created = self.output.as_deref().map(|path| {
+            growing_file::create(path, &Inputs::default()).map_err(|error| output::exit(Err(error), Some(path), screen))
+        });
+        let created = match created.transpose() {
+            Ok(created) => created,
+            Err(exit) => return exit,
         };
-        let file = created.as_ref().map(|(_, created)| created.file.try_clone()).transpose();
-        match file.map_err(|error| board::failed(screen, &error)).and_then(|file| self.record(file, screen)) {
-            Ok(exit) => exit,
-            Err(exit) => {
-                if let Some((path, created)) = created {
-                    created.undo(path);
-                }
-                exit
-            }
-        }
+        // Until the end: if nothing is recorded, it removes the file.
+        let file = created.as_ref().map(|created| created.file.try_clone()).transpose();
+        let file = file.map_err(|error| board::failed(screen, &error));
+        file.and_then(|file| self.record(file, screen)).unwrap_or_else(|exit| exit)
     }
 
     /// Fails if nothing was recorded.
     fn record(&self, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
-        let port = self.port.as_deref();
-        let port = port.map(|path| Serial::open(path, self.baud).map_err(|error| play::refused(screen, path, &error)));
-        let port = port.transpose()?;
-        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
-        let log = Log::open(self.log.as_deref(), file.as_ref(), self.reading.board(), screen)?;
         let signals = board::begin(screen)?;
+        let port = self.port.as_deref();
+        let port = port.map(|path| port_opening::open(path, self.baud, self.wait, &signals, screen)).transpose()?;
+        let path = port.as_ref().map(|(_, path)| path.clone());
+        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
+        let what = ("record", About::new(path.as_deref()));
+        let log = Log::open(self.log.as_deref(), file.as_ref(), what, self.reading.board(), screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
         let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
         let watcher =
@@ -115,10 +115,11 @@ impl Record {
                 begun("a virtual board");
                 serve_board(&mut pty_link, board, self.baud, &signals, watcher, screen)
             }
-            Some(port) => {
+            Some((port, path)) => {
+                doubt(&path, screen);
                 // Last: from here on the loop must send signs of life.
                 let guard = self.guard(&port, screen).map_err(failed)?;
-                begun(&format!("the board at {}", self.port.as_deref().unwrap_or(Path::new("")).display()));
+                begun(&format!("the board at {}", path.display()));
                 between(&mut pty_link, self.reading.board(), port, guard, &signals, watcher, screen)
             }
         };
@@ -173,7 +174,9 @@ fn between(
     let mut server = Server::of_port(pty_link, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
-    let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else { return (Exit::Failed, watcher.end()) };
+    let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else {
+        return (Exit::Failed, watcher.end(Exit::Failed, "motionseq failed; this is a bug"));
+    };
     let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
         Ok(_) if stop == Stop::NotSent => (Exit::Stalled, None),
@@ -192,14 +195,15 @@ fn between(
         Stop::Sent => "the program did not stop the robot; stop: sent",
         _ => "the program did not stop the robot; stop: NOT SENT - cut the power",
     };
-    match cause {
-        Some(cause) => screen.error(&format!("{cause}; {robot}")),
-        None if stop == Stop::NotSent => screen.error(robot),
-        None => screen.note(robot),
+    let words = cause.as_ref().map_or_else(|| robot.to_owned(), |cause| format!("{cause}; {robot}"));
+    if cause.is_some() || stop == Stop::NotSent {
+        screen.error(&words);
+    } else {
+        screen.note(&words);
     }
     // A guard without a goodbye prints this line itself, if the screen takes nothing.
     if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {
         guard.goodbye();
     }
-    (exit, watcher.end())
+    (exit, watcher.end(exit, &words))
 }

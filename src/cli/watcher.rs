@@ -11,6 +11,7 @@ use motionseq::sim::Device;
 use motionseq::units::{Micros, Nanos};
 
 use super::display::{Display, Format, UPDATE};
+use super::exit::Exit;
 use super::log::Log;
 use super::observer::{Event, Seen};
 use super::screen::{Screen, plural};
@@ -152,8 +153,8 @@ impl Watcher {
         }
     }
 
-    /// Shows the rest, and ends the display and the log. Returns the tape, which must be ended, too.
-    pub(super) fn end(mut self) -> Option<Tape> {
+    /// Shows the rest, and ends the display, and the log with the result of the command. Returns the tape, which must be ended, too.
+    pub(super) fn end(mut self, result: Exit, cause: &str) -> Option<Tape> {
         // A truncated frame is recorded, but not shown.
         let mut cut = Vec::new();
         self.decoder.finish(|at, item| cut.push((at, OwnedItem::from(item))));
@@ -167,7 +168,7 @@ impl Watcher {
             screen.note(&format!("{missed} were not shown: standard output was too slow"));
         }
         if let Some(log) = log {
-            log.end();
+            log.end(result, cause);
         }
         tape
     }

@@ -1,5 +1,6 @@
 //! Connections to a board.
 
+mod ports;
 mod pty;
 mod pty_link;
 mod serial;
@@ -7,9 +8,10 @@ mod serial;
 use std::io;
 use std::os::fd::BorrowedFd;
 
+pub use ports::{BoardLikelihood, Obstacle, Owner, PortInfo, obstacle, ports};
 pub use pty::{LineSettings, Pty};
 pub use pty_link::{PortEvent, PtyLink, PtyLinkError};
-pub use serial::{BoardLikelihood, OpenError, PortInfo, Serial, ports};
+pub use serial::{OpenError, Serial};
 
 /// A port that never blocks.
 pub trait Link {

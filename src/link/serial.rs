@@ -20,53 +20,6 @@ pub struct Serial {
     port: OwnedFd,
 }
 
-/// A serial port of this computer.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PortInfo {
-    /// The path of the device.
-    pub path: String,
-    /// A description for people.
-    pub description: String,
-    /// Whether it looks like the board.
-    pub likely: BoardLikelihood,
-}
-
-/// Whether a port looks like the board, without opening it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum BoardLikelihood {
-    /// It is the serial port on the pins of a Raspberry Pi, where the board is plugged on.
-    Board,
-    /// It is a USB adapter.
-    Maybe,
-    /// Neither.
-    No,
-}
-
-/// The serial ports of this computer, sorted by path.
-pub fn ports() -> io::Result<Vec<PortInfo>> {
-    let found = serialport::available_ports().map_err(io::Error::other)?;
-    let mut ports: Vec<PortInfo> = found.into_iter().map(port_info).collect();
-    ports.sort_by(|one, other| one.path.cmp(&other.path));
-    ports.dedup_by(|one, other| one.path == other.path);
-    Ok(ports)
-}
-
-fn port_info(port: serialport::SerialPortInfo) -> PortInfo {
-    let (description, likely) = match &port.port_type {
-        serialport::SerialPortType::UsbPort(usb) => {
-            let name = usb.product.as_deref().or(usb.manufacturer.as_deref()).unwrap_or("serial adapter");
-            (format!("USB {:04x}:{:04x} {name}", usb.vid, usb.pid), BoardLikelihood::Maybe)
-        }
-        // The full UART of a Raspberry Pi; the speed of the mini UART varies.
-        _ if port.port_name.ends_with("/ttyAMA0") => {
-            ("serial port on the GPIO pins".to_owned(), BoardLikelihood::Board)
-        }
-        _ => ("serial port".to_owned(), BoardLikelihood::No),
-    };
-    PortInfo { path: port.port_name, description, likely }
-}
-
 /// Why a port cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

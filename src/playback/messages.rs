@@ -132,6 +132,11 @@ pub enum Notice {
         /// Its index in the timeline's cues.
         cue: usize,
     },
+    /// This mark is passed.
+    Marked {
+        /// Its index in the timeline's marks.
+        mark: usize,
+    },
     /// The port accepted these bytes, of a frame, a stop or a pause.
     Wrote(Piece),
     /// The board sent a report.

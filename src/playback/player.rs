@@ -8,7 +8,7 @@ use super::judge::Judge;
 use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP, Stop};
 use crate::board::{Board, Report, State};
 use crate::source::Span;
-use crate::timeline::{Cue, Event, Kind, Timeline};
+use crate::timeline::{Cue, Event, Kind, Mark, Timeline};
 use crate::units::{Micros, Nanos};
 
 /// Plays one timeline.
@@ -18,6 +18,7 @@ pub struct Player<'t> {
     events: &'t [Event],
     stops: Stops,
     cues: &'t [Cue],
+    marks: &'t [Mark],
     judge: Judge<'t>,
     /// The repeated pass of an endless run.
     again: Option<&'t Timeline>,
@@ -34,6 +35,7 @@ pub struct Player<'t> {
     /// The next event.
     next: usize,
     next_cue: usize,
+    next_mark: usize,
     out: Outbox,
     /// When the bytes in `out` were due, in the time of the script.
     due: Nanos,
@@ -72,6 +74,7 @@ impl<'t> Player<'t> {
             events: &timeline.events,
             stops: Stops::of(board, &timeline.abort),
             cues: &timeline.cues,
+            marks: &timeline.marks,
             judge: Judge::new(&timeline.expects),
             again: None,
             state: State::new(board),
@@ -83,6 +86,7 @@ impl<'t> Player<'t> {
             origin: 0,
             next: 0,
             next_cue: 0,
+            next_mark: 0,
             out: Outbox::new(board.zeros_after_flush(commands), board.codec.longest),
             due: Nanos::ZERO,
             pending: 0,
@@ -111,9 +115,10 @@ impl<'t> Player<'t> {
         self.pass += 1;
         self.events = &again.events;
         self.cues = &again.cues;
+        self.marks = &again.marks;
         self.judge.restart(&again.expects);
         self.end = again.end.nanos();
-        (self.next, self.next_cue, self.last) = (0, 0, None);
+        (self.next, self.next_cue, self.next_mark, self.last) = (0, 0, 0, None);
         notices(Notice::Pass { pass: self.pass });
     }
 
@@ -257,7 +262,8 @@ impl<'t> Player<'t> {
         }
         let next_event = self.events.get(self.next).map(due);
         let next_cue = self.cues.get(self.next_cue).map(|cue| cue.at.nanos());
-        match next_event.into_iter().chain(next_cue).chain(self.judge.next_due()).min() {
+        let next_mark = self.marks.get(self.next_mark).map(|mark| mark.at.nanos()).filter(|at| *at <= self.end);
+        match next_event.into_iter().chain(next_cue).chain(next_mark).chain(self.judge.next_due()).min() {
             Some(until) => self.wait(until, false),
             None if time < self.end => self.wait(self.end, false),
             None if self.again.is_some() => {
@@ -276,7 +282,12 @@ impl<'t> Player<'t> {
         Order::Wait { until: Nanos(until.0.saturating_add_signed(self.origin)), writable }
     }
 
+    /// Reports the marks and the `say` lines up to a time.
     fn say(&mut self, time: Nanos, notices: &mut impl FnMut(Notice)) {
+        while self.marks.get(self.next_mark).is_some_and(|mark| mark.at.nanos() <= time) {
+            notices(Notice::Marked { mark: self.next_mark });
+            self.next_mark += 1;
+        }
         while self.cues.get(self.next_cue).is_some_and(|cue| cue.at.nanos() <= time) {
             notices(Notice::Say { cue: self.next_cue });
             self.next_cue += 1;

@@ -412,8 +412,14 @@ pub struct BoardThread {
 
 impl BoardThread {
     /// Runs a board on a thread until the program at the other end has closed its port and every byte was taken, or until a fault
-    /// unplugs the board. The port must have been opened before.
-    pub fn start(board: Faulty, port: Pty, baud: u32) -> io::Result<Self> {
+    /// unplugs the board. The port must have been opened before. Every 20 ms at least, `watch` gets the time since the script began and
+    /// the board; it must not wait.
+    pub fn start(
+        board: Faulty,
+        port: Pty,
+        baud: u32,
+        mut watch: impl FnMut(Micros, &Device) + Send + 'static,
+    ) -> io::Result<Self> {
         let mut pty_link = PtyLink::unnamed(port)?;
         let (begin, stall) = (Arc::new(AtomicU64::new(0)), board.stall());
         let its_begin = Arc::clone(&begin);
@@ -421,7 +427,12 @@ impl BoardThread {
         thread::Builder::new().name("virtual board".into()).spawn(move || {
             let mut server = Server::of_board(&mut pty_link, board, baud, None);
             (server.begin, server.once, server.is_open) = (its_begin, true, true);
-            let end = server.run(&mut |_, _, _| Ok(()));
+            let end = server.run(&mut |time, event, board| {
+                if let (PortEvent::Passed, Some(board)) = (event, board) {
+                    watch(time, board);
+                }
+                Ok(())
+            });
             let received = server.received().ok_or_else(|| ServeError::Failed(io::ErrorKind::NotFound.into()));
             // Closes the port before the result is sent.
             drop(pty_link);

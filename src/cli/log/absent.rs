@@ -8,10 +8,18 @@ use std::sync::mpsc::Receiver;
 use motionseq::board::Board;
 use motionseq::units::Nanos;
 
-use super::{Entry, Screen};
+use super::{About, Entry, Screen};
 
 pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
 
-pub(super) fn write(_: File, _: String, _: Arc<Board>, _: Screen, _: &Receiver<(Nanos, Entry)>) -> Option<String> {
+#[expect(clippy::too_many_arguments, reason = "as with logs")]
+pub(super) fn write(
+    _: File,
+    _: String,
+    _: Arc<Board>,
+    _: About,
+    _: Screen,
+    _: &Receiver<(Nanos, Entry)>,
+) -> Option<String> {
     None
 }

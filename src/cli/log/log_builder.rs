@@ -1,21 +1,26 @@
-//! The content of a log: topics with their schemas, as an MCAP file for Foxglove and other tools.
+//! The content of a log, as an MCAP file for Foxglove and other tools.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
-use mcap::{WriteOptions, Writer};
-use motionseq::board::{Board, Hex, Item, OwnedItem, Report, Sets, State, Text, ValueForm};
+use mcap::{Attachment, WriteOptions, Writer};
+use motionseq::board::{Board, Hex, Item, OwnedItem, State};
 use motionseq::capture::TimedDecoder;
-use motionseq::sim::Pose;
 use motionseq::units::{Micros, Nanos};
 use serde::Serialize;
 
-use super::{Entry, Level};
+use super::messages::{
+    BOARD, BoardMessage, FRAMES, FrameMessage, LATENESS, LOG, LastCommands, LatenessMessage, LogMessage, MARKS,
+    MarkMessage, POSE, POSITION, PoseMessage, PositionMessage, TELEMETRY, TRANSFORM, TelemetryMessage, Topic,
+    TransformMessage, micros,
+};
+use super::{About, Entry, Level};
 
 /// A log. It is built in memory, piece by piece, and its owner writes the pieces to a file.
 pub(super) struct LogBuilder {
@@ -25,8 +30,13 @@ pub(super) struct LogBuilder {
     pieces: Pieces,
     /// The channel of each topic that has messages, and the number of its messages.
     channels: BTreeMap<&'static str, (u16, u32)>,
-    /// Time 0, since 1970.
+    /// Time 0, on the clock of the entries and since 1970.
     begin: Nanos,
+    begin_since_1970: Nanos,
+    /// Messages that wait for earlier ones, with their times since 1970.
+    waiting: Vec<(Nanos, &'static Topic, Vec<u8>)>,
+    /// The time of the last message in the file.
+    newest: Nanos,
     /// For bytes with the time at which a port took them.
     decoder: TimedDecoder,
     state: State,
@@ -48,123 +58,6 @@ impl Write for Pieces {
     }
 }
 
-/// A topic and its messages.
-struct Topic {
-    name: &'static str,
-    schema: &'static str,
-    /// A JSON schema.
-    shape: &'static str,
-}
-
-const FRAMES: Topic =
-    Topic { name: "/frames", schema: "motionseq.Frame", shape: include_str!("../../../docs/schemas/log/frame.json") };
-const BOARD: Topic =
-    Topic { name: "/board", schema: "motionseq.Board", shape: include_str!("../../../docs/schemas/log/board.json") };
-const POSE: Topic =
-    Topic { name: "/pose", schema: "motionseq.Pose", shape: include_str!("../../../docs/schemas/log/pose.json") };
-const TELEMETRY: Topic = Topic {
-    name: "/telemetry",
-    schema: "motionseq.Telemetry",
-    shape: include_str!("../../../docs/schemas/log/telemetry.json"),
-};
-const LATENESS: Topic = Topic {
-    name: "/lateness",
-    schema: "motionseq.Lateness",
-    shape: include_str!("../../../docs/schemas/log/lateness.json"),
-};
-const MARKS: Topic =
-    Topic { name: "/marks", schema: "motionseq.Mark", shape: include_str!("../../../docs/schemas/log/mark.json") };
-/// This schema is Foxglove's, for its log panel.
-const LOG: Topic =
-    Topic { name: "/log", schema: "foxglove.Log", shape: include_str!("../../../docs/schemas/log/log.json") };
-
-#[derive(Serialize)]
-struct FrameMessage<'a> {
-    #[serde(rename = "t_us")]
-    at: Micros,
-    hex: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    command: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    wrong: Option<&'a str>,
-}
-
-/// The last commands of a board, without the time.
-#[derive(Clone, PartialEq, Serialize)]
-struct LastCommands(BTreeMap<Text, Value>);
-
-#[derive(Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-enum Value {
-    Number(i64),
-    Text(String),
-    Switch(bool),
-}
-
-#[derive(Serialize)]
-struct BoardMessage<'a> {
-    #[serde(rename = "t_us")]
-    at: Micros,
-    #[serde(flatten)]
-    told: &'a LastCommands,
-}
-
-#[derive(Serialize)]
-struct PoseMessage {
-    #[serde(rename = "t_us")]
-    at: Micros,
-    x_cm: f64,
-    y_cm: f64,
-    yaw_deg: f64,
-}
-
-#[derive(Serialize)]
-struct TelemetryMessage<'a> {
-    #[serde(rename = "t_us")]
-    at: Micros,
-    #[serde(flatten)]
-    values: BTreeMap<&'a str, f64>,
-}
-
-#[derive(Serialize)]
-struct LatenessMessage<'a> {
-    #[serde(rename = "t_us")]
-    at: Micros,
-    #[serde(rename = "script_us")]
-    script: Micros,
-    late_us: f64,
-    command: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    file: Option<&'a str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    line: Option<usize>,
-}
-
-#[derive(Serialize)]
-struct MarkMessage<'a> {
-    #[serde(rename = "t_us")]
-    at: Micros,
-    #[serde(rename = "script_us")]
-    script: Micros,
-    name: &'a str,
-}
-
-#[derive(Serialize)]
-struct LogMessage<'a> {
-    timestamp: Timestamp,
-    level: u8,
-    message: &'a str,
-    name: &'static str,
-    file: &'a str,
-    line: usize,
-}
-
-#[derive(Serialize)]
-struct Timestamp {
-    sec: u64,
-    nsec: u64,
-}
-
 impl LogBuilder {
     pub(super) fn new(board: Arc<Board>) -> io::Result<Self> {
         let pieces = Pieces::default();
@@ -180,6 +73,9 @@ impl LogBuilder {
             pieces,
             channels: BTreeMap::new(),
             begin: Nanos::ZERO,
+            begin_since_1970: Nanos::ZERO,
+            waiting: Vec::new(),
+            newest: Nanos::ZERO,
             decoder: TimedDecoder::of_times(&board),
             board,
             state: State::default(),
@@ -187,46 +83,71 @@ impl LogBuilder {
         })
     }
 
-    /// Adds what happened at a time since time 0.
+    /// Writes what the log is about: a record of metadata, and the scripts.
+    pub(super) fn about(&mut self, about: About) -> io::Result<()> {
+        let About { started, facts, scripts } = about;
+        self.metadata("motionseq", facts)?;
+        for (name, text) in scripts {
+            let data = Cow::Owned(text.into_bytes());
+            let script =
+                Attachment { log_time: started.0, create_time: 0, name, media_type: "text/plain".into(), data };
+            self.writer.attach(&script).map_err(io::Error::other)?;
+        }
+        Ok(())
+    }
+
+    fn metadata(&mut self, name: &str, facts: Vec<(&'static str, String)>) -> io::Result<()> {
+        let metadata = facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect();
+        self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata }).map_err(io::Error::other)
+    }
+
+    /// Adds what happened at a time on the clock of the entries.
     pub(super) fn take(&mut self, time: Nanos, entry: Entry) -> io::Result<()> {
-        let at = time.micros();
+        let at = (time - self.begin).micros();
         match entry {
             Entry::Begin { since_1970 } => {
-                self.begin = since_1970;
+                (self.begin, self.begin_since_1970) = (time, since_1970);
                 Ok(())
             }
             Entry::Bytes(bytes) => {
                 let mut items = Vec::new();
-                self.decoder.feed(time, &bytes, |at, item| items.push((at, OwnedItem::from(item))));
+                self.decoder.feed(time - self.begin, &bytes, |at, item| items.push((at, OwnedItem::from(item))));
                 self.items(&items)
             }
             Entry::Items(items) => self.items(&items),
             Entry::Late { script, late, command, place } => {
                 let (file, line) = place.map_or((None, None), |(file, line)| (Some(file), Some(line)));
                 let (late_us, file, command) = (micros(late), file.as_deref(), self.board.show(&command).to_string());
-                self.write(&LATENESS, time, &LatenessMessage { at, script, late_us, command, file, line })
+                self.put(&LATENESS, at, &LatenessMessage { at, script, late_us, command, file, line })
             }
             Entry::Report(report) => {
                 let board = Arc::clone(&self.board);
-                self.write(&TELEMETRY, time, &TelemetryMessage { at, values: values(&board, &report) })
+                self.put(&TELEMETRY, at, &TelemetryMessage::new(at, &board, &report))
             }
-            Entry::Pose(Pose { x_cm, y_cm, yaw_deg }) => {
-                self.write(&POSE, time, &PoseMessage { at, x_cm, y_cm, yaw_deg })
+            Entry::Pose(pose) => {
+                let timestamp = self.since_1970(at).into();
+                self.put(&POSE, at, &PoseMessage::new(timestamp, pose))?;
+                self.put(&TRANSFORM, at, &TransformMessage::new(timestamp, pose))?;
+                self.put(&POSITION, at, &PositionMessage::new(at, pose))
             }
-            Entry::Mark { name, script } => self.write(&MARKS, time, &MarkMessage { at, script, name: &name }),
+            Entry::Mark { name, script } => self.put(&MARKS, at, &MarkMessage { at, script, name: &name }),
             Entry::Line { level, text, place } => {
-                let Nanos(since_1970) = self.begin + time;
-                let timestamp = Timestamp { sec: since_1970 / 1_000_000_000, nsec: since_1970 % 1_000_000_000 };
                 let level = match level {
                     Level::Info => 2,
                     Level::Warning => 3,
                     Level::Error => 4,
                 };
                 let (file, line) = place.unwrap_or_default();
+                let timestamp = self.since_1970(at).into();
                 let message = LogMessage { timestamp, level, message: &text, name: "motionseq", file: &file, line };
-                self.write(&LOG, time, &message)
+                self.put(&LOG, at, &message)
             }
+            Entry::Result(facts) => self.metadata("result", facts),
         }
+    }
+
+    fn since_1970(&self, at: Micros) -> Nanos {
+        self.begin_since_1970 + at.nanos()
     }
 
     fn items(&mut self, items: &[(Micros, OwnedItem)]) -> io::Result<()> {
@@ -235,7 +156,7 @@ impl LogBuilder {
 
     /// Adds a frame on the line to the board, or bytes that are not a frame, and the state of the board after it.
     fn item(&mut self, at: Micros, item: Item<'_>) -> io::Result<()> {
-        let (time, board) = (at.nanos(), Arc::clone(&self.board));
+        let board = Arc::clone(&self.board);
         let (hex, command, wrong) = match item {
             Item::Frame(frame) => {
                 let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
@@ -246,43 +167,61 @@ impl LogBuilder {
         };
         let says = command.as_ref().map(|command| board.show(command).to_string());
         let text = wrong.as_ref().map(|why| format!("{hex}: {why}"));
-        self.write(&FRAMES, time, &FrameMessage { at, hex, command: says, wrong: wrong.as_deref() })?;
+        self.put(&FRAMES, at, &FrameMessage { at, hex, command: says, wrong: wrong.as_deref() })?;
         if let Some(text) = text {
-            self.take(time, Entry::Line { level: Level::Warning, text, place: None })?;
+            self.take(self.begin + at.nanos(), Entry::Line { level: Level::Warning, text, place: None })?;
         }
         let Some(command) = command.filter(|_| wrong.is_none()) else { return Ok(()) };
         self.state.apply(&board, &command);
-        let told = told(&board, &self.state);
+        let told = LastCommands::of(&board, &self.state);
         if self.shown.as_ref() != Some(&told) {
-            self.write(&BOARD, time, &BoardMessage { at, told: &told })?;
+            self.put(&BOARD, at, &BoardMessage { at, told: &told })?;
             self.shown = Some(told);
         }
         Ok(())
     }
 
-    fn write(&mut self, topic: &Topic, time: Nanos, message: &impl Serialize) -> io::Result<()> {
-        let LogBuilder { writer, channels, begin, .. } = self;
-        let (channel_id, sequence) = match channels.get_mut(topic.name) {
-            Some((channel, count)) => {
-                *count = count.saturating_add(1);
-                (*channel, *count)
-            }
-            None => {
-                let schema = writer.add_schema(topic.schema, "jsonschema", topic.shape.as_bytes());
-                let channel =
-                    schema.and_then(|schema| writer.add_channel(schema, topic.name, "json", &BTreeMap::new()));
-                let channel = channel.map_err(io::Error::other)?;
-                channels.insert(topic.name, (channel, 0));
-                (channel, 0)
-            }
-        };
-        let Nanos(log_time) = *begin + time;
-        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
-        writer.write_to_known_channel(&header, &serde_json::to_vec(message)?).map_err(io::Error::other)
+    /// Adds a message, which waits for earlier ones.
+    fn put(&mut self, topic: &'static Topic, at: Micros, message: &impl Serialize) -> io::Result<()> {
+        let time = self.since_1970(at);
+        self.waiting.push((time, topic, serde_json::to_vec(message)?));
+        Ok(())
     }
 
-    /// What was written since the last piece. The log can be read without further pieces.
-    pub(super) fn piece(&mut self) -> io::Result<Vec<u8>> {
+    /// Writes the messages up to a time on the clock of the entries, or all, in the order of their times. One that is older than
+    /// what was already written gets the time of the last one, because tools expect times in order; its `t_us` is exact.
+    fn settle(&mut self, until: Option<Nanos>) -> io::Result<()> {
+        self.waiting.sort_by_key(|(time, ..)| *time);
+        let until = until.map(|until| self.since_1970((until - self.begin).micros()));
+        let count = self.waiting.partition_point(|(time, ..)| until.is_none_or(|until| *time <= until));
+        let mut ready = std::mem::take(&mut self.waiting);
+        self.waiting = ready.split_off(count);
+        for (time, topic, message) in ready {
+            self.newest = self.newest.max(time);
+            let (channel_id, sequence) = self.channel(topic)?;
+            let header = MessageHeader { channel_id, sequence, log_time: self.newest.0, publish_time: time.0 };
+            self.writer.write_to_known_channel(&header, &message).map_err(io::Error::other)?;
+        }
+        Ok(())
+    }
+
+    /// The channel of a topic, and the number of its next message.
+    fn channel(&mut self, topic: &Topic) -> io::Result<(u16, u32)> {
+        if let Some((channel, count)) = self.channels.get_mut(topic.name) {
+            *count = count.saturating_add(1);
+            return Ok((*channel, *count));
+        }
+        let schema = self.writer.add_schema(topic.schema, "jsonschema", topic.shape.as_bytes());
+        let channel = schema.and_then(|schema| self.writer.add_channel(schema, topic.name, "json", &BTreeMap::new()));
+        let channel = channel.map_err(io::Error::other)?;
+        self.channels.insert(topic.name, (channel, 0));
+        Ok((channel, 0))
+    }
+
+    /// What was written since the last piece, with the messages up to a time on the clock of the entries. The log can be read
+    /// without further pieces.
+    pub(super) fn piece(&mut self, until: Nanos) -> io::Result<Vec<u8>> {
+        self.settle(Some(until))?;
         self.writer.flush().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
     }
@@ -292,52 +231,8 @@ impl LogBuilder {
         let mut items = Vec::new();
         self.decoder.finish(|at, item| items.push((at, OwnedItem::from(item))));
         self.items(&items)?;
+        self.settle(None)?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())
     }
-}
-
-/// The last commands of a board by name: for each exclusive resource its value, whether it is on, or its command and the values of
-/// that command.
-fn told(board: &Board, state: &State) -> LastCommands {
-    let mut told = BTreeMap::new();
-    let number = |value: i32| Value::Number(value.into());
-    let resources = board.resources.iter().enumerate().filter(|(_, resource)| resource.is_exclusive);
-    for (id, resource) in resources {
-        let Some(command) = state.last(id) else { continue };
-        let Some(verb) = board.verb(command.verb()) else { continue };
-        let values = command.values();
-        match (verb.axes.as_slice(), values.as_slice()) {
-            ([.., _], [.., value]) if verb.is_indexed() => {
-                told.insert(resource.key.clone(), number(*value));
-            }
-            ([axis], [value]) if matches!(axis.takes, ValueForm::Word(_)) => {
-                told.insert(resource.key.clone(), Value::Switch(*value != 0));
-            }
-            (axes, values) => {
-                if board.rest(id) == Some(command) && command.is_zero() {
-                    // After that, everything that moves this resource is at zero.
-                    let others = board.verbs.iter().filter(|verb| verb.moves && verb.sets == Sets::One(id));
-                    told.extend(others.flat_map(|verb| &verb.axes).map(|axis| (axis.key.clone(), number(0))));
-                } else if verb.moves {
-                    told.extend(axes.iter().zip(values).map(|(axis, value)| (axis.key.clone(), number(*value))));
-                }
-                told.insert(resource.key.clone(), Value::Text(board.show(command).to_string()));
-            }
-        }
-    }
-    LastCommands(told)
-}
-
-/// The values of a report, by name.
-fn values<'b>(board: &'b Board, report: &Report) -> BTreeMap<&'b str, f64> {
-    let quantities = board.quantities.iter().enumerate();
-    quantities.map(|(row, quantity)| (&*quantity.key, report.value(row).number())).collect()
-}
-
-/// In microseconds.
-fn micros(Nanos(nanos): Nanos) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a day of nanoseconds fits")]
-    let nanos = nanos as f64;
-    nanos / 1_000.0
 }

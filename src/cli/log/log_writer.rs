@@ -7,14 +7,17 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use motionseq::board::Board;
+use motionseq::playback::now;
 use motionseq::units::Nanos;
 
 use super::super::growing_file::GrowingFile;
 use super::log_builder::LogBuilder;
-use super::{Entry, Screen};
+use super::{About, Entry, Screen};
 
-/// How often the file is updated. A killed program loses at most this much of its log.
+/// How often the file is updated. A killed program loses at most this and [`HOLD`] of its log.
 const UPDATE: Duration = Duration::from_millis(500);
+/// How long a message waits for earlier ones, so that all are written in the order of their times.
+const HOLD: Nanos = Nanos::from_millis(250);
 /// The end of a log without an index: the records `DataEnd` and `Footer`, and the magic bytes (<https://mcap.dev/spec>). It follows
 /// each piece, and the next piece overwrites it, so that every tool can read the log of a program that was killed.
 const END: &[u8] = b"\x0f\x04\0\0\0\0\0\0\0\0\0\0\0\
@@ -26,15 +29,17 @@ const MOST_PENDING: usize = 16 << 20;
 pub(super) const WHY_NOT: Option<&str> = None;
 
 /// Writes until there are no more entries. Returns why the log is not complete, if it is not.
+#[expect(clippy::too_many_arguments, reason = "a file, what the log is about, and its entries")]
 pub(super) fn write(
     file: File,
     name: String,
     board: Arc<Board>,
+    about: About,
     screen: Screen,
     entries: &Receiver<(Nanos, Entry)>,
 ) -> Option<String> {
     let mut writer = LogWriter { out: GrowingFile::new(file, name.clone(), screen), name, screen, is_over: false };
-    match writer.write_all(entries, board) {
+    match writer.write_all(entries, board, about) {
         Ok(()) => writer.out.failing().map(str::to_owned),
         Err(error) => Some(error.to_string()),
     }
@@ -49,8 +54,9 @@ struct LogWriter {
 }
 
 impl LogWriter {
-    fn write_all(&mut self, entries: &Receiver<(Nanos, Entry)>, board: Arc<Board>) -> io::Result<()> {
+    fn write_all(&mut self, entries: &Receiver<(Nanos, Entry)>, board: Arc<Board>, about: About) -> io::Result<()> {
         let mut log = LogBuilder::new(board)?;
+        log.about(about)?;
         let mut written = Instant::now();
         loop {
             match entries.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
@@ -59,7 +65,12 @@ impl LogWriter {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             if written.elapsed() >= UPDATE {
-                let piece = log.piece()?;
+                let until = now() - HOLD;
+                // What waits in the queue may be older.
+                for (at, entry) in entries.try_iter().filter(|_| !self.is_over) {
+                    log.take(at, entry)?;
+                }
+                let piece = log.piece(until)?;
                 if !piece.is_empty() || self.out.failing().is_some() {
                     self.write(&piece, END);
                 }

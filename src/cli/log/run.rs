@@ -1,6 +1,9 @@
 //! The log of a run.
 
+use std::sync::mpsc::Receiver;
+
 use motionseq::playback::Notice;
+use motionseq::sim::Pose;
 use motionseq::source::{Lines, Span};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
@@ -13,16 +16,25 @@ pub(in super::super) struct TimelineLog {
     /// Time 0 of the pass, on the clock of
     /// [`now`](motionseq::playback::now), moved by the pauses.
     begin: Nanos,
-    /// How many marks the pass has reached.
-    marked: usize,
+    /// Whether the script is paused. A step then reaches its marks at another time.
+    is_paused: bool,
+    /// The poses of the robot of a virtual board, with their times since time 0.
+    poses: Option<Receiver<(Micros, Pose)>>,
 }
 
 impl TimelineLog {
-    pub(in super::super) fn new(log: Log) -> Self {
-        TimelineLog { log, begin: Nanos::ZERO, marked: 0 }
+    pub(in super::super) fn new(log: Log, poses: Option<Receiver<(Micros, Pose)>>) -> Self {
+        TimelineLog { log, begin: Nanos::ZERO, is_paused: false, poses }
     }
 
-    /// Logs a notice. A mark is reached when something happens at its time or later: before that, the run may still end.
+    /// Logs the poses that have come.
+    pub(in super::super) fn take_poses(&mut self) {
+        for (time, pose) in self.poses.iter().flat_map(Receiver::try_iter) {
+            self.log.put_since_begin(time, Entry::Pose(pose));
+        }
+    }
+
+    /// Logs a notice.
     pub(in super::super) fn tell(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, notice: Notice) {
         let spot = |span: Span| -> Option<Spot> {
             let place = lines.place(span);
@@ -31,8 +43,13 @@ impl TimelineLog {
         match notice {
             Notice::Say { cue } => {
                 if let Some(cue) = timeline.cues.get(cue) {
-                    self.pass_marks(timeline, cue.at);
                     self.line(at, Level::Info, cue.text.clone(), spot(cue.span));
+                }
+            }
+            Notice::Marked { mark } => {
+                if let Some(mark) = timeline.marks.get(mark) {
+                    let at = if self.is_paused { at } else { self.begin + mark.at.nanos() };
+                    self.log.put(at, Entry::Mark { name: mark.name.clone(), script: mark.at });
                 }
             }
             Notice::Wrote(piece) => self.log.put(at, Entry::Bytes(piece.bytes().into())),
@@ -45,7 +62,6 @@ impl TimelineLog {
             }
             Notice::Sent { event, late } => {
                 if let Some(event) = timeline.events.get(event) {
-                    self.pass_marks(timeline, event.at);
                     let (command, place) = (event.command.clone(), spot(event.span));
                     self.log.put(at, Entry::Late { script: event.at, late, command, place });
                 }
@@ -61,34 +77,22 @@ impl TimelineLog {
                 }
             }
             Notice::Sleeping { at: script } | Notice::Paused { at: script } => {
+                self.is_paused = true;
                 self.line(at, Level::Info, format!("paused at {script:.3} s"), None);
             }
             Notice::Resumed { at: script } => {
-                self.begin = at - script.nanos();
+                (self.begin, self.is_paused) = (at - script.nanos(), false);
                 self.line(at, Level::Info, format!("continues at {script:.3} s"), None);
             }
             Notice::Pass { pass } => {
-                match pass {
-                    1 => self.log.begin(at),
-                    // The marks at the end of the previous pass were reached.
-                    _ => self.pass_marks(timeline, timeline.end),
-                }
-                (self.begin, self.marked) = (at, 0);
+                (self.begin, self.is_paused) = (at, false);
                 if pass > 1 {
                     self.line(at, Level::Info, format!("pass {pass}"), None);
+                } else {
+                    self.log.begin(at);
                 }
             }
             _ => {}
-        }
-    }
-
-    /// Logs the marks up to a time of the script.
-    pub(in super::super) fn pass_marks(&mut self, timeline: &Timeline, until: Micros) {
-        let marks = timeline.marks.get(self.marked..).unwrap_or_default();
-        for mark in marks.iter().take_while(|mark| mark.at <= until) {
-            let at = self.begin + mark.at.nanos();
-            self.log.put(at, Entry::Mark { name: mark.name.clone(), script: mark.at });
-            self.marked += 1;
         }
     }
 

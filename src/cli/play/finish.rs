@@ -39,10 +39,10 @@ impl Finish<'_> {
         summary(&screen, &run, &counted);
         board_end(&screen, &run.timeline.board, board);
         let line = run.closing_line();
-        if let Some((mut log, timeline)) = log {
-            log.pass_marks(&timeline, run.outcome.at);
+        if let Some(mut log) = log {
+            log.take_poses();
             log.log.line(now(), if run.is_early() { Level::Error } else { Level::Info }, line.as_str());
-            is_whole &= log.log.end();
+            is_whole &= log.log.end(run.exit(), &line);
         }
         match (run.outcome.cause, run.outcome.stop) {
             (Cause::Finished, _) => {}

@@ -25,6 +25,7 @@ use motionseq::units::{Micros, Nanos, NotATime};
 
 use super::Options;
 use super::exit::Exit;
+use super::port_opening;
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
 use display::{Display, Progress};
@@ -34,8 +35,6 @@ use port::{Port, system};
 use result_files::{ResultFiles, ResultPaths};
 use run_log::Run;
 
-pub(super) use port::refused;
-
 /// Play a script on a robot or on a virtual board
 #[derive(Debug, Args)]
 #[command(
@@ -44,9 +43,12 @@ pub(super) use port::refused;
 pub(super) struct Play {
     /// Script to read, or `-` for standard input
     file: PathBuf,
-    /// Serial port of the board, such as /dev/serial0 [default: `MOTIONSEQ_PORT`, else a virtual board]
+    /// Serial port of the board, such as /dev/serial0, or `auto` [default: `MOTIONSEQ_PORT`, else a virtual board]
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
+    /// If the port cannot be opened yet, wait for it up to TIME, as a service does at boot
+    #[arg(long, value_name = "TIME", value_parser = port_opening::wait)]
+    wait: Option<Micros>,
     /// Stop the robot if a frame is more than TIME late (1ms to 10s) [default: 50ms; 1s on the virtual board]
     #[arg(long, value_name = "TIME", value_parser = max_late)]
     max_late: Option<Nanos>,
@@ -101,12 +103,11 @@ impl Play {
         self.check_terminal(screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
-        let path = self.port_path();
-        let Port { link, board } =
-            Port::open(path.as_deref(), &timeline, self.faults(path.is_some(), screen)?, screen)?;
+        let Port { link, path, board, poses } = self.open_port(&timeline, &signals, screen)?;
 
         // The port is open. Everything that may fail or wait is done before the first frame.
-        let (files, report) = results.start(&timeline.board, &sources, screen)?;
+        let (mut files, report) = results.start(&timeline.board, &sources, path.as_deref(), screen)?;
+        files.poses = poses;
         let (timeline, again) = (Arc::new(timeline), again.map(Arc::new));
         let keys = Keys::open(screen.is_live());
         let display = Display::new(*screen, self.shown(screen), script, keys.is_some() && screen.is_live(), self.step);
@@ -158,6 +159,18 @@ impl Play {
             return Err(Exit::Usage);
         }
         Ok(())
+    }
+
+    fn open_port(&self, timeline: &Timeline, signals: &Signals, screen: &Screen) -> Result<Port, Exit> {
+        let path = self.port_path();
+        let faults = self.faults(path.is_some(), screen)?;
+        match path {
+            Some(path) => {
+                let opened = port_opening::open(&path, timeline.baud, self.wait, signals, screen)?;
+                Ok(Port::real(opened, screen))
+            }
+            None => Port::of_board(timeline, faults, screen),
+        }
     }
 
     /// The port. An empty variable counts as not set.

@@ -8,9 +8,10 @@ use std::thread;
 use std::time::Duration;
 
 use motionseq::playback::{Notice, now};
+use motionseq::sim::Pose;
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
-use motionseq::units::Nanos;
+use motionseq::units::{Micros, Nanos};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::super::log::{Log, TimelineLog};
@@ -33,6 +34,8 @@ pub(super) struct Files {
     pub(super) recording: Option<Recording>,
     /// The log, and the script that it refers to.
     pub(super) log: Option<(Log, Sources)>,
+    /// The poses of the robot of the virtual board, for the log.
+    pub(super) poses: Option<Receiver<(Micros, Pose)>>,
 }
 
 /// The sending end of the ring, for the thread that plays.
@@ -51,8 +54,8 @@ pub(super) struct Observed {
     pub(super) run: RunLog,
     /// Whether the recording is complete.
     pub(super) recorded: io::Result<()>,
-    /// The log, which still needs its last line, and the timeline that was played last.
-    pub(super) log: Option<(TimelineLog, Arc<Timeline>)>,
+    /// The log, which still needs its last line.
+    pub(super) log: Option<TimelineLog>,
 }
 
 impl Observers {
@@ -109,9 +112,9 @@ fn observe(
     mut display: Display,
     files: Files,
 ) -> Observed {
-    let Files { mut recording, log } = files;
-    let (mut log, sources) = log.unzip();
-    let mut log = log.take().map(TimelineLog::new);
+    let Files { mut recording, log, poses } = files;
+    let (log, sources) = log.unzip();
+    let mut log = log.map(|log| TimelineLog::new(log, poses));
     let lines = sources.as_ref().map(Lines::of);
     let (mut run, mut timeline) = (RunLog::new(), first);
     let mut logged = log.as_mut().zip(lines.as_ref()).map(|(log, lines)| Logged(log, lines));
@@ -140,7 +143,7 @@ fn observe(
     }
     display.end();
     let recorded = recording.map_or(Ok(()), Recording::end);
-    Observed { run, recorded, log: log.map(|log| (log, timeline)) }
+    Observed { run, recorded, log }
 }
 
 /// A log and the lines of the script.
@@ -149,6 +152,10 @@ struct Logged<'l>(&'l mut TimelineLog, &'l Lines<'l>);
 impl Observer for Logged<'_> {
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
         self.0.tell(timeline, self.1, at, notice);
+    }
+
+    fn update(&mut self, _: &Timeline) {
+        self.0.take_poses();
     }
 }
 

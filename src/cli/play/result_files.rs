@@ -13,7 +13,8 @@ use motionseq::source::Sources;
 
 use super::super::atomic_file::AtomicFile;
 use super::super::exit::Exit;
-use super::super::log::Log;
+use super::super::growing_file::Created;
+use super::super::log::{self, About, Log};
 use super::super::output::Force;
 use super::super::screen::{PATIENCE, Screen};
 use super::super::worker::Worker;
@@ -30,7 +31,7 @@ pub(super) struct ResultPaths {
     /// Write a JSON report of the run to FILE
     #[arg(long, value_name = "FILE", help_heading = "Result files")]
     report: Option<PathBuf>,
-    /// Write an MCAP log for Foxglove to FILE: frames, state, lateness, telemetry, marks and `say`
+    /// Write an MCAP log for Foxglove to FILE, or to a new file in a folder; never overwrites a log
     #[arg(long, value_name = "FILE", help_heading = "Result files")]
     log: Option<PathBuf>,
     #[command(flatten)]
@@ -42,7 +43,7 @@ pub(super) struct ResultFiles<'p> {
     recording: Option<(&'p Path, File)>,
     /// The file is `None` if the report replaces it when it is complete.
     report: Option<(&'p Path, Option<AtomicFile>)>,
-    log: Option<(&'p Path, File)>,
+    log: Option<(&'p Path, Created)>,
 }
 
 impl<'p> ResultFiles<'p> {
@@ -65,9 +66,7 @@ impl<'p> ResultFiles<'p> {
             report: open_one(report.as_deref(), screen, |path| {
                 output::whole(path, &inputs, *force).map(|file| file.is_in_place().then_some(file))
             })?,
-            log: open_one(log.as_deref(), screen, |path| {
-                growing_file::create(path, &inputs).map(|created| created.file)
-            })?,
+            log: open_one(log.as_deref(), screen, |path| log::create(path, &log::name_of(sources), &inputs))?,
         })
     }
 
@@ -76,21 +75,23 @@ impl<'p> ResultFiles<'p> {
         self,
         board: &Arc<Board>,
         sources: &Sources,
+        port: Option<&Path>,
         screen: &Screen,
     ) -> Result<(Files, Option<Report>), Exit> {
         let ResultFiles { recording, report, log } = self;
         if let Some((path, file)) = &recording {
             growing_file::begin(file).map_err(|error| refused(screen, path, &error))?;
         }
-        let log = log.map(|(path, file)| {
-            let log = Log::start(file, path, Arc::clone(board), *screen);
+        let log = log.map(|(path, created)| {
+            let about = About::new(port).with_scripts(sources);
+            let log = Log::start(created, about, Arc::clone(board), *screen);
             log.map(|log| (log, sources.clone())).map_err(|error| refused(screen, path, &error))
         });
         let log = log.transpose()?;
         let failed = |error: io::Error| system(screen, &error);
         let recording = recording.map(|(_, file)| Recording::start(file)).transpose().map_err(failed)?;
         let report = report.map(|(path, file)| Report::start(path, file)).transpose().map_err(failed)?;
-        Ok((Files { recording, log }, report))
+        Ok((Files { recording, log, poses: None }, report))
     }
 }
 

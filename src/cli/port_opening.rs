@@ -1,0 +1,176 @@
+//! Opens the port of a command: at a path, or the one port that looks like the board, now or when it is there.
+
+use std::io;
+use std::os::fd::AsFd as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use motionseq::link::{BoardLikelihood, Obstacle, OpenError, PortInfo, Serial, obstacle, ports};
+use motionseq::playback::Signals;
+use motionseq::units::{Micros, NotATime};
+use rustix::event::{PollFd, PollFlags, Timespec};
+
+use super::exit::Exit;
+use super::ports::{help, line};
+use super::screen::Screen;
+
+/// The word for the port that looks like the board.
+pub(super) const AUTO: &str = "auto";
+/// How often a port that is not there is tried again.
+const RETRY: Timespec = Timespec { tv_sec: 0, tv_nsec: 200_000_000 };
+/// The longest time to wait for a port.
+const LONGEST: Micros = Micros::from_millis(24 * 3_600_000);
+
+/// Reads how long to wait for a port.
+pub(super) fn wait(text: &str) -> Result<Micros, String> {
+    let time: Micros = text.parse().map_err(|error: NotATime| error.to_string())?;
+    if time <= LONGEST { Ok(time) } else { Err("too long; write 24h or less".to_owned()) }
+}
+
+/// Opens a port. If it cannot be opened now and there is time to wait, tries again until then or until a signal ends the command.
+/// Returns its path, too. An open port is never opened again.
+pub(super) fn open(
+    path: &Path,
+    baud: u32,
+    wait: Option<Micros>,
+    signals: &Signals,
+    screen: &Screen,
+) -> Result<(Serial, PathBuf), Exit> {
+    let until = wait.map(|wait| Instant::now() + Duration::from_micros(wait.0));
+    let mut is_told = false;
+    loop {
+        let refused = match try_open(path, baud) {
+            Ok(opened) => return Ok(opened),
+            Err(refused) => refused,
+        };
+        let Some(until) = until.filter(|until| refused.may_pass() && Instant::now() < *until) else {
+            return Err(refused.report(screen));
+        };
+        if !is_told {
+            screen.note(&format!("{refused}; waiting up to {}", wait.unwrap_or_default().short()));
+            is_told = true;
+        }
+        let left = until.saturating_duration_since(Instant::now());
+        let left = Timespec::try_from(left).ok().filter(|left| *left < RETRY).unwrap_or(RETRY);
+        let mut polled = [PollFd::from_borrowed_fd(signals.as_fd(), PollFlags::IN)];
+        let _ = rustix::event::poll(&mut polled, Some(&left));
+        if let Some(signal) = signals.pending() {
+            screen.error("ended while waiting for the port; nothing was sent");
+            return Err(Exit::Signal(signal));
+        }
+    }
+}
+
+fn try_open(path: &Path, baud: u32) -> Result<(Serial, PathBuf), Refused> {
+    let path = if path.as_os_str() == AUTO { choose(ports().map_err(Refused::NotListed)?)? } else { path.to_owned() };
+    match Serial::open(&path, baud) {
+        Ok(port) => Ok((port, path)),
+        Err(error) => Err(Refused::NotOpened(path, error)),
+    }
+}
+
+/// The one port that looks like the board: on the pins of a Raspberry Pi, or else the only USB adapter. One that can never be the
+/// board, such as a console, does not count.
+fn choose(ports: Vec<PortInfo>) -> Result<PathBuf, Refused> {
+    let never =
+        |port: &PortInfo| matches!(port.obstacle, Some(Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_)));
+    for likely in [BoardLikelihood::Board, BoardLikelihood::Maybe] {
+        let found: Vec<&PortInfo> = ports.iter().filter(|port| port.likely == likely && !never(port)).collect();
+        match found.as_slice() {
+            [] => {}
+            [one] => return Ok(one.path.clone()),
+            _ => return Err(Refused::Several(ports)),
+        }
+    }
+    Err(Refused::None(ports))
+}
+
+/// Why no port was opened.
+enum Refused {
+    NotOpened(PathBuf, OpenError),
+    NotListed(io::Error),
+    /// Several ports look like the board, or none does; all ports.
+    Several(Vec<PortInfo>),
+    None(Vec<PortInfo>),
+}
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Refused::NotOpened(path, error) => write!(f, "cannot open port {}: {error}", path.display()),
+            Refused::NotListed(error) => write!(f, "cannot list the ports: {error}"),
+            Refused::Several(_) => f.write_str("`--port auto`: several ports look like the board"),
+            Refused::None(_) => f.write_str("`--port auto`: no port looks like the board"),
+        }
+    }
+}
+
+impl Refused {
+    /// Whether this may be different later: at boot, a port appears first and gets its group then.
+    fn may_pass(&self) -> bool {
+        match self {
+            Refused::NotOpened(_, error) => {
+                matches!(error, OpenError::Missing | OpenError::InUse | OpenError::Forbidden | OpenError::Other(_))
+            }
+            Refused::NotListed(_) => false,
+            Refused::Several(_) | Refused::None(_) => true,
+        }
+    }
+
+    /// Reports it, and what to do.
+    fn report(&self, screen: &Screen) -> Exit {
+        match self {
+            Refused::NotOpened(path, error) => refused(screen, path, error),
+            Refused::NotListed(_) => {
+                screen.error(&format!("{self}; nothing was sent"));
+                Exit::Port
+            }
+            Refused::Several(ports) | Refused::None(ports) => {
+                let more =
+                    help(ports).unwrap_or_else(|| "write the port of the board, such as `--port PATH`".to_owned());
+                screen.error(&format!("{self}; nothing was sent; {more}"));
+                for port in ports {
+                    screen.ask(&line(port));
+                }
+                Exit::Port
+            }
+        }
+    }
+}
+
+/// Reports why a port cannot be opened, and what to do.
+fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
+    let found = obstacle(path);
+    let help = match (error, &found) {
+        (OpenError::Missing, _) => {
+            "list the ports with `motionseq ports`; on a Raspberry Pi, try `--port /dev/serial0`".to_owned()
+        }
+        (OpenError::InUse, Some(Obstacle::InUse(Some(owner)))) => {
+            format!("close {owner} (a suspended motionseq is listed by `jobs`)")
+        }
+        (OpenError::InUse, _) => "close that program (a suspended motionseq is listed by `jobs`)".to_owned(),
+        (OpenError::Forbidden, Some(why @ Obstacle::Forbidden(_))) => {
+            why.to_string().trim_start_matches("permission denied: ").to_owned()
+        }
+        (OpenError::Forbidden, _) => "you may not read the folder of the port".to_owned(),
+        (OpenError::NotAPort | OpenError::OwnTerminal | OpenError::NoPeer, _) => {
+            "write the port of the board, such as `--port /dev/serial0`".to_owned()
+        }
+        _ => "check the cable and the port".to_owned(),
+    };
+    screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));
+    match error {
+        OpenError::InUse => Exit::InUse,
+        _ => Exit::Port,
+    }
+}
+
+/// Warns if a port that was opened is probably not the board.
+pub(super) fn doubt(path: &Path, screen: &Screen) {
+    if let Some(why @ (Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_))) = obstacle(path) {
+        screen.warning(&format!("{}: {why}", path.display()));
+    }
+}
+
+#[cfg(test)]
+mod tests;
