@@ -22,12 +22,11 @@ use super::{Deny, Options, read, read_source, repository};
     after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --format sarif . > motionseq.sarif"
 )]
 pub(super) struct Check {
-    /// Scripts or folders to check, or `-` for standard input
-    #[arg(required = true, value_name = "FILE")]
+    /// Scripts or folders to check, or `-` for standard input [default: `paths` of motionseq.toml, else this folder]
+    #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Fail on warnings
-    #[arg(long, value_enum, value_name = "WHAT")]
-    deny: Option<Deny>,
+    #[command(flatten)]
+    deny: Deny,
     /// Output format; all formats except `human` go to standard output
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -49,18 +48,24 @@ enum Format {
 
 impl Check {
     /// Checks every file; fails if one of them does.
-    #[expect(clippy::too_many_lines, reason = "one format after the other")]
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        self.check(screen).unwrap_or_else(|exit| exit)
+    }
+
+    #[expect(clippy::too_many_lines, reason = "one format after the other")]
+    fn check(&self, screen: &Screen) -> Result<Exit, Exit> {
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
             screen.error("standard input can be read only once: write `-` once");
-            return Exit::Usage;
+            return Err(Exit::Usage);
         }
+        let configs = self.options.config.configs();
+        let paths = configs.searched(&self.files, screen)?;
         let mut exit = Exit::Ok;
         let mut findings = Vec::new();
         let mut totals = Totals::default();
         // A script in a folder that declares its error is a test case, and passes if it has that error.
-        let (folders, files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
-        let found = find_scripts(&folders);
+        let (folders, files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
+        let found = find_scripts(&folders, &configs);
         if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
             let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("no .motion files in {}", folders.join(", ")));
@@ -84,7 +89,9 @@ impl Check {
                 }
             };
             let sources = Sources::new(source, Disk);
-            let compiled = motionseq::compile(&sources, &self.options.of_library());
+            let config = configs.of_script(sources.main().path().unwrap_or(Path::new("")), screen)?;
+            let compiled = motionseq::compile(&sources, &self.options.of_library(&config));
+            let (denied, who) = config.denied(&self.deny.deny);
             if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
                 && expectation(expected, &compiled.diagnostics).is_ok()
             {
@@ -96,15 +103,14 @@ impl Check {
                     &sources,
                     &compiled.diagnostics,
                     self.options.warnings(Warnings::First),
-                    self.deny.is_some(),
+                    denied.is_any(),
                 );
             } else {
                 findings.extend(report::findings(&sources, &compiled.diagnostics));
                 totals.add(&compiled.diagnostics);
             }
-            let denied = self.deny.is_some() && compiled.diagnostics.warnings() > 0;
             match compiled.timeline {
-                Some(timeline) if !denied => {
+                Some(timeline) if denied.count(&compiled.diagnostics) == 0 => {
                     let sends = match timeline.events.len() {
                         0 => "sends nothing".to_owned(),
                         count => format!("{} in {:.3} s", plural(count, "frame"), timeline.end),
@@ -117,7 +123,7 @@ impl Check {
                     }
                 }
                 Some(_) => {
-                    screen.error(&format!("{}: has warnings, which `--deny warnings` forbids", sources.main().name()));
+                    screen.error(&format!("{}: has warnings, which {who} forbids", sources.main().name()));
                     exit = Exit::Script;
                 }
                 None => exit = Exit::Script,
@@ -130,14 +136,14 @@ impl Check {
             }
         }
         let text = match self.format {
-            Format::Human => return exit,
+            Format::Human => return Ok(exit),
             Format::Json => report::json::findings(&findings, totals),
             Format::Github => report::github::findings(&findings),
             Format::Sarif => report::sarif::findings(&findings),
         };
         match output::exit(io::stdout().lock().write_all(text.as_bytes()), None, screen) {
-            Exit::Ok => exit,
-            failed => failed,
+            Exit::Ok => Ok(exit),
+            failed => Err(failed),
         }
     }
 

@@ -1,7 +1,7 @@
 //! `motionseq test`: compares scripts with their snapshots.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use motionseq::diagnostic::escaped;
@@ -14,8 +14,9 @@ use super::atomic_file::write_atomically;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
+use super::project::Configs;
 use super::screen::{Screen, plural};
-use super::script_files::{ScriptFiles, find_scripts};
+use super::script_files::find_scripts;
 use super::{Deny, Options, repository};
 
 /// Compare scripts with their snapshots
@@ -24,8 +25,8 @@ use super::{Deny, Options, repository};
     after_help = "Examples:\n  motionseq test                    # test all scripts in this folder\n  motionseq test --bless scripts    # write snapshots; commit them with the scripts\n  motionseq test --play scripts     # also play the scripts on a virtual board\n  motionseq test --format github --junit report.xml\n\nThe snapshot of NAME.motion is NAME.motion.frames, in the same folder.\nA script that must not compile declares its error on its first line: # expect-error: CODE"
 )]
 pub(super) struct Test {
-    /// Scripts or folders to test
-    #[arg(default_value = ".", value_name = "PATH")]
+    /// Scripts or folders to test [default: `paths` of motionseq.toml, else this folder]
+    #[arg(value_name = "PATH")]
     paths: Vec<PathBuf>,
     /// Write snapshots that are missing or different
     #[arg(long)]
@@ -36,9 +37,8 @@ pub(super) struct Test {
     /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
-    /// Fail on warnings and on snapshots without a script
-    #[arg(long, value_enum, value_name = "WHAT")]
-    deny: Option<Deny>,
+    #[command(flatten)]
+    deny: Deny,
     /// Output format
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -71,36 +71,50 @@ const SHOWN: usize = 20;
 impl Test {
     /// Tests every script; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        let found = find_scripts(&self.paths);
+        self.test(screen).unwrap_or_else(|exit| exit)
+    }
+
+    fn test(&self, screen: &Screen) -> Result<Exit, Exit> {
+        let configs = self.options.config.configs();
+        let paths = configs.searched(&self.paths, screen)?;
+        let found = find_scripts(&paths, &configs);
         if found.scripts.is_empty() && found.unreadable.is_empty() {
-            let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
+            let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("no .motion files in {}", paths.join(", ")));
-            return Exit::Script;
+            return Err(Exit::Script);
         }
         // Opened before any script runs, so that a wrong path is reported first.
         let inputs = Inputs::of(&found.scripts);
         let junit = match self.junit.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose() {
             Ok(junit) => junit,
-            Err(error) => return output::exit(Err(error), self.junit.as_deref(), screen),
+            Err(error) => return Err(output::exit(Err(error), self.junit.as_deref(), screen)),
         };
-        let faults = self.fault.clone().unwrap_or_default();
-        let mut job = Job::new(self.options.of_library());
-        job.bless = self.bless.then_some(write_atomically as Replace);
-        job.deny = self.deny.is_some();
-        (job.play, job.faults) = (self.play, faults);
+        let jobs: Result<Vec<(&PathBuf, Job)>, Exit> =
+            found.scripts.iter().map(|script| Ok((script, self.job(script, &configs, screen)?))).collect();
+        let jobs = jobs?;
+        let orphans: Result<Vec<Case>, Exit> = found
+            .orphans
+            .iter()
+            .map(|orphan| {
+                let is_denied = configs.of_script(orphan, screen)?.denied(&self.deny.deny).0.is_all();
+                Ok(Case::orphan(orphan, is_denied))
+            })
+            .collect();
+        let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
         // Never more threads than scripts.
         let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let cases = match pool {
+        match pool {
             Ok(pool) => {
-                let progress = ProgressBar::new(screen, "scripts", found.scripts.len());
-                pool.install(|| run(&job, &found, || progress.add(1)))
+                let progress = ProgressBar::new(screen, "scripts", jobs.len());
+                cases.extend(pool.install(|| run(&jobs, || progress.add(1))));
             }
             Err(error) => {
                 screen.error(&format!("cannot start threads: {error}"));
-                return Exit::Usage;
+                return Err(Exit::Usage);
             }
-        };
+        }
+        cases.extend(orphans?);
         let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
@@ -108,17 +122,27 @@ impl Test {
             let text = report::junit::cases(&repository().cases(&cases));
             let all = file.write_all(text.as_bytes()).and_then(|()| file.finish());
             if all.is_err() {
-                return output::exit(all, self.junit.as_deref(), screen);
+                return Err(output::exit(all, self.junit.as_deref(), screen));
             }
         }
-        match output::exit(written, None, screen) {
+        Ok(match output::exit(written, None, screen) {
             Exit::Ok if failed > 0 => {
                 let mut failed = cases.iter().filter(|case| !case.status.is_passed());
                 let expects = failed.all(|case| case.status == Status::ExpectFailed);
                 if expects { Exit::Expect } else { Exit::Script }
             }
             exit => exit,
-        }
+        })
+    }
+
+    /// How a script is tested, with the configuration that applies to it.
+    fn job(&self, script: &Path, configs: &Configs, screen: &Screen) -> Result<Job, Exit> {
+        let config = configs.of_script(script, screen)?;
+        let mut job = Job::new(self.options.of_library(&config));
+        job.bless = self.bless.then_some(write_atomically as Replace);
+        job.deny = config.denied(&self.deny.deny).0;
+        (job.play, job.faults) = (self.play, self.fault.clone().unwrap_or_default());
+        Ok(job)
     }
 
     fn print(&self, cases: &[Case], screen: &Screen) -> io::Result<()> {
@@ -132,17 +156,14 @@ impl Test {
     }
 }
 
-/// Tests every script on the threads of the pool. The order is that of `found`: first unreadable paths, then scripts, then
-/// snapshots without a script. `done` is called after each script, from any thread.
-fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
-    let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
-    cases.par_extend(found.scripts.par_iter().map(|script| {
+/// Tests every script on the threads of the pool, in this order. `done` is called after each script, from any thread.
+fn run(jobs: &[(&PathBuf, Job)], done: impl Fn() + Sync) -> Vec<Case> {
+    let case = |(script, job): &(&PathBuf, Job)| {
         let case = job.case(script);
         done();
         case
-    }));
-    cases.extend(found.orphans.iter().map(|orphan| Case::orphan(orphan, job.deny)));
-    cases
+    };
+    jobs.par_iter().map(case).collect()
 }
 
 fn human(cases: &[Case], screen: &Screen, all: bool) -> String {

@@ -1,5 +1,6 @@
 //! `limit`: ranges that a script sets for itself, and those that hold where it sets none.
 
+use super::{Settings, project_limits};
 use crate::board::{Board, Command, Limited};
 use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
@@ -35,11 +36,14 @@ impl Limit {
     }
 }
 
-/// What is wrong with a command that breaks a limit, and how to widen the first one that it breaks.
+/// What is wrong with a command that breaks a limit of the project or of the script, and how to widen the first one that it
+/// breaks.
 #[inline]
-pub(crate) fn broken(board: &Board, limits: &[Limit], command: &Command, span: Span) -> Option<Diagnostic> {
+pub(crate) fn broken(board: &Board, settings: &Settings, command: &Command, span: Span) -> Option<Diagnostic> {
     let value = |limit: &Limit| board.outside(limit.limited, (limit.low, limit.high), command);
-    limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span)))
+    // The script cannot widen a limit of the project, so that one is reported first.
+    project_limits::broken(board, &settings.project_limits, command, span)
+        .or_else(|| settings.limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span))))
 }
 
 fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {

@@ -12,6 +12,7 @@ use motionseq::sim::{Device, Settings};
 use motionseq::timeline::Timeline;
 
 use super::super::exit::Exit;
+use super::super::project::{ChosenPort, ValueSource};
 use super::super::screen::Screen;
 
 /// An open port, and the virtual board at its other end if there is one.
@@ -22,21 +23,25 @@ pub(super) struct Port {
 
 impl Port {
     pub(super) fn open(
-        path: Option<&Path>,
+        chosen: &ChosenPort,
         timeline: &Timeline,
         faults: Faults,
         screen: &Screen,
     ) -> Result<Self, Exit> {
         let Timeline { board, baud, .. } = timeline;
-        if let Some(path) = path {
+        let origin = chosen.origin();
+        if let Some(path) = &chosen.path {
             let link = Serial::open(path, *baud).map_err(|error| refused(screen, path, &error))?;
-            screen.note(&format!("playing on {}", path.display()));
+            screen.note(&format!("playing on {}{origin}", path.display()));
             return Ok(Port { link, board: None });
         }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
         // Opened by its path, like a real port.
         let link = Serial::open(pty.path(), *baud).map_err(|error| refused(screen, pty.path(), &error))?;
-        screen.note("no --port: playing on the built-in virtual board");
+        screen.note(&match chosen.source {
+            ValueSource::Default => "no --port: playing on the built-in virtual board".to_owned(),
+            _ => format!("playing on the built-in virtual board{origin}"),
+        });
         let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
         let board = BoardThread::start(board, pty, *baud).map_err(|error| system(screen, &error))?;
         Ok(Port { link, board: Some(board) })

@@ -1,0 +1,105 @@
+//! Limits that a project sets for all of its scripts. They come as data, because the library reads no configuration file.
+
+use super::limits::Limit;
+use super::settings::limitable;
+use super::{Options, program};
+use crate::board::{Board, Command, Limited, ValueForm};
+use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
+use crate::source::{Sources, Span};
+use crate::syntax;
+
+/// A range that a project sets for all of its scripts. A script can only narrow it.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ProjectLimit {
+    /// What is limited.
+    pub limited: Limited,
+    /// The smallest value allowed, in the unit of the value.
+    pub low: f64,
+    /// The largest value allowed.
+    pub high: f64,
+    /// Where the project sets it, for messages: `motionseq.toml:4`.
+    pub place: String,
+}
+
+impl ProjectLimit {
+    /// Reads a range, as the setting `limit` of a script does: `900..1700`, `-10..10`. `place` is where it is set.
+    ///
+    /// # Errors
+    /// What is wrong with the range, such as an end that the board does not accept. Spans are positions in `range`.
+    pub fn read(
+        board: &std::sync::Arc<Board>,
+        limited: Limited,
+        range: &str,
+        place: impl Into<String>,
+    ) -> Result<Self, Diagnostic> {
+        let setting = format!("limit {} ", board.limited_name(limited));
+        let found = one_limit(board, limited, &setting, range).map_err(|error| {
+            let inside = |offset: u32| (offset as usize).saturating_sub(setting.len()).min(range.len());
+            let moved = |span: Span| Span::new(inside(span.start), inside(span.end));
+            let fix = error.fix.clone().map(|edit| crate::diagnostic::Edit { span: moved(edit.span), ..edit });
+            Diagnostic { span: moved(error.span), related: Vec::new(), fix, ..error }
+        })?;
+        Ok(ProjectLimit { limited, low: found.low, high: found.high, place: place.into() })
+    }
+}
+
+/// The limit that the line `setting` with this range sets.
+fn one_limit(board: &std::sync::Arc<Board>, limited: Limited, setting: &str, range: &str) -> Result<Limit, Diagnostic> {
+    let none = || {
+        diagnostic!(InvalidArgument, Span::new(setting.len(), setting.len() + range.len()), "a range is needed here";
+            help: "write the smallest and the largest value with `..` between them: `900..1700`")
+    };
+    // Nothing but the range of one setting.
+    if range.trim().is_empty() || range.contains(['\n', '\r', ';', '#', '{', '"']) {
+        return Err(none());
+    }
+    let sources = Sources::from(crate::source::Source::new("", format!("{setting}{range}\n")));
+    let mut diagnostics = Diagnostics::default();
+    let options = Options::default().with_board(std::sync::Arc::clone(board));
+    let limits = match syntax::read(sources.main(), &mut diagnostics) {
+        Some(script) => program(script, &sources, &options, &mut diagnostics).settings.limits,
+        None => Vec::new(),
+    };
+    if let Some(error) = diagnostics.iter().find(|diagnostic| diagnostic.is_error()) {
+        return Err(error.clone());
+    }
+    limits.into_iter().find(|limit| limit.limited == limited && limit.span.is_some()).ok_or_else(none)
+}
+
+/// Everything that can be limited, with its name in a configuration file: `servo-2`, `rocker-y`.
+pub fn limit_items(board: &Board) -> Vec<(String, Limited)> {
+    /// The most values of an index.
+    const MANY: usize = 1_000;
+    let mut found = Vec::new();
+    for verb in limitable(board) {
+        let Some((id, _)) = board.find(&verb.word) else { continue };
+        let index = verb.axes.first().filter(|axis| axis.takes == ValueForm::Index);
+        let indices: Vec<Option<i32>> = match index {
+            Some(axis) => (axis.range.0..=axis.range.1).take(MANY).map(Some).collect(),
+            None => vec![None],
+        };
+        let named = verb.moving().iter().enumerate().filter(|(_, axis)| !axis.name.is_empty());
+        let mut axes: Vec<Option<usize>> = named.map(|(at, _)| Some(at)).collect();
+        if axes.is_empty() {
+            axes.push(None);
+        }
+        for index in indices {
+            found.extend(axes.iter().map(|axis| Limited { verb: id, index, axis: *axis }));
+        }
+    }
+    found.into_iter().map(|limited| (board.limited_name(limited).replace(' ', "-"), limited)).collect()
+}
+
+/// What is wrong with a command that is outside of a limit of the project.
+pub(super) fn broken(board: &Board, limits: &[ProjectLimit], command: &Command, span: Span) -> Option<Diagnostic> {
+    limits.iter().find_map(|limit| {
+        let ProjectLimit { limited, low, high, place } = limit;
+        let value = board.outside(*limited, (*low, *high), command)?;
+        let name = board.limited_name(*limited);
+        let diagnostic = diagnostic!(Limit, span,
+            "{value} is outside of the limit {low}..{high} of {name}, set in {place}";
+            help: "stay inside, or change the limit in {place}");
+        Some(diagnostic.label("outside the limit"))
+    })
+}
