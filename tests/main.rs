@@ -40,6 +40,7 @@ mod play;
 mod player;
 mod plot;
 mod ports;
+mod project;
 mod properties;
 mod record;
 mod selection;

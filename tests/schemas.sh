@@ -23,12 +23,17 @@ cp scripts/hello.motion.frames scripts/gone.motion.frames
 "$motionseq" render scripts/greeting.motion --format jsonl | head -1 >frame.json
 "$motionseq" plot "$OLDPWD/tests/plots/every_lane_at_once.motion" -o plot.json 2>/dev/null
 
+printf 'port = "/dev/serial0"\npaths = ["scripts"]\n[limits]\nservo-2 = "900..1700"\n' >motionseq.toml
+"$motionseq" config --format json >config.json
+rm motionseq.toml
+
 "$motionseq" play scripts/drift.motion --speed 5 --report run.json -q && exit 1
 
 xmllint --noout --schema "$xsd" junit.xml
 check-jsonschema --regex-variant python --schemafile "$sarif" check.sarif
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/test.json" test.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/check.json" check.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/config.json" config.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/frame.json" frame.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/run.json" run.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/plot.json" plot.json

@@ -19,9 +19,9 @@ use super::screen::Screen;
 /// The name of the command that lists the marks of a script.
 pub(super) const MARKS: &str = "complete-marks";
 /// The commands whose arguments are scripts.
-const SCRIPT_COMMANDS: [&str; 7] = ["check", "render", "play", "plot", "test", "diff", "fmt"];
+const SCRIPT_COMMANDS: [&str; 8] = ["check", "render", "play", "plot", "test", "diff", "fmt", "config"];
 /// The argument names of scripts in these commands.
-const SCRIPT_ARGUMENTS: [&str; 5] = ["file", "files", "paths", "old", "new"];
+const SCRIPT_ARGUMENTS: [&str; 6] = ["file", "files", "paths", "path", "old", "new"];
 
 /// Print a completion script for a shell
 #[derive(Debug, Args)]

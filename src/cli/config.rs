@@ -108,11 +108,19 @@ fn toml(config: &Settings, not_used: &[String], rows: &[Row]) -> String {
         None => Vec::new(),
     };
     lines.extend(not_used.iter().map(|name| format!("# not used: {name}")));
-    let settings: Vec<String> = rows.iter().map(|row| format!("{} = {}", row.key, row.value)).collect();
+    let settings: Vec<String> = rows.iter().map(|row| format!("{} = {}", row.key, of_toml(&row.value))).collect();
     let width = settings.iter().map(|setting| setting.chars().count()).max().unwrap_or(0);
     let with_source = |(setting, row): (&String, &Row)| format!("{setting:<width$}  # {}{}", row.source, row.note);
     lines.extend(settings.iter().zip(rows).map(with_source));
     lines.iter().map(|line| escaped(line) + "\n").collect()
+}
+
+/// A value with a space after each comma.
+fn of_toml(value: &Value) -> String {
+    match value {
+        Value::Array(list) => format!("[{}]", list.iter().map(of_toml).collect::<Vec<_>>().join(", ")),
+        value => value.to_string(),
+    }
 }
 
 fn json(config: &Settings, not_used: &[String], rows: &[Row]) -> String {

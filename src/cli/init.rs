@@ -54,8 +54,8 @@ impl Init {
             written.remove();
             return refuse(&format!("{error}; nothing was written"));
         }
-        for (path, _) in FILES {
-            screen.note(&format!("wrote {}", folder.join(path).strip_prefix(".").unwrap_or(Path::new(path)).display()));
+        for path in &written.files {
+            screen.note(&format!("wrote {}", path.strip_prefix(".").unwrap_or(path).display()));
         }
         let there = folder.display().to_string();
         let go = if there == "." { String::new() } else { format!("cd {} && ", shell_word(&there)) };

@@ -1,11 +1,13 @@
 //! Limits that a project sets for all of its scripts. They come as data, because the library reads no configuration file.
 
+use std::sync::Arc;
+
 use super::limits::Limit;
 use super::settings::limitable;
 use super::{Options, program};
 use crate::board::{Board, Command, Limited, ValueForm};
-use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
-use crate::source::{Sources, Span};
+use crate::diagnostic::{Code, Diagnostic, Diagnostics, Edit, diagnostic};
+use crate::source::{Source, Sources, Span};
 use crate::syntax;
 
 /// A range that a project sets for all of its scripts. A script can only narrow it.
@@ -28,7 +30,7 @@ impl ProjectLimit {
     /// # Errors
     /// What is wrong with the range, such as an end that the board does not accept. Spans are positions in `range`.
     pub fn read(
-        board: &std::sync::Arc<Board>,
+        board: &Arc<Board>,
         limited: Limited,
         range: &str,
         place: impl Into<String>,
@@ -37,7 +39,7 @@ impl ProjectLimit {
         let found = one_limit(board, limited, &setting, range).map_err(|error| {
             let inside = |offset: u32| (offset as usize).saturating_sub(setting.len()).min(range.len());
             let moved = |span: Span| Span::new(inside(span.start), inside(span.end));
-            let fix = error.fix.clone().map(|edit| crate::diagnostic::Edit { span: moved(edit.span), ..edit });
+            let fix = error.fix.clone().map(|edit| Edit { span: moved(edit.span), ..edit });
             Diagnostic { span: moved(error.span), related: Vec::new(), fix, ..error }
         })?;
         Ok(ProjectLimit { limited, low: found.low, high: found.high, place: place.into() })
@@ -45,7 +47,7 @@ impl ProjectLimit {
 }
 
 /// The limit that the line `setting` with this range sets.
-fn one_limit(board: &std::sync::Arc<Board>, limited: Limited, setting: &str, range: &str) -> Result<Limit, Diagnostic> {
+fn one_limit(board: &Arc<Board>, limited: Limited, setting: &str, range: &str) -> Result<Limit, Diagnostic> {
     let none = || {
         diagnostic!(InvalidArgument, Span::new(setting.len(), setting.len() + range.len()), "a range is needed here";
             help: "write the smallest and the largest value with `..` between them: `900..1700`")
@@ -54,15 +56,17 @@ fn one_limit(board: &std::sync::Arc<Board>, limited: Limited, setting: &str, ran
     if range.trim().is_empty() || range.contains(['\n', '\r', ';', '#', '{', '"']) {
         return Err(none());
     }
-    let sources = Sources::from(crate::source::Source::new("", format!("{setting}{range}\n")));
+    let sources = Sources::from(Source::new("", format!("{setting}{range}\n")));
     let mut diagnostics = Diagnostics::default();
-    let options = Options::default().with_board(std::sync::Arc::clone(board));
+    let options = Options::default().with_board(Arc::clone(board));
     let limits = match syntax::read(sources.main(), &mut diagnostics) {
         Some(script) => program(script, &sources, &options, &mut diagnostics).settings.limits,
         None => Vec::new(),
     };
     if let Some(error) = diagnostics.iter().find(|diagnostic| diagnostic.is_error()) {
-        return Err(error.clone());
+        // Other errors are about texts that are not a range.
+        let is_about_range = matches!(error.code, Code::OutOfRange | Code::Unit);
+        return Err(if is_about_range { error.clone() } else { none() });
     }
     limits.into_iter().find(|limit| limit.limited == limited && limit.span.is_some()).ok_or_else(none)
 }

@@ -25,7 +25,7 @@ use motionseq::units::Nanos;
 
 use super::Options;
 use super::exit::Exit;
-use super::project::max_late;
+use super::project::{VIRTUAL, ValueSource, max_late};
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
 use display::{Display, Progress};
@@ -94,7 +94,12 @@ impl Play {
         let path = chosen.path.clone();
         let faults = self.faults(path.is_some(), screen)?;
         let limit = self.max_late.unwrap_or_else(|| config.max_late(path.is_some()));
-        let Port { link, board } = Port::open(&chosen, &timeline, faults, screen)?;
+        let Port { link, board } = Port::open(&chosen, &timeline, faults, screen).inspect_err(|_| {
+            // A user may not know that there is a file.
+            if let ValueSource::File(place) = &chosen.source {
+                screen.ask(&format!("the port is from {place}; `--port {VIRTUAL}` plays on the virtual board"));
+            }
+        })?;
 
         // The port is open. Everything that may fail or wait is done before the first frame.
         let (files, report) = results.start(&timeline.board, &sources, screen)?;

@@ -172,8 +172,13 @@ fn load(path: &Path, base: Option<&Path>) -> Result<Config, ConfigError> {
     let here = std::env::current_dir().unwrap_or_default();
     let name = from_here(&here, path).display().to_string();
     let bytes = read_file(path, MOST).map_err(|error| {
-        let error = if path.is_dir() { "it is a folder".to_owned() } else { error.to_string() };
-        ConfigError::Unreadable(format!("cannot read {name}: {error}; `--isolated` ignores it"))
+        let error = match error.kind() {
+            _ if path.is_dir() => "it is a folder".to_owned(),
+            ErrorKind::NotFound => "no such file or directory".to_owned(),
+            _ => error.to_string(),
+        };
+        let help = if base.is_some() { "; `--isolated` ignores it" } else { "" };
+        ConfigError::Unreadable(format!("cannot read {name}: {error}{help}"))
     })?;
     let source = match Source::read_from(name, bytes.as_slice()) {
         Ok(source) => source,

@@ -127,16 +127,14 @@ impl Reader<'_> {
         text
     }
 
-    /// The strings of a list; `None` if one is something else, which is reported.
+    /// The strings of a list. Anything else in it is reported.
     fn list<'v>(&mut self, value: &'v Value<'_>, example: &str) -> Option<Vec<(&'v str, Span)>> {
         let Some(array) = value.get_ref().as_array() else {
             let message = format!("a list is needed here, not {}", kind(value));
             self.wrong(span_of(value), message, format!("write it in brackets: `{example}`"));
             return None;
         };
-        let texts: Vec<_> =
-            array.iter().map(|value| self.text(value, example).map(|text| (text, span_of(value)))).collect();
-        texts.into_iter().collect()
+        Some(array.iter().filter_map(|value| Some((self.text(value, example)?, span_of(value)))).collect())
     }
 
     fn setting<T>(&self, of: &Value<'_>, value: T) -> Setting<T> {
@@ -150,7 +148,9 @@ impl Reader<'_> {
             self.wrong(span_of(value), "the port is empty", "write `\"virtual\"` for the virtual board");
             return;
         }
-        let port = (text != super::VIRTUAL).then(|| self.base.join(text));
+        // A word, such as `virtual`, means what it means as the value of `--port`.
+        let path = if text.contains('/') { self.base.join(text) } else { PathBuf::from(text) };
+        let port = (text != super::VIRTUAL).then_some(path);
         self.config.port = Some(self.setting(value, port));
     }
 
