@@ -120,6 +120,7 @@ fn the_nearest_file_applies_and_options_replace_it() {
     assert_eq!(check("inner", &["../x.motion"]).0, 1);
     assert_eq!(check("", &["--isolated", "x.motion"]).0, 0);
     let (code, messages) = check("inner", &["--config", "../strict.toml", "x.motion"]);
+    let messages = messages.replace("\n  │ ", " ");
     assert!(code == 1 && messages.contains("set in ../strict.toml:2"), "{messages}");
     // Standard input is a script of the current folder.
     for (folder, code) in [("", 1), ("inner/deep", 0)] {

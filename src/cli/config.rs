@@ -25,7 +25,7 @@ pub(super) struct Config {
     #[arg(long, value_enum, default_value_t = Format::Toml)]
     format: Format,
     #[command(flatten)]
-    config: ConfigOptions,
+    options: ConfigOptions,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -58,7 +58,7 @@ impl Config {
             Exit::Usage
         })?;
         let folder = if kind.is_dir() { path } else { path.parent().unwrap_or(Path::new("")) };
-        let configs = self.config.configs();
+        let configs = self.options.configs();
         let config = configs.of_folder(folder, screen)?;
         let not_used = configs.not_used(folder, &config);
         let rows = rows(&config);

@@ -14,10 +14,10 @@ use super::exit::Exit;
 use super::project::NAME;
 use super::screen::Screen;
 
-/// Start a project in an empty folder: a configuration, a script with its snapshot, and a CI workflow
+/// Start a project in an empty folder
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq init && motionseq test     # in an empty folder, or in a new git repository\n  motionseq init show                  # creates the folder `show`"
+    after_help = "Examples:\n  motionseq init && motionseq test     # in an empty folder, or in a new git repository\n  motionseq init show                  # creates the folder `show`\n\nIt writes motionseq.toml, a first script with its snapshot, and a workflow for GitHub."
 )]
 pub(super) struct Init {
     /// Folder to write to; it is created if it does not exist

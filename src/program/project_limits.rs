@@ -1,28 +1,14 @@
-//! Limits that a project sets for all of its scripts. They come as data, because the library reads no configuration file.
+//! Reads the limits that a project sets for all of its scripts.
 
 use std::sync::Arc;
 
-use super::limits::Limit;
+use super::limits::{Limit, ProjectLimit};
 use super::settings::limitable;
 use super::{Options, program};
-use crate::board::{Board, Command, Limited, ValueForm};
+use crate::board::{Board, Limited, ValueForm};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics, Edit, diagnostic};
 use crate::source::{Source, Sources, Span};
 use crate::syntax;
-
-/// A range that a project sets for all of its scripts. A script can only narrow it.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct ProjectLimit {
-    /// What is limited.
-    pub limited: Limited,
-    /// The smallest value allowed, in the unit of the value.
-    pub low: f64,
-    /// The largest value allowed.
-    pub high: f64,
-    /// Where the project sets it, for messages: `motionseq.toml:4`.
-    pub place: String,
-}
 
 impl ProjectLimit {
     /// Reads a range, as the setting `limit` of a script does: `900..1700`, `-10..10`. `place` is where it is set.
@@ -93,17 +79,4 @@ pub fn limit_items(board: &Board) -> Vec<(String, Limited)> {
         }
     }
     found.into_iter().map(|limited| (board.limited_name(limited).replace(' ', "-"), limited)).collect()
-}
-
-/// What is wrong with a command that is outside of a limit of the project.
-pub(super) fn broken(board: &Board, limits: &[ProjectLimit], command: &Command, span: Span) -> Option<Diagnostic> {
-    limits.iter().find_map(|limit| {
-        let ProjectLimit { limited, low, high, place } = limit;
-        let value = board.outside(*limited, (*low, *high), command)?;
-        let name = board.limited_name(*limited);
-        let diagnostic = diagnostic!(Limit, span,
-            "{value} is outside of the limit {low}..{high} of {name}, set in {place}";
-            help: "stay inside, or change the limit in {place}");
-        Some(diagnostic.label("outside the limit"))
-    })
 }

@@ -41,7 +41,7 @@ pub(super) enum ConfigError {
     /// It cannot be read.
     Unreadable(String),
     /// It is wrong.
-    Wrong(Source, Diagnostics),
+    Wrong(Box<(Source, Diagnostics)>),
 }
 
 impl ConfigError {
@@ -49,7 +49,8 @@ impl ConfigError {
     pub(super) fn show(&self, screen: &Screen) -> Exit {
         match self {
             ConfigError::Unreadable(why) => screen.error(why),
-            ConfigError::Wrong(source, found) => {
+            ConfigError::Wrong(wrong) => {
+                let (source, found) = &**wrong;
                 screen.diagnostics(&source.clone().into(), found, Warnings::First, false);
             }
         }
@@ -197,7 +198,7 @@ fn from_here(here: &Path, path: &Path) -> PathBuf {
         return path.to_owned();
     };
     let up = here.strip_prefix(common).map_or(0, |below| below.components().count());
-    let path = PathBuf::from_iter(std::iter::repeat_n("..", up)).join(rest);
+    let path = std::iter::repeat_n("..", up).collect::<PathBuf>().join(rest);
     if path.as_os_str().is_empty() { PathBuf::from(".") } else { path }
 }
 

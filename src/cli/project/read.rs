@@ -1,4 +1,4 @@
-//! The text of a configuration file as settings, with every mistake at its place.
+//! The text of a configuration file as settings, and every mistake in it.
 
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ pub(super) fn read(source: Source, path: &Path, base: &Path) -> Result<Config, C
         reader.file(table.get_ref());
     }
     let Reader { config, found, .. } = reader;
-    if found.has_errors() { Err(ConfigError::Wrong(source, found)) } else { Ok(config) }
+    if found.has_errors() { Err(ConfigError::Wrong(Box::new((source, found)))) } else { Ok(config) }
 }
 
 /// A file that is not UTF-8.
@@ -42,7 +42,7 @@ pub(super) fn not_text(error: SourceError) -> ConfigError {
     "save the file as UTF-8 in your editor".clone_into(&mut diagnostic.help);
     let mut found = Diagnostics::default();
     found.push(diagnostic);
-    ConfigError::Wrong(source, found)
+    ConfigError::Wrong(Box::new((source, found)))
 }
 
 /// Reads a time for `--max-late`.

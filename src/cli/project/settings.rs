@@ -130,7 +130,7 @@ impl Config {
 
     /// The warnings that fail a script, and what a message names as the reason: the command line, or else this file.
     pub(in super::super) fn denied(&self, asked: &[Denied]) -> (Denied, String) {
-        let asked = asked.iter().fold(Denied::default(), |all, one| all.and(one));
+        let asked = asked.iter().fold(Denied::default(), Denied::and);
         let by_option = if asked.is_all() { "`--deny warnings`" } else { "`--deny`" }.to_owned();
         match &self.deny {
             Some(set) if !asked.is_any() => (set.value.clone(), format!("`deny` in {}", self.place(set.line))),
