@@ -99,7 +99,6 @@ fn colors_are_asked_for() {
 fn a_wrong_command_line_is_exit_2() {
     for args in [
         &["fly"][..],
-        &["check"],
         &["render"],
         &["render", HELLO, "--format", "morse"],
         &["check", HELLO, "--deny", "everything"],

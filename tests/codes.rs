@@ -12,12 +12,27 @@ use serde_json::Value;
 
 /// The codes of a script in a folder with a file of phrases.
 fn codes(text: &[u8]) -> Vec<Code> {
+    codes_of(text, false)
+}
+
+/// The codes of a script or of a configuration file.
+fn codes_of(text: &[u8], is_config: bool) -> Vec<Code> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
     let folder = std::env::temp_dir().join(format!("motionseq-codes-{}-{number}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join("phrases.motion"), "def nod() { servo 2 1700 }\n").unwrap();
     let path = folder.join("x.motion");
+    if is_config {
+        // The program reads the configuration, not the library.
+        fs::write(folder.join("motionseq.toml"), text).unwrap();
+        fs::write(&path, "servo 1 1500\n").unwrap();
+        let output = run(&["check", path.to_str().unwrap()]);
+        fs::remove_dir_all(&folder).unwrap();
+        let messages = stderr(&output);
+        assert_eq!(output.status.code(), Some(if messages.contains(": ok") { 0 } else { 2 }), "{messages}");
+        return messages.lines().filter_map(Code::named).collect();
+    }
     fs::write(&path, text).unwrap();
     let source = match Disk.read(&path) {
         Ok(source) => source,
@@ -49,7 +64,8 @@ fn examples_are_wrong_and_right_as_they_say() {
             }
             None => wrong,
         };
-        let (wrong, right) = (codes(&wrong), codes(right.as_bytes()));
+        let is_config = code.name().starts_with("config-");
+        let (wrong, right) = (codes_of(&wrong, is_config), codes_of(right.as_bytes(), is_config));
         if wrong != [code] || !right.is_empty() {
             strange.push((code, wrong, right));
         }

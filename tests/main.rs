@@ -42,6 +42,7 @@ mod play;
 mod player;
 mod plot;
 mod ports;
+mod project;
 mod properties;
 mod record;
 mod review;

@@ -32,13 +32,17 @@ printf 'servo 1 1500\nrepeat 3 { rocker x=10 for 1s; buzzer on for 200ms }\nsay 
 "$motionseq" ports --format json >ports.json 2>/dev/null
 "$motionseq" plot "$OLDPWD/tests/plots/every_lane_at_once.motion" -o plot.json 2>/dev/null
 
+printf 'port = "/dev/serial0"\npaths = ["scripts"]\n[limits]\nservo-2 = "900..1700"\n' >motionseq.toml
+"$motionseq" config --format json >config.json
+rm motionseq.toml
+
 "$motionseq" play scripts/drift.motion --speed 5 --report run.json -q && exit 1
 
 xmllint --noout --schema "$xsd" junit.xml
 check-jsonschema --regex-variant python --schemafile "$sarif" check.sarif
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/test.json" test.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/check.json" check.json
-for name in gitlab explain latency frame; do
+for name in gitlab explain latency config frame; do
     check-jsonschema --regex-variant python --schemafile "$OLDPWD/docs/schemas/$name.json" "$name.json"
 done
 for file in diff diff-2; do

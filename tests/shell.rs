@@ -59,7 +59,7 @@ fn bash_completes_scripts_and_options() {
         found.sort();
         found
     };
-    for command in ["check", "render", "play", "plot", "test", "diff", "fmt"] {
+    for command in ["check", "render", "play", "plot", "test", "diff", "fmt", "config"] {
         assert_eq!(sorted(&[command, ""]), ["dance.motion", "my\\ show.motion", "sub/"], "{command}");
         assert_eq!(sorted(&[command, "da"]), ["dance.motion"], "{command}");
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use motionseq::Compiled;
-use motionseq::diagnostic::{Diagnostic, Diagnostics};
+use motionseq::diagnostic::{Denied, Diagnostic, Diagnostics};
 use motionseq::report::{self, Finding, Totals};
 use motionseq::source::{Disk, Lines, Source, Sources};
 use motionseq::timeline::{Timeline, wire};
@@ -16,6 +16,7 @@ use super::atomic_file::replace;
 use super::exit::Exit;
 use super::fixes::{Corrected, STDIN};
 use super::output;
+use super::project::Config;
 use super::screen::{Screen, Warnings, plural};
 use super::script_files::find_scripts;
 use super::unified_diff::unified_diff;
@@ -28,8 +29,8 @@ use super::{Deny, Options, read_source, repository};
     after_help = "Examples:\n  motionseq check scripts/hello.motion\n  motionseq check --deny warnings .         # all scripts in this folder; fail on warnings\n  motionseq check --diff .                  # show what `--fix` would correct\n  motionseq check --fix .                   # correct it\n  motionseq check -v scripts/dance.motion   # also show the load on the serial line\n  motionseq check --watch scripts           # again after each change\n  motionseq check --format sarif . > motionseq.sarif\n  motionseq check --stdin-filename scripts/dance.motion - < draft.motion"
 )]
 pub(super) struct Check {
-    /// Scripts or folders to check, or `-` for standard input
-    #[arg(required_unless_present = "stdin_filename", value_name = "FILE")]
+    /// Scripts or folders to check, or `-` for standard input [default: `paths` of motionseq.toml, else this folder]
+    #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected
     #[arg(long)]
@@ -37,9 +38,8 @@ pub(super) struct Check {
     /// Change no file; show what `--fix` would change, and fail if it would change anything
     #[arg(long, conflicts_with = "format")]
     diff: bool,
-    /// Fail on warnings
-    #[arg(long, value_enum, value_name = "WHAT")]
-    deny: Option<Deny>,
+    #[command(flatten)]
+    deny: Deny,
     /// Output format; all formats except `human` go to standard output
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -75,6 +75,16 @@ struct Results {
     totals: Totals,
 }
 
+/// A script that was checked.
+struct Checked {
+    sources: Sources,
+    compiled: Compiled,
+    /// Whether it is from a folder.
+    is_found: bool,
+    /// The warnings that fail it, and the reason.
+    denied: (Denied, String),
+}
+
 impl Results {
     /// Adds a file that cannot be read.
     fn fail(&mut self, findings: Vec<Finding>) {
@@ -87,25 +97,38 @@ impl Results {
 impl Check {
     /// Checks every file; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        self.watch.run(&self.files, &self.options, screen, || self.run_once(screen))
+        match self.paths(screen) {
+            Ok(paths) => {
+                let check = || self.check(&paths, screen).unwrap_or_else(|exit| exit);
+                self.watch.run(&paths, &self.options, screen, check)
+            }
+            Err(exit) => exit,
+        }
     }
 
-    fn run_once(&self, screen: &Screen) -> Exit {
-        let only_input = [PathBuf::from(STDIN)];
-        let files = if self.files.is_empty() { &only_input } else { self.files.as_slice() };
-        let stdin = files.iter().filter(|file| file.as_os_str() == STDIN).count();
+    /// What is checked.
+    fn paths(&self, screen: &Screen) -> Result<Vec<PathBuf>, Exit> {
+        if self.files.is_empty() && self.stdin_filename.is_some() {
+            return Ok(vec![PathBuf::from(STDIN)]);
+        }
+        self.options.config.configs().searched(&self.files, screen)
+    }
+
+    fn check(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {
+        let stdin = paths.iter().filter(|file| file.as_os_str() == STDIN).count();
         if stdin > 1 {
             screen.error("standard input can be read only once: write `-` once");
-            return Exit::Usage;
+            return Err(Exit::Usage);
         }
         if stdin == 0 && self.stdin_filename.is_some() {
             screen.error("`--stdin-filename` is the name of standard input: write `-` as FILE");
-            return Exit::Usage;
+            return Err(Exit::Usage);
         }
+        let configs = self.options.config.configs();
         let mut results = Results { exit: Exit::Ok, findings: Vec::new(), totals: Totals::default() };
         // A script in a folder that declares its error is a test case, and passes if it has that error.
-        let (folders, files): (Vec<_>, Vec<_>) = files.iter().cloned().partition(|path| path.is_dir());
-        let found = find_scripts(&folders);
+        let (folders, files): (Vec<_>, Vec<_>) = paths.iter().cloned().partition(|path| path.is_dir());
+        let found = find_scripts(&folders, &configs);
         if !folders.is_empty() && found.scripts.is_empty() && found.unreadable.is_empty() {
             let folders: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
             screen.error(&format!("no .motion files in {}", folders.join(", ")));
@@ -126,12 +149,14 @@ impl Check {
                     continue;
                 }
             };
-            let (sources, compiled) = self.compile(file, source, &corrected);
+            let config = configs.of_script(source.path().unwrap_or(Path::new("")), screen)?;
+            let (sources, compiled) = self.compile(file, source, &corrected, &config);
             if file.as_os_str() == STDIN {
                 input = Some(sources.main().text().to_owned());
             }
             if !self.diff {
-                self.show(&sources, &compiled, is_found, &mut results, screen);
+                let denied = config.denied(&self.deny.deny);
+                self.show(&Checked { sources, compiled, is_found, denied }, &mut results, screen);
             }
         }
         let printed = self.print(&mut results.findings, results.totals, input.is_some());
@@ -144,12 +169,12 @@ impl Check {
             Exit::Ok => write_changes(corrected, screen),
             failed => failed,
         };
-        if written == Exit::Ok { results.exit } else { written }
+        Ok(if written == Exit::Ok { results.exit } else { written })
     }
 
     /// Compiles a script, with `--fix` or `--diff` as corrected.
-    fn compile(&self, file: &Path, source: Source, corrected: &Corrected) -> (Sources, Compiled) {
-        let options = self.options.of_library();
+    fn compile(&self, file: &Path, source: Source, corrected: &Corrected, config: &Config) -> (Sources, Compiled) {
+        let options = self.options.of_library(config);
         if self.fix || self.diff {
             return corrected.compile(file, source, &options);
         }
@@ -159,17 +184,18 @@ impl Check {
     }
 
     /// Shows the errors and warnings of one script.
-    fn show(&self, sources: &Sources, compiled: &Compiled, is_found: bool, results: &mut Results, screen: &Screen) {
-        let Compiled { timeline, diagnostics, .. } = compiled;
+    fn show(&self, checked: &Checked, results: &mut Results, screen: &Screen) {
+        let Checked { sources, compiled: Compiled { timeline, diagnostics, .. }, is_found, denied } = checked;
+        let (denied, who) = denied;
         let name = sources.main().name();
-        if let Some(expected) = expected_error(sources.main()).filter(|_| is_found)
+        if let Some(expected) = expected_error(sources.main()).filter(|_| *is_found)
             && expectation(expected, diagnostics).is_ok()
         {
             screen.note(&format!("{name}: ok, fails with `{expected}` as expected"));
             return;
         }
         if self.format == Format::Human {
-            screen.diagnostics(sources, diagnostics, self.options.warnings(Warnings::First), self.deny.is_some());
+            screen.diagnostics(sources, diagnostics, self.options.warnings(Warnings::First), denied.is_any());
             let fixable = diagnostics.iter().filter(|diagnostic| diagnostic.fix.is_some()).count();
             if fixable > 0 && !self.fix {
                 screen.note(&format!("{} can be fixed with `--fix`", plural(fixable, "error")));
@@ -179,7 +205,7 @@ impl Check {
             results.totals.add(diagnostics);
         }
         match timeline {
-            Some(timeline) if self.deny.is_none() || diagnostics.warnings() == 0 => {
+            Some(timeline) if denied.count(diagnostics) == 0 => {
                 let sends = match timeline.events.len() {
                     0 => "sends nothing".to_owned(),
                     count => format!("{} in {:.3} s", plural(count, "frame"), timeline.end),
@@ -192,7 +218,7 @@ impl Check {
                 }
             }
             Some(_) => {
-                screen.error(&format!("{name}: has warnings, which `--deny warnings` forbids"));
+                screen.error(&format!("{name}: has warnings, which {who} forbids"));
                 results.exit = Exit::Script;
             }
             None => results.exit = Exit::Script,

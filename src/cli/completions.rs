@@ -16,12 +16,16 @@ use motionseq::syntax::{Statement, parse};
 use super::Cli;
 use super::exit::Exit;
 use super::output;
+#[cfg(target_os = "linux")]
+use super::port_opening::AUTO;
+#[cfg(target_os = "linux")]
+use super::project::VIRTUAL;
 use super::screen::Screen;
 
 /// The variable that names the shell that asks.
 const ASKS: &str = "COMPLETE";
 /// The commands whose arguments are scripts.
-const SCRIPT_COMMANDS: [&str; 7] = ["check", "render", "play", "plot", "test", "diff", "fmt"];
+const SCRIPT_COMMANDS: [&str; 8] = ["check", "render", "play", "plot", "test", "diff", "fmt", "config"];
 
 /// Print a completion script for a shell
 #[derive(Debug, Args)]
@@ -129,7 +133,8 @@ fn names(word: &OsStr) -> Vec<CompletionCandidate> {
 #[cfg(target_os = "linux")]
 fn ports(word: &OsStr) -> Vec<CompletionCandidate> {
     let ports = motionseq::link::ports().unwrap_or_default();
-    let ports = beginning(word, ports.into_iter().map(|port| port.path));
+    let ports = ports.into_iter().map(|port| port.path.display().to_string());
+    let ports = beginning(word, ports.chain([AUTO, VIRTUAL].map(str::to_owned)));
     if ports.is_empty() { PathCompleter::any().complete(word) } else { ports }
 }
 

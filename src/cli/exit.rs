@@ -9,7 +9,7 @@ pub(super) enum Exit {
     Ok,
     /// A script is wrong.
     Script,
-    /// The command line is wrong, or a result cannot be written.
+    /// The command line or the configuration is wrong, or a result cannot be written.
     Usage,
     /// The port cannot be opened, or was lost.
     Port,
@@ -39,7 +39,7 @@ pub(super) struct Row {
 pub(super) const TABLE: [Row; 10] = [
     row("0", "Success"),
     row("1", "A script is wrong or cannot be read, a test fails, or a comparison finds a difference"),
-    row("2", "The command line is wrong, or a result file is incomplete"),
+    row("2", "The command line or motionseq.toml is wrong, or a result file is incomplete"),
     port_row("3", "The port cannot be opened, or was lost"),
     port_row("4", "A frame was later than `--max-late`, and the robot was stopped"),
     port_row("5", "Another program uses the port"),

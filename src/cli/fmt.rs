@@ -11,6 +11,7 @@ use motionseq::verify::{expectation, expected_error};
 use super::atomic_file::replace;
 use super::exit::Exit;
 use super::output;
+use super::project::ConfigOptions;
 use super::read;
 use super::screen::{Screen, Warnings, plural};
 use super::script_files::find_scripts;
@@ -31,6 +32,8 @@ pub(super) struct Fmt {
     /// Change no file; show what would change, and fail if anything would
     #[arg(long)]
     diff: bool,
+    #[command(flatten)]
+    config: ConfigOptions,
 }
 
 impl Fmt {
@@ -43,7 +46,7 @@ impl Fmt {
         let mut exit = Exit::Ok;
         let (mut changed, mut failed) = (0_usize, 0_usize);
         let (folders, mut files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
-        let found = find_scripts(&folders);
+        let found = find_scripts(&folders, &self.config.configs());
         for (path, why) in &found.unreadable {
             screen.error(&format!("cannot read {}: {why}", path.display()));
             exit = Exit::Script;

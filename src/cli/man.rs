@@ -30,8 +30,8 @@ struct Entry {
 const ENVIRONMENT: [Entry; 4] = [
     Entry {
         name: "MOTIONSEQ_PORT",
-        meaning: "The serial port of `play`, if there is no `--port`",
-        commands: &["play"],
+        meaning: "The serial port of `play`, if there is no `--port`; `virtual` or empty for the virtual board",
+        commands: &["play", "config"],
     },
     Entry {
         name: "GITHUB_WORKSPACE",
@@ -42,11 +42,16 @@ const ENVIRONMENT: [Entry; 4] = [
     Entry { name: "TERM", meaning: "If `dumb`, messages are not colored and no line is redrawn", commands: &[] },
 ];
 
-const FILES: [Entry; 4] = [
+const FILES: [Entry; 5] = [
+    Entry {
+        name: "motionseq.toml",
+        meaning: "The configuration of the scripts in its folder and below",
+        commands: &["check", "render", "play", "plot", "test", "diff", "config", "init"],
+    },
     Entry {
         name: "NAME.motion",
         meaning: "A script",
-        commands: &["check", "render", "play", "plot", "test", "diff", "fmt", "decode", "record"],
+        commands: &["check", "render", "play", "plot", "test", "diff", "fmt", "init", "decode", "record"],
     },
     Entry {
         name: "NAME.motion.frames",
@@ -123,7 +128,7 @@ fn page_of(command: &Command) -> io::Result<String> {
     for row in TABLE.iter().filter(|row| is_main || returns(name, row.is_about_ports, row.code)) {
         page += &tagged(row.code, row.meaning);
     }
-    for (title, entries) in [("ENVIRONMENT", &ENVIRONMENT), ("FILES", &FILES)] {
+    for (title, entries) in [("ENVIRONMENT", &ENVIRONMENT[..]), ("FILES", &FILES[..])] {
         let of_command = |entry: &&Entry| is_main || entry.commands.is_empty() || entry.commands.contains(&name);
         let entries: String =
             entries.iter().filter(of_command).map(|entry| tagged(entry.name, entry.meaning)).collect();

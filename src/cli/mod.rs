@@ -7,18 +7,21 @@ mod case_lines;
 mod check;
 mod color;
 mod completions;
+mod config;
 mod decode;
 mod diff;
 mod exit;
 mod explain;
 mod fixes;
 mod fmt;
+mod init;
 mod man;
 #[cfg_attr(not(feature = "mcap"), path = "mcap_frames_absent.rs")]
 mod mcap_frames;
 mod output;
 mod plot;
 mod progress_bar;
+mod project;
 mod render;
 mod review;
 mod screen;
@@ -70,11 +73,13 @@ use std::process::ExitCode;
 use std::sync::mpsc;
 use std::thread;
 
-use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use motionseq::Compiled;
 use std::sync::Arc;
 
 use motionseq::board::{Board as Family, raspblock};
+use motionseq::diagnostic::Denied;
 use motionseq::program::Speed;
 use motionseq::report::Repository;
 use motionseq::source::{Disk, Files as _, Source, SourceError, Sources};
@@ -83,6 +88,7 @@ use color::Color;
 use exit::Exit;
 #[cfg(not(target_os = "linux"))]
 use linux_only::{board, latency, play, ports, record};
+use project::{Config, ConfigOptions};
 use screen::{Screen, Volume, Warnings};
 
 /// Check, play and test timed motion scripts for the Yahboom Raspblock
@@ -116,6 +122,8 @@ enum Command {
     Test(test::Test),
     Diff(diff::Diff),
     Fmt(fmt::Fmt),
+    Init(init::Init),
+    Config(config::Config),
     Explain(explain::Explain),
     Decode(decode::Decode),
     Board(board::Board),
@@ -155,12 +163,22 @@ struct Options {
     /// Show every warning, not only the first three of each code
     #[arg(long, help_heading = "Compilation options")]
     all: bool,
+    #[command(flatten)]
+    config: ConfigOptions,
 }
 
-/// What counts as an error.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Deny {
-    Warnings,
+/// Warnings that count as errors.
+#[derive(Clone, Debug, Args)]
+struct Deny {
+    /// Fail on warnings: `warnings` for all, or the code of one, such as `left-running`
+    #[arg(long, value_name = "WHAT", value_parser = denied(), hide_possible_values = true)]
+    deny: Vec<Denied>,
+}
+
+/// Reads a word of `--deny`.
+fn denied() -> impl TypedValueParser<Value = Denied> {
+    let words = PossibleValuesParser::new(Denied::names().map(PossibleValue::new));
+    words.try_map(|word| word.parse().map_err(|()| std::fmt::Error))
 }
 
 /// How the bytes of another program are decoded.
@@ -244,6 +262,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Test(test) => test.run(&screen),
         Command::Diff(diff) => diff.run(&screen),
         Command::Fmt(fmt) => fmt.run(&screen),
+        Command::Init(init) => init.run(&screen),
+        Command::Config(config) => config.run(&screen),
         Command::Explain(explain) => explain.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
         Command::Board(board) => board.run(&screen),
@@ -260,9 +280,10 @@ pub(crate) fn main() -> ExitCode {
 }
 
 impl Options {
-    /// These options as the library takes them.
-    fn of_library(&self) -> motionseq::program::Options {
-        motionseq::program::Options::default().with_events(self.max_events).with_set(self.set.clone())
+    /// These options as the library takes them, with the limits of a configuration.
+    fn of_library(&self, config: &Config) -> motionseq::program::Options {
+        let options = motionseq::program::Options::default().with_events(self.max_events);
+        options.with_set(self.set.clone()).with_limits(config.limits())
     }
 
     /// Which warnings are shown: all with `--all`, or else `usual`.
@@ -271,13 +292,20 @@ impl Options {
     }
 
     /// Compiles a script and shows its errors and warnings.
-    fn compile(&self, sources: &Sources, screen: &Screen) -> Compiled {
-        self.compile_at(sources, screen, Speed::NORMAL, Warnings::First)
+    fn compile(&self, sources: &Sources, screen: &Screen) -> Result<Compiled, Exit> {
+        let config = self.config.of_script(sources.main().path(), screen)?;
+        Ok(self.compile_at(sources, screen, (Speed::NORMAL, Warnings::First), &config))
     }
 
     /// Compiles a script at another speed and shows its errors and warnings.
-    fn compile_at(&self, sources: &Sources, screen: &Screen, speed: Speed, warnings: Warnings) -> Compiled {
-        let options = self.of_library().with_speed(speed);
+    fn compile_at(
+        &self,
+        sources: &Sources,
+        screen: &Screen,
+        (speed, warnings): (Speed, Warnings),
+        config: &Config,
+    ) -> Compiled {
+        let options = self.of_library(config).with_speed(speed);
         let compiled = motionseq::compile(sources, &options);
         screen.diagnostics(sources, &compiled.diagnostics, self.warnings(warnings), false);
         compiled

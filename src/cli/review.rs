@@ -12,9 +12,11 @@ use motionseq::source::{Disk, Files as _, Source, Sources};
 use motionseq::timeline::{Timeline, read_snapshot};
 use motionseq::verify::{Case, Job, Replace, SNAPSHOT, Status};
 
+use super::Options;
 use super::atomic_file::write_atomically;
 use super::case_lines::{Shown, is_shown};
 use super::exit::Exit;
+use super::project::VIRTUAL;
 use super::screen::{Screen, plural};
 
 /// What the user wants to do with a script.
@@ -29,26 +31,34 @@ enum Choice {
 /// The question, with the keys.
 const QUESTION: &str = "[a]ccept, [s]kip, [p]ictures, [v]irtual board, [q]uit? ";
 
+/// A script, how it is tested, and the result.
+pub(super) struct Tested<'t> {
+    pub(super) script: &'t Path,
+    pub(super) job: &'t Job,
+    pub(super) case: Case,
+}
+
 /// A review in progress.
 pub(super) struct Review<'r> {
-    pub(super) job: &'r Job,
     pub(super) shown: Shown,
     pub(super) screen: &'r Screen,
+    pub(super) options: &'r Options,
 }
 
 impl Review<'_> {
     /// Shows the scripts that differ from their snapshots or have none. Without a terminal, only lists them. Fails if one of them is
     /// left, or if another case has failed.
-    pub(super) fn run(&self, cases: Vec<(&Path, Case)>) -> Exit {
-        let is_pending = |(_, case): &(&Path, Case)| matches!(case.status, Status::Differs | Status::NoSnapshot);
-        let (pending, others): (Vec<_>, Vec<_>) = cases.into_iter().partition(is_pending);
-        let failed = others.iter().filter(|(_, case)| !case.status.is_passed()).count();
-        for (_, case) in others.iter().filter(|(_, case)| is_shown(case, self.screen)) {
+    pub(super) fn run(&self, tested: Vec<Tested<'_>>, others: &[Case]) -> Exit {
+        let is_pending = |tested: &Tested<'_>| matches!(tested.case.status, Status::Differs | Status::NoSnapshot);
+        let (pending, rest): (Vec<_>, Vec<_>) = tested.into_iter().partition(is_pending);
+        let others: Vec<&Case> = rest.iter().map(|tested| &tested.case).chain(others).collect();
+        let failed = others.iter().filter(|case| !case.status.is_passed()).count();
+        for case in others.into_iter().filter(|case| is_shown(case, self.screen)) {
             print(&self.shown.lines(case));
         }
         let exit = |left: usize| if left + failed > 0 { Exit::Script } else { Exit::Ok };
         if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
-            for (_, case) in &pending {
+            for Tested { case, .. } in &pending {
                 print(&self.shown.lines(case));
             }
             self.screen.note(&format!("{} to review, {failed} failed", plural(pending.len(), "script")));
@@ -56,8 +66,8 @@ impl Review<'_> {
         }
         let (count, mut accepted, mut skipped) = (pending.len(), 0, 0);
         let mut pictures = None;
-        for (number, (script, case)) in (1..).zip(pending) {
-            match self.ask(script, case, &format!("({number} of {count}) "), &mut pictures) {
+        for (number, tested) in (1..).zip(pending) {
+            match self.ask(tested, &format!("({number} of {count}) "), &mut pictures) {
                 Choice::Accept => accepted += 1,
                 Choice::Quit => break,
                 _ => skipped += 1,
@@ -74,26 +84,27 @@ impl Review<'_> {
     }
 
     /// Asks about one script until the answer is final.
-    fn ask(&self, script: &Path, mut case: Case, number: &str, pictures: &mut Option<PathBuf>) -> Choice {
+    fn ask(&self, tested: Tested<'_>, number: &str, pictures: &mut Option<PathBuf>) -> Choice {
+        let Tested { script, job, mut case } = tested;
         print(&[vec![format!("{number}{}", escaped(&case.name))], self.shown.lines(&case)].concat());
         loop {
             match self.choice() {
                 Choice::Accept => {
                     // Accept only what was shown.
-                    let now = self.job.case(script);
+                    let now = job.case(script);
                     if now != case {
                         self.screen.note(&format!("{} has changed since:", case.name));
                         case = now;
                         print(&self.shown.lines(&case));
                         continue;
                     }
-                    let mut job = self.job.clone();
+                    let mut job = job.clone();
                     job.bless = Some(write_atomically as Replace);
                     let blessed = job.case(script);
                     print(&self.shown.lines(&blessed));
                     return if blessed.status.is_passed() { Choice::Accept } else { Choice::Skip };
                 }
-                Choice::Pictures => match self.draw(script, pictures) {
+                Choice::Pictures => match draw(script, job, pictures) {
                     Ok(paths) => print(&paths),
                     Err(error) => self.screen.error(&format!("cannot draw {}: {error}", case.name)),
                 },
@@ -122,44 +133,12 @@ impl Review<'_> {
         }
     }
 
-    /// Draws the snapshot and the script, and returns a line for each picture.
-    fn draw(&self, script: &Path, folder: &mut Option<PathBuf>) -> io::Result<Vec<String>> {
-        let folder = match folder {
-            Some(folder) => folder,
-            None => {
-                let new = std::env::temp_dir().join(format!("motionseq-review-{}", process::id()));
-                fs::create_dir(&new)?;
-                folder.insert(new)
-            }
-        };
-        let name = script.file_stem().unwrap_or_default();
-        let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
-            let mut file = name.to_owned();
-            file.push(format!(".{when}.svg"));
-            let path = folder.join(file);
-            fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
-            Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
-        };
-        let mut snapshot = script.as_os_str().to_owned();
-        snapshot.push(SNAPSHOT);
-        let mut lines = Vec::new();
-        if let Some(old) = fs::read(&snapshot).ok().and_then(|text| read_snapshot(&raspblock::board(), &text).ok()) {
-            let sources = Source::new(snapshot.to_string_lossy(), "").into();
-            lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
-        }
-        let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
-        let compiled = motionseq::compile(&sources, &self.job.options);
-        let timeline = compiled.timeline.ok_or_else(|| io::Error::other("it does not compile any more"))?;
-        lines.push(draw("new", &timeline, &sources, &compiled.diagnostics)?);
-        Ok(lines)
-    }
-
     /// Plays a script as `motionseq play` does, always on the virtual board.
     fn play(&self, script: &Path) {
         let played = std::env::current_exe().and_then(|program| {
             let mut play = process::Command::new(program);
-            play.arg("play").arg(self.screen.color_option()).env_remove("MOTIONSEQ_PORT");
-            for (name, value) in &self.job.options.set {
+            play.args(["play", self.screen.color_option(), "--port", VIRTUAL]).args(self.options.config.arguments());
+            for (name, value) in &self.options.set {
                 play.arg("--set").arg(format!("{name}={value}"));
             }
             play.arg("--").arg(script).status()
@@ -168,6 +147,38 @@ impl Review<'_> {
             self.screen.error(&format!("cannot play it: {error}"));
         }
     }
+}
+
+/// Draws the snapshot and the script, and returns a line for each picture.
+fn draw(script: &Path, job: &Job, folder: &mut Option<PathBuf>) -> io::Result<Vec<String>> {
+    let folder = match folder {
+        Some(folder) => folder,
+        None => {
+            let new = std::env::temp_dir().join(format!("motionseq-review-{}", process::id()));
+            fs::create_dir(&new)?;
+            folder.insert(new)
+        }
+    };
+    let name = script.file_stem().unwrap_or_default();
+    let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
+        let mut file = name.to_owned();
+        file.push(format!(".{when}.svg"));
+        let path = folder.join(file);
+        fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
+        Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
+    };
+    let mut snapshot = script.as_os_str().to_owned();
+    snapshot.push(SNAPSHOT);
+    let mut lines = Vec::new();
+    if let Some(old) = fs::read(&snapshot).ok().and_then(|text| read_snapshot(&raspblock::board(), &text).ok()) {
+        let sources = Source::new(snapshot.to_string_lossy(), "").into();
+        lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
+    }
+    let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
+    let compiled = motionseq::compile(&sources, &job.options);
+    let timeline = compiled.timeline.ok_or_else(|| io::Error::other("it does not compile any more"))?;
+    lines.push(draw("new", &timeline, &sources, &compiled.diagnostics)?);
+    Ok(lines)
 }
 
 fn print(lines: &[String]) {

@@ -3,8 +3,11 @@
 use std::ffi::OsStr;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use walkdir::{DirEntry, WalkDir};
+use ignore::{DirEntry, WalkBuilder};
+
+use super::project::Configs;
 
 /// The scripts and snapshots in some paths.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -18,31 +21,27 @@ pub(super) struct ScriptFiles {
 }
 
 /// Finds the scripts in each path: `*.motion` in folders, and each path that is a file itself; a snapshot counts as its script.
-/// Follows links, except cycles, and ignores hidden files.
-pub(super) fn find_scripts(paths: &[PathBuf]) -> ScriptFiles {
+/// Follows links, except cycles. In folders, skips hidden files and what `.gitignore` or the configuration leaves out.
+pub(super) fn find_scripts(paths: &[PathBuf], configs: &Arc<Configs>) -> ScriptFiles {
     let mut found = ScriptFiles::default();
     for path in paths {
-        let is_hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().as_encoded_bytes().starts_with(b".");
-        let walk = WalkDir::new(path).follow_links(true).sort_by_file_name();
-        for entry in walk.into_iter().filter_entry(|entry| !is_hidden(entry)) {
+        let configs = Arc::clone(configs);
+        let is_folder = |entry: &DirEntry| entry.file_type().is_some_and(|kind| kind.is_dir());
+        let is_searched =
+            move |entry: &DirEntry| entry.depth() == 0 || !configs.is_excluded(entry.path(), is_folder(entry));
+        let mut walk = WalkBuilder::new(path);
+        walk.follow_links(true).sort_by_file_name(Ord::cmp).filter_entry(is_searched);
+        for entry in walk.build() {
             match entry {
-                Ok(entry) if entry.file_type().is_dir() => {}
+                Ok(entry) if is_folder(&entry) => {}
                 Ok(entry) => {
                     // Show `./dance.motion` as `dance.motion`.
                     let path = entry.path().strip_prefix(".").unwrap_or(entry.path());
                     found.take(path, entry.depth() == 0);
                 }
                 Err(error) => {
-                    let at = error.path().unwrap_or(path);
-                    let at = at.strip_prefix("./").unwrap_or(at).to_owned();
-                    let why = match error.loop_ancestor() {
-                        Some(ancestor) => format!("the link forms a cycle with {}", ancestor.display()),
-                        None if error.io_error().is_some_and(|error| error.kind() == ErrorKind::NotFound) => {
-                            "no such file or directory".to_owned()
-                        }
-                        None => error.io_error().map_or_else(|| error.to_string(), ToString::to_string),
-                    };
-                    found.unreadable.push((at, why));
+                    let (at, why) = reason(&error, path);
+                    found.unreadable.push((at.strip_prefix("./").unwrap_or(at).to_owned(), why));
                 }
             }
         }
@@ -50,6 +49,21 @@ pub(super) fn find_scripts(paths: &[PathBuf]) -> ScriptFiles {
     let mut seen = std::collections::HashSet::new();
     found.scripts.retain(|script| seen.insert(script.clone()));
     found
+}
+
+/// What cannot be read, and why.
+fn reason<'e>(error: &'e ignore::Error, path: &'e Path) -> (&'e Path, String) {
+    match error {
+        ignore::Error::WithDepth { err, .. } | ignore::Error::WithLineNumber { err, .. } => reason(err, path),
+        ignore::Error::WithPath { path, err } => reason(err, path),
+        ignore::Error::Loop { ancestor, child } => {
+            (child, format!("the link forms a cycle with {}", ancestor.display()))
+        }
+        ignore::Error::Io(error) if error.kind() == ErrorKind::NotFound => {
+            (path, "no such file or directory".to_owned())
+        }
+        error => (path, error.to_string()),
+    }
 }
 
 impl ScriptFiles {

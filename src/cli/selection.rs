@@ -1,6 +1,7 @@
 //! The selected part of a script, its speed and its number of passes: `--from`, `--to`, `--speed`, `--loop`, `--lead-in`.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use clap::Args;
 use motionseq::board::State;
@@ -12,6 +13,7 @@ use motionseq::timeline::{Clip, Timeline, check_passes, clip, passes, state_afte
 use motionseq::units::{Micros, NotATime};
 
 use super::exit::Exit;
+use super::project::Config;
 use super::screen::{Screen, Warnings};
 use super::{Options, read};
 
@@ -103,6 +105,8 @@ pub(super) struct Selected {
     pub(super) script: ScriptTime,
     /// The warnings of the script.
     pub(super) diagnostics: Diagnostics,
+    /// The configuration that applies to the script.
+    pub(super) config: Arc<Config>,
 }
 
 /// Converts times of a run to times of its script.
@@ -135,7 +139,8 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         screen: &Screen,
     ) -> Result<(Sources, Selected), Exit> {
         let sources = Sources::new(read(file, screen)?, Disk);
-        let compiled = options.compile_at(&sources, screen, self.speed, warnings);
+        let config = options.config.of_script(sources.main().path(), screen)?;
+        let compiled = options.compile_at(&sources, screen, (self.speed, warnings), &config);
         let whole = compiled.timeline.ok_or(Exit::Script)?;
         let mut diagnostics = compiled.diagnostics.clone();
         match self.select(&whole, options.max_events, &mut diagnostics) {
@@ -153,7 +158,7 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
                 let from = moment(&self.from).unwrap_or_default();
                 let length = moment(&self.to).unwrap_or(whole.end).min(whole.end) - from;
                 let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
-                Ok((sources, Selected { timeline, again, first_pass, script, diagnostics }))
+                Ok((sources, Selected { timeline, again, first_pass, script, diagnostics, config }))
             }
             Err(why) => {
                 screen.error(&why);

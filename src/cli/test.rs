@@ -3,6 +3,7 @@
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use motionseq::faults::Faults;
@@ -15,7 +16,8 @@ use super::case_lines::{Shown, is_shown};
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
-use super::review::Review;
+use super::project::Configs;
+use super::review::{Review, Tested};
 use super::screen::{Screen, plural};
 use super::script_files::{ScriptFiles, find_scripts};
 use super::watch::Watch;
@@ -27,8 +29,8 @@ use super::{Deny, Options, repository};
     after_help = "Examples:\n  motionseq test                    # test all scripts in this folder\n  motionseq test --review           # show each change, and ask whether to accept it\n  motionseq test --bless scripts    # write snapshots; commit them with the scripts\n  motionseq test --play scripts     # also play the scripts on a virtual board\n  motionseq test --format github --junit report.xml\n\nThe snapshot of NAME.motion is NAME.motion.frames, in the same folder.\nA script that must not compile declares its error on its first line: # expect-error: CODE"
 )]
 pub(super) struct Test {
-    /// Scripts or folders to test
-    #[arg(default_value = ".", value_name = "PATH")]
+    /// Scripts or folders to test [default: `paths` of motionseq.toml, else this folder]
+    #[arg(value_name = "PATH")]
     paths: Vec<PathBuf>,
     /// Test only the scripts whose path contains NAME
     #[arg(long, value_name = "NAME")]
@@ -48,9 +50,8 @@ pub(super) struct Test {
     /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
-    /// Fail on warnings and on snapshots without a script
-    #[arg(long, value_enum, value_name = "WHAT")]
-    deny: Option<Deny>,
+    #[command(flatten)]
+    deny: Deny,
     /// Output format
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -82,48 +83,44 @@ enum Format {
 impl Test {
     /// Tests every script; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        self.watch.run(&self.paths, &self.options, screen, || self.run_once(screen))
+        match self.options.config.configs().searched(&self.paths, screen) {
+            Ok(paths) => {
+                self.watch.run(&paths, &self.options, screen, || self.test(&paths, screen).unwrap_or_else(|exit| exit))
+            }
+            Err(exit) => exit,
+        }
     }
 
-    fn run_once(&self, screen: &Screen) -> Exit {
-        let found = self.find();
+    fn test(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {
+        let configs = self.options.config.configs();
+        let found = self.find(paths, &configs);
         if found.scripts.is_empty() && found.unreadable.is_empty() && !(self.prune && !found.orphans.is_empty()) {
-            let paths: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
+            let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
             let with = self.filter.as_ref().map(|name| format!(" whose path contains `{name}`")).unwrap_or_default();
             screen.error(&format!("no .motion files{with} in {}", paths.join(", ")));
-            return Exit::Script;
+            return Err(Exit::Script);
         }
         // Opened before any script runs, so that a wrong path is reported first.
         let inputs = Inputs::of(&found.scripts);
         let junit = match self.junit.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose() {
             Ok(junit) => junit,
-            Err(error) => return output::exit(Err(error), self.junit.as_deref(), screen),
+            Err(error) => return Err(output::exit(Err(error), self.junit.as_deref(), screen)),
         };
-        let faults = self.fault.clone().unwrap_or_default();
-        let mut job = Job::new(self.options.of_library());
-        job.bless = self.bless.then_some(write_atomically as Replace);
-        job.deny = self.deny.is_some();
-        (job.play, job.faults) = (self.play, faults);
-        // Never more threads than scripts.
-        let threads = self.jobs.map_or(0, |jobs| usize::from(jobs).min(found.scripts.len()));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let mut cases = match pool {
-            Ok(pool) => {
-                let progress = ProgressBar::new(screen, "scripts", found.scripts.len());
-                pool.install(|| run(&job, &found, || progress.add(1)))
-            }
-            Err(error) => {
-                screen.error(&format!("cannot start threads: {error}"));
-                return Exit::Usage;
-            }
-        };
-        let orphans = cases.split_off(cases.len() - found.orphans.len());
+        let jobs: Result<Vec<(&PathBuf, Job)>, Exit> =
+            found.scripts.iter().map(|script| Ok((script, self.job(script, &configs, screen)?))).collect();
+        let jobs = jobs?;
+        let orphans: Result<Vec<Case>, Exit> =
+            found.orphans.iter().map(|orphan| self.orphan(orphan, &configs, screen)).collect();
+        let orphans = orphans?;
+        let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
+        let tested = self.in_parallel(&jobs, screen)?;
         if self.review {
-            let paths = found.unreadable.iter().map(|(path, _)| path).chain(&found.scripts).chain(&found.orphans);
-            let cases = paths.map(PathBuf::as_path).zip(cases.into_iter().chain(orphans)).collect();
-            return Review { job: &job, shown: Shown::new(screen, self.options.all, false), screen }.run(cases);
+            cases.extend(orphans);
+            let tested = jobs.iter().zip(tested).map(|((script, job), case)| Tested { script, job, case }).collect();
+            let shown = Shown::new(screen, self.options.all, false);
+            return Ok(Review { shown, screen, options: &self.options }.run(tested, &cases));
         }
-        cases.extend(if self.prune { found.orphans.iter().map(|orphan| prune(orphan)).collect() } else { orphans });
+        cases.extend(tested.into_iter().chain(orphans));
         let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
@@ -131,28 +128,63 @@ impl Test {
             let text = report::junit::cases(&repository().cases(&cases));
             let all = file.write_all(text.as_bytes()).and_then(|()| file.finish());
             if all.is_err() {
-                return output::exit(all, self.junit.as_deref(), screen);
+                return Err(output::exit(all, self.junit.as_deref(), screen));
             }
         }
-        match output::exit(written, None, screen) {
+        Ok(match output::exit(written, None, screen) {
             Exit::Ok if failed > 0 => {
                 let mut failed = cases.iter().filter(|case| !case.status.is_passed());
                 let expects = failed.all(|case| case.status == Status::ExpectFailed);
                 if expects { Exit::Expect } else { Exit::Script }
             }
             exit => exit,
+        })
+    }
+
+    /// How a script is tested, with the configuration that applies to it.
+    fn job(&self, script: &Path, configs: &Configs, screen: &Screen) -> Result<Job, Exit> {
+        let config = configs.of_script(script, screen)?;
+        let mut job = Job::new(self.options.of_library(&config));
+        job.bless = self.bless.then_some(write_atomically as Replace);
+        job.deny = config.denied(&self.deny.deny).0;
+        (job.play, job.faults) = (self.play, self.fault.clone().unwrap_or_default());
+        Ok(job)
+    }
+
+    /// A snapshot without a script, which is removed if that is asked for.
+    fn orphan(&self, path: &Path, configs: &Configs, screen: &Screen) -> Result<Case, Exit> {
+        if self.prune {
+            return Ok(prune(path));
         }
+        let is_denied = configs.of_script(path, screen)?.denied(&self.deny.deny).0.is_all();
+        Ok(Case::orphan(path, is_denied))
     }
 
     /// The scripts to test.
-    fn find(&self) -> ScriptFiles {
-        let mut found = find_scripts(&self.paths);
+    fn find(&self, paths: &[PathBuf], configs: &Arc<Configs>) -> ScriptFiles {
+        let mut found = find_scripts(paths, configs);
         if let Some(name) = &self.filter {
             let has = |path: &Path| path.to_string_lossy().contains(name.as_str());
             found.scripts.retain(|script| has(script));
             found.orphans.retain(|orphan| has(orphan));
         }
         found
+    }
+
+    /// Tests every script, in this order, on some threads: never more than scripts.
+    fn in_parallel(&self, jobs: &[(&PathBuf, Job)], screen: &Screen) -> Result<Vec<Case>, Exit> {
+        let threads = self.jobs.map_or(0, |threads| usize::from(threads).min(jobs.len()));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| {
+            screen.error(&format!("cannot start threads: {error}"));
+            Exit::Usage
+        })?;
+        let progress = ProgressBar::new(screen, "scripts", jobs.len());
+        let case = |(script, job): &(&PathBuf, Job)| {
+            let case = job.case(script);
+            progress.add(1);
+            case
+        };
+        Ok(pool.install(|| jobs.par_iter().map(case).collect()))
     }
 
     fn print(&self, cases: &[Case], screen: &Screen) -> io::Result<()> {
@@ -164,19 +196,6 @@ impl Test {
         };
         io::stdout().lock().write_all(text.as_bytes())
     }
-}
-
-/// Tests every script on the threads of the pool. The order is that of `found`: first unreadable paths, then scripts, then
-/// snapshots without a script. `done` is called after each script, from any thread.
-fn run(job: &Job, found: &ScriptFiles, done: impl Fn() + Sync) -> Vec<Case> {
-    let mut cases: Vec<Case> = found.unreadable.iter().map(|(path, why)| Case::unreadable(path, why)).collect();
-    cases.par_extend(found.scripts.par_iter().map(|script| {
-        let case = job.case(script);
-        done();
-        case
-    }));
-    cases.extend(found.orphans.iter().map(|orphan| Case::orphan(orphan, job.deny)));
-    cases
 }
 
 /// Removes a snapshot without a script, if motionseq has written it.

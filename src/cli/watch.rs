@@ -12,6 +12,7 @@ use motionseq::verify::SNAPSHOT;
 
 use super::Options;
 use super::exit::Exit;
+use super::project::Config;
 use super::screen::{Screen, plural};
 use super::script_files::find_scripts;
 
@@ -56,15 +57,19 @@ impl Files for NotedFiles {
 
 impl Watched {
     fn of(paths: &[PathBuf], options: &Options) -> Self {
-        let scripts = find_scripts(paths).scripts;
+        let configs = options.config.configs();
+        let scripts = find_scripts(paths, &configs).scripts;
         let noted = NotedFiles::default();
         for script in &scripts {
+            let folder = script.parent().unwrap_or(Path::new(""));
+            configs.candidates(folder).into_iter().for_each(|path| noted.note(path));
             noted.note(script.clone());
             let mut snapshot = script.clone().into_os_string();
             snapshot.push(SNAPSHOT);
             noted.note(snapshot.into());
             if let Ok(source) = Disk.read(script) {
-                motionseq::compile(&Sources::new(source, noted.clone()), &options.of_library());
+                // Limits do not matter for what a script uses.
+                motionseq::compile(&Sources::new(source, noted.clone()), &options.of_library(&Config::default()));
             }
         }
         let mut all = std::mem::take(&mut *noted.0.lock().unwrap_or_else(PoisonError::into_inner));
@@ -74,12 +79,18 @@ impl Watched {
         Watched(all.into_iter().map(|path| (path.clone(), state(&path))).collect())
     }
 
+    /// How many of them exist.
+    fn existing(&self) -> usize {
+        self.0.iter().filter(|(_, state)| state.is_some()).count()
+    }
+
     /// A file that has changed, or is new in `paths`.
-    fn changed(&self, paths: &[PathBuf]) -> Option<PathBuf> {
+    fn changed(&self, paths: &[PathBuf], options: &Options) -> Option<PathBuf> {
         let known = |path: &Path| self.0.binary_search_by(|(other, _)| other.as_path().cmp(path)).is_ok();
         let has_changed = |(path, before): &&(PathBuf, State)| state(path) != *before;
         let changed = self.0.iter().find(has_changed).map(|(path, _)| path.clone());
-        changed.or_else(|| find_scripts(paths).scripts.into_iter().find(|script| !known(script)))
+        let all = || find_scripts(paths, &options.config.configs()).scripts;
+        changed.or_else(|| all().into_iter().find(|script| !known(script)))
     }
 }
 
@@ -101,10 +112,10 @@ impl Watch {
             // Looked at before the run, so that a change during it is not missed.
             let watched = Watched::of(paths, options);
             run();
-            screen.note(&format!("watching {}; Ctrl-C ends", plural(watched.0.len(), "file")));
+            screen.note(&format!("watching {}; Ctrl-C ends", plural(watched.existing(), "file")));
             let changed = loop {
                 sleep(INTERVAL);
-                if let Some(changed) = watched.changed(paths) {
+                if let Some(changed) = watched.changed(paths, options) {
                     break changed;
                 }
             };

@@ -55,7 +55,7 @@ macro_rules! codes {
                 match self { $(Code::$variant => $why,)* }
             }
 
-            /// A script with the mistake, and the corrected script. In the first, `…` means more than fits on a page, and `\xFC`
+            /// A script with the mistake, and the corrected script; a configuration file, for a code about that. In the first, `…` means more than fits on a page, and `\xFC`
             /// means the byte with this number.
             pub fn example(self) -> (&'static str, &'static str) {
                 match self { $(Code::$variant => ($wrong, $right),)* }
@@ -446,4 +446,23 @@ nod()
         so the script ends with a stop. Use the command for this frame, or allow it: `# allow: raw-frame`."
         "raw 0x04 1\n"
         "buzzer on for 100ms\n"
+
+    // motionseq.toml
+    ConfigSyntax "config-syntax" Error "motionseq.toml is not valid TOML."
+        "The configuration file is written in TOML: `KEY = VALUE` on each line, text in quotation marks, lists in brackets. No script is \
+        compiled until it can be read, because a limit of the project might be missing. docs/config.md describes every key."
+        "port = /dev/serial0\n"
+        "port = \"/dev/serial0\"\n"
+
+    ConfigKey "config-key" Error "motionseq.toml contains an unknown key."
+        "A key that has no effect is most likely misspelled, and a limit that is silently ignored protects nothing. `motionseq config` shows every \
+        key with its value. Settings that change what a script sends, such as `rate`, `tempo` and `seed`, belong in the script."
+        "[limits]\nservo-9 = \"900..1700\"\n"
+        "[limits]\nservo-2 = \"900..1700\"\n"
+
+    ConfigValue "config-value" Error "motionseq.toml contains an invalid value."
+        "The value has the wrong type, or it is not allowed for this key: a limit must be within the range of the board, and a time, a code or \
+        a pattern must be one that motionseq knows. docs/config.md describes every key."
+        "[limits]\nservo-2 = \"900..9000\"\n"
+        "[limits]\nservo-2 = \"900..1700\"\n"
 }

@@ -3,6 +3,7 @@
 //! No stage prints. Each one adds to a [`Diagnostics`]; the caller that shows them attaches the source once, with [`Attached`].
 
 mod codes;
+mod denied;
 mod macros;
 mod show;
 
@@ -11,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::source::{Source, SourceError, Span};
 
 pub use codes::{Code, Severity};
+pub use denied::Denied;
 pub(crate) use macros::{bail, diagnostic, report};
 pub use show::{Attached, Printable, escaped};
 

@@ -1,5 +1,6 @@
-//! `limit`: ranges that a script sets for itself, and those that hold where it sets none.
+//! `limit`: ranges that a script sets for itself, those that hold where it sets none, and those of its project.
 
+use super::Settings;
 use crate::board::{Board, Command, Limited};
 use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
@@ -15,6 +16,21 @@ pub struct Limit {
     pub high: f64,
     /// Where the script sets it; `None` for a limit of the board.
     pub span: Option<Span>,
+}
+
+/// A range that a project sets for all of its scripts. A script can only narrow it. It comes as data, because
+/// the library reads no configuration file.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ProjectLimit {
+    /// What is limited.
+    pub limited: Limited,
+    /// The smallest value allowed, in the unit of the value.
+    pub low: f64,
+    /// The largest value allowed.
+    pub high: f64,
+    /// Where the project sets it, for messages: `motionseq.toml:4`.
+    pub place: String,
 }
 
 impl Limit {
@@ -35,11 +51,27 @@ impl Limit {
     }
 }
 
-/// What is wrong with a command that breaks a limit, and how to widen the first one that it breaks.
+/// What is wrong with a command that breaks a limit of the project or of the script, and how to widen the first one that it
+/// breaks.
 #[inline]
-pub(crate) fn broken(board: &Board, limits: &[Limit], command: &Command, span: Span) -> Option<Diagnostic> {
+pub(crate) fn broken(board: &Board, settings: &Settings, command: &Command, span: Span) -> Option<Diagnostic> {
     let value = |limit: &Limit| board.outside(limit.limited, (limit.low, limit.high), command);
-    limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span)))
+    // The script cannot widen a limit of the project, so that one is reported first.
+    broken_of_project(board, &settings.project_limits, command, span)
+        .or_else(|| settings.limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span))))
+}
+
+/// What is wrong with a command that is outside of a limit of the project.
+fn broken_of_project(board: &Board, limits: &[ProjectLimit], command: &Command, span: Span) -> Option<Diagnostic> {
+    limits.iter().find_map(|limit| {
+        let ProjectLimit { limited, low, high, place } = limit;
+        let value = board.outside(*limited, (*low, *high), command)?;
+        let name = board.limited_name(*limited);
+        let diagnostic = diagnostic!(Limit, span,
+            "{value} is outside of the limit {low}..{high} of {name}, set in {place}";
+            help: "stay inside, or change the limit in {place}");
+        Some(diagnostic.label("outside the limit"))
+    })
 }
 
 fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {

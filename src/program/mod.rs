@@ -17,6 +17,7 @@ mod lints;
 mod motion;
 mod names;
 mod pending;
+mod project_limits;
 mod say;
 mod scope;
 mod settings;
@@ -34,9 +35,10 @@ mod words;
 pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Condition, Expect, Measured};
 pub use functions::{FUNCTIONS, Function};
-pub use limits::Limit;
 pub(crate) use limits::broken as broken_limit;
+pub use limits::{Limit, ProjectLimit};
 pub(crate) use motion::{Motion, Move};
+pub use project_limits::limit_items;
 pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
@@ -55,7 +57,7 @@ use crate::units::Micros;
 pub(crate) const MAX_STEPS: u64 = 100_000_000;
 
 /// What a script is compiled with from outside.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
     /// The most frames a robot.
@@ -66,6 +68,8 @@ pub struct Options {
     pub speed: Speed,
     /// The board that it is for.
     pub board: Arc<Board>,
+    /// Ranges that no command may leave, whatever the script says. They reject a script, and never change what it sends.
+    pub limits: Vec<ProjectLimit>,
 }
 
 impl Options {
@@ -79,6 +83,12 @@ impl Options {
     #[must_use]
     pub fn with_events(self, events: usize) -> Self {
         Options { events, ..self }
+    }
+
+    /// The same with the limits of a project.
+    #[must_use]
+    pub fn with_limits(self, limits: Vec<ProjectLimit>) -> Self {
+        Options { limits, ..self }
     }
 
     /// The same at another speed.
@@ -133,7 +143,13 @@ impl Speed {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { events: 10_000_000, set: Vec::new(), speed: Speed::NORMAL, board: board::raspblock::board() }
+        Options {
+            events: 10_000_000,
+            set: Vec::new(),
+            speed: Speed::NORMAL,
+            board: board::raspblock::board(),
+            limits: Vec::new(),
+        }
     }
 }
 
@@ -215,6 +231,8 @@ pub(crate) struct Settings {
     pub seed: u64,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
+    /// Ranges that the project limits.
+    pub project_limits: Vec<ProjectLimit>,
     /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
     pub speeds: Vec<Option<u32>>,
 }
@@ -224,7 +242,8 @@ pub const MAX_SERVO_SPEED: u64 = 100_000;
 
 impl Settings {
     /// What holds where a script says nothing.
-    pub(crate) fn of(board: &Board) -> Self {
+    pub(crate) fn of(options: &Options) -> Self {
+        let board = &options.board;
         Settings {
             period: Time::from_millis(20),
             refresh: Some(Time::from_millis(50)),
@@ -233,6 +252,7 @@ impl Settings {
             has_tempo: false,
             seed: 0,
             limits: Limit::proper(board),
+            project_limits: options.limits.clone(),
             speeds: board.resources.iter().map(|resource| resource.speed).collect(),
         }
     }

@@ -173,7 +173,7 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
 }
 
 /// The verbs that may be limited.
-fn limitable(board: &Board) -> impl Iterator<Item = &Verb> {
+pub(super) fn limitable(board: &Board) -> impl Iterator<Item = &Verb> {
     board.verbs.iter().filter(|verb| verb.moves && !matches!(verb.sets, Sets::Parts(..)))
 }
 

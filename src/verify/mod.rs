@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::board::Board;
-use crate::diagnostic::{Code, Diagnostic, Diagnostics};
+use crate::diagnostic::{Code, Denied, Diagnostic, Diagnostics};
 use crate::diff::{Change, Words, diff};
 use crate::faults::Faults;
 use crate::program::Options;
@@ -163,8 +163,8 @@ pub struct Job {
     pub play: bool,
     /// The faults while playing.
     pub faults: Faults,
-    /// Whether warnings fail a script.
-    pub deny: bool,
+    /// The warnings that fail a script.
+    pub deny: Denied,
 }
 
 impl Job {
@@ -200,7 +200,7 @@ impl Job {
                 } else {
                     self.compare_and_play(script, &timeline, &sources, &lines)
                 };
-                if self.deny && compiled.diagnostics.warnings() > 0 {
+                if self.deny.count(&compiled.diagnostics) > 0 {
                     status = if status.is_passed() { Status::Denied } else { status };
                     problems.extend(compiled.diagnostics.iter().map(|warning| found(warning, &lines)));
                 }

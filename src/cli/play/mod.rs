@@ -21,11 +21,12 @@ use motionseq::playback::{Guard, GuardConfig, Keys, Notice, Player, Realtime, Se
 use motionseq::serve::BoardThread;
 use motionseq::source::Lines;
 use motionseq::timeline::Timeline;
-use motionseq::units::{Micros, Nanos, NotATime};
+use motionseq::units::{Micros, Nanos};
 
 use super::Options;
 use super::exit::Exit;
 use super::port_opening;
+use super::project::{ChosenPort, VIRTUAL, ValueSource, max_late};
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
 use display::{Display, Progress};
@@ -43,7 +44,7 @@ use run_log::Run;
 pub(super) struct Play {
     /// Script to read, or `-` for standard input
     file: PathBuf,
-    /// Serial port of the board, such as /dev/serial0, or `auto` [default: `MOTIONSEQ_PORT`, else a virtual board]
+    /// Serial port of the board, such as /dev/serial0, or `auto` or `virtual` [default: `MOTIONSEQ_PORT`, `port` of motionseq.toml, else virtual]
     #[arg(long, value_name = "PATH")]
     port: Option<PathBuf>,
     /// If the port cannot be opened yet, wait for it up to TIME, as a service does at boot
@@ -78,18 +79,6 @@ pub(super) struct Play {
     options: Options,
 }
 
-fn max_late(text: &str) -> Result<Nanos, String> {
-    match text.parse::<Micros>() {
-        Ok(time) if time < Micros::from_millis(1) => Err("too short; write 1ms or more".into()),
-        Ok(time) if time <= Micros::from_millis(10_000) => Ok(time.nanos()),
-        Ok(_) | Err(NotATime::TooLong) => Err("too long; write 10s or less".into()),
-        Err(_) => Err("write a time such as 50ms or 1s".into()),
-    }
-}
-
-/// The default of `--max-late`: on a real port, and on the virtual board.
-const MAX_LATE: [Nanos; 2] = [Nanos::from_millis(50), Nanos::from_millis(1_000)];
-
 impl Play {
     /// Compiles the script, opens the port, plays, and reports the result.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
@@ -98,12 +87,14 @@ impl Play {
 
     fn play(&self, screen: &Screen) -> Result<Exit, Exit> {
         let (sources, selected) = self.selection.compile(&self.file, &self.options, Warnings::Counted, screen)?;
-        let Selected { timeline, again, first_pass, script, diagnostics } = selected;
+        let Selected { timeline, again, first_pass, script, diagnostics, config } = selected;
         let results = ResultFiles::open(&self.results, &sources, screen)?;
         self.check_terminal(screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
-        let Port { link, path, board, poses } = self.open_port(&timeline, &signals, screen)?;
+        let chosen = config.port(self.port.as_deref());
+        let limit = self.max_late.unwrap_or_else(|| config.max_late(chosen.path.is_some()));
+        let Port { link, path, board, poses } = self.open_port(&chosen, &timeline, &signals, screen)?;
 
         // The port is open. Everything that may fail or wait is done before the first frame.
         let (mut files, report) = results.start(&timeline.board, &sources, path.as_deref(), screen)?;
@@ -114,13 +105,13 @@ impl Play {
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
         let mut observers = Observers::start(timelines, display, files).map_err(|error| system(screen, &error))?;
         let stalls = board.as_ref().map(BoardThread::stalls).unwrap_or_default();
-        let player = self.player(Player::new(&timeline, self.limit(path.is_some())), again.as_deref());
+        let player = self.player(Player::new(&timeline, limit), again.as_deref());
         let mut session = Session::new(player, Stalling::new(link, stalls), signals, Lines::of(&sources));
         session.keys = keys;
         session.realtime = self.realtime && become_realtime(screen);
         // The guard is started last, because from then on the player must send heartbeats.
         let mut ward = GuardConfig::of(&timeline);
-        (ward.max_late, ward.realtime) = (self.limit(path.is_some()), self.realtime);
+        (ward.max_late, ward.realtime) = (limit, self.realtime);
         session.guard = self.guard(session.link.descriptor(), &ward, board.is_some(), screen).map_err(|error| {
             // Ctrl-C also reaches a guard that is starting.
             session.signals.pending().map_or_else(|| system(screen, &error), Exit::Signal)
@@ -161,27 +152,22 @@ impl Play {
         Ok(())
     }
 
-    fn open_port(&self, timeline: &Timeline, signals: &Signals, screen: &Screen) -> Result<Port, Exit> {
-        let path = self.port_path();
-        let faults = self.faults(path.is_some(), screen)?;
-        match path {
-            Some(path) => {
-                let opened = port_opening::open(&path, timeline.baud, self.wait, signals, screen)?;
-                Ok(Port::real(opened, screen))
+    fn open_port(
+        &self,
+        chosen: &ChosenPort,
+        timeline: &Timeline,
+        signals: &Signals,
+        screen: &Screen,
+    ) -> Result<Port, Exit> {
+        let faults = self.faults(chosen.path.is_some(), screen)?;
+        let Some(path) = &chosen.path else { return Port::of_board(chosen, timeline, faults, screen) };
+        let opened = port_opening::open(path, timeline.baud, self.wait, signals, screen).inspect_err(|_| {
+            // A user may not know that there is a file.
+            if let ValueSource::File(place) = &chosen.source {
+                screen.ask(&format!("the port is from {place}; `--port {VIRTUAL}` plays on the virtual board"));
             }
-            None => Port::of_board(timeline, faults, screen),
-        }
-    }
-
-    /// The port. An empty variable counts as not set.
-    fn port_path(&self) -> Option<PathBuf> {
-        let port = self.port.clone().or_else(|| std::env::var_os("MOTIONSEQ_PORT").map(PathBuf::from));
-        port.filter(|port| !port.as_os_str().is_empty())
-    }
-
-    fn limit(&self, is_real: bool) -> Nanos {
-        let [on_port, on_virtual] = MAX_LATE;
-        self.max_late.unwrap_or(if is_real { on_port } else { on_virtual })
+        })?;
+        Ok(Port::real(opened, &chosen.origin(), screen))
     }
 
     /// The faults of the virtual board.

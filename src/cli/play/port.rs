@@ -14,6 +14,7 @@ use motionseq::units::Micros;
 
 use super::super::exit::Exit;
 use super::super::port_opening::doubt;
+use super::super::project::{ChosenPort, ValueSource};
 use super::super::screen::Screen;
 
 /// An open port, and the virtual board at its other end if there is one.
@@ -32,12 +33,20 @@ const POSES: usize = 1_024;
 
 impl Port {
     /// The port of a new virtual board.
-    pub(super) fn of_board(timeline: &Timeline, faults: Faults, screen: &Screen) -> Result<Self, Exit> {
+    pub(super) fn of_board(
+        chosen: &ChosenPort,
+        timeline: &Timeline,
+        faults: Faults,
+        screen: &Screen,
+    ) -> Result<Self, Exit> {
         let Timeline { board, baud, .. } = timeline;
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
         // Opened by its path, like a real port.
         let link = Serial::open(pty.path(), *baud).map_err(|error| system(screen, &io::Error::other(error)))?;
-        screen.note("no --port: playing on the built-in virtual board");
+        screen.note(&match chosen.source {
+            ValueSource::Default => "no --port: playing on the built-in virtual board".to_owned(),
+            _ => format!("playing on the built-in virtual board{}", chosen.origin()),
+        });
         let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
         let (tell, poses) = mpsc::sync_channel(POSES);
         let mut due = Micros(1);
@@ -54,8 +63,8 @@ impl Port {
     }
 
     /// A real port.
-    pub(super) fn real((link, path): (Serial, PathBuf), screen: &Screen) -> Self {
-        screen.note(&format!("playing on {}", path.display()));
+    pub(super) fn real((link, path): (Serial, PathBuf), origin: &str, screen: &Screen) -> Self {
+        screen.note(&format!("playing on {}{origin}", path.display()));
         doubt(&path, screen);
         Port { link, path: Some(path), board: None, poses: None }
     }

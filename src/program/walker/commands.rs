@@ -179,7 +179,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             return;
         }
         // A stop is never refused.
-        if let Some(diagnostic) = limits::broken(board, &self.program.settings.limits, &command, span)
+        if let Some(diagnostic) = limits::broken(board, &self.program.settings, &command, span)
             && !board.is_rest(&command)
         {
             self.eval.push(diagnostic);

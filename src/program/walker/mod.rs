@@ -37,7 +37,7 @@ pub(super) fn walk<'s>(
 ) -> Program {
     let program = Program {
         board: std::sync::Arc::clone(&options.board),
-        settings: Settings::of(&options.board),
+        settings: Settings::of(options),
         steps: Vec::new(),
         end: Time::ZERO,
         abort: None,

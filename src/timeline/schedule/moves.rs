@@ -117,7 +117,7 @@ impl Scheduler<'_> {
                 return false;
             }
         };
-        if let Some(diagnostic) = broken_limit(board, &self.settings.limits, &command, from.span) {
+        if let Some(diagnostic) = broken_limit(board, self.settings, &command, from.span) {
             self.report(diagnostic, from);
             return false;
         }
