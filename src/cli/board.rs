@@ -46,7 +46,7 @@ pub(super) struct Board {
     /// Once a program has requested reports, send one every TIME (10ms to 10s)
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
     report_every: Micros,
-    /// Write a log of frames, state, pose and telemetry to this MCAP file, for Foxglove and other tools
+    /// Write an MCAP log of frames, state, pose and telemetry for Foxglove to FILE, or to a new file in a folder
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     #[command(flatten)]

@@ -62,7 +62,7 @@ pub(super) struct Record {
     /// Once the program has requested reports, send one every TIME from the virtual board (10ms to 10s)
     #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
     report_every: Micros,
-    /// Write a log of frames, state and telemetry to this MCAP file, for Foxglove and other tools
+    /// Write an MCAP log of frames, state and telemetry for Foxglove to FILE, or to a new file in a folder
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Run without the guard, the process that stops the robot if this one is killed or hangs
