@@ -163,7 +163,7 @@ fn the_command_compares_scripts_and_snapshots() {
 #[test]
 fn a_change_is_also_data() {
     let old = script("data-old", "servo 1 1500\nwait 1s\nrepeat 3 {\nservo 2 900\nwait 1s\n}\nbuzzer on for 1s\n");
-    let new = script("data-new", "wait 1s\nservo 1 1600\nwait 1s\nrepeat 3 {\nservo 2 950\nwait 1s\n}\n");
+    let new = script("data-new", "# edited\nservo 1 1500\nwait 1s\nrepeat 3 {\nservo 2 950\nwait 1s\n}\n");
     let json = |old: &str, new: &str| -> serde_json::Value {
         let output = run(&["diff", old, new, "--format", "json"]);
         assert_eq!(output.status.code(), Some(i32::from(old != new)), "{}", stderr(&output));
