@@ -162,8 +162,8 @@ fn the_command_compares_scripts_and_snapshots() {
 
 #[test]
 fn a_change_is_also_data() {
-    let old = script("data-old", "servo 1 1500\nwait 1s\nrepeat 3 { servo 2 900; wait 1s }\nbuzzer on for 1s\n");
-    let new = script("data-new", "wait 1s\nservo 1 1600\nwait 1s\nrepeat 3 { servo 2 950; wait 1s }\n");
+    let old = script("data-old", "servo 1 1500\nwait 1s\nrepeat 3 {\nservo 2 900\nwait 1s\n}\nbuzzer on for 1s\n");
+    let new = script("data-new", "# edited\nservo 1 1500\nwait 1s\nrepeat 3 {\nservo 2 950\nwait 1s\n}\n");
     let json = |old: &str, new: &str| -> serde_json::Value {
         let output = run(&["diff", old, new, "--format", "json"]);
         assert_eq!(output.status.code(), Some(i32::from(old != new)), "{}", stderr(&output));
@@ -180,11 +180,11 @@ fn a_change_is_also_data() {
     let changed =
         changes.iter().find(|change| change["values"]["old"][0] == "servo" && change["values"]["old"][1] == "2");
     let changed = changed.unwrap();
-    assert_eq!((&changed["old"], &changed["new"]), (&place(&old, 3), &place(&new, 4)));
+    assert_eq!((&changed["old"], &changed["new"]), (&place(&old, 4), &place(&new, 5)));
     assert_eq!((&changed["values"]["old"][2], &changed["values"]["new"][2]), (&"900".into(), &"950".into()));
     assert_eq!((&changed["more"]["count"], &changed["more"]["other_values"]), (&2.into(), &false.into()));
     let removed = of_kind("removed");
-    assert_eq!((&removed["old"], &removed["new"]), (&place(&old, 4), &serde_json::Value::Null));
+    assert_eq!((&removed["old"], &removed["new"]), (&place(&old, 7), &serde_json::Value::Null));
     assert_eq!(removed["at_us"], 4_000_000);
     assert_eq!((&found["old"], &found["new"]), (&old.as_str().into(), &new.as_str().into()));
     assert_eq!(json(&old, &old)["changes"], serde_json::json!([]));

@@ -411,7 +411,7 @@ fn the_files_for_ci_are_the_ones_in_the_folder_and_their_commands_run() {
             }
         }
     }
-    assert_eq!(ran, 4);
+    assert_eq!(ran, 5);
 }
 
 #[test]

@@ -14,13 +14,13 @@ fn scratch(name: &str) -> Scratch {
     let scratch = Scratch::new(&format!("fixes-{name}"));
     fs::create_dir_all(scratch.0.join("lib")).unwrap();
     scratch.file("main.motion", "use \"lib/moves.motion\"\r\n  Servo   1 1500   # größer\nnod()".as_bytes());
-    scratch.file("lib/moves.motion", b"def nod() {\n\tservo 2 1500; wait 200 ms\n}\n\n\n");
+    scratch.file("lib/moves.motion", b"def nod() {\n\tservo 2 1500\n\twait 200 ms\n}\n\n");
     scratch
 }
 
 const FIXED: [&str; 2] = [
     "use \"lib/moves.motion\"\r\n  servo   1 1500   # größer\nnod()",
-    "def nod() {\n\tservo 2 1500; wait 200ms\n}\n\n\n",
+    "def nod() {\n\tservo 2 1500\n\twait 200ms\n}\n\n",
 ];
 
 fn texts(scratch: &Scratch) -> [String; 2] {
@@ -71,10 +71,10 @@ fn a_difference_shows_the_fixes_and_changes_nothing() {
 +++ lib/moves.motion
 @@ -1,5 +1,5 @@
  def nod() {
--\tservo 2 1500; wait 200 ms
-+\tservo 2 1500; wait 200ms
+ \tservo 2 1500
+-\twait 200 ms
++\twait 200ms
  }
-\u{20}
 \u{20}
 --- main.motion
 +++ main.motion
@@ -142,7 +142,7 @@ fn standard_input_can_have_the_name_of_a_file() {
         let output = check_input(&scratch, &args, text);
         let shown = stdout(&output);
         assert!(shown.contains("lib/main.motion:3:1: error[unknown-word]"), "{shown}");
-        assert!(shown.contains("lib/moves.motion:2:21: error[unit]"), "{shown}");
+        assert!(shown.contains("lib/moves.motion:3:7: error[unit]"), "{shown}");
     }
     // The file of that name stays.
     let output = check_input(&scratch, &["--stdin-filename", "main.motion", "-", "--fix"], "Servo 1 1500\n");
@@ -161,9 +161,9 @@ fn reports_carry_the_fixes() {
     assert_eq!(fix["edits"], serde_json::json!([edit]));
     assert_eq!(json["findings"][1]["fix"]["edits"][0]["file"], "lib/moves.motion");
     // Characters count, not bytes.
-    let output = check_input(&scratch, &["-", "--format", "json"], "say \"grüße\"; wait 200 ms\n");
+    let output = check_input(&scratch, &["-", "--format", "json"], "say \"grüße\"; buzzer on for 200 ms\n");
     let json: Value = serde_json::from_str(&stdout(&output)).unwrap();
-    assert_eq!(json["findings"][0]["fix"]["edits"][0]["column"], 19);
+    assert_eq!(json["findings"][0]["fix"]["edits"][0]["column"], 28);
     let sarif: Value = serde_json::from_str(&stdout(&check(&scratch, &["main.motion", "--format", "sarif"]))).unwrap();
     let change = &sarif["runs"][0]["results"][0]["fixes"][0]["artifactChanges"][0];
     assert!(change["artifactLocation"]["uri"].as_str().unwrap().ends_with("main.motion"));
@@ -187,5 +187,5 @@ fn a_finding_of_gitlab_is_the_same_on_another_line() {
     // An error of a file that two scripts use is one finding.
     scratch.file("other.motion", b"use \"lib/moves.motion\"\nnod()\n");
     let output = check(&scratch, &["main.motion", "other.motion", "--format", "concise"]);
-    assert_eq!(stdout(&output).matches("lib/moves.motion:2").count(), 1, "{}", stdout(&output));
+    assert_eq!(stdout(&output).matches("lib/moves.motion:3").count(), 1, "{}", stdout(&output));
 }

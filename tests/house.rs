@@ -42,7 +42,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "compile",
         ],
     ),
-    ("report", &["units", "source", "diagnostic", "verify"]),
+    ("report", &["units", "source", "diagnostic", "diff", "verify"]),
 ];
 
 /// Words that are allowed in only one place, and that place.

@@ -31,6 +31,7 @@ fn review(folder: &Scratch, steps: &[&str]) -> String {
         .args(["--", PROGRAM, "test", "--review"])
         .env("TMPDIR", &folder.0)
         .env("MOTIONSEQ_PORT", "/dev/never")
+        .env("NO_COLOR", "1")
         .current_dir(&folder.0)
         .output()
         .unwrap();
