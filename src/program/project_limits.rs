@@ -20,23 +20,24 @@ impl ProjectLimit {
         limited: Limited,
         range: &str,
         place: impl Into<String>,
-    ) -> Result<Self, Diagnostic> {
+    ) -> Result<Self, Box<Diagnostic>> {
         let setting = format!("limit {} ", board.limited_name(limited));
         let found = one_limit(board, limited, &setting, range).map_err(|error| {
             let inside = |offset: u32| (offset as usize).saturating_sub(setting.len()).min(range.len());
             let moved = |span: Span| Span::new(inside(span.start), inside(span.end));
             let fix = error.fix.clone().map(|edit| Edit { span: moved(edit.span), ..edit });
-            Diagnostic { span: moved(error.span), related: Vec::new(), fix, ..error }
+            Box::new(Diagnostic { span: moved(error.span), related: Vec::new(), fix, ..*error })
         })?;
         Ok(ProjectLimit { limited, low: found.low, high: found.high, place: place.into() })
     }
 }
 
 /// The limit that the line `setting` with this range sets.
-fn one_limit(board: &Arc<Board>, limited: Limited, setting: &str, range: &str) -> Result<Limit, Diagnostic> {
+fn one_limit(board: &Arc<Board>, limited: Limited, setting: &str, range: &str) -> Result<Limit, Box<Diagnostic>> {
     let none = || {
-        diagnostic!(InvalidArgument, Span::new(setting.len(), setting.len() + range.len()), "a range is needed here";
-            help: "write the smallest and the largest value with `..` between them: `900..1700`")
+        let diagnostic = diagnostic!(InvalidArgument, Span::new(setting.len(), setting.len() + range.len()), "a range is needed here";
+            help: "write the smallest and the largest value with `..` between them: `900..1700`");
+        Box::new(diagnostic)
     };
     // Nothing but the range of one setting.
     if range.trim().is_empty() || range.contains(['\n', '\r', ';', '#', '{', '"']) {
@@ -52,7 +53,7 @@ fn one_limit(board: &Arc<Board>, limited: Limited, setting: &str, range: &str) -
     if let Some(error) = diagnostics.iter().find(|diagnostic| diagnostic.is_error()) {
         // Other errors are about texts that are not a range.
         let is_about_range = matches!(error.code, Code::OutOfRange | Code::Unit);
-        return Err(if is_about_range { error.clone() } else { none() });
+        return Err(if is_about_range { Box::new(error.clone()) } else { none() });
     }
     limits.into_iter().find(|limit| limit.limited == limited && limit.span.is_some()).ok_or_else(none)
 }
