@@ -23,8 +23,8 @@ use super::unified_diff::unified_diff;
     after_help = "Examples:\n  motionseq fmt .                          # all scripts in this folder\n  motionseq fmt --check scripts/*.motion   # for CI: change no file, fail if one is not formatted\n  motionseq fmt --diff .                   # show what would change\n  motionseq fmt - < draft.motion           # format standard input to standard output\n\nLine breaks and comments are kept. A script with syntax errors is not changed."
 )]
 pub(super) struct Fmt {
-    /// Scripts or folders to format, or `-` for standard input
-    #[arg(required = true, value_name = "FILE")]
+    /// Scripts or folders to format, or `-` for standard input [default: `paths` of motionseq.toml, else this folder]
+    #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Change no file; list the scripts that are not formatted, and fail if there are any
     #[arg(long)]
@@ -39,14 +39,19 @@ pub(super) struct Fmt {
 impl Fmt {
     /// Formats every file; fails if one cannot be read, or with `--check` or `--diff` if one would change.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        let configs = self.config.configs();
+        let paths = match configs.searched(&self.files, screen) {
+            Ok(paths) => paths,
+            Err(exit) => return exit,
+        };
         if self.files.iter().filter(|file| file.as_os_str() == "-").count() > 1 {
             screen.error("standard input can be read only once: write `-` once");
             return Exit::Usage;
         }
         let mut exit = Exit::Ok;
         let (mut changed, mut failed) = (0_usize, 0_usize);
-        let (folders, mut files): (Vec<_>, Vec<_>) = self.files.iter().cloned().partition(|path| path.is_dir());
-        let found = find_scripts(&folders, &self.config.configs());
+        let (folders, mut files): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.is_dir());
+        let found = find_scripts(&folders, &configs);
         for (path, why) in &found.unreadable {
             screen.error(&format!("cannot read {}: {why}", path.display()));
             exit = Exit::Script;
