@@ -171,14 +171,13 @@ fn a_change_is_also_data() {
     };
     let found = json(&old, &new);
     let place = |file: &str, line: u32| serde_json::json!({ "file": file, "line": line });
-    let changes = found["changes"].as_array().unwrap();
+    let all = found["changes"].as_array().unwrap();
     // The first word of each line that is shown, and the kind.
     let human = stdout(&run(&["diff", &old, &new]));
-    let shown: Vec<&str> = changes.iter().map(|change| change["message"].as_str().unwrap()).collect();
+    let shown: Vec<&str> = all.iter().map(|change| change["message"].as_str().unwrap()).collect();
     assert_eq!(shown.join("\n") + "\n", human);
-    let of_kind = |kind: &str| changes.iter().find(|change| change["kind"] == kind).unwrap();
-    let changed =
-        changes.iter().find(|change| change["values"]["old"][0] == "servo" && change["values"]["old"][1] == "2");
+    let of_kind = |kind: &str| all.iter().find(|change| change["kind"] == kind).unwrap();
+    let changed = all.iter().find(|change| change["values"]["old"][0] == "servo" && change["values"]["old"][1] == "2");
     let changed = changed.unwrap();
     assert_eq!((&changed["old"], &changed["new"]), (&place(&old, 4), &place(&new, 5)));
     assert_eq!((&changed["values"]["old"][2], &changed["values"]["new"][2]), (&"900".into(), &"950".into()));

@@ -13,9 +13,9 @@ pub(super) fn write_atomically(path: &Path, text: &[u8]) -> io::Result<()> {
 
 /// Replaces the content of a file like [`write_atomically`], unless it is not `old` any more.
 pub(super) fn replace(path: &Path, old: &[u8], new: &[u8]) -> io::Result<()> {
-    let is_old = || match std::fs::read(path)? == old {
-        true => Ok(()),
-        false => Err(io::Error::other("it has changed since it was read")),
+    let is_old = || {
+        let is_old = std::fs::read(path)? == old;
+        if is_old { Ok(()) } else { Err(io::Error::other("it has changed since it was read")) }
     };
     // A file that is written in place loses its content at once.
     is_old()?;

@@ -71,9 +71,9 @@ impl Change {
                 Words::from("overall: the script ends at ") + Words::change(secs(*from), secs(*to))
             }
             What::Load { from, to } => {
-                let number = |from: u64, to: u64| match from == to {
-                    true => Words::from(from.to_string()),
-                    false => Words::change(from.to_string(), to.to_string()),
+                let number = |from: u64, to: u64| {
+                    let (old, new) = (from.to_string(), to.to_string());
+                    if from == to { Words::from(old) } else { Words::change(old, new) }
                 };
                 let words = Words::from("overall: ") + number(from.0, to.0) + " bytes are sent";
                 if from.1 == to.1 {

@@ -59,9 +59,10 @@ fn result(finding: &Finding) -> Value {
         }}],
     });
     // The schema allows no `null`.
-    if let Some(fix) = &finding.fix {
+    if let (Some(fix), Some(result)) = (&finding.fix, result.as_object_mut()) {
         let changes: Vec<Value> = fix.edits.iter().map(change).collect();
-        result["fixes"] = json!([{ "description": { "text": fix.message }, "artifactChanges": changes }]);
+        let fixes = json!([{ "description": { "text": fix.message }, "artifactChanges": changes }]);
+        result.insert("fixes".into(), fixes);
     }
     result
 }
