@@ -249,18 +249,18 @@ const ROWS: &[Row] = &[
     value("FALSE", "C", "false"),
     value("PI", "C", "3.14159265358979"),
     value("pi", "Python", "3.14159265358979"),
-    // Easings.
-    easing("ease", "CSS", "in-out-sine"),
-    easing("ease-in", "CSS", "in-sine"),
-    easing("ease-out", "CSS", "out-sine"),
-    easing("ease-in-out", "CSS", "in-out-sine"),
-    easing("smooth", "", "in-out-sine"),
-    easing("smoothstep", "GLSL", "in-out-sine"),
+    // Easings. Their curves are similar, not equal.
+    easing("ease", "CSS", "in-out-sine").example(),
+    easing("ease-in", "CSS", "in-sine").example(),
+    easing("ease-out", "CSS", "out-sine").example(),
+    easing("ease-in-out", "CSS", "in-out-sine").example(),
+    easing("smooth", "", "in-out-sine").example(),
+    easing("smoothstep", "GLSL", "in-out-sine").example(),
     easing("none", "", "linear"),
-    easing("swing", "jQuery", "in-out-sine"),
-    easing("in", "", "in-sine"),
-    easing("out", "", "out-sine"),
-    easing("in-out", "", "in-out-sine"),
+    easing("swing", "jQuery", "in-out-sine").example(),
+    easing("in", "", "in-sine").example(),
+    easing("out", "", "out-sine").example(),
+    easing("in-out", "", "in-out-sine").example(),
 ];
 
 /// A statement as it is written in another language, and what to write instead.
