@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader};
+use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Child, Command, Stdio};
 
 use crate::support::{Scratch, code, stderr, stdout, with_motionseq};
@@ -175,7 +176,6 @@ impl Watching {
     fn interrupt(mut self) {
         let id = self.0.id().to_string();
         assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-        use std::os::unix::process::ExitStatusExt as _;
         assert_eq!(self.0.wait().unwrap().signal(), Some(2));
     }
 }

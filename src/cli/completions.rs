@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Args, Command, CommandFactory};
+use clap::{Arg, Args, Command, CommandFactory};
 use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter as _};
 use clap_complete::{CompleteEnv, Shell};
 use motionseq::diagnostic::{Code, Diagnostics};
@@ -71,16 +71,18 @@ fn completed() -> Command {
     Command::new("motionseq").args(whole.get_arguments().cloned()).subcommands(commands)
 }
 
-/// The same with what only the program can complete: marks, names, ports and scripts.
+/// The same with what only the program can complete: marks, names, ports and scripts. Options are offered once a `-` is typed.
 fn with_completers(is_bash: bool) -> Command {
-    completed().mut_subcommands(|command| {
+    let has_word = std::env::args_os().last().is_some_and(|word| !word.is_empty());
+    let shown = move |argument: Arg| if argument.is_positional() { argument } else { argument.hide(!has_word) };
+    completed().disable_help_flag(!has_word).mut_args(shown).mut_subcommands(|command| {
         let has_scripts = SCRIPT_COMMANDS.contains(&command.get_name());
-        command.mut_args(|argument| match argument.get_id().as_str() {
+        command.disable_help_flag(!has_word).mut_args(shown).mut_args(|argument| match argument.get_id().as_str() {
             "from" | "to" => argument.add(ArgValueCompleter::new(marks)),
             "set" => argument.add(ArgValueCompleter::new(names)),
             #[cfg(target_os = "linux")]
             "port" => argument.add(ArgValueCompleter::new(ports)),
-            "file" | "files" | "paths" | "old" | "new" if has_scripts => {
+            "file" | "files" | "path" | "paths" | "old" | "new" if has_scripts => {
                 argument.add(ArgValueCompleter::new(move |word: &OsStr| scripts(word, is_bash)))
             }
             _ => argument,
@@ -142,7 +144,8 @@ fn ports(word: &OsStr) -> Vec<CompletionCandidate> {
 fn scripts(word: &OsStr, is_bash: bool) -> Vec<CompletionCandidate> {
     let word = unquoted(word);
     let is_script = |path: &Path| path.is_dir() || path.extension().is_some_and(|extension| extension == "motion");
-    let found = PathCompleter::any().filter(is_script).complete(&word);
+    let mut found = PathCompleter::any().filter(is_script).complete(&word);
+    found.retain(|path| path.get_value() != ".");
     let escaped = |path: &OsStr| {
         let path = path.to_string_lossy();
         path.chars()

@@ -5,7 +5,7 @@ use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use motionseq::link::{BoardLikelihood, Obstacle, OpenError, PortInfo, Serial, obstacle, ports};
+use motionseq::link::{BoardLikelihood, Obstacle, OpenError, PortInfo, Serial, obstacle, port_at, ports};
 use motionseq::playback::Signals;
 use motionseq::units::{Micros, NotATime};
 use rustix::event::{PollFd, PollFlags, Timespec};
@@ -167,7 +167,8 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
 
 /// Warns if a port that was opened is probably not the board.
 pub(super) fn doubt(path: &Path, screen: &Screen) {
-    if let Some(why @ (Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_))) = obstacle(path) {
+    let found = port_at(path).and_then(|port| port.obstacle);
+    if let Some(why @ (Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_))) = found {
         screen.warning(&format!("{}: {why}", path.display()));
     }
 }

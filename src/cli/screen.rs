@@ -172,7 +172,7 @@ impl Screen {
 
     /// Writes a question, even with `-q`; the answer follows on the same line.
     pub(super) fn prompt(&self, question: &str) {
-        print(question, Importance::Required);
+        print(&format!("{}{question}", self.clearing()), Importance::Required);
     }
 
     /// Clears a terminal.

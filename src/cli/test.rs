@@ -94,7 +94,8 @@ impl Test {
     fn test(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {
         let configs = self.options.config.configs();
         let found = self.find(paths, &configs);
-        if found.scripts.is_empty() && found.unreadable.is_empty() && !(self.prune && !found.orphans.is_empty()) {
+        let is_pruned = self.prune && !found.orphans.is_empty();
+        if found.scripts.is_empty() && found.unreadable.is_empty() && !is_pruned {
             let paths: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
             let with = self.filter.as_ref().map(|name| format!(" whose path contains `{name}`")).unwrap_or_default();
             screen.error(&format!("no .motion files{with} in {}", paths.join(", ")));

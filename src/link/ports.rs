@@ -106,6 +106,11 @@ pub fn ports() -> io::Result<Vec<PortInfo>> {
     Computer::at(Path::new("/")).ports()
 }
 
+/// The serial port at a path; `None` for anything else, such as a pty.
+pub fn port_at(path: &Path) -> Option<PortInfo> {
+    Computer::at(Path::new("/")).port(path.canonicalize().ok()?.strip_prefix("/dev").ok()?.to_str()?)
+}
+
 /// Why a port at a path cannot be used now, if that is known.
 pub fn obstacle(path: &Path) -> Option<Obstacle> {
     Computer::at(Path::new("/")).obstacle(&path.canonicalize().ok()?)

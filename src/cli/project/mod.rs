@@ -15,8 +15,11 @@ use motionseq::source::{Source, read_file};
 
 use super::exit::Exit;
 use super::screen::{Screen, Warnings};
+#[cfg(target_os = "linux")]
 pub(super) use read::max_late;
-pub(super) use settings::{ChosenPort, Config, Setting, Source as ValueSource};
+#[cfg(target_os = "linux")]
+pub(super) use settings::ChosenPort;
+pub(super) use settings::{Config, Setting, Source as ValueSource};
 
 /// The name of the file.
 pub(super) const NAME: &str = "motionseq.toml";
