@@ -5,6 +5,7 @@
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::os::unix::fs::FileTypeExt as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -56,7 +57,7 @@ impl Serial {
     /// second player asks for an exclusive lock first, and never gets it.
     pub fn open(path: &Path, baud: u32) -> Result<Self, OpenError> {
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        let port = rustix::fs::open(path, flags, Mode::empty()).map_err(open_error)?;
+        let port = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| open_error(path, error))?;
         if !rustix::termios::isatty(&port) {
             return Err(OpenError::NotAPort);
         }
@@ -116,10 +117,12 @@ fn lock(port: &OwnedFd, operation: FlockOperation) -> Result<(), OpenError> {
     })
 }
 
-fn open_error(error: Errno) -> OpenError {
+fn open_error(path: &Path, error: Errno) -> OpenError {
+    let is_other = || std::fs::metadata(path).is_ok_and(|meta| !meta.file_type().is_char_device());
     match error {
         Errno::NOENT | Errno::NODEV | Errno::NXIO => OpenError::Missing,
         Errno::BUSY => OpenError::InUse,
+        Errno::ACCESS | Errno::PERM if is_other() => OpenError::NotAPort,
         Errno::ACCESS | Errno::PERM => OpenError::Forbidden,
         Errno::ISDIR | Errno::NOTDIR => OpenError::NotAPort,
         other => OpenError::Other(io::Error::from(other).to_string()),
