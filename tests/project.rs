@@ -48,6 +48,8 @@ fn a_limit_binds_every_script_below_the_file() {
             ("show/move.motion", "servo 2 1000 -> 1750 over 1s\n"),
             ("show/both.motion", "servos 1500 1800\n"),
             ("show/drive.motion", "rocker y=11 for 1s\n"),
+            // The bytes of `servo 2 1900`.
+            ("show/raw.motion", "raw 0x02 0x02 0x07 0x6C\n"),
             ("show/narrow.motion", "limit servo 2 1000..1200\nservo 2 1300\n"),
             ("show/stop.motion", "stop\nservo 2 1700; rocker y=-10 for 1s\n"),
         ],
@@ -57,6 +59,7 @@ fn a_limit_binds_every_script_below_the_file() {
         ("move", " is outside of the limit 900..1700 of servo 2, set in motionseq.toml:2"),
         ("both", "1800 is outside of the limit 900..1700 of servo 2, set in motionseq.toml:2"),
         ("drive", "11 is outside of the limit -10..10 of rocker y, set in motionseq.toml:3"),
+        ("raw", "1900 is outside of the limit 900..1700 of servo 2, set in motionseq.toml:2"),
         // The limit of the script is the narrower one.
         ("narrow", "1300 is outside of the limit 1000..1200"),
     ] {
@@ -73,6 +76,15 @@ fn a_limit_binds_every_script_below_the_file() {
     fs::write(scratch.0.join("motionseq.toml"), "[limits]\nservo-2 = \"500..2500\"\n").unwrap();
     let tilt = scratch.file("tilt.motion", b"servo 2 2000\n");
     assert!(run(&scratch.0, &["check", &tilt]).2.contains("outside of the limit 500..1950"));
+}
+
+#[test]
+fn nothing_is_formatted_where_the_configuration_is_wrong() {
+    let text = "servo  1   1500\n";
+    let wrong = "exclude = [\"drafts\"]\nprot = \"x\"\n";
+    let scratch = folder("fmt", &[("motionseq.toml", wrong), ("drafts/d.motion", text)]);
+    assert_eq!(run(&scratch.0, &["fmt", "drafts"]).0, 2);
+    assert_eq!(fs::read_to_string(scratch.0.join("drafts/d.motion")).unwrap(), text);
 }
 
 #[test]
@@ -111,8 +123,10 @@ fn the_nearest_file_applies_and_options_replace_it() {
         (code, err)
     };
     assert_eq!(check("", &["x.motion"]).0, 1);
+    // The limits of all files above apply; nothing else of them does.
     for script in ["inner/x.motion", "inner/deep/x.motion"] {
-        assert_eq!(check("", &[script]).0, 0, "{script}");
+        let (code, messages) = check("", &[script]);
+        assert!(code == 1 && messages.replace("\n  │ ", " ").contains("set in motionseq.toml:"), "{script}: {messages}");
     }
     // That of the script applies, also to the files that it uses.
     assert_eq!(check("", &["inner/deep/use.motion"]).0, 0);
@@ -123,14 +137,14 @@ fn the_nearest_file_applies_and_options_replace_it() {
     let messages = messages.replace("\n  │ ", " ");
     assert!(code == 1 && messages.contains("set in ../strict.toml:2"), "{messages}");
     // Standard input is a script of the current folder.
-    for (folder, code) in [("", 1), ("inner/deep", 0)] {
+    for (folder, code) in [("", 1), ("inner/deep", 1)] {
         let output = with_input(&scratch.0.join(folder), &["render", "-"], "servo 2 1800\n");
         assert_eq!(output.status.code(), Some(code), "{folder}");
     }
     let (code, text, _) = run(&scratch.0, &["config", "inner/deep/x.motion"]);
     let first: Vec<&str> = text.lines().take(2).collect();
-    assert_eq!((code, first), (0, vec!["# inner/motionseq.toml", "# not used: motionseq.toml"]));
-    assert!(text.contains("deny = [\"left-running\"]  # inner/motionseq.toml:1\n"), "{text}");
+    assert_eq!((code, first), (0, vec!["# inner/motionseq.toml", "# motionseq.toml: only its limits"]));
+    assert!(text.contains("# inner/motionseq.toml:1\n") && text.contains("# motionseq.toml:2\n"), "{text}");
 }
 
 #[test]
@@ -411,7 +425,7 @@ fn init_writes_a_project_that_passes_its_test() {
     }
     assert_eq!(files(&scratch.0), before);
     let (code, _, err) = run(&scratch.0, &["init", "new/show"]);
-    assert!(code == 0 && err.ends_with("next: cd new/show && motionseq test; motionseq play first.motion\n"), "{err}");
+    assert!(code == 0 && err.ends_with("next: cd new/show && motionseq test && motionseq play first.motion\n"), "{err}");
 }
 
 #[test]

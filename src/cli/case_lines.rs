@@ -4,6 +4,7 @@ use motionseq::diagnostic::escaped;
 use motionseq::verify::{Case, Problem, Status, shortened};
 
 use super::color::{Style, painted};
+use super::exit::Exit;
 use super::screen::{Screen, plural};
 
 /// How many changes of one script are shown without `-v`.
@@ -51,11 +52,21 @@ impl Shown {
 
 /// Whether a case is worth a line.
 pub(super) fn is_shown(case: &Case, screen: &Screen) -> bool {
-    let is_note = matches!(case.status, Status::Orphan | Status::Pruned);
+    let is_note = matches!(case.status, Status::Orphan | Status::Pruned | Status::Kept);
     !case.status.is_passed() || screen.is_verbose() || is_note && !screen.is_quiet()
 }
 
 fn more_of(count: usize, status: Status) -> String {
     let word = if status == Status::Differs { "change" } else { "error" };
     plural(count, &format!("more {word}"))
+}
+
+/// How a test with these cases ends.
+pub(super) fn exit_of<'c>(cases: impl IntoIterator<Item = &'c Case>) -> Exit {
+    let failed: Vec<&Case> = cases.into_iter().filter(|case| !case.status.is_passed()).collect();
+    match failed.iter().all(|case| case.status == Status::ExpectFailed) {
+        _ if failed.is_empty() => Exit::Ok,
+        true => Exit::Expect,
+        false => Exit::Script,
+    }
 }

@@ -33,7 +33,7 @@ pub(super) struct Check {
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected
-    #[arg(long)]
+    #[arg(long, conflicts_with = "watch")]
     fix: bool,
     /// Change no file; show what `--fix` would change, and fail if it would change anything
     #[arg(long, conflicts_with = "format")]
@@ -97,21 +97,10 @@ impl Results {
 impl Check {
     /// Checks every file; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        match self.paths(screen) {
-            Ok(paths) => {
-                let check = || self.check(&paths, screen).unwrap_or_else(|exit| exit);
-                self.watch.run(&paths, &self.options, screen, check)
-            }
-            Err(exit) => exit,
-        }
-    }
-
-    /// What is checked.
-    fn paths(&self, screen: &Screen) -> Result<Vec<PathBuf>, Exit> {
-        if self.files.is_empty() && self.stdin_filename.is_some() {
-            return Ok(vec![PathBuf::from(STDIN)]);
-        }
-        self.options.config.configs().searched(&self.files, screen)
+        let input = [PathBuf::from(STDIN)];
+        let named = if self.files.is_empty() && self.stdin_filename.is_some() { &input } else { self.files.as_slice() };
+        let check = |paths: &[PathBuf]| self.check(paths, screen).unwrap_or_else(|exit| exit);
+        self.watch.run(named, &self.options, screen, check)
     }
 
     fn check(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {

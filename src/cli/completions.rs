@@ -7,6 +7,7 @@ use std::path::Path;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, Args, Command, CommandFactory};
 use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathCompleter, ValueCompleter as _};
+use clap_complete::env::Shells;
 use clap_complete::{CompleteEnv, Shell};
 use motionseq::diagnostic::{Code, Diagnostics};
 use motionseq::program::Options;
@@ -24,6 +25,8 @@ use super::screen::Screen;
 
 /// The variable that names the shell that asks.
 const ASKS: &str = "COMPLETE";
+/// The longest script whose marks are completed, in frames. A longer one takes too long.
+const EVENTS: usize = 1_000_000;
 /// The commands whose arguments are scripts.
 const SCRIPT_COMMANDS: [&str; 8] = ["check", "render", "play", "plot", "test", "diff", "fmt", "config"];
 
@@ -49,8 +52,13 @@ impl Completions {
 
 /// Answers a shell that asks for completions; returns whether one does.
 pub(super) fn answer() -> bool {
-    let Some(shell) = std::env::var_os(ASKS).filter(|shell| !shell.is_empty()) else { return false };
-    let is_bash = Path::new(&shell).file_stem().is_some_and(|name| name == "bash");
+    let Some(shell) = std::env::var_os(ASKS) else { return false };
+    let name = Path::new(&shell).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    // Another program may use this variable for something else.
+    if Shells::builtins().completer(&name).is_none() {
+        return false;
+    }
+    let is_bash = name == "bash";
     // Several installed versions have one name.
     let answers = CompleteEnv::with_factory(|| with_completers(is_bash)).bin("motionseq").completer("motionseq");
     let answered = answers.try_complete(std::env::args_os(), std::env::current_dir().ok().as_deref());
@@ -101,16 +109,17 @@ fn beginning(word: &OsStr, all: impl IntoIterator<Item = String>) -> Vec<Complet
     all.into_iter().filter(|candidate| candidate.starts_with(&*word)).map(CompletionCandidate::new).collect()
 }
 
-/// The script on the command line that is being typed: the first word that is a file.
+/// The script on the command line that is being typed.
 fn script_typed() -> Option<Sources> {
-    let words = std::env::args_os().skip_while(|word| word != "--").skip(3);
-    let script = words.map(|word| unquoted(&word)).find(|word| Path::new(word).is_file())?;
+    let words = std::env::args_os().skip_while(|word| word != "--").skip(3).map(|word| unquoted(&word));
+    let is_script = |word: &OsString| Path::new(word).extension().is_some_and(|extension| extension == "motion");
+    let script = words.filter(is_script).find(|word| Path::new(word).is_file())?;
     Some(Sources::new(Disk.read(Path::new(&script)).ok()?, Disk))
 }
 
 /// The marks of the script that `--from` and `--to` accept.
 fn marks(word: &OsStr) -> Vec<CompletionCandidate> {
-    let compiled = script_typed().map(|sources| motionseq::compile(&sources, &Options::default()));
+    let compiled = script_typed().map(|sources| motionseq::compile(&sources, &Options::default().with_events(EVENTS)));
     let Some(timeline) = compiled.and_then(|compiled| compiled.timeline) else { return Vec::new() };
     let names: Vec<&str> = timeline.marks.iter().map(|mark| mark.name.as_str()).collect();
     let is_unique = |name: &&str| names.iter().filter(|other| *other == name).take(2).count() == 1;

@@ -92,10 +92,14 @@ fn rows(config: &Settings) -> Vec<Row> {
             "; 1s on the virtual board",
         ),
     ];
-    let limit = |(name, set): &(String, super::project::Setting<_>)| {
-        row(&format!("limits.{name}"), Some((&set.written, set.line)), Value::Null, "")
-    };
-    rows.extend(config.limits.iter().map(limit));
+    for config in config.with_those_above() {
+        rows.extend(config.limits.iter().map(|(name, set)| Row {
+            key: format!("limits.{name}"),
+            value: set.written.clone(),
+            source: ValueSource::File(config.place(set.line)),
+            note: "",
+        }));
+    }
     rows
 }
 
@@ -107,6 +111,7 @@ fn toml(config: &Settings, not_used: &[String], rows: &[Row]) -> String {
         }
         None => Vec::new(),
     };
+    lines.extend(config.with_those_above().skip(1).map(|above| format!("# {}: only its limits", above.name)));
     lines.extend(not_used.iter().map(|name| format!("# not used: {name}")));
     let settings: Vec<String> = rows.iter().map(|row| format!("{} = {}", row.key, of_toml(&row.value))).collect();
     let width = settings.iter().map(|setting| setting.chars().count()).max().unwrap_or(0);
@@ -135,5 +140,6 @@ fn json(config: &Settings, not_used: &[String], rows: &[Row]) -> String {
     };
     let settings: Vec<Value> = rows.iter().map(setting).collect();
     let file = config.path.as_ref().map(|_| &config.name);
-    format!("{:#}\n", json!({"version": 1, "file": file, "not_used": not_used, "settings": settings}))
+    let above: Vec<&String> = config.with_those_above().skip(1).map(|above| &above.name).collect();
+    format!("{:#}\n", json!({"version": 1, "file": file, "above": above, "not_used": not_used, "settings": settings}))
 }

@@ -64,6 +64,10 @@ impl Fmt {
             return Exit::Script;
         }
         for (at, file) in files.iter().enumerate() {
+            // A wrong configuration may have lost what it excludes.
+            if let Err(exit) = configs.of_script(file, screen) {
+                return exit;
+            }
             match self.file(file, at >= named, screen) {
                 Ok(is_changed) => changed += usize::from(is_changed),
                 Err(cause) => (exit, failed) = (cause, failed + 1),
@@ -71,12 +75,14 @@ impl Fmt {
         }
         let scripts = plural(files.len(), "script");
         let is_dry = self.check || self.diff;
-        screen.note(&match (is_dry, changed) {
-            (_, 0) if failed > 0 => format!("{scripts} checked, {failed} cannot be formatted"),
-            (_, 0) => format!("{scripts} checked, all formatted"),
-            (true, _) => format!("{scripts} checked, {changed} not formatted; format with `motionseq fmt FILE`"),
-            (false, _) => format!("{scripts} checked, {changed} formatted"),
-        });
+        let what = match (is_dry, changed) {
+            (_, 0) if failed == 0 => "all formatted".to_owned(),
+            (true, _) => format!("{changed} not formatted"),
+            (false, _) => format!("{changed} formatted"),
+        };
+        let failed = if failed > 0 { format!(", {failed} cannot be formatted") } else { String::new() };
+        let how = if is_dry && changed > 0 { "; format with `motionseq fmt FILE`" } else { "" };
+        screen.note(&format!("{scripts} checked, {what}{failed}{how}"));
         if exit == Exit::Ok && is_dry && changed > 0 { Exit::Script } else { exit }
     }
 

@@ -11,7 +11,7 @@ use motionseq::timeline::write_snapshot;
 use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::exit::Exit;
-use super::project::NAME;
+use super::project::{Configs, NAME};
 use super::screen::Screen;
 
 /// Start a project in an empty folder
@@ -57,9 +57,17 @@ impl Init {
         for path in &written.files {
             screen.note(&format!("wrote {}", path.strip_prefix(".").unwrap_or(path).display()));
         }
+        if let Some(above) = Configs::above(folder) {
+            screen.note(&format!("of {above}, only the limits apply here"));
+        }
+        let is_inside = |folder: &Path| folder.ancestors().skip(1).any(|above| above.join(".git").exists());
+        if !folder.join(".git").exists() && folder.canonicalize().is_ok_and(|folder| is_inside(&folder)) {
+            screen
+                .note("GitHub reads workflows only in the folder `.github` at the root of a repository: move it there");
+        }
         let there = folder.display().to_string();
         let go = if there == "." { String::new() } else { format!("cd {} && ", shell_word(&there)) };
-        screen.note(&format!("next: {go}motionseq test; motionseq play {SCRIPT}"));
+        screen.note(&format!("next: {go}motionseq test && motionseq play {SCRIPT}"));
         Exit::Ok
     }
 }

@@ -70,7 +70,7 @@ impl Plot {
             screen.error("`--watch` draws the same file again; write its name: `-o picture.svg`");
             return Exit::Usage;
         }
-        self.watch.run(slice::from_ref(&self.file), &self.options, screen, || self.run_once(screen))
+        self.watch.run(slice::from_ref(&self.file), &self.options, screen, |_| self.run_once(screen))
     }
 
     fn run_once(&self, screen: &Screen) -> Exit {

@@ -1,5 +1,6 @@
 //! `motionseq test --review`: shows changed scripts one by one, and asks what to do with each.
 
+use std::ffi::OsString;
 use std::fs;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -10,11 +11,11 @@ use motionseq::diagnostic::{Diagnostics, escaped};
 use motionseq::plot::{Theme, plot};
 use motionseq::source::{Disk, Files as _, Source, Sources};
 use motionseq::timeline::{Timeline, read_snapshot};
-use motionseq::verify::{Case, Job, Replace, SNAPSHOT, Status};
+use motionseq::verify::{Case, Job, Replace, Status, snapshot_of};
 
 use super::Options;
 use super::atomic_file::write_atomically;
-use super::case_lines::{Shown, is_shown};
+use super::case_lines::{Shown, exit_of, is_shown};
 use super::exit::Exit;
 use super::project::VIRTUAL;
 use super::screen::{Screen, plural};
@@ -53,21 +54,23 @@ impl Review<'_> {
         let (pending, rest): (Vec<_>, Vec<_>) = tested.into_iter().partition(is_pending);
         let others: Vec<&Case> = rest.iter().map(|tested| &tested.case).chain(others).collect();
         let failed = others.iter().filter(|case| !case.status.is_passed()).count();
-        for case in others.into_iter().filter(|case| is_shown(case, self.screen)) {
+        for case in others.iter().filter(|case| is_shown(case, self.screen)) {
             print(&self.shown.lines(case));
         }
-        let exit = |left: usize| if left + failed > 0 { Exit::Script } else { Exit::Ok };
+        let failed_too = if failed > 0 { format!(", {failed} failed") } else { String::new() };
+        let exit_of_others = exit_of(others.iter().copied());
+        let exit = |left: usize| if left > 0 { Exit::Script } else { exit_of_others };
         if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
             for Tested { case, .. } in &pending {
                 print(&self.shown.lines(case));
             }
-            self.screen.note(&format!("{} to review, {failed} failed", plural(pending.len(), "script")));
+            self.screen.note(&format!("{} to review{failed_too}", plural(pending.len(), "script")));
             return exit(pending.len());
         }
         let (count, mut accepted, mut skipped) = (pending.len(), 0, 0);
         let mut pictures = None;
         for (number, tested) in (1..).zip(pending) {
-            match self.ask(tested, &format!("({number} of {count}) "), &mut pictures) {
+            match self.ask(tested, number, count, &mut pictures) {
                 Choice::Accept => accepted += 1,
                 Choice::Quit => break,
                 _ => skipped += 1,
@@ -79,14 +82,14 @@ impl Review<'_> {
         }
         let left = count - accepted - skipped;
         let left = if left > 0 { format!(", {left} not reviewed") } else { String::new() };
-        self.screen.note(&format!("{accepted} accepted, {skipped} skipped{left}, {failed} failed"));
+        self.screen.note(&format!("{accepted} accepted, {skipped} skipped{left}{failed_too}"));
         exit(count - accepted)
     }
 
     /// Asks about one script until the answer is final.
-    fn ask(&self, tested: Tested<'_>, number: &str, pictures: &mut Option<PathBuf>) -> Choice {
+    fn ask(&self, tested: Tested<'_>, number: usize, count: usize, pictures: &mut Option<PathBuf>) -> Choice {
         let Tested { script, job, mut case } = tested;
-        print(&[vec![format!("{number}{}", escaped(&case.name))], self.shown.lines(&case)].concat());
+        print(&[vec![format!("({number} of {count}) {}", escaped(&case.name))], self.shown.lines(&case)].concat());
         loop {
             match self.choice() {
                 Choice::Accept => {
@@ -104,7 +107,7 @@ impl Review<'_> {
                     print(&self.shown.lines(&blessed));
                     return if blessed.status.is_passed() { Choice::Accept } else { Choice::Skip };
                 }
-                Choice::Pictures => match draw(script, job, pictures) {
+                Choice::Pictures => match draw(script, job, number, pictures) {
                     Ok(paths) => print(&paths),
                     Err(error) => self.screen.error(&format!("cannot draw {}: {error}", case.name)),
                 },
@@ -122,13 +125,13 @@ impl Review<'_> {
             if io::stdin().read_line(&mut answer).unwrap_or(0) == 0 {
                 return Choice::Quit;
             }
-            match answer.trim() {
+            match answer.trim().to_lowercase().as_str() {
                 "a" | "accept" => return Choice::Accept,
                 "s" | "skip" => return Choice::Skip,
                 "p" | "pictures" => return Choice::Pictures,
                 "v" => return Choice::Play,
                 "q" | "quit" => return Choice::Quit,
-                _ => {}
+                _ => self.screen.ask("type one of the letters a, s, p, v and q, and Enter"),
             }
         }
     }
@@ -141,6 +144,7 @@ impl Review<'_> {
             for (name, value) in &self.options.set {
                 play.arg("--set").arg(format!("{name}={value}"));
             }
+            play.arg("--max-events").arg(self.options.max_events.to_string());
             play.arg("--").arg(script).status()
         });
         if let Err(error) = played {
@@ -150,7 +154,7 @@ impl Review<'_> {
 }
 
 /// Draws the snapshot and the script, and returns a line for each picture.
-fn draw(script: &Path, job: &Job, folder: &mut Option<PathBuf>) -> io::Result<Vec<String>> {
+fn draw(script: &Path, job: &Job, number: usize, folder: &mut Option<PathBuf>) -> io::Result<Vec<String>> {
     let folder = match folder {
         Some(folder) => folder,
         None => {
@@ -161,17 +165,17 @@ fn draw(script: &Path, job: &Job, folder: &mut Option<PathBuf>) -> io::Result<Ve
     };
     let name = script.file_stem().unwrap_or_default();
     let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
-        let mut file = name.to_owned();
+        let mut file = OsString::from(format!("{number}-"));
+        file.push(name);
         file.push(format!(".{when}.svg"));
         let path = folder.join(file);
         fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
         Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
     };
-    let mut snapshot = script.as_os_str().to_owned();
-    snapshot.push(SNAPSHOT);
+    let snapshot = snapshot_of(script);
     let mut lines = Vec::new();
     if let Some(old) = fs::read(&snapshot).ok().and_then(|text| read_snapshot(&raspblock::board(), &text).ok()) {
-        let sources = Source::new(snapshot.to_string_lossy(), "").into();
+        let sources = Source::new(snapshot.display().to_string(), "").into();
         lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
     }
     let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);

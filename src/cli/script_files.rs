@@ -72,7 +72,8 @@ impl ScriptFiles {
         let name = path.file_name().unwrap_or_default();
         let script = script_of(name).map(|script| path.with_file_name(script));
         if let Some(script) = script {
-            if !script.exists() {
+            // A link that leads nowhere is still the script.
+            if script.symlink_metadata().is_err_and(|error| error.kind() == ErrorKind::NotFound) {
                 self.orphans.push(path.to_owned());
             } else if is_named {
                 self.scripts.push(script);

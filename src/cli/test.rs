@@ -12,7 +12,7 @@ use motionseq::verify::{Case, Job, Replace, Status};
 use rayon::prelude::*;
 
 use super::atomic_file::write_atomically;
-use super::case_lines::{Shown, is_shown};
+use super::case_lines::{Shown, exit_of, is_shown};
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
@@ -36,10 +36,10 @@ pub(super) struct Test {
     #[arg(long, value_name = "NAME")]
     filter: Option<String>,
     /// Write snapshots that are missing or different
-    #[arg(long)]
+    #[arg(long, conflicts_with = "watch")]
     bless: bool,
     /// Also remove snapshots without a script
-    #[arg(long, requires = "bless")]
+    #[arg(long, requires = "bless", conflicts_with = "filter")]
     prune: bool,
     /// Show each script that differs from its snapshot, and ask whether to write the snapshot
     #[arg(long, conflicts_with_all = ["bless", "format", "junit", "watch"])]
@@ -83,12 +83,8 @@ enum Format {
 impl Test {
     /// Tests every script; fails if one of them does.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
-        match self.options.config.configs().searched(&self.paths, screen) {
-            Ok(paths) => {
-                self.watch.run(&paths, &self.options, screen, || self.test(&paths, screen).unwrap_or_else(|exit| exit))
-            }
-            Err(exit) => exit,
-        }
+        let test = |paths: &[PathBuf]| self.test(paths, screen).unwrap_or_else(|exit| exit);
+        self.watch.run(&self.paths, &self.options, screen, test)
     }
 
     fn test(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {
@@ -121,7 +117,9 @@ impl Test {
             let shown = Shown::new(screen, self.options.all, false);
             return Ok(Review { shown, screen, options: &self.options }.run(tested, &cases));
         }
-        cases.extend(tested.into_iter().chain(orphans));
+        cases.extend(tested);
+        let pruned = || found.orphans.iter().map(|orphan| prune(orphan, paths)).collect();
+        cases.extend(if self.prune { pruned() } else { orphans });
         let failed = cases.iter().filter(|case| !case.status.is_passed()).count();
         let written = self.print(&cases, screen).and_then(|()| io::stdout().flush());
         screen.note(&summary(&cases, failed));
@@ -133,11 +131,7 @@ impl Test {
             }
         }
         Ok(match output::exit(written, None, screen) {
-            Exit::Ok if failed > 0 => {
-                let mut failed = cases.iter().filter(|case| !case.status.is_passed());
-                let expects = failed.all(|case| case.status == Status::ExpectFailed);
-                if expects { Exit::Expect } else { Exit::Script }
-            }
+            Exit::Ok => exit_of(&cases),
             exit => exit,
         })
     }
@@ -152,11 +146,8 @@ impl Test {
         Ok(job)
     }
 
-    /// A snapshot without a script, which is removed if that is asked for.
+    /// A snapshot without a script.
     fn orphan(&self, path: &Path, configs: &Configs, screen: &Screen) -> Result<Case, Exit> {
-        if self.prune {
-            return Ok(prune(path));
-        }
         let is_denied = configs.of_script(path, screen)?.denied(&self.deny.deny).0.is_all();
         Ok(Case::orphan(path, is_denied))
     }
@@ -199,16 +190,19 @@ impl Test {
     }
 }
 
-/// Removes a snapshot without a script, if motionseq has written it.
-fn prune(orphan: &Path) -> Case {
-    let removed = if output::is_ours(orphan) {
-        fs::remove_file(orphan)
+/// Removes a snapshot without a script, if motionseq has written it and no link leads there.
+fn prune(orphan: &Path, searched: &[PathBuf]) -> Case {
+    let is_inside = |path: &PathBuf| Some(orphan.canonicalize().ok()?.starts_with(path.canonicalize().ok()?));
+    let removed = if !output::is_ours(orphan) {
+        Err(io::Error::other("motionseq did not write it"))
+    } else if !searched.iter().filter_map(is_inside).any(|is_inside| is_inside) {
+        Err(io::Error::other("a link leads out of the searched folder"))
     } else {
-        Err(io::Error::other("it was not written by motionseq, so it was not removed"))
+        fs::remove_file(orphan)
     };
     match removed {
         Ok(()) => Case::pruned(orphan),
-        Err(error) => Case::unreadable(orphan, &error.to_string()),
+        Err(error) => Case::kept(orphan, &error.to_string()),
     }
 }
 

@@ -1,5 +1,6 @@
 //! `--watch`: runs a command again after each change of its files.
 
+use std::collections::BTreeSet;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,11 +9,11 @@ use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use motionseq::source::{Disk, Files, Source, SourceError, Sources, UseError};
-use motionseq::verify::SNAPSHOT;
+use motionseq::verify::snapshot_of;
 
 use super::Options;
 use super::exit::Exit;
-use super::project::Config;
+use super::project::{Config, Configs};
 use super::screen::{Screen, plural};
 use super::script_files::find_scripts;
 
@@ -30,9 +31,13 @@ const INTERVAL: Duration = Duration::from_millis(200);
 /// What shows that a file has changed; `None` if it does not exist.
 type State = Option<(SystemTime, u64)>;
 
-/// The scripts in some paths, every file that they use or name, and their snapshots.
-#[derive(Debug, PartialEq, Eq)]
-struct Watched(Vec<(PathBuf, State)>);
+/// The scripts in some paths, every file that they use or name, their snapshots, and the files that configure them.
+#[derive(Debug)]
+struct Watched {
+    files: Vec<(PathBuf, State)>,
+    paths: Vec<PathBuf>,
+    configs: Arc<Configs>,
+}
 
 /// Notes every file that a script asks for, also those that do not exist yet.
 #[derive(Clone, Debug, Default)]
@@ -60,13 +65,14 @@ impl Watched {
         let configs = options.config.configs();
         let scripts = find_scripts(paths, &configs).scripts;
         let noted = NotedFiles::default();
-        for script in &scripts {
-            let folder = script.parent().unwrap_or(Path::new(""));
+        let folders = scripts.iter().filter_map(|script| script.parent());
+        let folders = folders.chain(paths.iter().map(PathBuf::as_path)).chain([Path::new("")]);
+        for folder in folders.collect::<BTreeSet<_>>() {
             configs.candidates(folder).into_iter().for_each(|path| noted.note(path));
+        }
+        for script in &scripts {
             noted.note(script.clone());
-            let mut snapshot = script.clone().into_os_string();
-            snapshot.push(SNAPSHOT);
-            noted.note(snapshot.into());
+            noted.note(snapshot_of(script));
             if let Ok(source) = Disk.read(script) {
                 // Limits do not matter for what a script uses.
                 motionseq::compile(&Sources::new(source, noted.clone()), &options.of_library(&Config::default()));
@@ -76,20 +82,21 @@ impl Watched {
         all.extend(paths.iter().filter(|path| !path.is_dir()).cloned());
         all.sort_unstable();
         all.dedup();
-        Watched(all.into_iter().map(|path| (path.clone(), state(&path))).collect())
+        let files = all.into_iter().map(|path| (path.clone(), state(&path))).collect();
+        Watched { files, paths: paths.to_owned(), configs }
     }
 
     /// How many of them exist.
     fn existing(&self) -> usize {
-        self.0.iter().filter(|(_, state)| state.is_some()).count()
+        self.files.iter().filter(|(_, state)| state.is_some()).count()
     }
 
-    /// A file that has changed, or is new in `paths`.
-    fn changed(&self, paths: &[PathBuf], options: &Options) -> Option<PathBuf> {
-        let known = |path: &Path| self.0.binary_search_by(|(other, _)| other.as_path().cmp(path)).is_ok();
+    /// A file that has changed, or a script that is new.
+    fn changed(&self) -> Option<PathBuf> {
+        let known = |path: &Path| self.files.binary_search_by(|(other, _)| other.as_path().cmp(path)).is_ok();
         let has_changed = |(path, before): &&(PathBuf, State)| state(path) != *before;
-        let changed = self.0.iter().find(has_changed).map(|(path, _)| path.clone());
-        let all = || find_scripts(paths, &options.config.configs()).scripts;
+        let changed = self.files.iter().find(has_changed).map(|(path, _)| path.clone());
+        let all = || find_scripts(&self.paths, &self.configs).scripts;
         changed.or_else(|| all().into_iter().find(|script| !known(script)))
     }
 }
@@ -99,23 +106,34 @@ fn state(path: &Path) -> State {
 }
 
 impl Watch {
-    /// Runs once or, with `--watch`, again after each change of the scripts in `paths`; that ends only with a signal.
-    pub(super) fn run(self, paths: &[PathBuf], options: &Options, screen: &Screen, run: impl Fn() -> Exit) -> Exit {
+    /// Runs a command for the named paths, or else for those that the configuration searches. With `--watch`, runs it again after
+    /// each change; that ends only with a signal.
+    pub(super) fn run(
+        self,
+        named: &[PathBuf],
+        options: &Options,
+        screen: &Screen,
+        run: impl Fn(&[PathBuf]) -> Exit,
+    ) -> Exit {
+        let searched = || options.config.configs().searched(named, screen);
         if !self.watch {
-            return run();
+            return searched().map_or_else(|exit| exit, |paths| run(&paths));
         }
-        if paths.iter().any(|path| path.as_os_str() == "-") {
+        if named.iter().any(|path| path.as_os_str() == "-") {
             screen.error("standard input cannot be watched; write the name of a file");
             return Exit::Usage;
         }
         loop {
             // Looked at before the run, so that a change during it is not missed.
-            let watched = Watched::of(paths, options);
-            run();
+            let paths = searched();
+            let watched = Watched::of(paths.as_ref().map_or(named, Vec::as_slice), options);
+            if let Ok(paths) = paths {
+                run(&paths);
+            }
             screen.note(&format!("watching {}; Ctrl-C ends", plural(watched.existing(), "file")));
             let changed = loop {
                 sleep(INTERVAL);
-                if let Some(changed) = watched.changed(paths, options) {
+                if let Some(changed) = watched.changed() {
                     break changed;
                 }
             };

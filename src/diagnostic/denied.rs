@@ -40,6 +40,11 @@ impl Denied {
         *self == Denied::all()
     }
 
+    /// Whether a warning is denied.
+    pub fn contains(&self, code: Code) -> bool {
+        self.0.contains(&code)
+    }
+
     /// How many of these diagnostics are denied.
     pub fn count(&self, diagnostics: &Diagnostics) -> usize {
         diagnostics.counts().into_iter().filter(|(code, _)| self.0.contains(code)).map(|(_, count)| count).sum()

@@ -63,6 +63,12 @@ pub(crate) fn broken(board: &Board, settings: &Settings, command: &Command, span
 
 /// What is wrong with a command that is outside of a limit of the project.
 fn broken_of_project(board: &Board, limits: &[ProjectLimit], command: &Command, span: Span) -> Option<Diagnostic> {
+    if limits.is_empty() {
+        return None;
+    }
+    // The bytes of a raw frame can be those of a command.
+    let decoded = board.is_opaque(command).then(|| board.decode(&board.to_frame(command)).ok()).flatten();
+    let command = decoded.as_ref().unwrap_or(command);
     limits.iter().find_map(|limit| {
         let ProjectLimit { limited, low, high, place } = limit;
         let value = board.outside(*limited, (*low, *high), command)?;

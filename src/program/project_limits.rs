@@ -39,8 +39,8 @@ fn one_limit(board: &Arc<Board>, limited: Limited, setting: &str, range: &str) -
             help: "write the smallest and the largest value with `..` between them: `900..1700`");
         Box::new(diagnostic)
     };
-    // Nothing but the range of one setting.
-    if range.trim().is_empty() || range.contains(['\n', '\r', ';', '#', '{', '"']) {
+    // Nothing but the range of one setting, without calculations: a random limit would limit nothing.
+    if range.trim().is_empty() || range.contains(['\n', '\r', ';', '#', '{', '"', '(']) {
         return Err(none());
     }
     let sources = Sources::from(Source::new("", format!("{setting}{range}\n")));

@@ -83,6 +83,8 @@ pub enum Status {
     DeniedOrphan,
     /// It was a snapshot without a script, and was removed.
     Pruned,
+    /// It is a snapshot without a script, and was not removed.
+    Kept,
 }
 
 /// One problem of a script.
@@ -117,7 +119,13 @@ impl Status {
     pub fn is_passed(self) -> bool {
         matches!(
             self,
-            Status::Same | Status::Blessed | Status::Phrases | Status::ExpectedError | Status::Orphan | Status::Pruned
+            Status::Same
+                | Status::Blessed
+                | Status::Phrases
+                | Status::ExpectedError
+                | Status::Orphan
+                | Status::Pruned
+                | Status::Kept
         )
     }
 
@@ -139,12 +147,13 @@ impl Status {
             Status::Denied => "has warnings, and warnings are denied",
             Status::Orphan | Status::DeniedOrphan => "is a snapshot without a script",
             Status::Pruned => "removed, because it had no script",
+            Status::Kept => "has no script, and is kept",
         }
     }
 
     /// Whether it is a snapshot without a script.
     pub fn is_orphan(self) -> bool {
-        matches!(self, Status::Orphan | Status::DeniedOrphan | Status::Pruned)
+        matches!(self, Status::Orphan | Status::DeniedOrphan | Status::Pruned | Status::Kept)
     }
 }
 
@@ -202,7 +211,8 @@ impl Job {
                 };
                 if self.deny.count(&compiled.diagnostics) > 0 {
                     status = if status.is_passed() { Status::Denied } else { status };
-                    problems.extend(compiled.diagnostics.iter().map(|warning| found(warning, &lines)));
+                    let denied = compiled.diagnostics.iter().filter(|warning| self.deny.contains(warning.code));
+                    problems.extend(denied.map(|warning| found(warning, &lines)));
                 }
                 case(status, problems)
             }
@@ -315,6 +325,12 @@ impl Case {
         Case::new(&path.display().to_string(), Status::Pruned, Vec::new())
     }
 
+    /// A snapshot without a script that was not removed, and why.
+    pub fn kept(path: &Path, why: &str) -> Self {
+        let name = path.display().to_string();
+        Case::new(&name, Status::Kept, vec![problem(&name, 0, "orphan", why.to_owned())])
+    }
+
     /// The command that accepts the difference from the snapshot.
     pub fn hint(&self) -> Option<String> {
         let is_different = self.status == Status::Differs;
@@ -384,7 +400,7 @@ fn is_phrases(timeline: &Timeline) -> bool {
 }
 
 /// The path of a script's snapshot.
-pub(crate) fn snapshot_of(script: &Path) -> PathBuf {
+pub fn snapshot_of(script: &Path) -> PathBuf {
     let mut name = script.as_os_str().to_owned();
     name.push(SNAPSHOT);
     PathBuf::from(name)

@@ -19,7 +19,7 @@ use super::screen::{Screen, Warnings};
 pub(super) use read::max_late;
 #[cfg(target_os = "linux")]
 pub(super) use settings::ChosenPort;
-pub(super) use settings::{Config, Setting, Source as ValueSource};
+pub(super) use settings::{Config, Source as ValueSource};
 
 /// The name of the file.
 pub(super) const NAME: &str = "motionseq.toml";
@@ -124,8 +124,16 @@ impl Configs {
     pub(super) fn not_used(&self, folder: &Path, used: &Config) -> Vec<String> {
         let (_, resolved) = self.found(folder);
         let here = std::env::current_dir().unwrap_or_default();
-        let others = upward(&resolved).filter_map(Result::ok).filter(|path| Some(path) != used.path.as_ref());
+        let is_used = |path: &PathBuf| used.with_those_above().any(|config| config.path.as_ref() == Some(path));
+        let others = upward(&resolved).filter_map(Result::ok).filter(|path| !is_used(path));
         others.map(|path| from_here(&here, &path).display().to_string()).collect()
+    }
+
+    /// The name of the nearest configuration file above a folder.
+    pub(super) fn above(folder: &Path) -> Option<String> {
+        let here = std::env::current_dir().ok()?;
+        let file = nearest(folder.canonicalize().ok()?.parent()?).ok()??;
+        Some(from_here(&here, &file).display().to_string())
     }
 
     /// The paths where a configuration for a folder is or would be.
@@ -142,19 +150,17 @@ impl Configs {
         if let Some((found, resolved)) = folders.get(folder) {
             return (found.clone(), resolved.clone());
         }
-        let unreadable = |error: &io::Error| {
-            let why = format!("cannot look for {NAME} in {}: {error}; `--isolated` ignores it", folder.display());
-            Arc::new(ConfigError::Unreadable(why))
-        };
-        let resolved = Path::new(".").join(folder).canonicalize();
+        // An editor names files that do not exist yet.
+        let existing = folder.ancestors().find(|folder| folder.as_os_str().is_empty() || folder.exists());
+        let resolved = Path::new(".").join(existing.unwrap_or(folder)).canonicalize();
         let found = match (&self.options, &resolved) {
             (ConfigOptions { isolated: true, .. }, _) => Ok(Arc::default()),
             (ConfigOptions { config: Some(file), .. }, _) => self.file(file, None),
-            (_, Err(error)) => Err(unreadable(error)),
+            (_, Err(error)) => Err(Arc::new(unreadable(folder, error))),
             (_, Ok(resolved)) => match nearest(resolved) {
                 Ok(None) => Ok(Arc::default()),
                 Ok(Some(file)) => self.file(&file, file.parent()),
-                Err(error) => Err(unreadable(&error)),
+                Err(error) => Err(Arc::new(unreadable(folder, &error))),
             },
         };
         let found = (found, resolved.unwrap_or_default());
@@ -162,11 +168,30 @@ impl Configs {
         found
     }
 
-    /// Reads a file, once. Its paths and patterns are relative to `base`, or to the current folder.
+    /// Reads a file, once. Its paths and patterns are relative to `base`, or to the current folder. The files above `base` count
+    /// for their limits.
     fn file(&self, path: &Path, base: Option<&Path>) -> Found {
-        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        files.entry(path.to_owned()).or_insert_with(|| load(path, base).map(Arc::new).map_err(Arc::new)).clone()
+        let files = || self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = files().get(path) {
+            return found.clone();
+        }
+        let above = base.and_then(Path::parent).and_then(|folder| match nearest(folder) {
+            Ok(file) => file.map(|file| self.file(&file, file.parent())),
+            Err(error) => Some(Err(Arc::new(unreadable(folder, &error)))),
+        });
+        let found = match (load(path, base), above) {
+            (Err(error), _) => Err(Arc::new(error)),
+            (Ok(_), Some(Err(error))) => Err(error),
+            (Ok(config), Some(Ok(above))) => Ok(Arc::new(Config { above: Some(above), ..config })),
+            (Ok(config), None) => Ok(Arc::new(config)),
+        };
+        files().insert(path.to_owned(), found.clone());
+        found
     }
+}
+
+fn unreadable(folder: &Path, error: &io::Error) -> ConfigError {
+    ConfigError::Unreadable(format!("cannot look for {NAME} in {}: {error}; `--isolated` ignores it", folder.display()))
 }
 
 /// The folder of a file; empty for the current folder.

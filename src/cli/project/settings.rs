@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ignore::gitignore::Gitignore;
 use motionseq::diagnostic::Denied;
@@ -41,6 +42,8 @@ pub(in super::super) struct Config {
     pub(in super::super) max_late: Option<Setting<Nanos>>,
     /// Limits of all scripts, each with its name and its line.
     pub(in super::super) limits: Vec<(String, Setting<ProjectLimit>)>,
+    /// The next file above. Its limits apply, too.
+    pub(in super::super) above: Option<Arc<Config>>,
 }
 
 /// Where a value comes from.
@@ -118,9 +121,14 @@ impl Config {
         format!("{}:{line}", self.name)
     }
 
-    /// The limits as the library takes them.
+    /// The limits of this file and of those above, as the library takes them.
     pub(in super::super) fn limits(&self) -> Vec<ProjectLimit> {
-        self.limits.iter().map(|(_, limit)| limit.value.clone()).collect()
+        self.with_those_above().flat_map(|config| &config.limits).map(|(_, limit)| limit.value.clone()).collect()
+    }
+
+    /// This file and those above, nearest first.
+    pub(in super::super) fn with_those_above(&self) -> impl Iterator<Item = &Config> {
+        std::iter::successors(Some(self), |config| config.above.as_deref())
     }
 
     /// Whether a search leaves out a path, which has no links in it.
