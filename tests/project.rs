@@ -126,7 +126,10 @@ fn the_nearest_file_applies_and_options_replace_it() {
     // The limits of all files above apply; nothing else of them does.
     for script in ["inner/x.motion", "inner/deep/x.motion"] {
         let (code, messages) = check("", &[script]);
-        assert!(code == 1 && messages.replace("\n  │ ", " ").contains("set in motionseq.toml:"), "{script}: {messages}");
+        assert!(
+            code == 1 && messages.replace("\n  │ ", " ").contains("set in motionseq.toml:"),
+            "{script}: {messages}"
+        );
     }
     // That of the script applies, also to the files that it uses.
     assert_eq!(check("", &["inner/deep/use.motion"]).0, 0);
@@ -425,7 +428,10 @@ fn init_writes_a_project_that_passes_its_test() {
     }
     assert_eq!(files(&scratch.0), before);
     let (code, _, err) = run(&scratch.0, &["init", "new/show"]);
-    assert!(code == 0 && err.ends_with("next: cd new/show && motionseq test && motionseq play first.motion\n"), "{err}");
+    assert!(
+        code == 0 && err.ends_with("next: cd new/show && motionseq test && motionseq play first.motion\n"),
+        "{err}"
+    );
 }
 
 #[test]

@@ -30,7 +30,7 @@ impl Shown {
     pub(super) fn lines(self, case: &Case) -> Vec<String> {
         let (failed, words) = (Style::Red.paint("FAILED", self.is_colored) + " ", case.status.words());
         let (mark, words) = match (case.status, case.status.is_passed()) {
-            (Status::Orphan, _) => ("warning: ", words.to_owned()),
+            (Status::Orphan | Status::Kept, _) => ("warning: ", words.to_owned()),
             (_, true) => ("", Style::Green.paint(words, self.is_colored)),
             (_, false) => (&*failed, words.to_owned()),
         };
