@@ -151,6 +151,157 @@ fn standard_input_can_have_the_name_of_a_file() {
 }
 
 #[test]
+fn standard_input_corrects_no_file() {
+    let scratch = scratch("input-uses");
+    let before = texts(&scratch);
+    let text = "use \"moves.motion\"\nnod()\nServo 1 1500\n";
+    let args = ["--fix", "--stdin-filename", "lib/main.motion", "--format", "concise", "-"];
+    let output = check_input(&scratch, &args, text);
+    assert_eq!((code(&output), stdout(&output)), (1, text.replace("Servo", "servo")));
+    assert!(stderr(&output).contains("lib/moves.motion:3:7: error[unit]"), "{}", stderr(&output));
+    assert!(stderr(&output).ends_with("fixed 1 error in lib/main.motion\n"), "{}", stderr(&output));
+    assert_eq!(texts(&scratch), before);
+    // A file that is named is corrected, in any order.
+    for (name, files) in [("first", ["-", "lib/moves.motion"]), ("last", ["lib/moves.motion", "-"])] {
+        let scratch = self::scratch(&format!("input-{name}"));
+        let args = [&["--fix", "--stdin-filename", "lib/main.motion"], &files[..]].concat();
+        let output = check_input(&scratch, &args, text);
+        assert_eq!((code(&output), stdout(&output)), (0, text.replace("Servo", "servo")), "{}", stderr(&output));
+        assert_eq!(texts(&scratch)[1], FIXED[1]);
+    }
+}
+
+#[test]
+fn the_order_of_the_scripts_changes_nothing() {
+    let main = "use \"lib.motion\"\nServo 1 1500\nnod()\n";
+    // Each script corrects an error of the library that only it shows.
+    let library = "def nod() {\n  wait 200 ms\n}\nServo 2 1500\n";
+    for (name, files) in [("main", ["main.motion", "lib.motion"]), ("library", ["lib.motion", "./main.motion"])] {
+        let scratch = Scratch::new(&format!("fixes-order-{name}"));
+        scratch.file("main.motion", main.as_bytes());
+        scratch.file("lib.motion", library.as_bytes());
+        let output = check(&scratch, &[&["--fix"], &files[..]].concat());
+        let texts = ["main.motion", "lib.motion"].map(|name| fs::read_to_string(scratch.0.join(name)).unwrap());
+        let fixed = [main.replace("Servo", "servo"), library.replace("200 ms", "200ms").replace("Servo", "servo")];
+        assert_eq!(texts, fixed, "{}", stderr(&output));
+        assert!(stderr(&output).contains("fixed 2 errors in lib.motion\n"), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_script_that_is_named_twice_is_fixed_once() {
+    let scratch = Scratch::new("fixes-twice");
+    scratch.file("a.motion", b"Servo 1 1500\nwait 200 ms\n");
+    let output = check(&scratch, &["--fix", "a.motion", "./a.motion"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stderr(&output).ends_with("fixed 2 errors in a.motion\n"), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(scratch.0.join("a.motion")).unwrap(), "servo 1 1500\nwait 200ms\n");
+}
+
+#[test]
+fn a_read_only_file_stays() {
+    let scratch = Scratch::new("fixes-read-only");
+    let (path, text) = (scratch.0.join("a.motion"), "Servo   1 1500\n");
+    scratch.file("a.motion", text.as_bytes());
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o444)).unwrap();
+    let output = check(&scratch, &["--fix", "a.motion"]);
+    let said = stderr(&output);
+    assert!(said.contains("cannot write a.motion: permission denied; the file is unchanged"), "{said}");
+    assert_eq!((code(&output), fs::read_to_string(&path).unwrap()), (2, text.to_owned()));
+    assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o444);
+}
+
+#[test]
+fn a_wrong_configuration_hides_no_finding_of_other_scripts() {
+    let scratch = Scratch::new("fixes-configuration");
+    for folder in ["wrong", "right"] {
+        fs::create_dir_all(scratch.0.join(folder)).unwrap();
+        scratch.file(&format!("{folder}/a.motion"), b"servo 9 1500\n");
+    }
+    scratch.file("wrong/b.motion", b"stop\n");
+    scratch.file("wrong/motionseq.toml", b"deny = 5\n");
+    scratch.file("right/motionseq.toml", b"");
+    for files in [["wrong", "right"], ["right", "wrong"]] {
+        let output = check(&scratch, &files);
+        assert_eq!(code(&output), 2);
+        assert_eq!(stderr(&output).matches("wrong/motionseq.toml:1").count(), 1, "{}", stderr(&output));
+        assert!(stderr(&output).contains("servo number 9 is out of range"), "{}", stderr(&output));
+        let output = check(&scratch, &[&["--format", "json"], &files[..]].concat());
+        assert_eq!(code(&output), 2);
+        let json: Value = serde_json::from_str(&stdout(&output)).unwrap();
+        let found = json["findings"].as_array().unwrap().iter();
+        let mut places: Vec<_> = found.map(|found| (found["file"].as_str(), found["code"].as_str())).collect();
+        places.sort();
+        let wanted = [("right/a.motion", "out-of-range"), ("wrong/motionseq.toml", "config-value")];
+        assert_eq!(places, wanted.map(|(file, code)| (Some(file), Some(code))));
+        assert_eq!(json["errors"], 2, "{json}");
+    }
+}
+
+/// What `--fix` makes of a text on standard input, and what it says.
+fn fixed(text: &str) -> (String, String) {
+    let scratch = Scratch::new("fixes-text");
+    let output = check_input(&scratch, &["--fix", "--format", "concise", "-"], text);
+    (stdout(&output), stderr(&output))
+}
+
+#[test]
+fn what_may_be_a_division_becomes_no_comment() {
+    for text in [
+        "rocker y=10 // 2 for 1s\n",
+        "let n = 4\nlet m = n // 2\n",
+        "servo 1 1500 // pan\n",
+        "servo 1 1500 -- pan\n",
+        "servo 1 1500 /* pan */\n",
+        "stop; // pan; servo 1 1500\n",
+        "repeat 2 { // pan }\n",
+        "repeat 2 {\n  wait 1s\n} // end\n",
+        // What follows the comment, and what is in it, are no commands after a correction, either.
+        "/* pan */ servo 1 1500\n",
+        "/* pan */; servo 1 1500\n",
+        "/* pan */ servo 1 1500 /* tilt */\n",
+        "/* off:\nservo 1 1500\n*/\n",
+    ] {
+        let (is, said) = fixed(text);
+        assert!(is == text && said.contains("error["), "{text} becomes {is}{said}");
+    }
+    for (text, wanted) in [
+        ("// pan\n", "# pan\n"),
+        ("repeat 2 {\n  -- pan\n  wait 1s\n}\n", "repeat 2 {\n  # pan\n  wait 1s\n}\n"),
+        ("/* pan */\nstop\n", "# pan\nstop\n"),
+        ("// pan; servo 1 1500\n", "# pan; servo 1 1500\n"),
+    ] {
+        assert_eq!(fixed(text).0, wanted);
+    }
+}
+
+#[test]
+fn only_a_number_in_the_source_gets_a_unit() {
+    for (setting, unit) in [("tempo", "bpm"), ("rate", "hz")] {
+        assert_eq!(fixed(&format!("{setting} 60\nstop\n")).0, format!("{setting} 60{unit}\nstop\n"));
+        let text = format!("def slow(d) {{ {setting} d; stop }}\nslow(60)\nslow(120)\n");
+        let text = text.replace("; ", "\n").replace("{ ", "{\n").replace(" }", "\n}");
+        let text = if setting == "rate" { "let d = 60\nrate d\nstop\n".to_owned() } else { text };
+        assert_eq!(fixed(&text).0, text);
+        let help = format!("write `{setting} (d * 1{unit})`");
+        let scratch = Scratch::new("fixes-unit");
+        assert!(stderr(&check_input(&scratch, &["-"], &text)).contains(&help), "{help}");
+        // The help is right.
+        let text = text.replace(&format!("{setting} d"), &format!("{setting} (d * 1{unit})"));
+        let output = check_input(&scratch, &["-"], &text);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn axes_are_named_only_for_values() {
+    assert_eq!(fixed("let n = 4\nrocker n 10 for 1s\n").0, "let n = 4\nrocker x=n y=10 for 1s\n");
+    let text = "rocker forward 10 for 1s\n";
+    let (is, said) = fixed(text);
+    assert!(is == text && said.contains("takes values with the names of their axes"), "{is}{said}");
+}
+
+#[test]
 fn reports_carry_the_fixes() {
     let scratch = scratch("reports");
     let json: Value = serde_json::from_str(&stdout(&check(&scratch, &["main.motion", "--format", "json"]))).unwrap();

@@ -96,3 +96,36 @@ fn fixes_come_to_an_end() {
         assert!(is_fixed, "{text}\nbecomes\n{}", source.text());
     }
 }
+
+/// The characters of a text that are in comments.
+fn commented(text: &str) -> usize {
+    let of_line = |line: &str| {
+        let mut in_string = false;
+        let is_code = |c: &char| {
+            in_string ^= *c == '"';
+            *c != '#' || in_string
+        };
+        line.chars().skip_while(is_code).count()
+    };
+    text.lines().map(of_line).sum()
+}
+
+#[test]
+fn a_fix_changes_nothing_else_and_hides_nothing_in_a_comment() {
+    let mut count = 0;
+    for text in scripts_with_mistakes() {
+        let source = Source::new("case", text.clone());
+        let found = diagnostics(&source.clone().into());
+        for fix in found.iter().filter_map(|found| found.fix.as_ref()) {
+            count += 1;
+            let fixed = fix.apply(&source).unwrap();
+            let (before, after) = (&text[..fix.span.range().start], &text[fix.span.range().end..]);
+            assert_eq!(fixed, [before, &fix.text, after].concat());
+            let (line, rest) = (before.lines().last().unwrap_or_default(), &text[before.len()..]);
+            let starts = (before.is_empty() || before.ends_with('\n') || line.trim().is_empty())
+                && ["//", "/*", "--"].iter().any(|sign| rest.starts_with(sign));
+            assert!(starts || commented(&fixed) <= commented(&text), "{text}\nbecomes\n{fixed}");
+        }
+    }
+    assert!(count > 150, "{count}");
+}

@@ -19,6 +19,7 @@ pub(super) fn replace(path: &Path, old: &[u8], new: &[u8]) -> io::Result<()> {
     };
     // A file that is written in place loses its content at once.
     is_old()?;
+    is_writable(path)?;
     let mut file = AtomicFile::begin(path)?;
     file.write_all(new)?;
     file.file.sync_all()?;
@@ -26,6 +27,15 @@ pub(super) fn replace(path: &Path, old: &[u8], new: &[u8]) -> io::Result<()> {
         is_old()?;
     }
     file.finish()
+}
+
+/// Whether a file may be written to. To rename another file over it needs no such permission, so a read-only file would be replaced.
+fn is_writable(path: &Path) -> io::Result<()> {
+    let old = path.metadata()?;
+    if old.permissions().readonly() {
+        return Err(io::ErrorKind::PermissionDenied.into());
+    }
+    if old.is_file() { File::options().append(true).open(path).map(drop) } else { Ok(()) }
 }
 
 /// A file that is written next to its destination and renamed when it is complete, or removed if it never is. A destination

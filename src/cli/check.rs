@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use motionseq::Compiled;
@@ -16,7 +17,7 @@ use super::atomic_file::replace;
 use super::exit::Exit;
 use super::fixes::{Corrected, STDIN};
 use super::output;
-use super::project::Config;
+use super::project::{Config, ConfigError};
 use super::screen::{Screen, Warnings, plural};
 use super::script_files::find_scripts;
 use super::unified_diff::unified_diff;
@@ -32,7 +33,7 @@ pub(super) struct Check {
     /// Scripts or folders to check, or `-` for standard input [default: `paths` of motionseq.toml, else this folder]
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected
+    /// Fix errors that have only one correction, in the scripts and the files they use; print standard input as corrected, and change no file that it uses
     #[arg(long, conflicts_with = "watch")]
     fix: bool,
     /// Change no file; show what `--fix` would change, and fail if it would change anything
@@ -73,6 +74,8 @@ struct Results {
     exit: Exit,
     findings: Vec<Finding>,
     totals: Totals,
+    /// The errors of configurations. One is the error of all scripts that it applies to.
+    config_errors: Vec<Arc<ConfigError>>,
 }
 
 /// A script that was checked.
@@ -92,6 +95,11 @@ impl Results {
         self.findings.extend(findings);
         self.exit = Exit::Script;
     }
+
+    /// The exit code, which a wrong configuration decides.
+    fn exit(&self) -> Exit {
+        if self.config_errors.is_empty() { self.exit } else { Exit::Usage }
+    }
 }
 
 impl Check {
@@ -103,7 +111,8 @@ impl Check {
         self.watch.run(named, &self.options, screen, check)
     }
 
-    fn check(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {
+    /// Whether standard input is read at most once, and has a name only then.
+    fn check_stdin(&self, paths: &[PathBuf], screen: &Screen) -> Result<(), Exit> {
         let stdin = paths.iter().filter(|file| file.as_os_str() == STDIN).count();
         if stdin > 1 {
             screen.error("standard input can be read only once: write `-` once");
@@ -113,8 +122,14 @@ impl Check {
             screen.error("`--stdin-filename` is the name of standard input: write `-` as FILE");
             return Err(Exit::Usage);
         }
+        Ok(())
+    }
+
+    fn check(&self, paths: &[PathBuf], screen: &Screen) -> Result<Exit, Exit> {
+        self.check_stdin(paths, screen)?;
         let configs = self.options.config.configs();
-        let mut results = Results { exit: Exit::Ok, findings: Vec::new(), totals: Totals::default() };
+        let mut results =
+            Results { exit: Exit::Ok, findings: Vec::new(), totals: Totals::default(), config_errors: Vec::new() };
         // A script in a folder that declares its error is a test case, and passes if it has that error.
         let (folders, files): (Vec<_>, Vec<_>) = paths.iter().cloned().partition(|path| path.is_dir());
         let found = find_scripts(&folders, &configs);
@@ -128,6 +143,9 @@ impl Check {
             results.fail(vec![Finding::unreadable(&path.display().to_string(), why.clone())]);
         }
         let files = files.iter().map(|file| (file, false)).chain(found.scripts.iter().map(|file| (file, true)));
+        let mut files: Vec<_> = files.collect();
+        // Standard input corrects no file, so the files that it uses come first.
+        files.sort_by_key(|(file, _)| file.as_os_str() == STDIN);
         let corrected = Corrected::default();
         let mut input = None;
         for (file, is_found) in files {
@@ -138,7 +156,13 @@ impl Check {
                     continue;
                 }
             };
-            let config = configs.of_script(source.path().unwrap_or(Path::new("")), screen)?;
+            let config = match configs.found_for(source.path().unwrap_or(Path::new(""))) {
+                Ok(config) => config,
+                Err(error) => {
+                    self.misconfigured(&error, &mut results, screen);
+                    continue;
+                }
+            };
             let (sources, compiled) = self.compile(file, source, &corrected, &config);
             if file.as_os_str() == STDIN {
                 input = Some(sources.main().text().to_owned());
@@ -148,6 +172,11 @@ impl Check {
                 self.show(&Checked { sources, compiled, is_found, denied }, &mut results, screen);
             }
         }
+        Ok(self.finish(results, input, corrected, screen))
+    }
+
+    /// Prints the findings and the corrected standard input, and writes or shows the corrections.
+    fn finish(&self, mut results: Results, input: Option<String>, corrected: Corrected, screen: &Screen) -> Exit {
         let printed = self.print(&mut results.findings, results.totals, input.is_some());
         let printed = printed.and_then(|()| match input.filter(|_| self.fix && !self.diff) {
             Some(text) => io::stdout().lock().write_all(text.as_bytes()),
@@ -158,7 +187,25 @@ impl Check {
             Exit::Ok => write_changes(corrected, screen),
             failed => failed,
         };
-        Ok(if written == Exit::Ok { results.exit } else { written })
+        match written {
+            Exit::Ok => results.exit(),
+            // `--diff` shows changes.
+            Exit::Script if results.exit() == Exit::Usage => Exit::Usage,
+            failed => failed,
+        }
+    }
+
+    /// Shows the error of a configuration, once.
+    fn misconfigured(&self, error: &Arc<ConfigError>, results: &mut Results, screen: &Screen) {
+        if results.config_errors.iter().any(|other| Arc::ptr_eq(other, error)) {
+            return;
+        }
+        if self.format == Format::Human {
+            error.show(screen);
+        } else {
+            results.fail(error.findings());
+        }
+        results.config_errors.push(Arc::clone(error));
     }
 
     /// Compiles a script, with `--fix` or `--diff` as corrected.

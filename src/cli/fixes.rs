@@ -37,8 +37,10 @@ const ROUNDS: usize = 100;
 
 impl Corrected {
     /// Corrects a script and the files that it uses as far as possible, and returns how it compiles then. The error that a script
-    /// declares stays: it is a test case. The key of the script is its path, or [`STDIN`].
-    pub(super) fn compile(&self, key: &Path, mut main: Source, options: &Options) -> (Sources, Compiled) {
+    /// declares stays: it is a test case. The key of the script is its path, or [`STDIN`], which corrects no file.
+    pub(super) fn compile(&self, key: &Path, main: Source, options: &Options) -> (Sources, Compiled) {
+        // Another script that uses this one may have corrected it.
+        let mut main = self.corrected(key, main);
         let mut rounds = 0;
         loop {
             let sources = Sources::new(main.clone(), self.clone());
@@ -46,18 +48,21 @@ impl Corrected {
             let expected = expected_error(sources.main());
             let errors = compiled.diagnostics.iter().filter(|error| Some(error.code.name()) != expected);
             let edits: Vec<&Edit> = errors.filter_map(|error| error.fix.as_ref()).collect();
-            if edits.is_empty() || rounds == ROUNDS {
-                return (sources, compiled);
-            }
-            for (at, source) in sources.iter().enumerate() {
+            let mut is_done = true;
+            let most = if key.as_os_str() == STDIN { 1 } else { usize::MAX };
+            for (at, source) in sources.iter().enumerate().take(most) {
                 let (text, count) = Edit::apply_all(edits.iter().copied(), source);
-                if count == 0 {
+                if count == 0 || rounds == ROUNDS {
                     continue;
                 }
+                is_done = false;
                 self.add(if at == 0 { key } else { source.path().unwrap_or(key) }, source, &text, count);
                 if at == 0 {
                     main = main.with_text(text);
                 }
+            }
+            if is_done {
+                return (sources, compiled);
             }
             rounds += 1;
         }
@@ -80,6 +85,14 @@ impl Corrected {
         correction.count += count;
     }
 
+    /// A file with the corrections made so far.
+    fn corrected(&self, key: &Path, source: Source) -> Source {
+        match self.files().get(&followed(key)) {
+            Some(correction) => source.with_text(correction.new.as_str()),
+            None => source,
+        }
+    }
+
     fn files(&self) -> MutexGuard<'_, BTreeMap<PathBuf, Correction>> {
         self.files.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -96,10 +109,6 @@ impl Files for Corrected {
     }
 
     fn read(&self, path: &Path) -> Result<Source, SourceError> {
-        let source = Disk.read(path)?;
-        Ok(match self.files().get(&followed(path)) {
-            Some(correction) => source.with_text(correction.new.as_str()),
-            None => source,
-        })
+        Ok(self.corrected(path, Disk.read(path)?))
     }
 }

@@ -42,9 +42,7 @@ fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option
         Quantity::Hertz(rate) if (1.0..=200.0).contains(&rate) => {
             settings.period = Time::from_millis(1_000).over_number(rate)?;
         }
-        Quantity::Number(rate) => {
-            bail!(args.eval, Unit, value.span, "a rate needs the unit `hz`"; help: "write `rate {rate}hz`"; fix: value.span => "{rate}hz")
-        }
+        Quantity::Number(rate) => return without_unit(args, value, rate, "hz"),
         Quantity::Hertz(_) => {
             bail!(args.eval, OutOfRange, value.span, "the rate is out of range (1hz to 200hz)";
                 help: "write a rate such as `rate 50hz`");
@@ -55,6 +53,16 @@ fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option
         }
     }
     Some(())
+}
+
+/// Reports a bare number where a unit is needed. Only a number in the source is corrected: a name may have another value in the next call.
+fn without_unit(args: &mut Arguments<'_, '_, '_, '_>, value: &Value<'_>, number: f64, unit: &str) -> Option<()> {
+    let (setting, written) = (args.row().name, args.eval.written(value.span));
+    if let ValueKind::Number(NumberShape::Plain, _) = value.kind {
+        bail!(args.eval, Unit, value.span, "a {setting} needs the unit `{unit}`";
+            help: "write `{setting} {number}{unit}`"; fix: value.span => "{number}{unit}")
+    }
+    bail!(args.eval, Unit, value.span, "a {setting} needs the unit `{unit}`"; help: "write `{setting} ({written} * 1{unit})`")
 }
 
 fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
@@ -88,9 +96,7 @@ fn tempo(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
             settings.tempo = settings.tempo.at(bpm)?;
             settings.has_tempo = true;
         }
-        Quantity::Number(bpm) => {
-            bail!(args.eval, Unit, value.span, "a tempo needs the unit `bpm`"; help: "write `tempo {bpm}bpm`"; fix: value.span => "{bpm}bpm")
-        }
+        Quantity::Number(bpm) => return without_unit(args, value, bpm, "bpm"),
         Quantity::Tempo(_) => {
             bail!(args.eval, OutOfRange, value.span, "the tempo is out of range (1bpm to 1000bpm)";
                 help: "write a tempo such as `tempo 120bpm`");

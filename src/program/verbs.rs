@@ -8,7 +8,7 @@ use super::motion::{Glide, Motion};
 use crate::board::{Axis, Command, ValueForm, Values, Verb, VerbId};
 use crate::diagnostic::{bail, report};
 use crate::source::Span;
-use crate::syntax::{Item, Value};
+use crate::syntax::{Argument, Item, Value, ValueKind};
 
 /// The arguments of a verb.
 pub(super) enum Parsed {
@@ -150,6 +150,20 @@ fn bytes(args: &mut Arguments<'_, '_, '_, '_>, bound: Bound<'_>, most: usize) ->
     is_complete.then_some(values)
 }
 
+/// Whether an argument is a number, a calculation or the name of a value, or a move between two of these.
+fn is_value(argument: &Argument<'_>, args: &mut Arguments<'_, '_, '_, '_>) -> bool {
+    let mut is_value = |value: &Value<'_>| match value.kind {
+        ValueKind::Number(..) | ValueKind::Expression(_) => true,
+        ValueKind::Word(name) => args.eval.scope.value(name).is_some(),
+        ValueKind::Text(_) => false,
+    };
+    match &argument.item {
+        Item::One(value) => is_value(value),
+        Item::Arrow(ends) => is_value(&ends.0) && is_value(&ends.1),
+        Item::Range(..) | Item::List(_) | Item::Comparison(_) => false,
+    }
+}
+
 /// Reports values without their names, or no value at all, for a verb whose values all have names and may be omitted.
 fn has_axis(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     let is_optional = |axis: &Axis| !axis.name.is_empty() && axis.takes == ValueForm::Number;
@@ -159,11 +173,14 @@ fn has_axis(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> Option<()> {
     }
     let first = args.next_argument()?;
     let mut given = vec![first.span];
+    let mut are_values = is_value(first, args);
     while args.more() {
-        given.extend(args.next_argument().map(|argument| argument.span));
+        let Some(argument) = args.next_argument() else { break };
+        given.push(argument.span);
+        are_values &= is_value(argument, args);
     }
     let name = args.row().name;
-    if given.len() > verb.axes.len() {
+    if given.len() > verb.axes.len() || !are_values {
         bail!(args.eval, InvalidArgument, first.span, "`{name}` takes values with the names of their axes"; help: "{}", args.row().how());
     }
     let with_name = |(axis, span): (&Axis, &Span)| (*span, format!("{}={}", axis.name, args.eval.written(*span)));

@@ -24,6 +24,7 @@ pub(super) fn unreadable(at: &Unreadable<'_>) -> Diagnostic {
     let first = text.chars().next().unwrap_or(' ');
     let word = text.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
     if let Some(foreign) = foreign::statement(at.statement, at.statement_start) {
+        let foreign = if before.trim().is_empty() { foreign.at_line_start() } else { foreign };
         return foreign.diagnostic();
     }
     let found = space_before_unit(word, before, start).or_else(|| operator(at)).or_else(|| dashed_name(at));
@@ -180,7 +181,7 @@ pub(super) fn needs_parentheses(source: &str, span: Span) -> Diagnostic {
         let (value, comment) = written.split_once(sign).unwrap_or((&written, ""));
         let (value, comment) = (value.trim(), comment.trim_end_matches("*/").trim());
         return diagnostic!(ForeignSyntax, part(at, 2), "`{sign}` does not start a comment";
-            help: "write `#`: `{value} # {comment}`"; fix: part(at, 2) => "#");
+            help: "write `#`: `{value} # {comment}`");
     }
     if let Some(at) = source.find("- >") {
         return diagnostic!(MissingParentheses, span, "there is a space inside an arrow";

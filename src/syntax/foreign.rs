@@ -25,6 +25,7 @@ struct Row {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
     Statement,
+    Comment,
     Operator,
     Value,
     Easing,
@@ -42,6 +43,11 @@ const fn line(written: &'static str, origin: &'static str, write: &'static str) 
 /// A statement that nothing replaces.
 const fn without(written: &'static str, origin: &'static str, note: &'static str) -> Row {
     Row { note, ..line(written, origin, "") }
+}
+
+/// A comment, alone or after a command. It is corrected only where it starts a line: `a // 2` may well be a division.
+const fn comment(written: &'static str, origin: &'static str, write: &'static str) -> Row {
+    row(Place::Comment, written, origin, write).note("a comment starts with `#`")
 }
 
 /// An operator; with `<a>` and `<b>`, its operands are replaced, too.
@@ -223,14 +229,14 @@ const ROWS: &[Row] = &[
     without("M<digits> <any>", "G-code", NO_G_CODE),
     without("N<digits> <any>", "G-code", NO_G_CODE),
     // Comments.
-    line("// <any>", "C", "# <any>").note("a comment starts with `#`"),
-    line("/* <any> */", "C", "# <any>").note("a comment starts with `#`"),
-    line("/* <any>", "C", "# <any>").note("a comment starts with `#`, and ends with its line"),
-    line("-- <any>", "Lua", "# <any>").note("a comment starts with `#`"),
-    line("rem <any>", "BASIC", "# <any>").note("a comment starts with `#`"),
-    line("<command> // <any>", "C", "<command>  # <any>").note("a comment starts with `#`"),
-    line("<command> /* <any> */", "C", "<command>  # <any>").note("a comment starts with `#`"),
-    line("<command> -- <any>", "Lua", "<command>  # <any>").note("a comment starts with `#`"),
+    comment("// <any>", "C", "# <any>"),
+    comment("/* <any> */", "C", "# <any>"),
+    comment("/* <any>", "C", "# <any>").note("a comment starts with `#`, and ends with its line").example(),
+    comment("-- <any>", "Lua", "# <any>"),
+    comment("rem <any>", "BASIC", "# <any>"),
+    comment("<command> // <any>", "C", "<command>  # <any>").example(),
+    comment("<command> /* <any> */", "C", "<command>  # <any>").example(),
+    comment("<command> -- <any>", "Lua", "<command>  # <any>").example(),
     // Operators.
     operator("!==", "JavaScript", "not (<a> == <b>)"),
     operator("!=", "C", "not (<a> == <b>)"),
@@ -274,6 +280,8 @@ pub(crate) struct Foreign {
     pub(crate) help: String,
     /// The text that replaces it, if it is certain.
     fix: Option<String>,
+    /// The same if that is certain only at the start of a line: a comment.
+    comment: Option<String>,
 }
 
 impl Foreign {
@@ -286,6 +294,11 @@ impl Foreign {
             diagnostic!(ForeignSyntax, *span, "`{shown}` is {origin} syntax"; help: "{}", self.help)
         };
         self.fixed(diagnostic)
+    }
+
+    /// The same where only spaces precede it in its line.
+    pub(super) fn at_line_start(self) -> Foreign {
+        Foreign { fix: self.fix.or(self.comment), comment: None, ..self }
     }
 
     /// Another diagnostic of the same statement, with its correction.
@@ -309,18 +322,24 @@ pub(crate) fn statement(text: &str, start: usize) -> Option<Foreign> {
         (write, note) => format!("{note}: `{write}`"),
     };
     let is_certain = !write.is_empty() && !row.is_example && !row.write.contains('…');
+    let fix = is_certain.then_some(write);
+    // A comment of one line ends with the line, so nothing may follow a `*/`.
+    let is_whole = text.lines().next().is_some_and(|line| line.trim() == statement);
+    let ends = |write: &String| !statement.starts_with("/*") || (is_whole && !write.contains("*/"));
+    let (fix, comment) = if row.place == Place::Comment { (None, fix.filter(ends)) } else { (fix, None) };
     Some(Foreign {
         origin: row.origin,
         shown: shown(statement),
         span: Span::new(start, start + statement.len()),
         help,
-        fix: is_certain.then_some(write),
+        fix,
+        comment,
     })
 }
 
 /// The first row that matches a statement, and what to write instead.
 fn search(statement: &str) -> Option<(&'static Row, String)> {
-    let mut rows = ROWS.iter().filter(|row| row.place == Place::Statement);
+    let mut rows = ROWS.iter().filter(|row| matches!(row.place, Place::Statement | Place::Comment));
     rows.find_map(|row| Some((row, pattern::fill(row.write, &pattern::find(row.written, statement)?))))
 }
 
@@ -481,7 +500,7 @@ mod tests {
 
     #[test]
     fn each_hole_of_a_line_is_in_its_pattern() {
-        for row in ROWS.iter().filter(|row| row.place == Place::Statement) {
+        for row in ROWS.iter().filter(|row| matches!(row.place, Place::Statement | Place::Comment)) {
             let holes = row.write.split('<').skip(1).filter_map(|rest| rest.split_once('>'));
             for (hole, _) in holes {
                 assert!(row.written.contains(&format!("<{hole}>")), "{} has no <{hole}>", row.written);

@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use clap::Args;
 use motionseq::diagnostic::Diagnostics;
+use motionseq::report::{self, Finding};
 use motionseq::source::{Source, read_file};
 
 use super::exit::Exit;
@@ -60,10 +61,18 @@ impl ConfigError {
         }
         Exit::Usage
     }
+
+    /// The same as findings.
+    pub(super) fn findings(&self) -> Vec<Finding> {
+        match self {
+            ConfigError::Unreadable(why) => vec![Finding::unreadable(NAME, why.clone())],
+            ConfigError::Wrong(wrong) => report::findings(&wrong.0.clone().into(), &wrong.1),
+        }
+    }
 }
 
 /// What applies to a folder, or why that is unknown.
-type Found = Result<Arc<Config>, Arc<ConfigError>>;
+pub(super) type Found = Result<Arc<Config>, Arc<ConfigError>>;
 
 /// The configurations of this run, each read once.
 #[derive(Debug)]
@@ -97,6 +106,11 @@ impl Configs {
     /// What applies to a script; an error is shown.
     pub(super) fn of_script(&self, script: &Path, screen: &Screen) -> Result<Arc<Config>, Exit> {
         self.of_folder(folder_of(script), screen)
+    }
+
+    /// What applies to a script; an error is not shown.
+    pub(super) fn found_for(&self, script: &Path) -> Found {
+        self.found(folder_of(script)).0
     }
 
     /// What applies to the scripts in a folder; an error is shown.
