@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use crate::support::host::{Host, has, link, rocker, stop};
-use crate::support::{run, stderr, stdout};
+use crate::support::{motionseq, run, stderr, stdout};
 use mcap::read::{LinearReader, Options};
 use mcap::records::Record;
 use motionseq::source::{Source, Sources};
@@ -297,6 +297,18 @@ fn a_full_disk_is_reported_and_changes_nothing_else() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("sent 22 frames"), "{said}");
     assert!(said.contains("the log /dev/full is incomplete: No space left on device"), "{said}");
+    let script = file("full.motion");
+    for what in ["board", "record"] {
+        let more = ["--log", "/dev/full", "-o", script.to_str().unwrap()];
+        let mut host =
+            Host::start_at(what, link(&format!("full-{what}")), &more[..if what == "board" { 2 } else { 4 }]);
+        host.open().write_all(&stop()).unwrap();
+        host.says("is closed");
+        let said = host.end_with(2).1;
+        assert!(said.contains("the log /dev/full is incomplete"), "{said}");
+    }
+    assert!(fs::read_to_string(&script).unwrap().contains("stop"));
+    fs::remove_file(script).unwrap();
 }
 
 #[test]
@@ -414,6 +426,11 @@ fn in_a_folder_each_run_has_a_log_of_its_own() {
         let time = name.strip_prefix("hello-").and_then(|rest| rest.strip_suffix(".mcap")).unwrap();
         assert!(time.len() >= 16 && time[8..].starts_with('T') && time[15..].starts_with('Z'), "{name}");
     }
+    // A script without a name.
+    let mut piped = motionseq(&["play", "-", "--log", &place]).stdin(Stdio::piped()).spawn().unwrap();
+    piped.stdin.take().unwrap().write_all(b"servo 1 1500\n").unwrap();
+    assert!(piped.wait().unwrap().success());
+    assert_eq!(names().iter().filter(|name| name.starts_with("stdin-2")).count(), 1, "{:?}", names());
     let output = play(&["--log", &format!("{place}none/")]);
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     fs::remove_dir_all(folder).unwrap();
@@ -436,7 +453,11 @@ fn decode_reads_the_frames_of_a_log() {
     // Without its end.
     let bytes = fs::read(&log).unwrap();
     fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let decoded = columns(&stdout(&run(&["decode", cut.to_str().unwrap()])));
+    assert!(!stderr(&decoded).contains("ends early"), "{}", stderr(&decoded));
+    let early = run(&["decode", cut.to_str().unwrap()]);
+    assert_eq!(early.status.code(), Some(0));
+    assert!(stderr(&early).contains("the log ends early"), "{}", stderr(&early));
+    let decoded = columns(&stdout(&early));
     assert!(!decoded.is_empty() && rendered.starts_with(&decoded), "{decoded:?}");
     // A log of another program.
     let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
@@ -446,6 +467,13 @@ fn decode_reads_the_frames_of_a_log() {
     let refused = run(&["decode", cut.to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(stderr(&refused).contains("without the topic `/frames`"), "{}", stderr(&refused));
+    // A compressed chunk: its bytes are not needed to see that.
+    let body = [&[0; 28][..], &4_u32.to_le_bytes(), b"zstd", &[0; 8]].concat();
+    let chunk = [&[6][..], &u64::try_from(body.len()).unwrap().to_le_bytes(), &body].concat();
+    fs::write(&cut, [mcap::MAGIC, &chunk].concat()).unwrap();
+    let refused = run(&["decode", cut.to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("it is compressed (zstd)"), "{}", stderr(&refused));
     fs::remove_file(log).unwrap();
     fs::remove_file(cut).unwrap();
 }

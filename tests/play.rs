@@ -97,6 +97,17 @@ fn said_lines_are_shown_and_quiet_is_quiet() {
 }
 
 #[test]
+fn a_recording_is_complete_with_thousands_of_marks_at_one_moment() {
+    let marks: String = (0..40_000).map(|number| format!("mark m{number}\n")).collect();
+    let path = script("many-marks", &format!("rocker x=10\nwait 100ms\n{marks}wait 100ms\nservo 1 1500\nstop\n"));
+    let recording = std::env::temp_dir().join(format!("motionseq-many-marks-{}.bin", std::process::id()));
+    let output = run(&["play", &path, "--record", recording.to_str().unwrap(), "--max-late", "5s"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(std::fs::read(&recording).unwrap(), crate::support::rendered(&path));
+    std::fs::remove_file(recording).unwrap();
+}
+
+#[test]
 fn every_signal_stops_the_robot() {
     let long = script("signal", "rocker x=10; buzzer on\nwait 1h\nstop; buzzer off\n");
     for (signal, number, words) in [

@@ -102,6 +102,41 @@ fn frames_due_together_are_one_write_at_their_time() {
 }
 
 #[test]
+fn many_marks_at_one_moment_delay_no_frame_and_are_all_reported() {
+    let marks: String = (0..1_000).map(|number| format!("mark m{number}\nsay \"x\"\n")).collect();
+    let timeline = timeline(&format!("servo 1 1500\nwait 1ms\n{marks}wait 1ms\nservo 2 1500\n"));
+    let mut player = Player::new(&timeline, Nanos::from_millis(50));
+    let (mut now, mut input, mut times) = (Nanos::ZERO, Input::Tick, Vec::new());
+    let (mut marked, mut said) = (Vec::new(), Vec::new());
+    loop {
+        let mut count = 0;
+        let order = player.poll(now, input, &mut |notice| match notice {
+            Notice::Marked { mark } => (count, _) = (count + 1, marked.push(mark)),
+            Notice::Say { cue } => (count, _) = (count + 1, said.push(cue)),
+            _ => {}
+        });
+        assert!(count <= 64, "{count} at once");
+        input = match order {
+            Order::Write => {
+                times.push(now);
+                Input::Wrote(player.bytes().len())
+            }
+            Order::Wait { until, .. } => {
+                assert!(until > now, "it waits");
+                now = until;
+                Input::Tick
+            }
+            Order::Done => break,
+            other => panic!("{other:?}"),
+        };
+    }
+    assert_eq!(times, [Nanos::ZERO, Nanos::from_millis(2)]);
+    let all: Vec<usize> = (0..1_000).collect();
+    assert_eq!((marked, said), (all.clone(), all));
+    assert_eq!(player.outcome().unwrap().cause, Cause::Finished);
+}
+
+#[test]
 fn a_port_that_accepts_few_bytes_at_once_gets_all_in_order() {
     let timeline = timeline(SCRIPT);
     let mut full = false;

@@ -3,10 +3,11 @@
 use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _, Write};
 use std::os::unix::fs::symlink;
+use std::os::unix::process::CommandExt as _;
 use std::process::{ChildStderr, Command, Stdio};
 
 use motionseq::link::Pty;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, WaitOptions, kill_process};
 
 use crate::support::far::{FarEnd, assert_stopped, bytes, end, start};
 use crate::support::host::{Host, frames, link, rocker};
@@ -256,7 +257,11 @@ fn a_forbidden_port_names_the_group_of_its_node() {
 
 /// Plays with `--wait`, and returns the player once it waits, with the line that says so.
 fn waiting(path: &std::path::Path, script: &str) -> (std::process::Child, BufReader<ChildStderr>) {
-    let mut player = motionseq(&["play", script, "--wait", "1h", "--port", path.to_str().unwrap()]);
+    waits(&mut motionseq(&["play", script, "--wait", "1h", "--port", path.to_str().unwrap()]))
+}
+
+/// The same with a command that was set up.
+fn waits(player: &mut Command) -> (std::process::Child, BufReader<ChildStderr>) {
     let mut child = player.stderr(Stdio::piped()).spawn().unwrap();
     let mut said = BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
@@ -291,6 +296,27 @@ fn a_signal_ends_the_wait_for_a_port() {
         assert_eq!(child.wait().unwrap().code(), Some(code), "{rest}");
         assert!(rest.contains("nothing was sent"), "{rest}");
     }
+}
+
+#[test]
+fn a_wait_for_a_port_is_suspended_and_continued() {
+    let script = script("suspended", "servo 1 1500\n");
+    let (far, path) = (FarEnd::new(), link("suspended-for"));
+    // In a group of its own, which its parent could continue as a shell does.
+    let mut player = motionseq(&["play", &script, "--wait", "1h", "--port", path.to_str().unwrap()]);
+    let (mut child, mut said) = waits(player.process_group(0));
+    kill_process(Pid::from_child(&child), Signal::TSTP).unwrap();
+    rustix::process::waitpid(Some(Pid::from_child(&child)), WaitOptions::UNTRACED).unwrap().unwrap();
+    let stat = fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    assert!(stat.contains(") T "), "{stat}");
+    kill_process(Pid::from_child(&child), Signal::CONT).unwrap();
+    symlink(&far.path, &path).unwrap();
+    let received = bytes(&far.rest());
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest}");
+    assert_eq!(received, crate::support::rendered(&script));
+    fs::remove_file(path).unwrap();
 }
 
 #[test]

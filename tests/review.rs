@@ -188,6 +188,14 @@ impl Watching {
     }
 }
 
+/// A failing test leaves no program running.
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 #[test]
 fn a_watched_script_is_checked_after_each_change_of_it_and_of_what_it_uses() {
     let folder = Scratch::new("watch");

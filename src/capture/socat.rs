@@ -58,5 +58,20 @@ pub(super) fn directions(text: &str) -> [Direction; 2] {
 fn hex(line: &str) -> Vec<u8> {
     let line = line.strip_prefix(' ').unwrap_or_default();
     let digits = line.split("  ").next().unwrap_or_default();
-    digits.split(' ').map_while(|byte| (byte.len() == 2).then(|| u8::from_str_radix(byte, 16).ok())?).collect()
+    // A sign, which a number may have, is no digit.
+    let is_byte = |text: &str| text.len() == 2 && text.bytes().all(|digit| digit.is_ascii_hexdigit());
+    digits.split(' ').map_while(|text| is_byte(text).then(|| u8::from_str_radix(text, 16).ok())?).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_byte_is_two_hex_digits() {
+        assert_eq!(hex(" ff 0f  .."), [0xFF, 0x0F]);
+        for other in [" +f", " -1", " f", " fff", "ff", " \u{e9}"] {
+            assert_eq!(hex(other), [0; 0], "{other}");
+        }
+    }
 }

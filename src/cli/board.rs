@@ -133,7 +133,7 @@ pub(super) fn serve_board(
         }
         Err(error) => (Exit::Port, format!("the virtual board failed: {error}")),
     };
-    let tape = watcher.end(exit, &cause);
+    let (exit, tape) = watcher.end(exit, &cause);
     if exit == Exit::Port {
         screen.error(&cause);
         return (exit, tape);

@@ -62,7 +62,7 @@ impl Decode {
             Ok(timing) => timing,
             Err(exit) => return exit,
         };
-        let input = match self.input() {
+        let input = match self.input(screen) {
             Ok(input) => input,
             Err(error) => return self.unreadable(&error, screen),
         };
@@ -115,7 +115,7 @@ impl Decode {
     }
 
     /// Opens the input. A log of motionseq becomes the lines of a listing.
-    fn input(&self) -> io::Result<Box<dyn Read>> {
+    fn input(&self, screen: &Screen) -> io::Result<Box<dyn Read>> {
         let mut input: Box<dyn Read> = if self.stream.as_os_str() == "-" {
             Box::new(io::stdin().lock())
         } else {
@@ -127,7 +127,11 @@ impl Decode {
             return Ok(Box::new(io::Cursor::new(head).chain(input)));
         }
         input.read_to_end(&mut head)?;
-        Ok(Box::new(io::Cursor::new(mcap_frames::listing(&head)?)))
+        let (listing, ends_early) = mcap_frames::listing(&head)?;
+        if ends_early {
+            screen.note("the log ends early");
+        }
+        Ok(Box::new(io::Cursor::new(listing)))
     }
 
     /// Reads the times of the bytes.

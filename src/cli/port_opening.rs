@@ -5,10 +5,11 @@ use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use motionseq::link::{BoardLikelihood, Obstacle, OpenError, PortInfo, Serial, obstacle, port_at, ports};
+use motionseq::link::{BoardLikelihood, Obstacle, OpenError, PortInfo, Serial, obstacle, permission, port_at, ports};
 use motionseq::playback::Signals;
 use motionseq::units::{Micros, NotATime};
 use rustix::event::{PollFd, PollFlags, Timespec};
+use rustix::process::Signal;
 
 use super::exit::Exit;
 use super::ports::{help, line};
@@ -27,7 +28,8 @@ pub(super) fn wait(text: &str) -> Result<Micros, String> {
     if time <= LONGEST { Ok(time) } else { Err("too long; write 24h or less".to_owned()) }
 }
 
-/// Opens a port. If it cannot be opened now and there is time to wait, tries again until then or until a signal ends the command.
+/// Opens a port. If it cannot be opened now and there is time to wait, tries again until then or until a signal ends the command;
+/// a Ctrl-Z suspends it.
 /// Returns its path, too. An open port is never opened again.
 pub(super) fn open(
     path: &Path,
@@ -36,14 +38,14 @@ pub(super) fn open(
     signals: &Signals,
     screen: &Screen,
 ) -> Result<(Serial, PathBuf), Exit> {
-    let until = wait.map(|wait| Instant::now() + Duration::from_micros(wait.0));
+    let mut until = wait.map(|wait| Instant::now() + Duration::from_micros(wait.0));
     let mut is_told = false;
     loop {
         let refused = match try_open(path, baud) {
             Ok(opened) => return Ok(opened),
             Err(refused) => refused,
         };
-        let Some(until) = until.filter(|until| refused.may_pass() && Instant::now() < *until) else {
+        let Some(until) = until.as_mut().filter(|until| refused.may_pass() && Instant::now() < **until) else {
             return Err(refused.report(screen));
         };
         if !is_told {
@@ -54,9 +56,18 @@ pub(super) fn open(
         let left = Timespec::try_from(left).ok().filter(|left| *left < RETRY).unwrap_or(RETRY);
         let mut polled = [PollFd::from_borrowed_fd(signals.as_fd(), PollFlags::IN)];
         let _ = rustix::event::poll(&mut polled, Some(&left));
-        if let Some(signal) = signals.pending() {
-            screen.error("ended while waiting for the port; nothing was sent");
-            return Err(Exit::Signal(signal));
+        match signals.take() {
+            None => {}
+            // A suspended command does not wait.
+            Some(signal) if signal == Signal::TSTP.as_raw() => {
+                let since = Instant::now();
+                signals.suspend();
+                *until += since.elapsed();
+            }
+            Some(signal) => {
+                screen.error("ended while waiting for the port; nothing was sent");
+                return Err(Exit::Signal(signal));
+            }
         }
     }
 }
@@ -69,26 +80,33 @@ fn try_open(path: &Path, baud: u32) -> Result<(Serial, PathBuf), Refused> {
     }
 }
 
-/// The one port that looks like the board: on the pins of a Raspberry Pi, or else the only USB adapter. One that can never be the
-/// board, such as a console, does not count.
+/// The one port that looks like the board: on the pins of a Raspberry Pi, or else the only USB adapter. If the system itself uses the
+/// pins, an adapter is not the board: it may be a printer or another robot.
 fn choose(ports: Vec<PortInfo>) -> Result<PathBuf, Refused> {
-    let never =
-        |port: &PortInfo| matches!(port.obstacle, Some(Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_)));
     for likely in [BoardLikelihood::Board, BoardLikelihood::Maybe] {
-        let found: Vec<&PortInfo> = ports.iter().filter(|port| port.likely == likely && !never(port)).collect();
-        match found.as_slice() {
-            [] => {}
-            [one] => return Ok(one.path.clone()),
+        let found = || ports.iter().filter(|port| port.likely == likely);
+        let free: Vec<&PortInfo> = found().filter(|port| !is_of_system(port.obstacle.as_ref())).collect();
+        match (free.as_slice(), found().next()) {
+            ([one], _) => return Ok(one.path.clone()),
+            ([], Some(pins)) if likely == BoardLikelihood::Board => return Err(Refused::OfSystem(pins.clone())),
+            ([], _) => {}
             _ => return Err(Refused::Several(ports)),
         }
     }
     Err(Refused::None(ports))
 }
 
+/// Whether the system itself uses a port, which does not end by itself.
+fn is_of_system(obstacle: Option<&Obstacle>) -> bool {
+    matches!(obstacle, Some(Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_)))
+}
+
 /// Why no port was opened.
 enum Refused {
     NotOpened(PathBuf, OpenError),
     NotListed(io::Error),
+    /// The port on the pins is used by the system itself.
+    OfSystem(PortInfo),
     /// Several ports look like the board, or none does; all ports.
     Several(Vec<PortInfo>),
     None(Vec<PortInfo>),
@@ -99,6 +117,10 @@ impl std::fmt::Display for Refused {
         match self {
             Refused::NotOpened(path, error) => write!(f, "cannot open port {}: {error}", path.display()),
             Refused::NotListed(error) => write!(f, "cannot list the ports: {error}"),
+            Refused::OfSystem(port) => {
+                let why = port.obstacle.as_ref().map(Obstacle::to_string).unwrap_or_default();
+                write!(f, "`--port auto`: {}, the port on the pins: {why}", port.path.display())
+            }
             Refused::Several(_) => f.write_str("`--port auto`: several ports look like the board"),
             Refused::None(_) => f.write_str("`--port auto`: no port looks like the board"),
         }
@@ -112,7 +134,7 @@ impl Refused {
             Refused::NotOpened(_, error) => {
                 matches!(error, OpenError::Missing | OpenError::InUse | OpenError::Forbidden | OpenError::Other(_))
             }
-            Refused::NotListed(_) => false,
+            Refused::NotListed(_) | Refused::OfSystem(_) => false,
             Refused::Several(_) | Refused::None(_) => true,
         }
     }
@@ -121,7 +143,7 @@ impl Refused {
     fn report(&self, screen: &Screen) -> Exit {
         match self {
             Refused::NotOpened(path, error) => refused(screen, path, error),
-            Refused::NotListed(_) => {
+            Refused::NotListed(_) | Refused::OfSystem(_) => {
                 screen.error(&format!("{self}; nothing was sent"));
                 Exit::Port
             }
@@ -149,10 +171,7 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
             format!("close {owner} (a suspended motionseq is listed by `jobs`)")
         }
         (OpenError::InUse, _) => "close that program (a suspended motionseq is listed by `jobs`)".to_owned(),
-        (OpenError::Forbidden, Some(why @ Obstacle::Forbidden(_))) => {
-            why.to_string().trim_start_matches("permission denied: ").to_owned()
-        }
-        (OpenError::Forbidden, _) => "you may not read the folder of the port".to_owned(),
+        (OpenError::Forbidden, _) => forbidden(permission(path).as_ref(), found.as_ref()),
         (OpenError::NotAPort | OpenError::OwnTerminal | OpenError::NoPeer, _) => {
             "write the port of the board, such as `--port /dev/serial0`".to_owned()
         }
@@ -165,10 +184,20 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
     }
 }
 
+/// How to get the permission for a port, and what else is in the way.
+fn forbidden(permission: Option<&Obstacle>, obstacle: Option<&Obstacle>) -> String {
+    let help = permission.map_or_else(|| "you may not read the folder of the port".to_owned(), Obstacle::to_string);
+    let help = help.trim_start_matches("permission denied: ");
+    match obstacle.filter(|obstacle| is_of_system(Some(obstacle))) {
+        Some(also) => format!("{help}; the port is also not free: {also}"),
+        None => help.to_owned(),
+    }
+}
+
 /// Warns if a port that was opened is probably not the board.
 pub(super) fn doubt(path: &Path, screen: &Screen) {
     let found = port_at(path).and_then(|port| port.obstacle);
-    if let Some(why @ (Obstacle::Bluetooth | Obstacle::Console | Obstacle::Login(_))) = found {
+    if let Some(why) = found.filter(|why| is_of_system(Some(why))) {
         screen.warning(&format!("{}: {why}", path.display()));
     }
 }

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use clap::{Args, ValueEnum};
+use motionseq::diagnostic::escaped;
 use motionseq::link::{BoardLikelihood, Obstacle, PortInfo, ports};
 use serde::Serialize;
 
@@ -60,8 +61,13 @@ pub(super) fn line(port: &PortInfo) -> String {
         BoardLikelihood::Maybe => Some("the board, if it is connected by USB".to_owned()),
         _ => None,
     };
-    let known: Vec<String> = likely.into_iter().chain(port.obstacle.as_ref().map(Obstacle::to_string)).collect();
-    let line = format!("{}\t{}\t{}\t{}", port.path.display(), port.description, names.join(" "), known.join("; "));
+    // The permission may be the obstacle itself.
+    let permission = port.permission.as_ref().filter(|permission| port.obstacle.as_ref() != Some(permission));
+    let obstacles = port.obstacle.iter().chain(permission).map(Obstacle::to_string);
+    let known: Vec<String> = likely.into_iter().chain(obstacles).collect();
+    let columns = [port.path.display().to_string(), port.description.clone(), names.join(" "), known.join("; ")];
+    // A device describes itself, and its words could move the cursor or make a column.
+    let line = columns.map(|column| escaped(&column).replace('\t', "\\t")).join("\t");
     line.trim_end_matches('\t').to_owned()
 }
 
@@ -79,6 +85,7 @@ struct Port {
     description: String,
     board: &'static str,
     obstacle: Option<Why>,
+    permission: Option<Why>,
 }
 
 #[derive(Serialize)]
@@ -97,6 +104,7 @@ impl From<&PortInfo> for Port {
             Obstacle::Forbidden(_) => "forbidden",
             _ => "other",
         };
+        let why = |obstacle: &Obstacle| Why { kind: kind(obstacle), why: obstacle.to_string() };
         Port {
             path: port.path.display().to_string(),
             names: port.names.iter().map(|name| name.display().to_string()).collect(),
@@ -106,7 +114,8 @@ impl From<&PortInfo> for Port {
                 BoardLikelihood::Maybe => "possibly",
                 _ => "no",
             },
-            obstacle: port.obstacle.as_ref().map(|obstacle| Why { kind: kind(obstacle), why: obstacle.to_string() }),
+            obstacle: port.obstacle.as_ref().map(why),
+            permission: port.permission.as_ref().map(why),
         }
     }
 }
@@ -122,3 +131,26 @@ pub(super) fn help(ports: &[PortInfo]) -> Option<String> {
 
 /// How to enable the port that the board is plugged onto.
 const ENABLE: &str = "on a Raspberry Pi, enable the serial port with `sudo raspi-config` (Interface Options, Serial Port: login shell no, hardware yes) and restart";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_a_device_stay_in_their_column() {
+        let mut port = PortInfo::new("/dev/ttyUSB0", BoardLikelihood::No, Some(Obstacle::InUse(None)));
+        port.description = "USB \u{1b}[2J\tx\ny".to_owned();
+        assert_eq!(line(&port), "/dev/ttyUSB0\tUSB \\u{1b}[2J\\tx\\ny\t\tin use");
+    }
+
+    #[test]
+    fn a_console_that_is_forbidden_shows_both() {
+        let permission = Some(Obstacle::Forbidden(Some("dialout".to_owned())));
+        let mut port = PortInfo::new("/dev/ttyS0", BoardLikelihood::Board, Some(Obstacle::Console));
+        port.permission.clone_from(&permission);
+        let both = line(&port);
+        assert!(both.contains("the console of the system") && both.contains("usermod -aG dialout $USER"), "{both}");
+        port.obstacle = permission;
+        assert_eq!(line(&port).matches("usermod").count(), 1);
+    }
+}

@@ -175,7 +175,7 @@ fn between(
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
     let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else {
-        return (Exit::Failed, watcher.end(Exit::Failed, "motionseq failed; this is a bug"));
+        return watcher.end(Exit::Failed, "motionseq failed; this is a bug");
     };
     let (exit, cause) = match ended {
         Ok(End::Unguarded) => (Exit::Failed, Some("the guard of this recording was lost".to_owned())),
@@ -205,5 +205,5 @@ fn between(
     if let Some(guard) = guard.filter(|_| Screen::is_written(PATIENCE)) {
         guard.goodbye();
     }
-    (exit, watcher.end(exit, &words))
+    watcher.end(exit, &words)
 }

@@ -153,8 +153,9 @@ impl Watcher {
         }
     }
 
-    /// Shows the rest, and ends the display, and the log with the result of the command. Returns the tape, which must be ended, too.
-    pub(super) fn end(mut self, result: Exit, cause: &str) -> Option<Tape> {
+    /// Shows the rest, and ends the display, and the log with the result of the command. Returns the result, which counts whether the
+    /// log is complete, and the tape, which must be ended, too.
+    pub(super) fn end(mut self, result: Exit, cause: &str) -> (Exit, Option<Tape>) {
         // A truncated frame is recorded, but not shown.
         let mut cut = Vec::new();
         self.decoder.finish(|at, item| cut.push((at, OwnedItem::from(item))));
@@ -167,9 +168,7 @@ impl Watcher {
             let missed = plural(usize::try_from(missed).unwrap_or(usize::MAX), "piece");
             screen.note(&format!("{missed} were not shown: standard output was too slow"));
         }
-        if let Some(log) = log {
-            log.end(result, cause);
-        }
-        tape
+        let is_whole = log.is_none_or(|log| log.end(result, cause));
+        (if is_whole || result != Exit::Ok { result } else { Exit::Usage }, tape)
     }
 }

@@ -8,7 +8,7 @@ mod serial;
 use std::io;
 use std::os::fd::BorrowedFd;
 
-pub use ports::{BoardLikelihood, Obstacle, Owner, PortInfo, obstacle, port_at, ports};
+pub use ports::{BoardLikelihood, Obstacle, Owner, PortInfo, obstacle, permission, port_at, ports};
 pub use pty::{LineSettings, Pty};
 pub use pty_link::{PortEvent, PtyLink, PtyLinkError};
 pub use serial::{OpenError, Serial};

@@ -25,12 +25,21 @@ pub struct PortInfo {
     pub likely: BoardLikelihood,
     /// Why it cannot be used now, if that is known.
     pub obstacle: Option<Obstacle>,
+    /// What [`permission`] says, which also counts if there is another obstacle.
+    pub permission: Option<Obstacle>,
 }
 
 impl PortInfo {
     /// A port without other names and without a description.
     pub fn new(path: impl Into<PathBuf>, likely: BoardLikelihood, obstacle: Option<Obstacle>) -> Self {
-        PortInfo { path: path.into(), names: Vec::new(), description: String::new(), likely, obstacle }
+        PortInfo {
+            path: path.into(),
+            names: Vec::new(),
+            description: String::new(),
+            likely,
+            obstacle,
+            permission: None,
+        }
     }
 }
 
@@ -116,6 +125,11 @@ pub fn obstacle(path: &Path) -> Option<Obstacle> {
     Computer::at(Path::new("/")).obstacle(&path.canonicalize().ok()?)
 }
 
+/// Whether this user may not open a port at a path: [`Obstacle::Forbidden`], with what to do.
+pub fn permission(path: &Path) -> Option<Obstacle> {
+    Computer::at(Path::new("/")).permission(&path.canonicalize().ok()?)
+}
+
 /// A computer whose files are below a folder.
 struct Computer {
     root: PathBuf,
@@ -186,8 +200,8 @@ impl Computer {
             _ => self.on_board(&path),
         };
         let names = self.names.get(&path).cloned().unwrap_or_default();
-        let obstacle = self.obstacle(&path);
-        Some(PortInfo { path, names, description, likely, obstacle })
+        let (obstacle, permission) = (self.obstacle(&path), self.permission(&path));
+        Some(PortInfo { path, names, description, likely, obstacle, permission })
     }
 
     /// A USB adapter, by what it says of itself.
@@ -263,9 +277,14 @@ impl Computer {
         if self.is_console(path) {
             return Some(Obstacle::Console);
         }
+        self.permission(path).or(user)
+    }
+
+    /// Whether this user may not open a device.
+    fn permission(&self, path: &Path) -> Option<Obstacle> {
         match rustix::fs::access(self.file(path), Access::READ_OK | Access::WRITE_OK) {
             Err(rustix::io::Errno::ACCESS | rustix::io::Errno::PERM) => Some(Obstacle::Forbidden(self.group(path))),
-            _ => user,
+            _ => None,
         }
     }
 

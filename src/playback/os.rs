@@ -90,7 +90,7 @@ impl Signals {
     }
 
     /// The received signal with the highest priority; empties the pipe.
-    pub(super) fn take(&self) -> Option<i32> {
+    pub fn take(&self) -> Option<i32> {
         self.empty();
         self.pending()
     }
@@ -113,7 +113,7 @@ impl Signals {
 
     /// Suspends this process until it is continued, unless a signal ends the run or no shell can continue it. Further Ctrl-Z
     /// meanwhile are ignored.
-    pub(super) fn suspend(&self) {
+    pub fn suspend(&self) {
         self.continued.store(false, Ordering::Release);
         if !self.is_ending() {
             stop_this_process();

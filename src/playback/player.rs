@@ -36,6 +36,8 @@ pub struct Player<'t> {
     next: usize,
     next_cue: usize,
     next_mark: usize,
+    /// When marks and `say` lines were reported last, and how many since then, for less than [`SAY_EVERY`].
+    said: (Nanos, usize),
     out: Outbox,
     /// When the bytes in `out` were due, in the time of the script.
     due: Nanos,
@@ -48,6 +50,11 @@ pub struct Player<'t> {
     extra: usize,
     worst_late: Nanos,
 }
+
+/// The most marks and `say` lines that are reported in a time, so that a script with thousands of them at one moment delays no frame
+/// and leaves room for the notices of the frames. The others follow.
+const SAY_MOST: usize = 32;
+const SAY_EVERY: Nanos = Nanos::from_millis(1);
 
 #[derive(Clone, Copy, Debug)]
 enum Phase {
@@ -87,6 +94,7 @@ impl<'t> Player<'t> {
             next: 0,
             next_cue: 0,
             next_mark: 0,
+            said: (Nanos::ZERO, 0),
             out: Outbox::new(board.zeros_after_flush(commands), board.codec.longest),
             due: Nanos::ZERO,
             pending: 0,
@@ -108,7 +116,7 @@ impl<'t> Player<'t> {
         self
     }
 
-    /// Starts the next pass exactly at the end of the last one.
+    /// Starts the next pass exactly at the end of the last one. Marks that the last one had no time to report are left out.
     fn next_pass(&mut self, again: &'t Timeline, notices: &mut impl FnMut(Notice)) {
         self.origin = self.origin.saturating_add_unsigned(self.end.0);
         self.passed += self.end;
@@ -249,7 +257,7 @@ impl<'t> Player<'t> {
                 _ => Order::Write,
             };
         }
-        self.say(time, notices);
+        self.say(time, now, notices);
         // Judged before frames that are due at the same time are sent.
         if let Some(failed) = self.judge.poll(time, now, &mut |verdict| notices(Notice::Judged(verdict))) {
             return self.end_early(Cause::Expect(failed), now);
@@ -261,9 +269,9 @@ impl<'t> Player<'t> {
             return Order::Write;
         }
         let next_event = self.events.get(self.next).map(due);
-        let next_cue = self.cues.get(self.next_cue).map(|cue| cue.at.nanos());
-        let next_mark = self.marks.get(self.next_mark).map(|mark| mark.at.nanos()).filter(|at| *at <= self.end);
-        match next_event.into_iter().chain(next_cue).chain(next_mark).chain(self.judge.next_due()).min() {
+        // The next pass begins at its time.
+        let next_said = self.next_said().filter(|_| time < self.end || self.again.is_none());
+        match next_event.into_iter().chain(next_said).chain(self.judge.next_due()).min() {
             Some(until) => self.wait(until, false),
             None if time < self.end => self.wait(self.end, false),
             None if self.again.is_some() => {
@@ -282,16 +290,30 @@ impl<'t> Player<'t> {
         Order::Wait { until: Nanos(until.0.saturating_add_signed(self.origin)), writable }
     }
 
-    /// Reports the marks and the `say` lines up to a time.
-    fn say(&mut self, time: Nanos, notices: &mut impl FnMut(Notice)) {
-        while self.marks.get(self.next_mark).is_some_and(|mark| mark.at.nanos() <= time) {
+    /// Reports the marks and the `say` lines up to a time, as many as are permitted `now`.
+    fn say(&mut self, time: Nanos, now: Nanos, notices: &mut impl FnMut(Notice)) {
+        if now - self.said.0 >= SAY_EVERY {
+            self.said = (now, 0);
+        }
+        while self.said.1 < SAY_MOST && self.marks.get(self.next_mark).is_some_and(|mark| mark.at.nanos() <= time) {
             notices(Notice::Marked { mark: self.next_mark });
             self.next_mark += 1;
+            self.said.1 += 1;
         }
-        while self.cues.get(self.next_cue).is_some_and(|cue| cue.at.nanos() <= time) {
+        while self.said.1 < SAY_MOST && self.cues.get(self.next_cue).is_some_and(|cue| cue.at.nanos() <= time) {
             notices(Notice::Say { cue: self.next_cue });
             self.next_cue += 1;
+            self.said.1 += 1;
         }
+    }
+
+    /// When the next mark or `say` line is reported, in the time of the script.
+    fn next_said(&self) -> Option<Nanos> {
+        let cue = self.cues.get(self.next_cue).map(|cue| cue.at.nanos());
+        let mark = self.marks.get(self.next_mark).map(|mark| mark.at.nanos()).filter(|at| *at <= self.end);
+        let (since, count) = self.said;
+        let permitted = if count < SAY_MOST { Nanos::ZERO } else { self.since_origin(since.saturating_add(SAY_EVERY)) };
+        cue.into_iter().chain(mark).min().map(|at| at.max(permitted))
     }
 
     /// Processes every event that is due. Returns the lateness of one that is too late.
@@ -416,7 +438,7 @@ impl<'t> Player<'t> {
             self.last = Some(index);
             notices(Notice::Sent { event: index, late: Nanos::ZERO });
         }
-        self.say(at, notices);
+        self.say(at, now, notices);
         self.due = now;
         self.phase = Phase::Stepping(at);
         if self.out.is_empty() { self.stepping(at, now, Input::Tick) } else { Order::Write }

@@ -70,11 +70,16 @@ impl Host {
     }
 
     /// Ends it as Ctrl-C does. Returns its output and its messages.
-    pub(crate) fn end(mut self) -> (String, String) {
+    pub(crate) fn end(self) -> (String, String) {
+        self.end_with(0)
+    }
+
+    /// The same with another exit code.
+    pub(crate) fn end_with(mut self, code: i32) -> (String, String) {
         self.signal(Signal::INT);
         let mut said = String::new();
         self.errors.read_to_string(&mut said).unwrap();
-        assert_eq!(self.child.wait().unwrap().code(), Some(0), "{said}");
+        assert_eq!(self.child.wait().unwrap().code(), Some(code), "{said}");
         assert!(fs::symlink_metadata(&self.path).is_err(), "the link is gone");
         (self.printed.take().unwrap().join().unwrap(), said)
     }

@@ -64,8 +64,8 @@ pub(super) fn create(path: &Path, name: &str, inputs: &Inputs) -> io::Result<Cre
 
 /// The name of a script in the name of its log.
 pub(super) fn name_of(sources: &Sources) -> String {
-    let name = sources.main().name();
-    Path::new(name).file_stem().map_or_else(|| "stdin".into(), |stem| stem.to_string_lossy().into_owned())
+    let stem = sources.main().path().and_then(Path::file_stem);
+    stem.map_or_else(|| "stdin".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
 /// How many logs of one name may begin in a second.
