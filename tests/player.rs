@@ -111,8 +111,14 @@ fn many_marks_at_one_moment_delay_no_frame_and_are_all_reported() {
     loop {
         let mut count = 0;
         let order = player.poll(now, input, &mut |notice| match notice {
-            Notice::Marked { mark } => (count, _) = (count + 1, marked.push(mark)),
-            Notice::Say { cue } => (count, _) = (count + 1, said.push(cue)),
+            Notice::Marked { mark } => {
+                count += 1;
+                marked.push(mark);
+            }
+            Notice::Say { cue } => {
+                count += 1;
+                said.push(cue);
+            }
             _ => {}
         });
         assert!(count <= 64, "{count} at once");

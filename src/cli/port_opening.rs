@@ -88,7 +88,9 @@ fn choose(ports: Vec<PortInfo>) -> Result<PathBuf, Refused> {
         let free: Vec<&PortInfo> = found().filter(|port| !is_of_system(port.obstacle.as_ref())).collect();
         match (free.as_slice(), found().next()) {
             ([one], _) => return Ok(one.path.clone()),
-            ([], Some(pins)) if likely == BoardLikelihood::Board => return Err(Refused::OfSystem(pins.clone())),
+            ([], Some(pins)) if likely == BoardLikelihood::Board => {
+                return Err(Refused::OfSystem(Box::new(pins.clone())));
+            }
             ([], _) => {}
             _ => return Err(Refused::Several(ports)),
         }
@@ -106,7 +108,7 @@ enum Refused {
     NotOpened(PathBuf, OpenError),
     NotListed(io::Error),
     /// The port on the pins is used by the system itself.
-    OfSystem(PortInfo),
+    OfSystem(Box<PortInfo>),
     /// Several ports look like the board, or none does; all ports.
     Several(Vec<PortInfo>),
     None(Vec<PortInfo>),
