@@ -427,7 +427,8 @@ fn in_a_folder_each_run_has_a_log_of_its_own() {
         assert!(time.len() >= 16 && time[8..].starts_with('T') && time[15..].starts_with('Z'), "{name}");
     }
     // A script without a name.
-    let mut piped = motionseq(&["play", "-", "--log", &place]).stdin(Stdio::piped()).spawn().unwrap();
+    let mut piped =
+        motionseq(&["play", "-", "--log", &place]).stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     piped.stdin.take().unwrap().write_all(b"servo 1 1500\n").unwrap();
     assert!(piped.wait().unwrap().success());
     assert_eq!(names().iter().filter(|name| name.starts_with("stdin-2")).count(), 1, "{:?}", names());
