@@ -164,25 +164,26 @@ fn standard_input_corrects_no_file() {
     // A file that is named is corrected, in any order.
     for (name, files) in [("first", ["-", "lib/moves.motion"]), ("last", ["lib/moves.motion", "-"])] {
         let scratch = self::scratch(&format!("input-{name}"));
+        scratch.file("lib/moves.motion", b"let a = 5 s\ndef nod() {\n  wait a\n}\n");
         let args = [&["--fix", "--stdin-filename", "lib/main.motion"], &files[..]].concat();
         let output = check_input(&scratch, &args, text);
         assert_eq!((code(&output), stdout(&output)), (0, text.replace("Servo", "servo")), "{}", stderr(&output));
-        assert_eq!(texts(&scratch)[1], FIXED[1]);
+        assert_eq!(texts(&scratch)[1], "let a = 5s\ndef nod() {\n  wait a\n}\n");
     }
 }
 
 #[test]
 fn the_order_of_the_scripts_changes_nothing() {
     let main = "use \"lib.motion\"\nServo 1 1500\nnod()\n";
-    // Each script corrects an error of the library that only it shows.
-    let library = "def nod() {\n  wait 200 ms\n}\nServo 2 1500\n";
+    // Only the main script, which calls the phrase, shows its error.
+    let library = "let a = 5 s\ndef nod() {\n  wait 200 ms\n  wait a\n}\n";
     for (name, files) in [("main", ["main.motion", "lib.motion"]), ("library", ["lib.motion", "./main.motion"])] {
         let scratch = Scratch::new(&format!("fixes-order-{name}"));
         scratch.file("main.motion", main.as_bytes());
         scratch.file("lib.motion", library.as_bytes());
         let output = check(&scratch, &[&["--fix"], &files[..]].concat());
         let texts = ["main.motion", "lib.motion"].map(|name| fs::read_to_string(scratch.0.join(name)).unwrap());
-        let fixed = [main.replace("Servo", "servo"), library.replace("200 ms", "200ms").replace("Servo", "servo")];
+        let fixed = [main.replace("Servo", "servo"), library.replace("200 ms", "200ms").replace("5 s", "5s")];
         assert_eq!(texts, fixed, "{}", stderr(&output));
         assert!(stderr(&output).contains("fixed 2 errors in lib.motion\n"), "{}", stderr(&output));
     }
@@ -239,14 +240,14 @@ fn a_wrong_configuration_hides_no_finding_of_other_scripts() {
 }
 
 /// What `--fix` makes of a text on standard input, and what it says.
-fn fixed(text: &str) -> (String, String) {
-    let scratch = Scratch::new("fixes-text");
-    let output = check_input(&scratch, &["--fix", "--format", "concise", "-"], text);
+fn fixed(scratch: &Scratch, text: &str) -> (String, String) {
+    let output = check_input(scratch, &["--fix", "--format", "concise", "-"], text);
     (stdout(&output), stderr(&output))
 }
 
 #[test]
 fn what_may_be_a_division_becomes_no_comment() {
+    let scratch = Scratch::new("fixes-comment");
     for text in [
         "rocker y=10 // 2 for 1s\n",
         "let n = 4\nlet m = n // 2\n",
@@ -262,7 +263,7 @@ fn what_may_be_a_division_becomes_no_comment() {
         "/* pan */ servo 1 1500 /* tilt */\n",
         "/* off:\nservo 1 1500\n*/\n",
     ] {
-        let (is, said) = fixed(text);
+        let (is, said) = fixed(&scratch, text);
         assert!(is == text && said.contains("error["), "{text} becomes {is}{said}");
     }
     for (text, wanted) in [
@@ -271,33 +272,33 @@ fn what_may_be_a_division_becomes_no_comment() {
         ("/* pan */\nstop\n", "# pan\nstop\n"),
         ("// pan; servo 1 1500\n", "# pan; servo 1 1500\n"),
     ] {
-        assert_eq!(fixed(text).0, wanted);
+        assert_eq!(fixed(&scratch, text).0, wanted);
     }
 }
 
 #[test]
 fn only_a_number_in_the_source_gets_a_unit() {
-    for (setting, unit) in [("tempo", "bpm"), ("rate", "hz")] {
-        assert_eq!(fixed(&format!("{setting} 60\nstop\n")).0, format!("{setting} 60{unit}\nstop\n"));
-        let text = format!("def slow(d) {{ {setting} d; stop }}\nslow(60)\nslow(120)\n");
-        let text = text.replace("; ", "\n").replace("{ ", "{\n").replace(" }", "\n}");
-        let text = if setting == "rate" { "let d = 60\nrate d\nstop\n".to_owned() } else { text };
-        assert_eq!(fixed(&text).0, text);
-        let help = format!("write `{setting} (d * 1{unit})`");
-        let scratch = Scratch::new("fixes-unit");
-        assert!(stderr(&check_input(&scratch, &["-"], &text)).contains(&help), "{help}");
+    let scratch = Scratch::new("fixes-unit");
+    for (text, written, meant) in [
+        ("def slow(d) {\ntempo d\nwait 1 beat\n}\nslow(60)\nslow(120)\n", "tempo d", "tempo (d * 1bpm)"),
+        ("rate (50 + 10)\nstop\n", "rate (50 + 10)", "rate ((50 + 10) * 1hz)"),
+    ] {
+        assert_eq!(fixed(&scratch, text).0, text);
+        let said = stderr(&check_input(&scratch, &["-"], text));
+        assert!(said.contains(&format!("write `{meant}`")), "{said}");
         // The help is right.
-        let text = text.replace(&format!("{setting} d"), &format!("{setting} (d * 1{unit})"));
-        let output = check_input(&scratch, &["-"], &text);
+        let output = check_input(&scratch, &["-"], &text.replace(written, meant));
         assert_eq!(code(&output), 0, "{}", stderr(&output));
     }
+    assert_eq!(fixed(&scratch, "tempo 60\nrate 50\nstop\n").0, "tempo 60bpm\nrate 50hz\nstop\n");
 }
 
 #[test]
 fn axes_are_named_only_for_values() {
-    assert_eq!(fixed("let n = 4\nrocker n 10 for 1s\n").0, "let n = 4\nrocker x=n y=10 for 1s\n");
+    let scratch = Scratch::new("fixes-axes");
+    assert_eq!(fixed(&scratch, "let n = 4\nrocker n 10 for 1s\n").0, "let n = 4\nrocker x=n y=10 for 1s\n");
     let text = "rocker forward 10 for 1s\n";
-    let (is, said) = fixed(text);
+    let (is, said) = fixed(&scratch, text);
     assert!(is == text && said.contains("takes values with the names of their axes"), "{is}{said}");
 }
 
