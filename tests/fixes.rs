@@ -7,7 +7,7 @@ use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
-use crate::support::{Scratch, code, motionseq, stderr, stdout};
+use crate::support::{Scratch, code, motionseq, stderr, stdout, with_motionseq};
 
 /// A folder with a script and a file that it uses. Each has an error that `--fix` fixes and text that must stay as it is.
 fn scratch(name: &str) -> Scratch {
@@ -291,6 +291,18 @@ fn only_a_number_in_the_source_gets_a_unit() {
         assert_eq!(code(&output), 0, "{}", stderr(&output));
     }
     assert_eq!(fixed(&scratch, "tempo 60\nrate 50\nstop\n").0, "tempo 60bpm\nrate 50hz\nstop\n");
+}
+
+#[test]
+fn a_phrase_gets_parentheses_only_around_values() {
+    let folder = Scratch::new("fix-phrase");
+    for (call, fixed) in [("f 1500", Some("f(1500)")), ("f 1500 over 1s", None)] {
+        let before = format!("def f(a) {{ servo 1 a }}\n{call}\n");
+        let path = folder.file("x.motion", before.as_bytes());
+        let output = with_motionseq("motionseq", &folder.0).args(["check", "--fix", "x.motion"]).output().unwrap();
+        let after = fs::read_to_string(path).unwrap();
+        assert_eq!(after, fixed.map_or(before.clone(), |fixed| before.replace(call, fixed)), "{}", stderr(&output));
+    }
 }
 
 #[test]

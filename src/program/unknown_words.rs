@@ -69,6 +69,16 @@ impl<'s> Evaluator<'s, '_> {
         };
         let values: Vec<&str> = command.arguments.iter().map(value).collect();
         let end = command.arguments.last().map_or(head, |last| last.span);
+        let is_value = |argument: &Argument<'_>| match &argument.item {
+            Item::One(Value { kind: ValueKind::Word(name), .. }) => self.scope.value(name).is_some(),
+            Item::One(value) => !matches!(value.kind, ValueKind::Text(_)),
+            _ => false,
+        };
+        if !command.arguments.iter().all(is_value) {
+            report!(self, Call, head, "the phrase `{word}` is called with parentheses";
+                help: "write its values between parentheses, with commas: `{word}(…)`");
+            return;
+        }
         report!(self, Call, head, "the phrase `{word}` is called with parentheses";
             write: head.to(end) => "{word}({})", values.join(", "));
     }
