@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use motionseq::board::raspblock;
 use motionseq::diff::{Change, Words, diff, diff_scripts};
 use motionseq::report::json::{self, LocatedChange};
@@ -13,7 +13,7 @@ use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::color::painted;
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Format};
 use super::screen::{Screen, plural};
 use super::{Options, read};
 
@@ -32,14 +32,6 @@ pub(super) struct Diff {
     format: Format,
     #[command(flatten)]
     options: Options,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Format {
-    /// One line for each change
-    Human,
-    /// One JSON object with all changes
-    Json,
 }
 
 /// How many changes are shown without `-v`.

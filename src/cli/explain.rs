@@ -2,12 +2,12 @@
 
 use std::io::{self, Write};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use motionseq::diagnostic::{Code, Severity};
 use motionseq::report;
 
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Format};
 use super::screen::Screen;
 
 /// Explain an error or a warning, with a wrong and a right example
@@ -21,14 +21,6 @@ pub(super) struct Explain {
     /// Output format
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Format {
-    /// Text in lines of 80 characters
-    Human,
-    /// One JSON object
-    Json,
 }
 
 impl Explain {

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use hdrhistogram::Histogram;
 use motionseq::playback::{Signals, lateness};
 use motionseq::units::{Micros, Nanos, NotATime};
 use serde_json::{Value, json};
 
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Format};
 use super::screen::Screen;
 
 /// Measure how well this machine keeps time, idle and busy
@@ -31,14 +31,6 @@ pub(super) struct Latency {
     /// Output format
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Format {
-    /// Two tables, and what to do
-    Human,
-    /// One JSON object
-    Json,
 }
 
 fn time(text: &str) -> Result<Micros, String> {

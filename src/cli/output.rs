@@ -4,12 +4,21 @@ use std::fs::{File, Metadata};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use motionseq::source::Sources;
 
 use super::atomic_file::AtomicFile;
 use super::exit::Exit;
 use super::screen::Screen;
+
+/// For whom a command prints its result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Format {
+    /// Text
+    Human,
+    /// One JSON object
+    Json,
+}
 
 /// Whether an output may replace a file that motionseq did not write.
 #[derive(Clone, Copy, Debug, Default, Args)]

@@ -2,13 +2,13 @@
 
 use std::io::{self, Write};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use motionseq::diagnostic::escaped;
 use motionseq::link::{BoardLikelihood, Obstacle, PortInfo, ports};
 use serde::Serialize;
 
 use super::exit::Exit;
-use super::output;
+use super::output::{self, Format};
 use super::screen::Screen;
 
 /// List the serial ports and show which one looks like the board
@@ -20,12 +20,6 @@ pub(super) struct Ports {
     /// Choose the format of the list
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Format {
-    Human,
-    Json,
 }
 
 impl Ports {
