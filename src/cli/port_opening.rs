@@ -12,7 +12,7 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::process::Signal;
 
 use super::exit::Exit;
-use super::ports::{help, line};
+use super::ports::{CONNECT, line};
 use super::screen::Screen;
 
 /// The word for the port that looks like the board.
@@ -150,8 +150,8 @@ impl Refused {
                 Exit::Port
             }
             Refused::Several(ports) | Refused::None(ports) => {
-                let more =
-                    help(ports).unwrap_or_else(|| "write the port of the board, such as `--port PATH`".to_owned());
+                let is_none = matches!(self, Refused::None(_));
+                let more = if is_none { CONNECT } else { "write the port of the board, such as `--port PATH`" };
                 screen.error(&format!("{self}; nothing was sent; {more}"));
                 for port in ports {
                     screen.ask(&line(port));

@@ -120,11 +120,11 @@ pub(super) fn help(ports: &[PortInfo]) -> Option<String> {
         return None;
     }
     let what = if ports.is_empty() { "no serial ports" } else { "none of these ports looks like the board" };
-    Some(format!("{what}; {ENABLE}; on another computer, connect the board with a USB adapter"))
+    Some(format!("{what}; {CONNECT}"))
 }
 
-/// How to enable the port that the board is plugged onto.
-const ENABLE: &str = "on a Raspberry Pi, enable the serial port with `sudo raspi-config` (Interface Options, Serial Port: login shell no, hardware yes) and restart";
+/// How to get a port with the board.
+pub(super) const CONNECT: &str = "on a Raspberry Pi, enable the serial port with `sudo raspi-config` (Interface Options, Serial Port: login shell no, hardware yes) and restart; on another computer, connect the board with a USB adapter";
 
 #[cfg(test)]
 mod tests {

@@ -180,7 +180,7 @@ fn draw(script: &Path, job: &Job, number: usize, folder: &mut Option<PathBuf>) -
     }
     let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
     let compiled = motionseq::compile(&sources, &job.options);
-    let timeline = compiled.timeline.ok_or_else(|| io::Error::other("it does not compile any more"))?;
+    let timeline = compiled.timeline.ok_or_else(|| io::Error::other("it no longer compiles"))?;
     lines.push(draw("new", &timeline, &sources, &compiled.diagnostics)?);
     Ok(lines)
 }
