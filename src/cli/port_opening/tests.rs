@@ -1,5 +1,5 @@
+use super::super::ports::help;
 use super::*;
-use crate::cli::ports::help;
 
 fn port(path: &str, likely: BoardLikelihood, obstacle: Option<Obstacle>) -> PortInfo {
     PortInfo::new(path, likely, obstacle)
