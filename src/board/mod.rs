@@ -24,7 +24,7 @@ mod table;
 pub use command::{Command, MAX_MOVING, Values, VerbId};
 pub use decoder::{Decoder, Frame, Item, OwnedItem};
 pub use frame::{BufferStart, FrameError, Hex, Skip};
-pub use quantity::{Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
+pub use quantity::{Change, Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
 pub use rules::Notation;
 pub use state::State;
 pub use table::{

@@ -4,6 +4,7 @@
 //! skipped as a whole.
 
 use std::fmt;
+use std::sync::Arc;
 
 use super::Text;
 
@@ -21,6 +22,31 @@ pub struct Quantity {
     pub unit: Text,
     /// The format of a value, with `{}` for the number.
     pub shown: Text,
+    /// The smallest and the largest value that the board reports; `None` if that is unknown.
+    pub range: Option<(Hundredths, Hundredths)>,
+    /// How far it may change from one report to the next; `None` if it changes slowly.
+    pub step: Option<Hundredths>,
+}
+
+/// The change of a quantity since a moment, such as the angle that a robot has turned.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// How it is named and shown.
+    pub quantity: Arc<Quantity>,
+    /// The row of the quantity that changes.
+    pub of: usize,
+    /// The circumference of that quantity, after which it starts again: 360 degrees for an angle.
+    pub circle: Hundredths,
+}
+
+impl Change {
+    /// The change from one value of the quantity to another, on the shorter way around the circle.
+    pub fn between(&self, from: Hundredths, to: Hundredths) -> Hundredths {
+        let circle = i64::from(self.circle.0.max(1));
+        let half = circle / 2;
+        let way = (i64::from(to.0) - i64::from(from.0) + half).rem_euclid(circle) - half;
+        Hundredths(i32::try_from(way).unwrap_or(0))
+    }
 }
 
 impl Quantity {

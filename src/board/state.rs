@@ -89,6 +89,18 @@ impl State {
         last.filter(|(_, command)| board.is_active(command))
     }
 
+    /// The resources that are active, or unknown after a frame that is not understood.
+    pub fn restless<'b>(&self, board: &'b Board) -> impl Iterator<Item = &'b Resource> {
+        let is_active = |last: &LastCommand| last.command.as_ref().is_some_and(|command| board.is_active(command));
+        let last = board.resources.iter().zip(&self.last).filter(|(resource, _)| resource.rest.is_some());
+        last.filter(move |(_, last)| last.is_unclear || is_active(last)).map(|(resource, _)| resource)
+    }
+
+    /// Whether a resource that must be refreshed is active, or unknown.
+    pub fn drives(&self, board: &Board) -> bool {
+        self.restless(board).any(|resource| resource.needs_refresh)
+    }
+
     /// Whether the board is at rest, even if it interprets invalid frames in an unexpected way: the
     /// last frame of each resource with a rest command is understood and leaves it at rest.
     pub fn surely_at_rest(&self, board: &Board) -> bool {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Text;
 use super::command::{Command, VerbId};
 use super::frame::{BufferStart, FrameError};
-use super::quantity::{Quantity, ReportLine};
+use super::quantity::{Change, Quantity, ReportLine};
 
 /// The row of a resource in the table of its board.
 pub type ResourceId = usize;
@@ -28,8 +28,10 @@ pub struct Board {
     /// The quantities that it reports, in the order of the values of a [`Report`](super::Report).
     /// The first is always displayed, and comes last in a complete report.
     pub quantities: Vec<Arc<Quantity>>,
-    /// The commands that start and stop reports. A script with an `expect` sends them at its start
-    /// and end.
+    /// Changes of these quantities, which scripts use like quantities.
+    pub changes: Vec<Change>,
+    /// The commands that start and stop reports. A script with an `expect` or a `wait until` sends
+    /// them at its start and end.
     pub reporting: Option<[Command; 2]>,
     /// What every early end sends. If the first command is repeated, its copies are sent at
     /// intervals.

@@ -15,7 +15,7 @@ use super::table::{
     Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Limited, Needs, Part, Resource, ResourceId, Sets,
     Simulation, Unit, ValueForm, Verb,
 };
-use super::{Command, Hundredths, Quantity, Report, VerbId};
+use super::{Change, Command, Hundredths, Quantity, Report, VerbId};
 pub use geometry::{Geometry, Twist};
 
 /// The rows of the verbs.
@@ -161,16 +161,16 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
             why: text("a tilt servo is damaged there"),
             unless: text("if it is not a tilt servo"),
         }],
-        quantities: [
-            ("voltage", "voltage_v", "V", "{} V"),
-            ("pitch", "pitch_deg", "deg", "pitch {}°"),
-            ("roll", "roll_deg", "deg", "roll {}°"),
-            ("yaw", "yaw_deg", "deg", "yaw {}°"),
+        quantities: vec![
+            quantity("voltage", "voltage_v", "V", "{} V"),
+            angle("pitch", "pitch_deg", "pitch {}°"),
+            angle("roll", "roll_deg", "roll {}°"),
+            turning(angle("yaw", "yaw_deg", "yaw {}°")),
         ]
-        .map(|(name, key, unit, shown)| {
-            Arc::new(Quantity { name: text(name), key: text(key), unit: text(unit), shown: text(shown) })
-        })
-        .into(),
+        .into_iter()
+        .map(Arc::new)
+        .collect(),
+        changes: vec![Change { quantity: turned(), of: YAW, circle: Hundredths(36_000) }],
         reporting: Some([request(REPORT_START), request(REPORT_STOP)]),
         stop: vec![stop(), stop(), stop(), buzzer(0)],
         ambiguity: Some(Ambiguity { verb: verb::MOVE, note: text(note) }),
@@ -197,6 +197,29 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
             replies: report::LINE,
         },
     }
+}
+
+/// The row of the heading in the table of quantities.
+const YAW: usize = 3;
+
+fn quantity(name: &'static str, key: &'static str, unit: &'static str, shown: &'static str) -> Quantity {
+    let [name, key, unit, shown] = [name, key, unit, shown].map(text);
+    Quantity { name, key, unit, shown, range: None, step: None }
+}
+
+fn angle(name: &'static str, key: &'static str, shown: &'static str) -> Quantity {
+    let range = Some((Hundredths(-18_000), Hundredths(18_000)));
+    Quantity { range, ..quantity(name, key, "deg", shown) }
+}
+
+/// An angle that changes when the robot turns: at the nominal speed at most 200 degrees per second, with ten reports.
+fn turning(angle: Quantity) -> Quantity {
+    Quantity { step: Some(Hundredths(2_000)), ..angle }
+}
+
+/// The change of the heading, clockwise positive.
+fn turned() -> Arc<Quantity> {
+    Arc::new(turning(quantity("turned", "turned_deg", "deg", "turned {}°")))
 }
 
 fn resources() -> Vec<Resource> {
