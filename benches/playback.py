@@ -11,6 +11,8 @@ turns; medians of the runs. Ours polls the clock before a deadline, cyclictest o
 compares what users get, not how fast a thread wakes.
 Drift: the last frame at the far end of a pty, compared with a Python time.sleep loop over pyserial
 and with `scriptreplay`.
+Gates: from the last byte of a report that opens a gate to the next frame at the far end, compared
+with a Python loop over pyserial that waits for the same report.
 Guard: from a SIGKILL or SIGSTOP of the player to the stop frame at the far end.
 """
 import ctypes
@@ -217,6 +219,68 @@ def drift(frames, step_us=5000):
         print(f"  {name:58} {value:9.3f} ms  ({value / max(abs(ours), FAR_END):.0f} times ours)")
 
 
+# Waits for a yaw above 0, 1, 2 ... degrees, and sends a servo frame after each.
+PEER = """
+import serial, sys
+port = serial.Serial(sys.argv[1], 115200, timeout=10)
+frame = bytes.fromhex(sys.argv[3])
+for number in range(int(sys.argv[2])):
+    while int(port.read_until(b"#").split(b":")[2]) <= number * 100:
+        pass
+    port.write(frame)
+"""
+
+
+def openings(start, frame, count):
+    """Milliseconds from the last byte of each report to the frame that follows, at the far end."""
+    port, times = Port(), []
+    child = start(port.path)
+    try:
+        for number in range(count):
+            # At a random phase, and some time after the last frame.
+            until = time.monotonic() + (0.8 if number == 0 else 0.02 + 0.08 * (os.urandom(1)[0] / 255))
+            while (left := until - time.monotonic()) > 0:
+                port.read(left)
+            port.close(near_only=True)
+            os.write(port.far, b"{A0:0:%d:1200}#" % (number * 100 + 50))
+            begin, received = time.monotonic(), b""
+            while frame not in received:
+                data, now = port.read()
+                if not data:
+                    sys.exit("a gate did not open")
+                received += data
+            times.append((now - begin) * 1e3)
+    finally:
+        child.kill()
+        child.wait()
+        port.close()
+    return times
+
+
+def gates():
+    count, frame = (50, 200)[not SHORT], bytes.fromhex("FFFE02030105DCE7")
+    script, peer = os.path.join(FOLDER, "gates.motion"), os.path.join(FOLDER, "gates.py")
+    with open(script, "w") as out:
+        out.write("repeat %d as i {\n  wait until yaw > (i * 1deg) within 10s\n  servo 1 1500\n}\nwait 1s\n" % count)
+    with open(peer, "w") as out:
+        out.write(PEER)
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    kinds = {
+        "motionseq play": lambda path: subprocess.Popen([PROGRAM, "play", script, "--port", path], **quiet),
+        "a Python loop over pyserial": lambda path: subprocess.Popen([sys.executable, peer, path, str(count), frame.hex()], **quiet),
+    }
+    results = {name: [] for name in kinds}
+    for _ in range(RUNS):
+        for name, start in kinds.items():
+            results[name].extend(openings(start, frame, count))
+    print(f"from the last byte of a report to the frame after the gate, {RUNS} x {count} gates, at the far end:")
+    middles = {name: statistics.median(times) for name, times in results.items()}
+    ours, peers = middles.values()
+    figure("motionseq play, p50", ours, "ms", 1)
+    print(f"  {'p99':58} {sorted(results['motionseq play'])[len(results['motionseq play']) * 99 // 100]:9.3f} ms")
+    print(f"  {'a Python loop over pyserial, p50':58} {peers:9.3f} ms  ({peers / ours:.1f} times ours)")
+
+
 def until_stop(send, options=()):
     """Milliseconds from a signal to the stop frame at the far end; None if it did not arrive."""
     script = os.path.join(FOLDER, "long.motion")
@@ -273,6 +337,7 @@ if __name__ == "__main__":
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
         guard()
+        gates()
         exactness()
         drift(1000 if SHORT else 5000)
     finally:

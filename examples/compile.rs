@@ -33,6 +33,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     let timeline = compiled.timeline.ok_or("the script has errors")?;
-    write_listing(&timeline.board, &timeline.events, &mut io::stdout())?;
+    write_listing(&timeline.board, timeline.items(), &mut io::stdout())?;
     Ok(())
 }

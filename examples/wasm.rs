@@ -45,7 +45,7 @@ fn compile_json(input: &[u8]) -> String {
             let frames = compiled.timeline.map(|timeline| {
                 let mut text = Vec::new();
                 // Writing to a vector cannot fail.
-                let _ = write_listing(&timeline.board, &timeline.events, &mut text);
+                let _ = write_listing(&timeline.board, timeline.items(), &mut text);
                 String::from_utf8_lossy(&text).into_owned()
             });
             Output { frames, findings: findings(&sources, &compiled.diagnostics) }

@@ -306,6 +306,18 @@ fn an_input_without_a_frame_is_an_error() {
 }
 
 #[test]
+fn a_gate_in_a_listing_is_no_noise() {
+    let scratch = Scratch::new("decode-gates");
+    let decoded = ["listing", "jsonl", "hex"].map(|format| {
+        let rendered = run(&["render", "scripts/cues.motion", "--format", format]).stdout;
+        let output = run(&["decode", &scratch.file(format, &rendered)]);
+        (stdout(&output), stderr(&output))
+    });
+    assert!(decoded[0].1.starts_with("343 frames in 2955 bytes\n"), "{}", decoded[0].1);
+    assert!(decoded.iter().all(|other| *other == decoded[0]), "{:?}", decoded.map(|(_, said)| said));
+}
+
+#[test]
 fn jsonl_names_the_line_of_every_frame() {
     let text = stdout(&run(&["render", "scripts/greeting.motion", "--format", "jsonl"]));
     let listing = stdout(&run(&["render", "scripts/greeting.motion"]));

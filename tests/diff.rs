@@ -62,14 +62,14 @@ fn a_script_and_its_snapshot_are_the_same() {
         let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
         let mut snapshot = Vec::new();
         write_snapshot(&path, &timeline, &mut snapshot).unwrap();
-        assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 2\n# scripts/"));
+        assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 3\n# scripts/"));
         let sent = Snapshot::of(&timeline);
         assert_eq!(read_snapshot(board(), &snapshot).unwrap(), sent);
         // Line ends of another system.
         let other = String::from_utf8(snapshot.clone()).unwrap().replace('\n', "\r\n");
         assert_eq!(read_snapshot(board(), other.as_bytes()).unwrap(), sent);
         // Version 1 was the listing alone.
-        let first = String::from_utf8(snapshot).unwrap().replace("frames 2\n", "frames 1\n");
+        let first = String::from_utf8(snapshot).unwrap().replace("frames 3\n", "frames 1\n");
         let first = first.split("# on abort").next().unwrap().to_owned();
         let first = read_snapshot(board(), first.as_bytes()).unwrap();
         assert_eq!((first.moments, first.more), (sent.moments, None));
@@ -77,18 +77,50 @@ fn a_script_and_its_snapshot_are_the_same() {
 }
 
 #[test]
+fn every_form_of_a_gate_is_read_as_it_is_written() {
+    let script = "wait go\nwait go \"{{x}} \u{202E}\u{FEFF}é\"\nwait go \"a \\\"b\\\" \\\\ c\" within 1m30s or continue\nwait until voltage > 6.5V within 2s\n\
+        wait until voltage < 13V within 0.1s or continue\nwait until yaw >= -90deg within 2s \"why\"\n\
+        wait until yaw <= 90.25deg within (1s / 3)\nwait until turned == 3deg within 2s or continue \"a \\\"b\\\"\"\n\
+        wait until pitch in -5deg..5deg within 2s\nservo 1 1500\nwait go\n";
+    let sources = Sources::from(Source::new("x.motion", script));
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline.expect("the script compiles");
+    assert_eq!(timeline.gates.len(), 10);
+    let mut text = Vec::new();
+    write_snapshot("x.motion", &timeline, &mut text).unwrap();
+    let read = read_snapshot(board(), &text).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(read, Snapshot::of(&timeline));
+    // A script of these lines is the same, but for escapes.
+    let lines: String = timeline.gates.iter().map(|gate| format!("{}\n", gate.gate)).collect();
+    let lines = lines.replace("\\u{202e}", "\u{202E}").replace("\\u{feff}", "\u{FEFF}");
+    let again = motionseq::compile(&Source::new("x.motion", lines).into(), &Options::default()).timeline.unwrap();
+    let gates = |timeline: &Timeline| timeline.gates.iter().map(|gate| gate.gate.to_string()).collect::<Vec<_>>();
+    assert_eq!(gates(&again), gates(&timeline));
+}
+
+#[test]
 fn invalid_snapshots_are_refused_with_line_and_reason() {
     let head = "# motionseq frames 2\n# x.motion\n";
+    let newer = "# motionseq frames 3\n# x.motion\n";
+    // A comment of an older format is a comment.
+    assert!(
+        read_snapshot(board(), format!("{head}# gate\tx\n# end\t0.000000\tframes\t0\tbaud\t1\n").as_bytes()).is_ok()
+    );
+    for gate in
+        ["wait go within 0s", "wait go or continue", "wait until yaw > 5deg", "wait until yaw > infdeg within 1s"]
+    {
+        let text = format!("{newer}# gate\t0.000000\t{gate}\n# end\t0.000000\tframes\t0\tbaud\t1\n");
+        assert!(read_snapshot(board(), text.as_bytes()).is_err(), "{gate}");
+    }
     let good = "0.000000\tFF FE 02 03 01 05 DC E7\tservo 1 1500\n";
     let end = "# end\t0.000000\tframes\t1\tbaud\t115200\n";
     assert!(read_snapshot(board(), format!("{head}{good}{end}").as_bytes()).is_ok());
     let step = good.replace("1500\n", "1500\tsample\n");
     for (text, message) in [
-        (String::new(), "line 1: expected `# motionseq frames 2`"),
-        ("servo 1 1500\n".into(), "line 1: expected `# motionseq frames 2`"),
+        (String::new(), "line 1: expected `# motionseq frames 3`"),
+        ("servo 1 1500\n".into(), "line 1: expected `# motionseq frames 3`"),
         (
-            "# motionseq frames 3\n".into(),
-            "line 1: version 3 is too new: this motionseq reads versions up to 2, so update it",
+            "# motionseq frames 4\n".into(),
+            "line 1: version 4 is too new: this motionseq reads versions up to 3, so update it",
         ),
         ("# motionseq frames x\n".into(), "line 1: unknown version `x`"),
         (format!("{head}{good}{}", &good[..20]), "line 4: the command is missing"),
@@ -104,6 +136,27 @@ fn invalid_snapshots_are_refused_with_line_and_reason() {
         (format!("{head}{}", good.replace("DC", "DD")), "line 3: checksum E7 instead of E8"),
         (format!("{head}{}", good.replace("1500", "1501")), "line 3: the frame is `servo 1 1500`, not `servo 1 1501`"),
         (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: unknown kind of frame `odd`"),
+        (
+            format!("{head}{}", good.replace("1500\n", "1500\t\tleft\n")),
+            "line 3: the frame is for the robot `left`, and this motionseq knows only one robot",
+        ),
+        (
+            format!("{newer}# gate\t1.000000\twait go\n# end\t0.000000\tframes\t0\tbaud\t115200\n"),
+            "line 4: a gate is after the end of the script",
+        ),
+        (format!("{newer}# board\tmaestro\n"), "line 3: this is a snapshot for the board `maestro`, not `raspblock`"),
+        (
+            format!("{newer}# gate\t0.000000\twait for it\n"),
+            "line 3: a gate needs its time and its line as a script writes it",
+        ),
+        (
+            format!("{newer}{}# gate\t0.000000\twait go\n", good.replace("0.000000", "1.000000")),
+            "line 4: its time is earlier than in the line above",
+        ),
+        (
+            format!("{newer}# gate\t1.000000\twait go\n{good}{end}"),
+            "line 4: its time is earlier than in the line above",
+        ),
         (format!("{head}{step}{end}"), "line 4: the step at 0.000000 s belongs to no move"),
         (format!("{head}# move\t0.000000\t1.000000\tlinear\t2\n{step}{end}"), "line 5: a move has too few steps"),
         (

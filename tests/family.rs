@@ -17,9 +17,11 @@ use motionseq::plot::{Shows, plot};
 use motionseq::program::Options;
 use motionseq::sim::{Device, Settings};
 use motionseq::source::{Source, Sources};
-use motionseq::timeline::{Clip, Kind, Snapshot, Timeline, clip, read_snapshot, write_listing, write_snapshot};
+use motionseq::timeline::{
+    Clip, Kind, Position, Snapshot, Timeline, clip, read_snapshot, write_listing, write_snapshot,
+};
 use motionseq::units::{Micros, Nanos};
-use motionseq::verify::rehearse;
+use motionseq::verify::{Answers, rehearse};
 
 use crate::support::messages;
 
@@ -212,7 +214,7 @@ fn wrong(text: &str) -> Vec<(Code, String)> {
 
 fn listing(timeline: &Timeline) -> String {
     let mut out = Vec::new();
-    write_listing(&timeline.board, &timeline.events, &mut out).unwrap();
+    write_listing(&timeline.board, timeline.items(), &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 
@@ -272,7 +274,8 @@ fn what_it_leaves_running_is_ended_and_its_clips_restore_its_state() {
     let whole = compiled("lamp 1 200\nwait 1s\nfan on\nwait 1s\nlamp 1 300\nwait 1s\n");
     let closing = whole.events.last().unwrap();
     assert_eq!((whole.board.show(&closing.command).to_string(), closing.kind), ("fan off".to_owned(), Kind::Closing));
-    let cut = clip(&whole, &Clip::new(Micros(1_500_000), None, Micros(100_000)), &State::default());
+    let cut =
+        clip(&whole, &Clip::new(Position::before(&whole, Micros(1_500_000)), None, Micros(100_000)), &State::default());
     let lines: Vec<String> = listing(&cut).lines().map(|line| line.split('\t').nth(2).unwrap().to_owned()).collect();
     assert_eq!(lines, ["lamp 1 200", "fan on", "lamp 1 300", "fan off"]);
 }
@@ -280,7 +283,7 @@ fn what_it_leaves_running_is_ended_and_its_clips_restore_its_state() {
 #[test]
 fn it_is_played_and_simulated_and_stopped() {
     let timeline = compiled(SHOW);
-    let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
+    let rehearsal = rehearse(&timeline, Settings::default(), Faults::default(), &Answers::default());
     assert!(rehearsal.is_complete(&timeline) && rehearsal.is_at_rest(&timeline), "{rehearsal:?}");
     let last = rehearsal.received.state.last(0).unwrap();
     assert_eq!(timeline.board.show(last).to_string(), "lamp 1 205");

@@ -24,7 +24,9 @@ static PROCESS: Mutex<()> = Mutex::new(());
 
 /// A script that uses everything. The far end answers with reports, and ends the run with a signal.
 const SCRIPT: &str = "refresh 10ms
-say \"go\"
+say \"go {voltage}\"
+rocker x=5
+wait until yaw > 80deg within 5s
 rocker x=10; servo 1 1000 -> 2000 over 1h; buzzer on
 at 250ms expect voltage > 1V
 at 260ms expect voltage > 1V within 50ms
@@ -74,15 +76,16 @@ fn the_thread_that_sends_allocates_nothing() {
     assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(15), Stop::Sent));
     assert!(outcome.sent > 20 && heard.slots() > 20);
     let mut written = Vec::new();
-    let mut judged = 0;
+    let (mut judged, mut passed) = (0, 0);
     for notice in heard.read_chunk(heard.slots()).unwrap() {
         match notice {
             Notice::Wrote(piece) => written.extend_from_slice(piece.bytes()),
             Notice::Judged(_) => judged += 1,
+            Notice::Passed(passage) => passed += usize::from(passage.end.is_open()),
             _ => {}
         }
     }
-    assert_eq!(judged, 2);
+    assert_eq!((judged, passed), (2, 1));
     let received = far.join().unwrap();
     assert_eq!(written, received);
     assert!(commands(&received).iter().any(|command| support::board::OnBoard::said(command) == "servo 1 1500"));

@@ -169,6 +169,27 @@ fn a_run_that_ends_early_has_its_stop_and_its_reason_in_the_log() {
 }
 
 #[test]
+fn a_gate_is_in_the_log_with_the_time_that_it_was_closed() {
+    let script = "wait 0.3s\nrocker z=50\nwait until turned > 20deg within 5s\nstop\nmark turned_enough\n";
+    let (messages, said, code) = played("gate", script, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    let gates = of(&messages, "/gates");
+    assert_eq!(gates.len(), 1);
+    let gate = &gates[0];
+    assert_eq!(
+        (&gate["gate"], &gate["end"], &gate["opened"]),
+        (&Value::from("wait until turned > 20deg within 5s"), &Value::from("matched"), &Value::from(true))
+    );
+    let took = gate["took_us"].as_u64().unwrap();
+    assert!(gate["script_us"] == 300_000 && took > 300_000, "{gate}");
+    // The clock of the script continues where it stopped.
+    let mark = &of(&messages, "/marks")[0];
+    assert!(mark["script_us"] == 300_000 && mark["t_us"].as_u64().unwrap() >= 300_000 + took, "{mark}");
+    let log = texts(&messages, "/log", "message");
+    assert!(log[1].starts_with("turned > 20deg after "), "{log:?}");
+}
+
+#[test]
 fn each_pass_of_a_loop_is_in_the_log() {
     let (messages, said, code) =
         played("loop", "mark go\nservo 1 1500\nat 0.2s servo 1 1600\nwait 100ms\n", &["--loop", "2"]);

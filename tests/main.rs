@@ -32,6 +32,8 @@ mod faults;
 mod fixes;
 mod fmt;
 mod frames;
+mod gates;
+mod gates_played;
 mod host;
 mod house;
 mod inject;

@@ -18,7 +18,7 @@ use motionseq::playback::Cause;
 use motionseq::program::Options;
 use motionseq::sim::Settings;
 use motionseq::source::Source;
-use motionseq::verify::rehearse;
+use motionseq::verify::{Answers, rehearse};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// A script without frames that may be dropped on a machine that stalls: no refreshes and no
@@ -385,7 +385,7 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     assert_eq!(output.status.code(), Some(7), "{}", crate::support::stderr(&output));
     let said = crate::support::stderr(&output);
     let timeline = motionseq::compile(&Source::new("x", text).into(), &Options::default()).timeline.unwrap();
-    let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
+    let rehearsal = rehearse(&timeline, Settings::default(), Faults::default(), &Answers::default());
     assert!(matches!(rehearsal.outcome.cause, Cause::Expect(_)));
     assert_eq!(rehearsal.verdicts.len(), 3);
     for verdict in &rehearsal.verdicts {

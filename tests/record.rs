@@ -752,7 +752,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
             &(format!("baud {baud}\nservos 1500 1500\nbuzzer on\nrequest voltage\n") + &lines.collect::<String>()),
         );
         let (mut listing, mut snapshot) = (Vec::new(), Vec::new());
-        write_listing(board(), &script.events, &mut listing).unwrap();
+        write_listing(board(), script.items(), &mut listing).unwrap();
         write_snapshot("x.motion", &script, &mut snapshot).unwrap();
         for (capture, given) in [(&listing, Some(baud)), (&snapshot, None)] {
             let (text, _) = script_of(capture, true, given);
@@ -838,7 +838,7 @@ fn the_listing_of_a_script_becomes_its_moves_again() {
     let script = format!("servo 1 1500\nwait 0.5s\n{}\nrocker y=10 for 2s", moves.join("\n"));
     let timeline = compiled(&script);
     let mut listing = Vec::new();
-    write_listing(board(), &timeline.events, &mut listing).unwrap();
+    write_listing(board(), timeline.items(), &mut listing).unwrap();
     let (text, _) = script_of(&listing, false, None);
     let expected: Vec<&str> =
         ["servo 1 1500", "wait 0.5s"].into_iter().chain(moves).chain(["rocker y=10 for 2s"]).collect();

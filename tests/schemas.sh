@@ -28,6 +28,7 @@ printf 'servo 1 1500\nrepeat 3 { rocker x=10 for 1s; buzzer on for 200ms }\nsay 
 "$motionseq" diff scripts/dance.motion scripts/wheels.motion --format json >diff.json && exit 1
 "$motionseq" diff old.motion new.motion --format json >diff-2.json && exit 1
 "$motionseq" latency --for 200ms --format json -q >latency.json
+"$motionseq" render scripts/cues.motion --format jsonl | sed -n 2p >gate.json
 "$motionseq" render scripts/greeting.motion --format jsonl | head -1 >frame.json
 "$motionseq" ports --format json >ports.json 2>/dev/null
 "$motionseq" plot "$OLDPWD/tests/plots/every_lane_at_once.motion" -o plot.json 2>/dev/null
@@ -37,6 +38,8 @@ printf 'port = "/dev/serial0"\npaths = ["scripts"]\n[limits]\nservo-2 = "900..17
 rm motionseq.toml
 
 "$motionseq" play scripts/drift.motion --speed 5 --report run.json -q && exit 1
+printf 'wait 0.3s\nrocker z=50\nwait until turned > 20deg within 5s\nstop\n' >turn.motion
+"$motionseq" play turn.motion --report turn.json -q
 
 xmllint --noout --schema "$xsd" junit.xml
 check-jsonschema --regex-variant python --schemafile "$sarif" check.sarif
@@ -45,6 +48,8 @@ check-jsonschema --schemafile "$OLDPWD/docs/schemas/check.json" check.json
 for name in gitlab explain latency config frame; do
     check-jsonschema --regex-variant python --schemafile "$OLDPWD/docs/schemas/$name.json" "$name.json"
 done
+grep -q '"kind":"gate"' gate.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/frame.json" gate.json
 for file in diff diff-2; do
     check-jsonschema --schemafile "$OLDPWD/docs/schemas/diff.json" "$file.json"
 done
@@ -52,7 +57,7 @@ done
 test -z "$(grep fingerprint gitlab.json | sort | uniq -d)"
 grep -q insertedContent check.sarif
 grep -q '"text": "servo"' check.json
-check-jsonschema --schemafile "$OLDPWD/docs/schemas/run.json" run.json
+check-jsonschema --schemafile "$OLDPWD/docs/schemas/run.json" run.json turn.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/plot.json" plot.json
 check-jsonschema --schemafile "$OLDPWD/docs/schemas/ports.json" ports.json
 check-jsonschema --builtin-schema vendor.github-workflows "$OLDPWD/docs/ci/github.yml"

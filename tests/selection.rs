@@ -6,7 +6,7 @@ use motionseq::board::{Command, State};
 use motionseq::playback::{Cause, Input, Notice, Order, Player};
 use motionseq::program::{Options, Speed};
 use motionseq::source::Source;
-use motionseq::timeline::{Clip, Kind, Timeline, clip, passes, state_after};
+use motionseq::timeline::{Clip, Kind, Position, Timeline, clip, passes, state_after};
 use motionseq::units::{Micros, Nanos};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
@@ -47,7 +47,7 @@ stop
 fn a_clip_from_any_time_restores_the_state_of_the_whole_run() {
     let whole = timeline(SHOW);
     for from in (1..whole.end.0).step_by(37_000).map(Micros).chain(whole.marks.iter().map(|mark| mark.at)) {
-        let cut = clip(&whole, &Clip::new(from, None, Micros::SECOND), &State::default());
+        let cut = clip(&whole, &Clip::new(Position::before(&whole, from), None, Micros::SECOND), &State::default());
         let mut there = State::default();
         for event in whole.events.iter().take_while(|event| event.at < from) {
             there.apply(board(), &event.command);
@@ -90,7 +90,11 @@ fn a_clip_from_any_time_restores_the_state_of_the_whole_run() {
 fn a_clip_to_any_time_leaves_nothing_running() {
     let whole = timeline(SHOW);
     for to in (1..whole.end.0).step_by(53_000).map(Micros) {
-        let cut = clip(&whole, &Clip::new(Micros::ZERO, Some(to), Micros::ZERO), &State::default());
+        let cut = clip(
+            &whole,
+            &Clip::new(Position::default(), Some(Position::before(&whole, to)), Micros::ZERO),
+            &State::default(),
+        );
         assert_eq!(cut.end, to);
         assert!(state_after(&cut).at_rest(board()), "{to}");
         assert!(cut.events.is_sorted_by_key(|event| event.at) && cut.events.iter().all(|event| event.at <= to));
@@ -101,7 +105,7 @@ fn a_clip_to_any_time_leaves_nothing_running() {
 #[test]
 fn a_servo_at_another_known_position_moves_smoothly() {
     let whole = timeline("servo 1 1000\nwait 1s\nservo 1 2000\nwait 1s\n");
-    let asked = Clip::new(Micros(500_000), None, Micros(100_000));
+    let asked = Clip::new(Position::before(&whole, Micros(500_000)), None, Micros(100_000));
     // The position is unknown: the command is sent once, and the servo gets the lead-in.
     let first = clip(&whole, &asked, &State::default());
     assert_eq!(

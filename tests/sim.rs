@@ -10,7 +10,7 @@ use motionseq::sim::{Device, Pose, Settings};
 use motionseq::source::{Disk, Source, Sources};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
-use motionseq::verify::{Rehearsal, rehearse};
+use motionseq::verify::{Answers, Rehearsal, rehearse};
 use proptest::prelude::*;
 
 fn timeline(text: &str) -> Timeline {
@@ -20,7 +20,7 @@ fn timeline(text: &str) -> Timeline {
 
 /// The pose of the robot after a script.
 fn pose(text: &str) -> Pose {
-    rehearse(&timeline(text), Settings::default(), Faults::default()).received.pose
+    rehearse(&timeline(text), Settings::default(), Faults::default(), &Answers::default()).received.pose
 }
 
 fn is_near(pose: Pose, x: f64, y: f64, yaw: f64) {
@@ -74,11 +74,21 @@ fn a_board_without_frames_stops_by_itself() {
     is_near(pose(silent), 0.0, 5.0, 0.0);
     let mut settings = Settings::default();
     settings.silence = None;
-    is_near(rehearse(&timeline(silent), settings, Faults::default()).received.pose, 0.0, 30.0, 0.0);
+    is_near(
+        rehearse(&timeline(silent), settings, Faults::default(), &Answers::default()).received.pose,
+        0.0,
+        30.0,
+        0.0,
+    );
     let mut settings = Settings::default();
     settings.silence = Some(Micros(40_000));
     // Shorter than the refresh interval of 50 ms: four fifths of the distance.
-    is_near(rehearse(&timeline("rocker y=10 for 1s"), settings, Faults::default()).received.pose, 0.0, 8.0, 0.0);
+    is_near(
+        rehearse(&timeline("rocker y=10 for 1s"), settings, Faults::default(), &Answers::default()).received.pose,
+        0.0,
+        8.0,
+        0.0,
+    );
 }
 
 /// The reports of a board that gets these commands at these times, until a time.
@@ -160,7 +170,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
     assert!(found.iter().all(|(at, report)| (report.value(0) == Hundredths(650)) == (*at >= 1_000_000)));
     // Frames to the board are lost too.
     let lossy = "drop=50%".parse().unwrap();
-    let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), Settings::default(), lossy);
+    let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), Settings::default(), lossy, &Answers::default());
     let Rehearsal { received, given, .. } = rehearsal;
     assert_eq!(given, 101);
     assert!((30..70).contains(&received.lost) && received.frames + received.lost == 101, "{received:?}");
@@ -254,7 +264,7 @@ fn every_script_of_the_tests_is_played_as_it_is_rendered() {
         let Some(timeline) = compiled.timeline.filter(|timeline| is_script && timeline.expects.is_empty()) else {
             continue;
         };
-        let rehearsal = rehearse(&timeline, Settings::default(), Faults::default());
+        let rehearsal = rehearse(&timeline, Settings::default(), Faults::default(), &Answers::default());
         assert!(rehearsal.is_complete(&timeline), "{}: {:?}", entry.display(), rehearsal.outcome);
         assert_eq!(rehearsal.outcome.dropped, 0, "{}", entry.display());
         count += 1;
@@ -277,7 +287,7 @@ fn every_rehearsal_comes_to_an_end() {
         "stall@1s,unplug@1010ms",
         "unplug@1h",
     ] {
-        let rehearsal = rehearse(&timeline, Settings::default(), faults.parse().unwrap());
+        let rehearsal = rehearse(&timeline, Settings::default(), faults.parse().unwrap(), &Answers::default());
         let ends_early = rehearsal.outcome.cause != Cause::Finished;
         assert_eq!(ends_early, !rehearsal.aborted.is_empty(), "{faults}: {:?}", rehearsal.outcome);
         if ends_early {

@@ -61,7 +61,7 @@ fn blessed(name: &str) -> Repository {
 fn the_shipped_scripts_match_their_snapshots() {
     let output = crate::support::run(&["test", "--play", "scripts"]);
     assert_eq!(code(&output), 0, "{}", stdout(&output));
-    assert_eq!(stderr(&output), "14 scripts: 14 passed, 0 failed\n");
+    assert_eq!(stderr(&output), "16 scripts: 16 passed, 0 failed\n");
     // The shipped scripts have no warnings.
     for entry in fs::read_dir("scripts").unwrap().map(|entry| entry.unwrap().path()) {
         if entry.extension().is_some_and(|extension| extension == "motion") {
@@ -75,9 +75,9 @@ fn the_shipped_scripts_match_their_snapshots() {
 fn what_is_blessed_passes_and_a_changed_pulse_width_fails_at_its_line() {
     let repository = blessed("changed");
     let snapshot = repository.read("dance.motion.frames");
-    assert!(
-        snapshot.starts_with("# motionseq frames 2\n# dance.motion\n0.000000\tFF FE 02 03 02 06 A4 B1\tservo 2 1700\n")
-    );
+    assert!(snapshot.starts_with(
+        "# motionseq frames 3\n# dance.motion\n# board\traspblock\n0.000000\tFF FE 02 03 02 06 A4 B1\tservo 2 1700\n"
+    ));
     // Phrases and scripts that must not compile have no snapshots.
     assert!(!repository.0.join("lib/phrases.motion.frames").exists());
     assert!(!repository.0.join("more/never.motion.frames").exists());
@@ -185,7 +185,7 @@ fn missing_orphaned_and_broken_snapshots_are_reported_with_a_fix() {
     repository.file("more/bow.motion.frames", "# motionseq frames 9\n");
     assert!(
         stdout(&repository.run(&["test"]))
-            .contains("version 9 is too new: this motionseq reads versions up to 2, so update it\n")
+            .contains("version 9 is too new: this motionseq reads versions up to 3, so update it\n")
     );
     assert_eq!(code(&repository.run(&["test", "--bless"])), 1);
     assert_eq!(repository.read("more/bow.motion.frames"), "# motionseq frames 9\n");
@@ -280,7 +280,7 @@ fn expectations_are_judged_and_frames_sent_on_abort_are_a_snapshot() {
     assert_eq!(code(&repository.run(&["test", "--play", "--bless"])), 0);
     assert_eq!(
         repository.read("checkup.motion.unplug@1s.frames"),
-        "# motionseq frames 2\n# checkup.motion unplug@1s\n\
+        "# motionseq frames 3\n# checkup.motion unplug@1s\n# board\traspblock\n\
          1.000000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop\tabort\n\
          1.020000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop\tabort\n\
          1.040000\tFF FE 03 08 01 00 00 00 00 00 00 01 0D\tstop\tabort\n\

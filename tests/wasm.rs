@@ -50,7 +50,7 @@ fn native(path: &Path) -> Value {
     let compiled = motionseq::compile(&sources, &Options::default());
     let frames = compiled.timeline.map(|timeline| {
         let mut text = Vec::new();
-        write_listing(&timeline.board, &timeline.events, &mut text).unwrap();
+        write_listing(&timeline.board, timeline.items(), &mut text).unwrap();
         String::from_utf8(text).unwrap()
     });
     json!({ "frames": frames, "findings": findings(&sources, &compiled.diagnostics) })

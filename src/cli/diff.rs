@@ -8,7 +8,7 @@ use motionseq::board::raspblock;
 use motionseq::diff::{Change, Words, diff, diff_scripts};
 use motionseq::report::json::{self, LocatedChange};
 use motionseq::source::{Disk, Lines, Place, Sources, read_file};
-use motionseq::timeline::{Note, Snapshot, Timeline, is_snapshot, read_snapshot};
+use motionseq::timeline::{Note, Snapshot, Timeline, gate_notes, is_snapshot, read_snapshot};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::color::painted;
@@ -77,7 +77,8 @@ impl Diff {
     }
 
     fn compare(&self, old: &Side, new: &Side, screen: &Screen) -> Exit {
-        let (was, is) = (Lookup::of(old), Lookup::of(new));
+        let has_notes = old.script.is_some() && new.script.is_some();
+        let (was, is) = (Lookup::of(old, has_notes), Lookup::of(new, has_notes));
         let old_place = |change: &Change| was.as_ref()?.place(change.aborts, change.old?);
         let new_place = |change: &Change| is.as_ref()?.place(change.aborts, change.new?);
         let line = |change: &Change| {
@@ -150,10 +151,14 @@ struct Lookup<'s> {
 }
 
 impl<'s> Lookup<'s> {
-    /// `None` for a snapshot, which has no lines.
-    fn of(side: &'s Side) -> Option<Self> {
+    /// `None` for a snapshot, which has no lines. Without `has_notes`, gates are the only notes.
+    fn of(side: &'s Side, has_notes: bool) -> Option<Self> {
         let (sources, timeline) = side.script.as_ref()?;
-        let notes = [false, true].map(|aborts| timeline.notes(aborts));
+        let notes = if has_notes {
+            [false, true].map(|aborts| timeline.notes(aborts))
+        } else {
+            [gate_notes(&timeline.gates), Vec::new()]
+        };
         Some(Lookup { sources, timeline, lines: Lines::of(sources), notes })
     }
 

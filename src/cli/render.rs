@@ -72,19 +72,21 @@ impl Render {
     fn write(&self, sources: &Sources, timeline: &Timeline, screen: &Screen, out: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let lines = Lines::of(sources);
-        let frames = timeline.events.len();
+        let (board, count) = (&timeline.board, timeline.events.len() + timeline.gates.len());
         // Frames printed on the terminal need no progress bar.
         let is_shown = self.output.is_some() || !io::stdout().is_terminal();
-        let progress = is_shown.then(|| ProgressBar::new(screen, "frames", frames));
-        for events in timeline.events.chunks(CHUNK) {
+        let progress = is_shown.then(|| ProgressBar::new(screen, "frames", count));
+        let mut items = timeline.items();
+        for _ in (0..count).step_by(CHUNK) {
+            let chunk = items.by_ref().take(CHUNK);
             match self.format {
-                Format::Listing => write_listing(&timeline.board, events, &mut out)?,
-                Format::Hex => write_hex(&timeline.board, events, &mut out)?,
-                Format::Bin => write_bin(&timeline.board, events, &mut out)?,
-                Format::Jsonl => write_jsonl(&timeline.board, events, &lines, &mut out)?,
+                Format::Listing => write_listing(board, chunk, &mut out)?,
+                Format::Hex => write_hex(board, chunk, &mut out)?,
+                Format::Bin => write_bin(board, chunk, &mut out)?,
+                Format::Jsonl => write_jsonl(board, chunk, &lines, &mut out)?,
             }
             if let Some(progress) = &progress {
-                progress.add(events.len());
+                progress.add(CHUNK);
             }
         }
         out.flush()

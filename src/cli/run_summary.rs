@@ -1,8 +1,9 @@
 //! The messages at the end of a run, for `play`, its guard and `board`.
 
 use motionseq::board::{Board, ON_SILENCE};
-use motionseq::playback::Stop;
+use motionseq::playback::{GateEnd, Passage, Stop};
 use motionseq::sim::Received;
+use motionseq::timeline::Gate;
 use motionseq::units::Micros;
 
 use super::screen::{Screen, plural};
@@ -91,5 +92,17 @@ pub(super) fn signal_name(signal: i32) -> String {
         20 => "stopped by Ctrl-Z (SIGTSTP)".into(),
         15 => "terminated (SIGTERM)".into(),
         other => format!("stopped by signal {other}"),
+    }
+}
+
+/// How a gate ended: `turned > 90deg after 1.874 s: the board reports 90.12`.
+pub(super) fn passage_words(gate: &Gate, passage: Passage) -> String {
+    let awaited = gate.gate.criterion().map_or_else(|| "go".to_owned(), ToString::to_string);
+    let (took, found) = (passage.took.micros(), passage.end.words(gate.gate.unit()));
+    match passage.end {
+        GateEnd::Go => format!("go after {took:.3} s"),
+        GateEnd::Matched(_) => format!("{awaited} after {took:.3} s: {found}"),
+        GateEnd::Continued(_) => format!("continues without {awaited} after {took:.3} s: {found}"),
+        _ => format!("no {awaited} after {took:.3} s: {found}"),
     }
 }

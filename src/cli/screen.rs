@@ -248,7 +248,11 @@ impl Screen {
         }
         print(&text, Importance::Required);
         if warnings != Warnings::Counted || diagnostics.has_errors() {
-            let code = diagnostics.iter().next().map(|first| format!("; motionseq explain {}", first.code));
+            let code = diagnostics
+                .iter()
+                .find(|found| found.is_error())
+                .or(diagnostics.iter().next())
+                .map(|first| format!("; motionseq explain {}", first.code));
             self.note(&format!("{}: {}{}", sources.main().name(), count(diagnostics), code.unwrap_or_default()));
         }
     }

@@ -9,7 +9,7 @@ use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::{Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::{Disk, Sources};
-use motionseq::timeline::{Clip, Timeline, check_passes, clip, passes, state_after};
+use motionseq::timeline::{Clip, Position, Timeline, check_passes, clip, passes, state_after};
 use motionseq::units::{Micros, NotATime};
 
 use super::exit::Exit;
@@ -155,8 +155,8 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
                     return Err(Exit::Script);
                 }
                 let moment = |text: &Option<String>| text.as_deref().and_then(|text| self.moment(text, &whole).ok());
-                let from = moment(&self.from).unwrap_or_default();
-                let length = moment(&self.to).unwrap_or(whole.end).min(whole.end) - from;
+                let from = moment(&self.from).unwrap_or_default().at;
+                let length = moment(&self.to).map_or(whole.end, |to| to.at).min(whole.end) - from;
                 let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
                 Ok((sources, Selected { timeline, again, first_pass, script, diagnostics, config }))
             }
@@ -187,7 +187,7 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
         let from = moment(&self.from)?.unwrap_or_default();
         let to = moment(&self.to)?;
-        if from > whole.end {
+        if from.at > whole.end {
             let end = self.speed.of_script(whole.end);
             return Err(format!("`--from` is after the end of the script, which takes {end:.3} s"));
         }
@@ -211,7 +211,7 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
             }
             Count::Forever => {
                 let again = again();
-                if again.end == Micros::ZERO {
+                if again.end == Micros::ZERO && again.gates.is_empty() {
                     return Err("a pass that takes no time cannot loop forever".to_owned());
                 }
                 // If the line cannot carry a pass, the delay grows with each pass.
@@ -224,14 +224,14 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         }
     }
 
-    /// The time of a time or mark of the script, at this speed.
-    fn moment(&self, text: &str, whole: &Timeline) -> Result<Micros, String> {
+    /// The position of a time or mark of the script, at this speed.
+    fn moment(&self, text: &str, whole: &Timeline) -> Result<Position, String> {
         if let Some(time) = Time::parse(text).filter(|time| *time <= Time::LONGEST) {
-            return Ok(self.speed.time(time).micros());
+            return Ok(Position::before(whole, self.speed.time(time).micros()));
         }
         let mut named = whole.marks.iter().filter(|mark| mark.name == text);
         match (named.next(), named.next()) {
-            (Some(mark), None) => Ok(mark.at),
+            (Some(mark), None) => Ok(Position { at: mark.at, gates: mark.gates }),
             (Some(_), Some(_)) => {
                 let all = whole.marks.iter().filter(|mark| mark.name == text).take(5);
                 let all: Vec<String> = all.map(|mark| format!("{:.3}", self.speed.of_script(mark.at))).collect();

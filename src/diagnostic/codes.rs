@@ -365,9 +365,34 @@ nod()
 
     EarlyExpect "early-expect" Warning "An `expect` comes before the first report."
         "`expect` checks the newest report. The board sends reports from the start of the script on, ten times per second, so none has \
-        arrived at the very start, and the run ends there. Wait first, or write `within`."
+        arrived at the very start, and the run ends there. Wait first, or write `within`. A change such as `turned` would count from \
+        the first report, so write a `wait` before the movement."
         "expect voltage > 10V\n"
         "expect voltage > 10V within 2s\n"
+
+    BriefCondition "brief-condition" Warning "A condition may be true only between two reports."
+        "A board reports a few times per second, and a value is compared only when a report arrives. An exact value or a narrow range can be \
+        passed in between, so the gate stays closed, or the `expect` fails. Write one bound, or a wider range."
+        "rocker z=20\nwait until yaw == 90deg within 5s\nstop\n"
+        "rocker z=20\nwait until yaw >= 90deg within 5s\nstop\n"
+
+    ImpossibleCondition "impossible-condition" Warning "A condition can never be true."
+        "The board reports this quantity only within a range, and no value of that range meets the condition. Angles are reported from -180 to \
+        180 degrees; the angle that the robot has turned since a moment is `turned`."
+        "wait 0.5s\nrocker z=20\nwait until yaw > 300deg within 20s\nstop\n"
+        "wait 0.5s\nrocker z=20\nwait until turned > 300deg within 20s\nstop\n"
+
+    AmbiguousWord "ambiguous-word" Error "A word could be read in two ways."
+        "`wait go` waits for the operator. If a name `go` is visible, the line could also wait for its value. Rename it, or write its value in \
+        parentheses: `wait (go)`."
+        "let go = 2s\nservo 1 1500\nwait go\n"
+        "let go = 2s\nservo 1 1500\nwait (go)\n"
+
+    GatePlace "gate-place" Error "A gate is where something else may run at the same time."
+        "A gate stops the clock of the whole script, so nothing may run beside it. It is allowed at the top level, and in blocks, `repeat` and \
+        `def` that run from there one after another; not in `together`, and not in a block or a call that is joined by `;`."
+        "together {\n  servo 1 1500\n  wait go\n}\n"
+        "together {\n  servo 1 1500\n  servo 2 1500\n}\nwait go\n"
 
     Allow "allow" Warning "An `# allow:` comment names an unknown warning."
         "`# allow: CODE` at the end of a line suppresses the warnings with that code on this line. Separate several codes with commas. \
@@ -394,6 +419,24 @@ nod()
         `together` or `;` is used."
         "together {\n  servo 1 1000 -> 1500 over 1s\n  +500ms servo 1 1200\n}\n"
         "servo 1 1000 -> 1500 over 1s\nservo 1 1200\n"
+
+    GateOverlap "gate-overlap" Error "Something starts before a gate and ends after it."
+        "While a gate is closed, the clock of the script is stopped. A `for`, an `over` or an `expect … within` that starts before the gate must \
+        have ended when the gate begins. A drive command without `for` may hold at a gate: it is refreshed while the gate is closed."
+        "rocker y=5 for 2s\nat 1s wait go within 10s\n"
+        "rocker y=5\nwait 1s\nwait go within 10s\nstop\n"
+
+    GateTime "gate-time" Error "Something runs at a gate without a time limit, or for too long."
+        "While the drive or the buzzer runs, a gate needs a time limit of at most 60 seconds, so that the robot does not run for ever if nothing \
+        opens the gate. Write `within`, or bring the robot to rest before the gate."
+        "rocker y=5\nwait go\nstop\n"
+        "rocker y=5\nwait go within 10s\nstop\n"
+
+    GateRefresh "gate-refresh" Error "The drive holds at a gate, but is not refreshed."
+        "With `refresh off`, a drive command is sent once. A gate may wait for a long time, and what the board does when frames stop arriving is \
+        unknown. Stop the drive before the gate, or remove `refresh off`."
+        "refresh off\nrocker y=5\nwait go within 10s\nstop\n"
+        "rocker y=5\nwait go within 10s\nstop\n"
 
     MoveMode "move-mode" Error "`move` needs position mode."
         "`move` is a displacement, which the board accepts only in position mode. The last `pid` command before it must be `pid \

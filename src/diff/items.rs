@@ -29,6 +29,8 @@ pub(super) struct Item {
     pub(super) refresh: Option<Micros>,
     /// Whether it is a note, which is compared as a whole.
     pub(super) is_note: bool,
+    /// Whether it is a gate.
+    pub(super) is_gate: bool,
     /// Whether it keeps its resource active until the next item of its lane.
     pub(super) is_active: bool,
     /// How long the resulting state lasts, until the next item of its lane.
@@ -181,6 +183,7 @@ impl Item {
             sent: moment.at,
             refresh: None,
             is_note: false,
+            is_gate: false,
             is_active: !is_step && board.is_active(&moment.command),
             holds: Micros::ZERO,
             pause: Micros::ZERO,
@@ -199,6 +202,7 @@ impl Item {
             sent: note.at,
             refresh: None,
             is_note: true,
+            is_gate: note.kind == NoteKind::Gate,
             is_active: false,
             holds: Micros::ZERO,
             pause: Micros::ZERO,

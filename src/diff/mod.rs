@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use crate::board::Board;
-use crate::timeline::{Moment, Note, NoteKind, Snapshot, Timeline, Tween};
+use crate::timeline::{Gate, Moment, Note, NoteKind, Snapshot, Timeline, Tween, gate_notes};
 use crate::units::Micros;
 
 mod align;
@@ -96,6 +96,15 @@ pub enum What {
         /// Its shift in microseconds; 0 if all others have moved.
         by_us: i64,
     },
+    /// A gate waits for something else.
+    Gate {
+        /// The old line.
+        from: String,
+        /// The new line.
+        to: String,
+    },
+    /// A gate is on the other side of something at the same moment.
+    GateOrder(String),
     /// An item was added.
     Added(String),
     /// An item was removed.
@@ -163,7 +172,8 @@ impl What {
 /// Equal changes of one line of the script, such as the passes of a `repeat`, are combined; `line`
 /// returns the line of a change.
 pub fn diff<L: Eq + Hash>(old: &Snapshot, new: &Snapshot, line: impl Fn(&Change) -> Option<L>) -> Vec<Change> {
-    compare([old, new], Default::default(), line)
+    let gates = |side: &Snapshot| side.more.as_ref().map(|more| gate_notes(&more.gates)).unwrap_or_default();
+    compare([old, new], [[gates(old), gates(new)], Default::default()], line)
 }
 
 /// Compares two scripts like [`diff`], and also their marks, `say` and `expect`, which a snapshot
@@ -182,10 +192,11 @@ fn compare<L: Eq + Hash>(
     let board = &old.board;
     let both = old.more.as_ref().zip(new.more.as_ref());
     let tweens = both.map(|(old, new)| [old.tweens.as_slice(), new.tweens.as_slice()]);
-    let run = Sides { moments: [&old.moments, &new.moments], tweens, notes: run };
+    let gates = both.map(|(old, new)| [old.gates.as_slice(), new.gates.as_slice()]).unwrap_or_default();
+    let run = Sides { moments: [&old.moments, &new.moments], tweens, notes: run, gates };
     let mut changes = fold(run.changes(board), &line);
     if let Some((old, new)) = both {
-        let abort = Sides { moments: [&old.abort, &new.abort], tweens: None, notes: abort };
+        let abort = Sides { moments: [&old.abort, &new.abort], tweens: None, notes: abort, gates: Default::default() };
         let mut aborts = abort.changes(board);
         for change in &mut aborts {
             change.aborts = true;
@@ -211,13 +222,16 @@ struct Sides<'s> {
     /// The moves, if both sides have them.
     tweens: Option<[&'s [Tween]; 2]>,
     notes: [Vec<Note>; 2],
+    gates: [&'s [Gate]; 2],
 }
 
 impl Sides<'_> {
     fn changes(&self, board: &Board) -> Vec<Change> {
         let [old, new] = self.moments;
         let words = |notes: &[Note]| notes.iter().map(|note| (note.at, note.words.clone())).collect::<Vec<_>>();
-        if old == new && words(&self.notes[0]) == words(&self.notes[1]) {
+        let places = self.gates.map(|gates| gates.iter().map(|gate| gate.next.events).collect::<Vec<_>>());
+        let is_same_order = places[0] == places[1];
+        if old == new && is_same_order && words(&self.notes[0]) == words(&self.notes[1]) {
             return Vec::new();
         }
         let tweens = self.tweens;
@@ -237,6 +251,9 @@ impl Sides<'_> {
                 changes = fewer;
             }
         }
+        if changes.is_empty() && old == new {
+            changes.extend(self.other_side());
+        }
         if changes.is_empty() && old != new {
             let first = old.iter().zip(new).position(|(old, new)| old != new).unwrap_or(old.len().min(new.len()));
             let at = new.get(first).or(old.get(first)).map_or(Micros::ZERO, |moment| moment.at);
@@ -245,6 +262,23 @@ impl Sides<'_> {
         }
         changes.sort_by_key(|change| (change.at, change.new, change.old));
         changes
+    }
+}
+
+impl Sides<'_> {
+    /// The first gate with something at its moment that is on its other side now.
+    fn other_side(&self) -> Option<Change> {
+        let [was, is] = &self.notes;
+        let note = || is.iter().zip(was).position(|(is, was)| is.words != was.words);
+        let gate = self.gates[1].iter().zip(self.gates[0]).position(|(is, was)| is.next.events != was.next.events);
+        let at = match gate {
+            Some(gate) => self.gates[1].get(gate)?.at,
+            None => is.get(note()?)?.at,
+        };
+        let place = is.iter().position(|note| note.at == at && note.kind == NoteKind::Gate)?;
+        let words = is.get(place)?.words.clone();
+        let index = self.moments[1].len() + place;
+        Some(Change::new(at, None, Some(index), What::GateOrder(words)))
     }
 }
 

@@ -242,6 +242,9 @@ impl<'i> Scan<'i> {
 fn change(pair: &Pair<'_>, by_us: Option<i64>) -> Option<What> {
     let Pair { old, new, comes_from_elsewhere, .. } = pair;
     let (from, to) = (old.parts(), new.parts());
+    if from != to && old.is_gate {
+        return Some(What::Gate { from: old.notation.clone(), to: new.notation.clone() });
+    }
     if from != to {
         return Some(What::Changed { from, to, by_us, then: None });
     }

@@ -46,6 +46,14 @@ impl Change {
                 at + between(from, to) + moved + then.unwrap_or_default() + self.again(", the same")
             }
             What::Moved { what, by_us } => at + format!("{what} is {}{}", Later(*by_us), self.again(", the same")),
+            What::Gate { from, to } => {
+                at + "the gate now waits for "
+                    + Words::new(awaited(to))
+                    + " instead of "
+                    + Words::old(awaited(from))
+                    + self.again(", the same")
+            }
+            What::GateOrder(gate) => at + format!("{gate} is in another place among the lines of this time"),
             What::Added(what) => at + Words::new(what) + " is added" + self.again(", the same"),
             What::Removed(what) => at + Words::old(what) + " is removed" + self.again(", the same"),
             What::Steps { what, from, to } => {
@@ -170,6 +178,12 @@ impl Change {
         let (count, otherwise) = self.more.map_or((0, false), |again| (again.count, again.otherwise));
         self.more = Some(Again { count: count + 1, last: other.at, otherwise: otherwise || differs, total_us });
     }
+}
+
+/// What a gate waits for: its line without `wait`.
+fn awaited(line: &str) -> &str {
+    let line = line.strip_prefix("wait ").unwrap_or(line);
+    line.strip_prefix("until ").unwrap_or(line)
 }
 
 /// `the pause before it is 1.000 s -> 2.000 s, so `.

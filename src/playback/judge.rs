@@ -1,16 +1,19 @@
 //! Judges each `expect`, as a pure function of time and of the reports received.
 //!
+//! It also keeps the newest report, and measures changes such as the angle that a robot has turned.
+//!
 //! A report that is old, unreadable or missing never makes an `expect` pass. The board's reports have no checksum, so a report
 //! with garbled digits cannot be recognized.
 
 use std::fmt;
 
 use crate::board::{Hundredths, Report};
+use crate::program::{Criterion, Measured};
 use crate::timeline::Expectation;
 use crate::units::{Micros, Nanos};
 
 /// The maximum age of a report.
-const FRESH: Nanos = Nanos::from_millis(500);
+pub(super) const FRESH: Nanos = Nanos::from_millis(500);
 
 /// The result of one `expect`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,14 +63,44 @@ impl Found {
     }
 }
 
+/// Measures a value of the reports, or its change since a moment.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Meter {
+    /// The last value of what changes.
+    last: Option<Hundredths>,
+    /// The change so far.
+    change: Hundredths,
+}
+
+impl Meter {
+    /// Takes the next report, and returns the measured value.
+    pub(super) fn read(&mut self, measured: &Measured, report: &Report) -> Hundredths {
+        let value = measured.of(report);
+        let Some(change) = measured.change() else { return value };
+        let from = self.last.replace(value).unwrap_or(value);
+        self.change = Hundredths(self.change.0.saturating_add(change.between(from, value).0));
+        self.change
+    }
+}
+
+/// An expectation that waits for a value.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    /// Its index.
+    expect: usize,
+    meter: Meter,
+    /// The newest value received since it began.
+    newest: Option<Hundredths>,
+}
+
 /// Judges the expectations of a timeline in order of time. Does not allocate after its creation.
 #[derive(Debug)]
 pub(super) struct Judge<'t> {
     expects: &'t [Expectation],
     /// The first expectation that has not started.
     next: usize,
-    /// Expectations that wait for a value, with the newest value received since.
-    open: Vec<(usize, Option<Hundredths>)>,
+    /// Expectations that wait for a value.
+    open: Vec<Open>,
     /// The newest report and its time.
     newest: Option<(Nanos, Report)>,
 }
@@ -95,16 +128,16 @@ impl<'t> Judge<'t> {
     pub(super) fn hear(&mut self, time: Nanos, now: Nanos, report: Report, tell: &mut impl FnMut(Verdict)) {
         self.newest = Some((now, report));
         let expects = self.expects;
-        self.open.retain_mut(|(at, newest)| {
-            let Some(Expectation { expect, until, .. }) = expects.get(*at) else { return false };
+        self.open.retain_mut(|open| {
+            let Some(Expectation { expect, until, .. }) = expects.get(open.expect) else { return false };
             if time > until.nanos() {
                 return true;
             }
-            let value = expect.measured.of(&report);
-            *newest = Some(value);
-            let fits = expect.wanted.fits(value);
+            let value = open.meter.read(&expect.criterion.measured, &report);
+            open.newest = Some(value);
+            let fits = expect.criterion.wanted.fits(value);
             if fits {
-                tell(Verdict { expect: *at, found: Found::Passed(value) });
+                tell(Verdict { expect: open.expect, found: Found::Passed(value) });
             }
             !fits
         });
@@ -115,22 +148,44 @@ impl<'t> Judge<'t> {
         self.newest = Some((now, report));
     }
 
-    /// Judges what is due: `time` is the time of the script, `now` of the run. Returns the first failure.
-    pub(super) fn poll(&mut self, time: Nanos, now: Nanos, tell: &mut impl FnMut(Verdict)) -> Option<Verdict> {
+    /// The newest report, if it is not too old.
+    pub(super) fn fresh(&self, now: Nanos) -> Option<Report> {
+        self.newest.filter(|(came, _)| now - *came <= FRESH).map(|(_, report)| report)
+    }
+
+    /// A meter that begins now.
+    pub(super) fn meter(&self, measured: &Measured, now: Nanos) -> Meter {
+        let mut meter = Meter::default();
+        if let Some(report) = self.fresh(now) {
+            meter.read(measured, &report);
+        }
+        meter
+    }
+
+    /// Judges what is due of the first `count` expectations: `time` is the time of the script, `now` of the run. Returns the
+    /// first failure.
+    pub(super) fn poll(
+        &mut self,
+        count: usize,
+        (time, now): (Nanos, Nanos),
+        tell: &mut impl FnMut(Verdict),
+    ) -> Option<Verdict> {
         let mut failed = None;
-        while let Some(due) = self.expects.get(self.next).filter(|due| due.at.nanos() <= time) {
+        let is_due = |due: &&Expectation| due.at.nanos() <= time;
+        while let Some(due) = self.expects.get(self.next).filter(|due| self.next < count && is_due(due)) {
             let at = self.next;
             self.next += 1;
+            let Criterion { measured, wanted } = &due.expect.criterion;
             if due.expect.within.is_some() {
-                self.open.push((at, None));
+                self.open.push(Open { expect: at, meter: self.meter(measured, now), newest: None });
                 continue;
             }
             let found = match self.newest {
                 None => Found::Nothing,
                 Some((came, _)) if now - came > FRESH => Found::Stale(now - came),
                 Some((_, report)) => {
-                    let value = due.expect.measured.of(&report);
-                    if due.expect.wanted.fits(value) { Found::Passed(value) } else { Found::Failed(value) }
+                    let value = measured.of(&report);
+                    if wanted.fits(value) { Found::Passed(value) } else { Found::Failed(value) }
                 }
             };
             let verdict = Verdict { expect: at, found };
@@ -140,12 +195,12 @@ impl<'t> Judge<'t> {
             }
         }
         let expects = self.expects;
-        self.open.retain(|(at, newest)| {
-            let until = expects.get(*at).map_or(Nanos::ZERO, |due| due.until.nanos());
+        self.open.retain(|Open { expect, newest, .. }| {
+            let until = expects.get(*expect).map_or(Nanos::ZERO, |due| due.until.nanos());
             if until > time {
                 return true;
             }
-            let verdict = Verdict { expect: *at, found: newest.map_or(Found::NothingInTime, Found::Failed) };
+            let verdict = Verdict { expect: *expect, found: newest.map_or(Found::NothingInTime, Found::Failed) };
             tell(verdict);
             failed = failed.or(Some(verdict));
             false
@@ -153,10 +208,10 @@ impl<'t> Judge<'t> {
         failed
     }
 
-    /// When the next expectation is due, in the time of the script.
-    pub(super) fn next_due(&self) -> Option<Nanos> {
-        let next = self.expects.get(self.next).map(|due| due.at);
-        let open = self.open.iter().filter_map(|(at, _)| self.expects.get(*at)).map(|due| due.until);
+    /// When the next of the first `count` expectations is due, in the time of the script.
+    pub(super) fn next_due(&self, count: usize) -> Option<Nanos> {
+        let next = self.expects.get(self.next).filter(|_| self.next < count).map(|due| due.at);
+        let open = self.open.iter().filter_map(|open| self.expects.get(open.expect)).map(|due| due.until);
         open.chain(next).min().map(Micros::nanos)
     }
 }

@@ -2,8 +2,9 @@
 
 use std::io;
 
+use super::gate::Passage;
 use super::judge::Verdict;
-use crate::board::Report;
+use crate::board::{Hundredths, Report};
 use crate::source::Span;
 use crate::units::{Micros, Nanos};
 
@@ -34,6 +35,10 @@ pub enum Input {
     Resume,
     /// Play one step of a paused run (a key).
     Step,
+    /// Open the gate that waits for it (a key or a line).
+    Go,
+    /// The lines that open gates have ended.
+    GoEnded,
     /// End the run (a key).
     Quit,
     /// Show the keys (a key).
@@ -73,6 +78,8 @@ impl Input {
             | Input::Pause
             | Input::Resume
             | Input::Step
+            | Input::Go
+            | Input::GoEnded
             | Input::Help => None,
         }
     }
@@ -118,7 +125,7 @@ pub enum Notice {
         late: Nanos,
     },
     /// This drive frame was not sent, because the run is paused; it applies when the run continues.
-    Passed {
+    Withheld {
         /// Its index in the timeline.
         event: usize,
     },
@@ -131,6 +138,8 @@ pub enum Notice {
     Say {
         /// Its index in the timeline's cues.
         cue: usize,
+        /// The newest report, unless it is too old.
+        report: Option<Report>,
     },
     /// This mark is passed.
     Marked {
@@ -145,6 +154,25 @@ pub enum Notice {
     Help,
     /// An `expect` was judged.
     Judged(Verdict),
+    /// The clock of the script stops at this gate.
+    Waiting {
+        /// Its index in the timeline's gates.
+        gate: usize,
+    },
+    /// The gate has a new value.
+    Measured {
+        /// Its index in the timeline's gates.
+        gate: usize,
+        /// The value.
+        value: Hundredths,
+    },
+    /// A gate has ended.
+    Passed(Passage),
+    /// The last frame of a drive command was sent again, because a gate is closed.
+    Refreshed {
+        /// The index of the command in the timeline.
+        event: usize,
+    },
     /// The robot is stopped, and the process is about to be suspended.
     Sleeping {
         /// The time of the script.
@@ -227,6 +255,8 @@ pub enum Cause {
     Late(Nanos),
     /// An `expect` failed.
     Expect(Verdict),
+    /// A gate did not open.
+    Gate(Passage),
     /// The guard was lost.
     Unguarded,
     /// The program failed.
@@ -248,7 +278,7 @@ pub struct Outcome {
     pub sent: usize,
     /// Frames of the timeline that were dropped.
     pub dropped: usize,
-    /// Other frames: of stops, of `on abort`, and those that restore the state after a pause.
+    /// Other frames: of stops, of `on abort`, at closed gates, and those that restore the state after a pause.
     pub extra: usize,
     /// The worst lateness of a frame.
     pub worst_late: Nanos,

@@ -4,11 +4,14 @@
 //! every system. On Linux, with the feature `player`, a `Session` is the loop that carries out its orders under the real clock, and a
 //! `Guard` is a second process that stops the robot if this one cannot.
 
+mod gate;
 mod halt;
 mod judge;
 mod messages;
 mod player;
 
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod go_lines;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod guard;
 #[cfg(all(feature = "player", target_os = "linux"))]
@@ -22,6 +25,7 @@ mod stop;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod watchdog;
 
+pub use gate::{GateEnd, Passage, Seen};
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
 pub use messages::{Cause, Input, Notice, Order, Outcome, Piece, Stop};
@@ -29,6 +33,7 @@ pub use player::Player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod real {
+    pub use super::go_lines::GoLines;
     pub use super::guard::{Guard, GuardConfig, Guarded, guard};
     pub(crate) use super::halt::Outbox;
     pub use super::latency::lateness;

@@ -6,6 +6,7 @@
 use std::os::fd::AsFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use super::go_lines::GoLines;
 use super::guard::Guard;
 use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Stop};
 use super::os::{self, Keys, Ready, Signals};
@@ -43,11 +44,15 @@ pub struct Session<'s, L> {
     pub guard: Option<Guard>,
     /// The keys that continue a paused run. Without them, Ctrl-Z ends a run.
     pub keys: Option<Keys>,
+    /// The lines that open gates, if they come from standard input.
+    pub go: Option<GoLines>,
     /// The lines of the script, for the guard's messages.
     pub lines: Lines<'s>,
     /// Whether this thread has real-time priority.
     pub realtime: bool,
     reports: ReportDecoder,
+    /// The gate that waited for the operator after the last order.
+    waited_for_go: Option<usize>,
     /// Time 0 of the run, on the clock of [`now`](super::now).
     start: Nanos,
 }
@@ -56,7 +61,19 @@ impl<'s, L: Link> Session<'s, L> {
     /// A session without guard, keys and real-time priority. Start the guard last: from then on the loop must run.
     pub fn new(player: Player<'s>, link: L, signals: Signals, lines: Lines<'s>) -> Self {
         let reports = ReportDecoder::new(player.board().codec.replies);
-        Session { player, link, signals, guard: None, keys: None, lines, realtime: false, reports, start: Nanos::ZERO }
+        Session {
+            player,
+            link,
+            signals,
+            guard: None,
+            keys: None,
+            go: None,
+            lines,
+            realtime: false,
+            reports,
+            waited_for_go: None,
+            start: Nanos::ZERO,
+        }
     }
 
     /// Plays until the end, or until something ends the run early. Time 0 is `start` on the clock of [`now`](super::now), which must
@@ -121,6 +138,7 @@ impl<'s, L: Link> Session<'s, L> {
                 input = self.read(MAX_READS, notices);
             }
             let order = self.player.poll(self.time(), input, notices);
+            self.forget_early_keys();
             if let Some(outcome) = self.player.outcome() {
                 return outcome;
             }
@@ -151,6 +169,15 @@ impl<'s, L: Link> Session<'s, L> {
         let taken = result.as_ref().ok().and_then(|count| bytes.get(..*count));
         Piece::all(taken.unwrap_or_default()).for_each(|piece| notices(Notice::Wrote(piece)));
         Input::of_write(result)
+    }
+
+    /// Discards keys that were pressed before a gate began to wait for one.
+    fn forget_early_keys(&mut self) {
+        let gate = self.player.closed_gate().filter(|_| self.player.waits_for_go());
+        let has_begun = std::mem::replace(&mut self.waited_for_go, gate) != gate && gate.is_some();
+        if let Some(keys) = self.keys.as_ref().filter(|_| has_begun) {
+            keys.forget();
+        }
     }
 
     /// Discards reports from before the run.
@@ -215,7 +242,7 @@ impl<'s, L: Link> Session<'s, L> {
             self.beat(left > CLOSE * 2);
             let until = if writable { deadline } else { deadline - CLOSE };
             let input = self.look(until, writable, false, notices);
-            if input != Input::Tick || writable {
+            if input != Input::Tick || writable || self.player.is_gate_ending() {
                 return input;
             }
         }
@@ -224,16 +251,22 @@ impl<'s, L: Link> Session<'s, L> {
     /// Polls the port, signals, the guard and, if requested, the keys once, until a time on the clock or the next heartbeat.
     fn look(&mut self, until: Nanos, writable: bool, keys: bool, notices: &mut impl FnMut(Notice)) -> Input {
         let is_paused = keys;
+        let waits_for_go = !is_paused && self.player.waits_for_go();
+        if let Some(input) = self.go.as_mut().filter(|_| waits_for_go).and_then(GoLines::take) {
+            return input;
+        }
         let timeout = until.min(self.next_beat()).saturating_sub(clock::now());
-        let keys = self.keys.as_ref().filter(|single| keys || single.is_single());
+        let keys = self.keys.as_ref().filter(|single| is_paused || waits_for_go || single.is_single());
+        let go = self.go.as_ref().filter(|_| waits_for_go);
         let port = if writable { Ready::IN | Ready::OUT } else { Ready::IN };
         let watched = [
             (Some(self.link.descriptor()), port),
             (Some(self.signals.as_fd()), Ready::IN),
             (self.guard.as_ref().and_then(Guard::descriptor), Ready::IN),
             (keys.and_then(Keys::descriptor), Ready::IN),
+            (go.and_then(GoLines::descriptor), Ready::IN),
         ];
-        let [port, signal, guard, key] = match os::wait(watched, Some(timeout)) {
+        let [port, signal, guard, key, go] = match os::wait(watched, Some(timeout)) {
             Ok(ready) => ready,
             Err(error) => return Input::Failed(error.raw_os_error()),
         };
@@ -259,8 +292,12 @@ impl<'s, L: Link> Session<'s, L> {
         if os::is_gone(port) {
             return Input::HungUp;
         }
+        if let Some(lines) = self.go.as_mut().filter(|_| !go.is_empty()) {
+            lines.read();
+            return lines.take().unwrap_or(Input::Tick);
+        }
         match (key.is_empty(), &mut self.keys) {
-            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| meaning_of(key, keys, is_paused)),
+            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| meaning_of(key, keys, is_paused, waits_for_go)),
             _ => Input::Tick,
         }
     }
@@ -332,11 +369,12 @@ impl<'s, L: Link> Session<'s, L> {
 }
 
 /// What a key means.
-fn meaning_of(key: u8, keys: &Keys, is_paused: bool) -> Input {
+fn meaning_of(key: u8, keys: &Keys, is_paused: bool, waits_for_go: bool) -> Input {
     let enter = if keys.enter_steps { Input::Step } else { Input::Resume };
     match (key, is_paused) {
         // A line of input counts only during a pause.
         (b'\n' | b'\r', true) => enter,
+        (b'\n' | b'\r' | b'g', false) if waits_for_go => Input::Go,
         _ if !keys.is_single() => Input::Tick,
         (b' ', true) => Input::Resume,
         (b' ', false) => Input::Pause,

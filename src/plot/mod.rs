@@ -46,6 +46,8 @@ pub struct Plot {
     pub says: Vec<Moment>,
     /// The `expect`s.
     pub expects: Vec<Stretch>,
+    /// The gates, at which the clock of the script stops.
+    pub gates: Vec<Moment>,
     /// The warnings of `check`, each at the first frame of its command.
     pub warnings: Vec<Warning>,
     /// The robots.
@@ -234,12 +236,13 @@ pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
         end: timeline.end,
         bars,
         marks: timeline.marks.iter().map(|mark| moment(mark.at, &mark.name)).collect(),
-        says: timeline.cues.iter().map(|cue| moment(cue.at, &cue.text)).collect(),
+        says: timeline.cues.iter().map(|cue| moment(cue.at, &cue.text.to_string())).collect(),
         expects: timeline
             .expects
             .iter()
             .map(|due| Stretch { at: due.at, until: due.until, text: escaped(&due.expect.to_string()) })
             .collect(),
+        gates: timeline.gates.iter().map(|gate| moment(gate.at, &gate.gate.to_string())).collect(),
         warnings: warnings(timeline, sources, diagnostics),
         tracks: vec![robot(timeline)],
     }
@@ -284,6 +287,7 @@ fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -
     }
     timeline.cues.iter().for_each(|cue| meet(cue.at, cue.span));
     timeline.expects.iter().for_each(|due| meet(due.at, due.span));
+    timeline.gates.iter().for_each(|gate| meet(gate.at, gate.span));
     let lines = Lines::of(sources);
     let warning = |found: &Diagnostic| {
         let place = lines.place(found.span);

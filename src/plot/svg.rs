@@ -157,6 +157,9 @@ impl Picture<'_> {
             let expects: Vec<Moment> = plot.expects.iter().map(|due| moment(due.at, &due.text)).collect();
             self.moments("expect", &expects, ("expect", DIAMOND), &plot.expects);
         }
+        if !plot.gates.is_empty() {
+            self.moments("gate", &plot.gates, ("gate", BAR), &[]);
+        }
         self.warnings();
         // Lines through all lanes are above the backgrounds and below the curves. Their length is
         // known only now.

@@ -10,7 +10,7 @@ use crate::diagnostic::report;
 use crate::source::Span;
 use crate::syntax::Block;
 
-/// The most moves, and the most bytes of marks, lines to show and expectations.
+/// The most moves, and the most bytes of marks, lines to show, expectations and gates.
 const MAX_MOVES: u64 = 1_000_000;
 const MAX_KEPT: u64 = 48 << 20;
 
@@ -70,7 +70,7 @@ impl Bounds {
             report!(eval, TooManyEvents, span, "the script has more than {MAX_MOVES} moves";
                 help: "repeat less often, or move less often");
         } else if cost.kept > MAX_KEPT {
-            report!(eval, TooManyEvents, span, "the marks, `say`s and `expect`s of the script take more than 48 MiB";
+            report!(eval, TooManyEvents, span, "the marks, gates, `say`s and `expect`s of the script take more than 48 MiB";
                 help: "repeat them less often, or make their strings shorter");
         } else {
             return Some(());
@@ -102,7 +102,7 @@ impl Bounds {
     /// Counts what a step does.
     pub(super) fn count(&mut self, action: &Action) {
         self.done.moves += u64::from(matches!(action, Action::Go(_)));
-        self.done.events += u64::from(matches!(action, Action::Send(_) | Action::Hold(_)));
+        self.done.events += u64::from(matches!(action, Action::Send(_) | Action::Hold(_) | Action::Gate(_)));
     }
 
     /// What a block unrolls to at least.

@@ -11,14 +11,15 @@ pub(super) struct Cost {
     /// Commands to the board.
     pub(super) events: u64,
     pub(super) moves: u64,
-    /// Bytes of what is neither: marks, lines to show, and what is expected.
+    /// Bytes of what is neither: marks, lines to show, expectations and gates.
     pub(super) kept: u64,
 }
 
-/// What one mark, one line to show and one expectation take, on their whole way to the timeline, besides their texts.
+/// What one mark, one line to show, one expectation and one gate take, on their whole way to the timeline, besides their texts.
 pub(super) const MARK: u64 = 160;
 pub(super) const SAY: u64 = 240;
 pub(super) const EXPECT: u64 = 400;
+pub(super) const GATE: u64 = 500;
 
 impl Cost {
     pub(super) fn plus(self, other: Cost) -> Cost {
@@ -69,7 +70,7 @@ fn of_statement(board: &Board, statement: &Statement<'_>, phrase: &dyn Fn(&str) 
 
 fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Cost) -> Cost {
     let inside = command.block.as_ref().map(|block| of_block(board, block, phrase)).unwrap_or_default();
-    let row = match words::find(board, command.head.text) {
+    let row = match words::of_command(board, command) {
         Some(Word::Verb(_, verb)) if verb.moves && takes_time(command) => {
             return Cost { moves: 1, ..Cost::default() };
         }
@@ -82,6 +83,7 @@ fn of_command(board: &Board, command: &Command<'_>, phrase: &dyn Fn(&str) -> Cos
         // What a `say` shows may be shorter than what is written.
         Some(Operation::Say) => kept(SAY, 0),
         Some(Operation::Expect) => kept(EXPECT, texts(command)),
+        Some(Operation::WaitUntil | Operation::WaitGo) => Cost { events: 1, ..kept(GATE, 0) },
         Some(Operation::Together) => inside,
         Some(Operation::Repeat) => {
             let passes = command.arguments.first().and_then(|argument| match &argument.item {

@@ -1,4 +1,4 @@
-//! `expect`: what the board should report.
+//! `expect`: what the board should report, and the criterion that `wait until` shares.
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,28 +8,37 @@ use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use crate::board::{self, Hundredths, Report};
-use crate::diagnostic::bail;
+use crate::diagnostic::{bail, report};
 use crate::syntax::{Item, Value, ValueKind};
 
-/// A value of a report, and what it should be.
+/// What a report should contain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expect {
-    /// Which of its values.
-    pub measured: Measured,
-    /// What it should be.
-    pub wanted: Condition,
+    /// The value, and what it should be.
+    pub criterion: Criterion,
     /// The time in which a report must match; `None` if the newest report must match.
     pub within: Option<Time>,
     /// The reason that the script gives.
     pub why: Option<String>,
 }
 
-/// A value of a report.
+/// A value of a report, and what it should be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Criterion {
+    /// Which of its values.
+    pub measured: Measured,
+    /// What it should be.
+    pub wanted: Condition,
+}
+
+/// A value of a report, or its change since a moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Measured {
-    /// Its row in the table of the board.
+    /// The row of the value in the table of the board.
     row: usize,
     quantity: Arc<board::Quantity>,
+    /// How it changes, if the change is measured.
+    change: Option<board::Change>,
 }
 
 /// What a value should be, in volts or degrees.
@@ -51,6 +60,24 @@ pub enum Condition {
 }
 
 impl Measured {
+    /// The quantities of a board, and their changes.
+    pub fn all(board: &board::Board) -> Vec<Measured> {
+        let quantities = board.quantities.iter().enumerate();
+        let values = quantities.map(|(row, quantity)| Measured { row, quantity: Arc::clone(quantity), change: None });
+        let changes = board.changes.iter().map(|change| Measured {
+            row: change.of,
+            quantity: Arc::clone(&change.quantity),
+            change: Some(change.clone()),
+        });
+        values.chain(changes).collect()
+    }
+
+    /// The quantity of a board with this name.
+    pub(super) fn reported(board: &board::Board, name: &str) -> Option<Measured> {
+        let row = board.quantities.iter().position(|quantity| quantity.name == name)?;
+        Some(Measured { row, quantity: Arc::clone(board.quantities.get(row)?), change: None })
+    }
+
     /// Its name, as scripts write it.
     pub fn name(&self) -> &str {
         &self.quantity.name
@@ -61,9 +88,24 @@ impl Measured {
         &self.quantity.unit
     }
 
-    /// Its value in a report.
+    /// Its value in a report; of a change, the value that changes.
     pub fn of(&self, report: &Report) -> Hundredths {
         report.value(self.row)
+    }
+
+    /// How it changes, if it is the change of a value since a moment.
+    pub fn change(&self) -> Option<&board::Change> {
+        self.change.as_ref()
+    }
+
+    /// The smallest and the largest value that the board reports.
+    pub(super) fn range(&self) -> Option<(Hundredths, Hundredths)> {
+        self.quantity.range
+    }
+
+    /// How far it may change from one report to the next.
+    pub(super) fn step(&self) -> Option<Hundredths> {
+        self.quantity.step
     }
 
     /// What it is compared with, and an example of a range.
@@ -93,18 +135,50 @@ impl Condition {
     }
 }
 
-/// As a script writes it: `voltage > 10V within 2s`.
-impl fmt::Display for Expect {
+impl Criterion {
+    /// A criterion as [`Display`](fmt::Display) writes it, and what follows it.
+    pub(super) fn parse<'t>(board: &board::Board, text: &'t str) -> Option<(Criterion, &'t str)> {
+        let (name, text) = text.split_once(' ')?;
+        let (sign, text) = text.split_once(' ')?;
+        let (bound, rest) = text.split_at(text.find(' ').unwrap_or(text.len()));
+        let measured = Measured::all(board).into_iter().find(|measured| measured.name() == name)?;
+        let number =
+            |bound: &str| bound.strip_suffix(measured.unit())?.parse::<f64>().ok().filter(|number| number.is_finite());
+        let wanted = match sign {
+            "<" => Condition::Less(number(bound)?),
+            "<=" => Condition::AtMost(number(bound)?),
+            ">" => Condition::Greater(number(bound)?),
+            ">=" => Condition::AtLeast(number(bound)?),
+            "==" => Condition::Equal(number(bound)?),
+            "in" => {
+                let (low, high) = bound.split_once("..")?;
+                Condition::In(number(low)?, number(high)?)
+            }
+            _ => return None,
+        };
+        Some((Criterion { measured, wanted }, rest))
+    }
+}
+
+/// As a script writes it: `voltage > 10V`.
+impl fmt::Display for Criterion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, unit) = (self.measured.name(), self.measured.unit());
         match self.wanted {
-            Condition::Less(bound) => write!(f, "{name} < {bound}{unit}")?,
-            Condition::AtMost(bound) => write!(f, "{name} <= {bound}{unit}")?,
-            Condition::Greater(bound) => write!(f, "{name} > {bound}{unit}")?,
-            Condition::AtLeast(bound) => write!(f, "{name} >= {bound}{unit}")?,
-            Condition::Equal(bound) => write!(f, "{name} == {bound}{unit}")?,
-            Condition::In(low, high) => write!(f, "{name} in {low}{unit}..{high}{unit}")?,
+            Condition::Less(bound) => write!(f, "{name} < {bound}{unit}"),
+            Condition::AtMost(bound) => write!(f, "{name} <= {bound}{unit}"),
+            Condition::Greater(bound) => write!(f, "{name} > {bound}{unit}"),
+            Condition::AtLeast(bound) => write!(f, "{name} >= {bound}{unit}"),
+            Condition::Equal(bound) => write!(f, "{name} == {bound}{unit}"),
+            Condition::In(low, high) => write!(f, "{name} in {low}{unit}..{high}{unit}"),
         }
+    }
+}
+
+/// As a script writes it: `voltage > 10V within 2s`.
+impl fmt::Display for Expect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.criterion)?;
         match self.within {
             Some(within) => write!(f, " within {within}"),
             None => Ok(()),
@@ -113,16 +187,30 @@ impl fmt::Display for Expect {
 }
 
 /// Reads the arguments of `expect`.
-#[expect(clippy::too_many_lines, reason = "one line, read from left to right")]
 pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
-    let board = args.eval.board;
-    let all = board.quantities.iter().enumerate();
-    let all: Vec<Measured> = all.map(|(row, quantity)| Measured { row, quantity: Arc::clone(quantity) }).collect();
+    let criterion = criterion(args)?;
+    let why = why(args).ok()?;
+    let within = within(args).ok()?;
+    if let (Some(change), None) = (criterion.measured.change(), within) {
+        let name = change.quantity.name.as_ref();
+        bail!(args.eval, MissingArgument, args.command.span, "`{name}` is a change, which takes time";
+            help: "write the time: `expect {criterion} within 2s`");
+    }
+    Some(Expect { criterion, within, why })
+}
+
+/// Reads `QUANTITY OPERATOR VALUE`.
+pub(super) fn criterion(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Criterion> {
+    let all = Measured::all(args.eval.board);
+    let command = args.row().name;
     // `expect voltage = 10V`.
     if let Some((measured, named)) = all.iter().find_map(|measured| Some((measured, args.named(measured.name())?))) {
-        let (name, (_, sample)) = (measured.name(), measured.sample());
-        bail!(args.eval, Comparison, named.span, "`=` does not compare";
-            help: "write `==`, or better a range: `expect {name} in {sample}`");
+        let name = measured.name();
+        let written = args.eval.written(named.span);
+        let value = written.split_once('=').map_or("", |(_, value)| value.trim());
+        let unit = if value.ends_with(|c: char| c.is_ascii_digit()) { measured.unit() } else { "" };
+        let line = args.eval.rewritten(args.command.span, &[(named.span, format!("{name} >= {value}{unit}"))]);
+        bail!(args.eval, Comparison, named.span, "`=` does not compare"; help: "write `==`, or rather one bound: `{line}`");
     }
     let value = args.next()?;
     let names: Vec<&str> = all.iter().map(Measured::name).collect();
@@ -145,7 +233,7 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
             let range = args.next_argument()?;
             let Item::Range(ends) = &range.item else {
                 bail!(args.eval, Comparison, range.span, "`in` needs a range";
-                    help: "write both ends, with `..` between them: `expect {name} in {}`", measured.sample().1);
+                    help: "write both ends, with `..` between them: `{command} {name} in {}`", measured.sample().1);
             };
             let (low, high) = (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
             if low > high {
@@ -156,33 +244,45 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
         }
         _ => {
             bail!(args.eval, Comparison, operator.span, "a comparison is needed here";
-                help: "write {} or `in`, such as `expect voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
+                help: "write {} or `in`, such as `{command} voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
         }
     };
-    let why = match args.more().then(|| args.next()).flatten() {
-        None => None,
+    Some(Criterion { measured, wanted })
+}
+
+/// Reads the reason at the end of a line, if there is one; `Err` if it is wrong, which is reported.
+pub(super) fn why(args: &mut Arguments<'_, '_, '_, '_>) -> Result<Option<String>, ()> {
+    match args.more().then(|| args.next()).flatten() {
+        None => Ok(None),
         Some(Value { kind: ValueKind::Text(text), .. }) => {
             let inner = text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text);
-            Some(inner.replace("\\\"", "\"").replace("\\\\", "\\"))
+            Ok(Some(inner.replace("\\\"", "\"").replace("\\\\", "\\")))
+        }
+        Some(Value { kind: ValueKind::Word("in"), span, .. }) => {
+            let line = args.eval.rewritten(args.command.span, &[(*span, "within".to_owned())]);
+            report!(args.eval, UnexpectedArgument, *span, "a time limit needs `within`"; help: "write `{line}`"; fix: *span => "within");
+            Err(())
         }
         Some(other) => {
-            bail!(args.eval, UnexpectedArgument, other.span, "only a reason may follow the comparison";
-                help: "write the reason in quotation marks, or remove it: `expect voltage > 10V \"charge me\"`");
+            let example = args.row().example;
+            report!(args.eval, UnexpectedArgument, other.span, "only a reason may follow the comparison";
+                help: "write the reason in quotation marks, or remove it: `{example}`");
+            Err(())
         }
-    };
-    let within = match args.modified_by("within") {
-        None => None,
-        Some(operand) => {
-            let value = args.one(operand)?;
-            let time = arguments::time(value, args.eval)?;
-            if time <= Time::ZERO {
-                bail!(args.eval, OutOfRange, value.span, "`within` needs a time greater than zero";
-                    help: "write a time such as `within 2s`, or remove it");
-            }
-            Some(time)
-        }
-    };
-    Some(Expect { measured, wanted, within, why })
+    }
+}
+
+/// Reads `within TIME`, if it is there; `Err` if it is wrong, which is reported.
+pub(super) fn within(args: &mut Arguments<'_, '_, '_, '_>) -> Result<Option<Time>, ()> {
+    let Some(operand) = args.modified_by("within") else { return Ok(None) };
+    let value = args.one(operand).ok_or(())?;
+    let time = arguments::time(value, args.eval).ok_or(())?;
+    if time <= Time::ZERO {
+        report!(args.eval, OutOfRange, value.span, "`within` needs a time greater than zero";
+            help: "write a time such as `within 2s`, or remove it");
+        return Err(());
+    }
+    Ok(Some(time))
 }
 
 /// A value in the unit of the measured value.
@@ -192,10 +292,10 @@ fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, mea
             Some(bound)
         }
         (other, unit) => {
-            let (name, (what, sample)) = (measured.name(), measured.sample());
+            let (name, (what, _)) = (measured.name(), measured.sample());
             let help = match other {
                 Quantity::Number(number) => format!("write `{number}{unit}`"),
-                _ => format!("write it with a unit, such as `expect {name} in {sample}`"),
+                _ => format!("write it with the unit of {name}: `{unit}`"),
             };
             bail!(args.eval, Unit, value.span, "`{name}` is compared with {what}, not with {}", other.kind();
                 help: "{help}")

@@ -12,6 +12,7 @@ mod ease;
 mod evaluator;
 mod expect;
 mod functions;
+mod gate;
 mod limits;
 mod lints;
 mod motion;
@@ -33,12 +34,14 @@ mod walker;
 mod words;
 
 pub use ease::{CURVES, Curve, Ease};
-pub use expect::{Condition, Expect, Measured};
+pub use expect::{Condition, Criterion, Expect, Measured};
 pub use functions::{FUNCTIONS, Function};
+pub use gate::{Awaited, Gate};
 pub(crate) use limits::broken as broken_limit;
 pub use limits::{Limit, ProjectLimit};
 pub(crate) use motion::{Motion, Move};
 pub use project_limits::limit_items;
+pub use say::SayText;
 pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
@@ -167,11 +170,26 @@ pub(crate) struct Program {
     /// What is sent when something ends a run early.
     pub abort: Option<Abort>,
     /// Moments that have a name.
-    pub marks: Vec<(String, Time, Span)>,
+    pub marks: Vec<Mark>,
+    /// Whether any step is a gate.
+    pub has_gates: bool,
     /// The calls and passes that led to each step.
     pub traces: Traces,
     /// Whether all of these times are right, even if the script has other errors.
     pub times_known: bool,
+}
+
+/// A named moment.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Mark {
+    /// Its name.
+    pub name: String,
+    /// The time from the start of the script.
+    pub at: Time,
+    /// Its place in the script.
+    pub span: Span,
+    /// Its place in the order of unrolling: that of the next step.
+    pub order: u32,
 }
 
 /// `on abort`: a small program of its own, which starts with nothing known.
@@ -209,9 +227,11 @@ pub(crate) enum Action {
     /// Goes somewhere over a time.
     Go(Box<Move>),
     /// Shows a line of text.
-    Say(Box<Box<str>>),
+    Say(Box<SayText>),
     /// Judges what the board reports.
     Expect(Box<Expect>),
+    /// Stops the clock until something happens.
+    Gate(Box<Gate>),
 }
 
 /// The settings of a script.
@@ -272,11 +292,12 @@ impl Program {
                 Action::Hold(held) => held.1 = speed.time(held.1),
                 Action::Go(going) => going.over = speed.time(going.over),
                 Action::Expect(expect) => expect.within = expect.within.map(|within| speed.time(within)),
-                Action::Send(_) | Action::Say(_) => {}
+                // A gate waits in real time.
+                Action::Send(_) | Action::Say(_) | Action::Gate(_) => {}
             }
         }
-        for (_, at, _) in &mut self.marks {
-            *at = speed.time(*at);
+        for mark in &mut self.marks {
+            mark.at = speed.time(mark.at);
         }
         self.end = speed.time(self.end);
         self.settings.tempo = self.settings.tempo.at_speed(speed);

@@ -1,39 +1,90 @@
 //! The text of a `say`.
 
-use std::fmt::Display;
+use std::fmt;
+use std::ops::Range;
 
 use super::evaluator::Evaluator;
+use super::expect::Measured;
 use super::template::{Piece, pieces};
+use crate::board::Report;
 use crate::diagnostic::bail;
 use crate::source::Span;
 use crate::syntax::{Value, ValueKind};
 
+/// A line to show, with the values that are known only while the script plays.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SayText {
+    /// As it is shown, but with `{voltage}` and the like as they are written.
+    text: String,
+    /// Where these are, in order, and what they are.
+    live: Vec<(Range<usize>, Measured)>,
+}
+
+impl SayText {
+    /// The line with the values of a report, each with its unit; `?` without a report.
+    pub fn with(&self, report: Option<&Report>) -> String {
+        let mut text = self.text.clone();
+        for (place, measured) in self.live.iter().rev() {
+            let value = match report {
+                Some(report) => format!("{}{}", measured.of(report), measured.unit()),
+                None => "?".to_owned(),
+            };
+            text.replace_range(place.clone(), &value);
+        }
+        text
+    }
+
+    /// Whether it shows what the board reports.
+    pub(super) fn is_live(&self) -> bool {
+        !self.live.is_empty()
+    }
+
+    /// How much memory it needs, in bytes.
+    pub(super) fn size(&self) -> usize {
+        self.text.len() + self.live.len() * size_of::<(Range<usize>, Measured)>()
+    }
+}
+
+/// As it is shown, but with live values as they are written.
+impl fmt::Display for SayText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
 /// The text of a `say`: escapes undone, values inserted.
-pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option<String> {
+pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option<SayText> {
     let span = value.span;
     let ValueKind::Text(quoted) = value.kind else {
         bail!(eval, InvalidArgument, value.span, "`say` needs a string";
             help: "write it in quotation marks: `say \"here I go\"`");
     };
-    let mut text = String::with_capacity(quoted.len());
+    let mut said = SayText { text: String::with_capacity(quoted.len()), live: Vec::new() };
     for piece in pieces(quoted) {
         match piece {
-            Piece::Char(c) => text.push(c),
+            Piece::Char(c) => said.text.push(c),
             Piece::LoneBackslash => {
                 bail!(eval, InvalidArgument, value.span, "a `\\` in a string must precede `\"` or `\\`";
                     help: "write `\\\\` for a backslash");
             }
-            Piece::Name(name) => match eval.scope.value(name) {
-                Some(found) => text.push_str(&found.to_string()),
-                None => return unknown(format!("unknown name `{name}`"), span, eval),
+            Piece::Name(name) => match (eval.scope.value(name), Measured::reported(eval.board, name)) {
+                (Some(found), _) => said.text.push_str(&found.to_string()),
+                (None, Some(measured)) => {
+                    let start = said.text.len();
+                    said.text.push('{');
+                    said.text.push_str(name);
+                    said.text.push('}');
+                    said.live.push((start..said.text.len(), measured));
+                }
+                (None, None) => return unknown(&format!("unknown name `{name}`"), span, eval),
             },
             Piece::Unclosed => return unknown("a `{` in this string has no `}`", span, eval),
         }
     }
-    Some(text)
+    Some(said)
 }
 
-fn unknown<T>(message: impl Display, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<T> {
+fn unknown<T>(message: &str, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<T> {
     bail!(eval, UnknownName, span, "{message}";
         help: "write the name of a `let` between `{{` and `}}`; to show braces, write `{{{{` and `}}}}`")
 }

@@ -82,6 +82,13 @@ impl Time {
         Micros(u64::try_from((2 * nanos + 1_000 * per).div_euclid(2_000 * per)).unwrap_or(0))
     }
 
+    /// Rounded to whole microseconds, and at least one.
+    #[must_use]
+    pub(super) fn in_whole_micros(self) -> Time {
+        let micros = i64::try_from(self.micros().0.max(1)).unwrap_or(i64::MAX);
+        Time::from_nanos(micros.saturating_mul(1_000))
+    }
+
     /// The sum; `None` beyond 292 years.
     pub(crate) fn checked_plus(self, other: Time) -> Option<Time> {
         if (self.per, other.per) == (1, 1)

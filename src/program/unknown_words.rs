@@ -156,7 +156,7 @@ impl<'s> Evaluator<'s, '_> {
 
 /// The names of the commands that this version runs.
 fn runnable(board: &Board) -> impl Iterator<Item = &str> {
-    let rows = COMMANDS.iter().filter(|row| !row.usage.is_empty()).map(|row| row.name);
+    let rows = COMMANDS.iter().filter(|row| !row.usage.is_empty() && !row.name.contains(' ')).map(|row| row.name);
     board.verbs.iter().map(|verb| &*verb.word).chain(rows)
 }
 

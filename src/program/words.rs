@@ -4,6 +4,7 @@
 
 use super::functions;
 use crate::board::{Board, Verb, VerbId};
+use crate::syntax::{Argument, Command};
 use crate::units::Unit;
 
 /// One row of the tables.
@@ -36,6 +37,10 @@ pub(super) enum Operation {
     Set(Setting),
     /// Passes time.
     Wait,
+    /// Waits for a report of the board.
+    WaitUntil,
+    /// Waits for the operator.
+    WaitGo,
     /// Writes a line on the screen.
     Say,
     /// Judges what the board reports.
@@ -174,6 +179,22 @@ pub const COMMANDS: &[Row] = &[
         Operation::Say,
     ),
     Row::new("wait", "wait TIME", "wait 0.5s", "passes time", Operation::Wait).alone(),
+    Row::new(
+        "wait until",
+        "wait until QUANTITY OPERATOR VALUE within TIME",
+        "wait until turned > 90deg within 4s",
+        "a gate: stops the clock of the script until a report of the board matches; after TIME the run fails, or continues with `or continue`",
+        Operation::WaitUntil,
+    )
+    .alone(),
+    Row::new(
+        "wait go",
+        "wait go",
+        "wait go \"next scene?\" within 30s or continue",
+        "a gate: stops the clock of the script until the operator presses Enter or `g`, or sends a line with `--go stdin`",
+        Operation::WaitGo,
+    )
+    .alone(),
     Row::new("mark", "mark NAME", "mark bow", "names the moment, for `at` below it", Operation::Mark).alone(),
     Row::new(
         "repeat",
@@ -285,6 +306,9 @@ pub const SETTINGS: &[Row] = &[
     Row::reserved("robots", Operation::Later),
 ];
 
+/// The word of a gate that waits for a report.
+pub(super) const UNTIL: &str = "until";
+
 /// The words that change how a command runs, each with an example of its argument.
 pub(super) const MODIFIERS: &[(&str, &str)] = &[
     ("for", "for 2s"),
@@ -322,6 +346,21 @@ pub(super) fn is_reserved(board: &Board, word: &str) -> bool {
 pub(super) fn find<'t>(board: &'t Board, name: &str) -> Option<Word<'t>> {
     let row = || COMMANDS.iter().find(|row| row.name == name).or_else(|| setting(name));
     board.find(name).map(|(id, verb)| Word::Verb(id, verb)).or_else(|| row().map(Word::Row))
+}
+
+/// What a command is: by its first two words, such as `wait until`, or by its first word. `wait until` without a condition waits
+/// for the time that is the value of `until`.
+pub(super) fn of_command<'t>(board: &'t Board, command: &Command<'_>) -> Option<Word<'t>> {
+    let first = find(board, command.head.text)?;
+    let Word::Row(_) = first else { return Some(first) };
+    let row = gate(command).filter(|row| command.arguments.len() > 1 || row.usage == row.name);
+    Some(row.map_or(first, Word::Row))
+}
+
+/// The row of a command that is named by its first two words.
+pub(super) fn gate(command: &Command<'_>) -> Option<&'static Row> {
+    let second = command.arguments.first().and_then(Argument::bare_word)?;
+    COMMANDS.iter().find(|row| row.name.split_once(' ') == Some((command.head.text, second.text)))
 }
 
 /// The setting with this name.

@@ -130,6 +130,8 @@ fn values(what: &What) -> (&'static str, Value) {
             ("changed", json!({ "old": from, "new": to, "by_us": by_us, "then": then }))
         }
         What::Moved { what, by_us } => ("moved", json!({ "command": what, "by_us": by_us })),
+        What::Gate { from, to } => ("gate", json!({ "old": from, "new": to })),
+        What::GateOrder(gate) => ("gate-order", json!({ "command": gate })),
         What::Added(what) => ("added", json!({ "command": what })),
         What::Removed(what) => ("removed", json!({ "command": what })),
         What::Steps { what, from, to } => ("steps", json!({ "command": what, "old": from, "new": to })),

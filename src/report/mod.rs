@@ -14,4 +14,4 @@ mod run;
 
 pub use finding::{Finding, Fix, Replacement, Totals, findings};
 pub use repository::Repository;
-pub use run::{Asked, Dropped, Expected, Frames, Lateness, Run};
+pub use run::{Asked, Dropped, Expected, Frames, Gate, Lateness, Run, Unscripted};

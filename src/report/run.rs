@@ -10,7 +10,7 @@ use crate::units::Micros;
 pub struct Run {
     /// The script.
     pub script: String,
-    /// Why it ended: `finished`, `quit`, `signal`, `port`, `stalled`, `late`, `expect`, `guard` or `failed`.
+    /// Why it ended: `finished`, `quit`, `signal`, `port`, `stalled`, `late`, `expect`, `gate`, `guard` or `failed`.
     pub reason: &'static str,
     /// Why it ended, in words.
     pub cause: String,
@@ -48,6 +48,11 @@ pub struct Run {
     pub dropped: Vec<Dropped>,
     /// The results of `expect`s.
     pub expects: Vec<Expected>,
+    /// The gates that closed.
+    pub gates: Vec<Gate>,
+    /// Frames that were sent because of the world, and not because of the script. What the port received, without these and
+    /// with those in `dropped`, is what `render` prints.
+    pub unscripted: Vec<Unscripted>,
     /// Warnings of the script.
     pub warnings: Vec<Finding>,
 }
@@ -72,7 +77,7 @@ pub struct Frames {
     pub sent: usize,
     /// Frames of the script that were dropped.
     pub dropped: usize,
-    /// Other frames: of stops, of `on abort`, after a pause.
+    /// Other frames: of stops, of `on abort`, after a pause, at closed gates.
     pub extra: usize,
     /// Frames that are missing in `lateness_us` and `dropped` because the observer could not keep up.
     pub not_noted: u64,
@@ -119,6 +124,48 @@ pub struct Expected {
     pub found: String,
     /// Whether it passed.
     pub passed: bool,
+    /// The file of the script.
+    pub file: String,
+    /// The line of the script.
+    pub line: usize,
+}
+
+/// A gate that closed.
+#[derive(Clone, Debug, Serialize)]
+pub struct Gate {
+    /// When the clock of the script stopped, in the time of the script.
+    #[serde(rename = "t_us")]
+    pub at: Micros,
+    /// The line in the notation of scripts.
+    pub gate: String,
+    /// How long it was closed, in real time, without pauses.
+    #[serde(rename = "took_us")]
+    pub took: Micros,
+    /// Why it ended: `matched`, `go`, `continued`, `timed out`, `silent`, `input ended` or `stopped`.
+    pub end: &'static str,
+    /// What was found, in words.
+    pub found: String,
+    /// Whether the run continued.
+    pub opened: bool,
+    /// The file of the script.
+    pub file: String,
+    /// The line of the script.
+    pub line: usize,
+}
+
+/// One frame that was sent once or repeatedly because of the world.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unscripted {
+    /// Why: `gate` for a refresh at a closed gate.
+    pub reason: &'static str,
+    /// The number of frames of the script before it.
+    pub after: u64,
+    /// How many times it was sent there.
+    pub count: u64,
+    /// The frame in hex.
+    pub frame: String,
+    /// Its command.
+    pub command: String,
     /// The file of the script.
     pub file: String,
     /// The line of the script.

@@ -78,7 +78,6 @@ const NO_LOOP: &str =
 const NO_G_CODE: &str = "G-code is not read; write one command per line, such as `servo 1 1500`";
 const NO_JUMP: &str = "a block always runs to its end; put what depends on a condition in an `if`";
 const NO_IMPORT: &str = "remove it: `wait` and the functions are part of the language";
-const NO_WAIT: &str = "a script does not wait for a condition; to stop if it is never met, write";
 
 /// The rows. The first one that matches counts.
 const ROWS: &[Row] = &[
@@ -95,8 +94,6 @@ const ROWS: &[Row] = &[
     line("pause(<seconds>)", "", "wait <seconds>"),
     line("pause <seconds>", "", "wait <seconds>"),
     line("wait for <time>", "", "wait <time>"),
-    line("wait until <condition> within <time>", "", "expect <condition> within <time>").note(NO_WAIT),
-    line("wait until <condition>", "", "expect <condition> within 2s").note(NO_WAIT).example(),
     line("after <time> <rest>", "", "+<time> <rest>"),
     line("in <time> <rest>", "", "+<time> <rest>"),
     line("after <time>: <rest>", "", "+<time> <rest>"),

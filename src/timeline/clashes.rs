@@ -1,7 +1,8 @@
 //! Errors in the order of commands: two commands that use one resource at the same time, and a
 //! command without its precondition (a `move` outside of position mode).
 //!
-//! A `for` or `over` occupies its resources for its duration, any other command for an instant.
+//! A `for` or `over` occupies its resources for its duration, any other command for an instant. A
+//! gate at the moment separates what is before it from what is after it.
 //! Intervals that touch do not overlap if the one that starts there is also written later. Two
 //! instants at the same time clash. An instant and a hold that starts at the same time do not, if
 //! the instant is written first.
@@ -19,6 +20,8 @@ struct Occupied {
     start: Micros,
     end: Micros,
     order: u32,
+    /// The number of gates before its start.
+    gates: usize,
     /// Whether it has no duration.
     instant: bool,
     span: Span,
@@ -33,6 +36,7 @@ impl Occupied {
             return self.end > next.start;
         }
         match (self.instant, next.instant) {
+            _ if next.gates > self.gates => false,
             (true, true) => true,
             (true, false) => false,
             (false, _) => next.order < self.order,
@@ -48,7 +52,9 @@ pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagno
     // last command.
     let mut busy: Vec<Option<Occupied>> = vec![None; board.resources.len()];
     let mut first_values: Vec<Option<i32>> = vec![None; board.resources.len()];
+    let mut gates = 0;
     for step in steps {
+        gates += usize::from(matches!(step.action, Action::Gate(_)));
         let resources = occupied(board, &step.action);
         if let Action::Send(command) = &step.action {
             let is_met = |needs: &&Needs| first_values.get(needs.resource) == Some(&Some(needs.value));
@@ -64,12 +70,12 @@ pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagno
         let lasting = match &step.action {
             Action::Hold(held) => Some(held.1),
             Action::Go(going) => Some(going.over),
-            Action::Send(_) | Action::Say(_) | Action::Expect(_) => None,
+            Action::Send(_) | Action::Say(_) | Action::Expect(_) | Action::Gate(_) => None,
         };
         let start = step.at.micros();
         let end = lasting.map_or(start, |lasting| step.at.plus(lasting).micros());
-        let next =
-            Occupied { start, end, order: step.order, instant: lasting.is_none(), span: step.span, trace: step.trace };
+        let Step { order, span, trace, .. } = *step;
+        let next = Occupied { start, end, order, gates, instant: lasting.is_none(), span, trace };
         let mut reported = false;
         for resource in exclusive(board, resources) {
             let Some(slot) = busy.get_mut(resource) else {
@@ -97,13 +103,17 @@ pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagno
 /// Reports commands for one resource at the end of one pass and at the start of the next, as in a
 /// `repeat`.
 pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut Diagnostics) {
-    let last = before.events.iter().rev().take_while(|event| event.at == before.end);
+    // A gate separates what is before it from what is after it.
+    let passed = before.gates.last().map_or(0, |gate| gate.next.events);
+    let last = before.events.get(passed..).unwrap_or_default().iter().rev();
+    let last = last.take_while(|event| event.at == before.end);
     let last: Vec<&Event> = last.filter(|event| event.is_instant).collect();
     if last.is_empty() {
         return;
     }
     let board = &before.board;
-    let first = after.events.iter().take_while(|event| event.at == Micros::ZERO);
+    let gate = after.gates.first().map_or(after.events.len(), |gate| gate.next.events);
+    let first = after.events.iter().take(gate).take_while(|event| event.at == Micros::ZERO);
     for second in first.filter(|event| event.is_instant) {
         let shared = |first: &Event| {
             let set = board.occupies(&first.command);
@@ -114,6 +124,7 @@ pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut 
                 start: before.end,
                 end: before.end,
                 order: 0,
+                gates: 0,
                 instant: true,
                 span: event.span,
                 trace: event.trace,

@@ -4,8 +4,9 @@
 //! gains, then servos with a smooth motion, then what the drive and the buzzer hold. At its end, a
 //! clip brings everything to rest.
 
+use super::gates::{Cut, Position};
 use super::schedule::report_requests;
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
+use super::{Bars, Cue, Event, Expectation, Gate, Kind, Mark, Timeline, Tween};
 use super::{clashes, lints, wire};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::Diagnostics;
@@ -17,18 +18,18 @@ use crate::units::Micros;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Clip {
-    /// The start, from the start of the script.
-    pub from: Micros,
+    /// The start. Gates before it are skipped.
+    pub from: Position,
     /// The end; `None` for the end of the script. Commands at exactly this time are not part of the
-    /// clip.
-    pub to: Option<Micros>,
+    /// clip, unless a gate before its end follows them.
+    pub to: Option<Position>,
     /// The time that servos get to move to their state at the start.
     pub lead_in: Micros,
 }
 
 impl Clip {
-    /// A clip from a time to another, or to the end.
-    pub fn new(from: Micros, to: Option<Micros>, lead_in: Micros) -> Self {
+    /// A clip from a position to another, or to the end.
+    pub fn new(from: Position, to: Option<Position>, lead_in: Micros) -> Self {
         Clip { from, to, lead_in }
     }
 }
@@ -38,47 +39,72 @@ const STEP: Micros = Micros::from_millis(20);
 
 /// Cuts a clip out of a timeline. `before` is the state of the board before the clip.
 pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
-    let to = clip.to.unwrap_or(Micros::MAX).min(timeline.end + Micros(1));
-    let is_whole = clip.from == Micros::ZERO && to > timeline.end;
-    if is_whole {
+    let from = clip.from;
+    let to = clip.to.filter(|to| to.at <= timeline.end);
+    if from == Position::default() && to.is_none() {
         return timeline.clone();
     }
     let board = &timeline.board;
-    let mut cut = Cut { board, events: Vec::new(), state: State::default(), marks: vec![None; board.resources.len()] };
-    let events = &timeline.events;
-    let begin = events.partition_point(|event| event.at < clip.from);
-    for event in events.iter().take(begin).filter(|event| event.kind != Kind::Auto) {
+    let marks = vec![None; board.resources.len()];
+    let mut cut = Cutting { board, events: Vec::new(), state: State::default(), marks };
+    let start = Cut::at(timeline, from);
+    let stop = to.map_or_else(|| Cut::end(timeline), |to| Cut::at(timeline, to));
+    for event in part(&timeline.events, 0, start.events).iter().filter(|event| is_scripted(event)) {
         cut.note(event);
     }
+    let gates = part(&timeline.gates, from.gates, to.map_or(timeline.gates.len(), |to| to.gates));
     // The lead-in does not restore what a command sets at exactly that time.
-    let at_once = events.iter().skip(begin).take_while(|event| event.at == clip.from);
+    let first_gate = gates.first().map_or(stop.events, |gate| gate.next.events);
+    let at_once = part(&timeline.events, start.events, first_gate).iter().take_while(|event| event.at == from.at);
     let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
-    let lead = if clip.from > Micros::ZERO { cut.lead_in(clip.lead_in, before, &at_once) } else { Micros::ZERO };
-    let shifted = |at: Micros| at - clip.from + lead;
-    let inside = events.iter().skip(begin).take_while(|event| event.at < to);
-    for event in inside.filter(|event| event.kind != Kind::Auto) {
+    let is_start = from == Position::default();
+    let lead = if is_start { Micros::ZERO } else { cut.lead_in(clip.lead_in, before, &at_once) };
+    let lead_events = cut.events.len();
+    let shifted = |at: Micros| at - from.at + lead;
+    for event in part(&timeline.events, start.events, stop.events).iter().filter(|event| is_scripted(event)) {
         cut.note(event);
         cut.events.push(Event { at: shifted(event.at), ..event.clone() });
     }
-    let end = shifted(to.min(timeline.end));
+    let end = shifted(to.map_or(timeline.end, |to| to.at));
     cut.close(end);
-    let is_inside = |at: Micros| (clip.from..to).contains(&at);
-    let cues = timeline.cues.iter().filter(|cue| is_inside(cue.at));
-    let cues = cues.map(|cue| Cue { at: shifted(cue.at), ..cue.clone() }).collect();
-    let expects = timeline.expects.iter().filter(|expect| is_inside(expect.at) && expect.until <= to);
+    let cues = part(&timeline.cues, start.cues, stop.cues);
+    let cues = cues.iter().map(|cue| Cue { at: shifted(cue.at), ..cue.clone() }).collect();
+    let expects = part(&timeline.expects, start.expects, stop.expects).iter();
+    let expects = expects.filter(|expect| to.is_none_or(|to| expect.until <= to.at));
     let expects: Vec<Expectation> = expects
         .map(|expect| Expectation { at: shifted(expect.at), until: shifted(expect.until), ..expect.clone() })
         .collect();
-    let marks = timeline.marks.iter().filter(|mark| is_inside(mark.at));
-    let marks = marks.map(|mark| Mark { at: shifted(mark.at), ..mark.clone() }).collect();
+    let marks = part(&timeline.marks, start.marks, stop.marks).iter();
+    let marks = marks.map(|mark| Mark { at: shifted(mark.at), gates: mark.gates - from.gates, ..mark.clone() });
+    let marks = marks.collect();
     let mut events = cut.events;
-    if let Some([start, stop]) = report_requests(board, &expects, end) {
-        events.insert(0, start);
-        events.push(stop);
+    let requests = report_requests(board, &expects, gates, end);
+    let (mut passed, mut index) = (start.events, lead_events + usize::from(requests.is_some()));
+    let gates = gates.iter().map(|gate| {
+        let between = part(&timeline.events, passed, gate.next.events);
+        index += between.iter().filter(|event| is_scripted(event)).count();
+        passed = gate.next.events;
+        let next = Cut { events: index, ..gate.next.minus(start) };
+        Gate { at: shifted(gate.at), next, ..gate.clone() }
+    });
+    let gates = gates.collect();
+    if let Some([first, last]) = requests {
+        events.insert(0, first);
+        events.push(last);
     }
-    let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(clip.from.0).unwrap_or(0);
+    let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(from.at.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
-    Timeline { events, tweens: Vec::new(), cues, expects, marks, end, bars, ..timeline.clone() }
+    Timeline { events, tweens: Vec::new(), cues, expects, marks, gates, end, bars, ..timeline.clone() }
+}
+
+/// The items between two indices.
+fn part<T>(items: &[T], from: usize, to: usize) -> &[T] {
+    items.get(from..to.max(from)).unwrap_or_default()
+}
+
+/// Whether a frame belongs to the script, and not to the requests for reports.
+fn is_scripted(event: &Event) -> bool {
+    event.kind != Kind::Auto
 }
 
 /// The state of the board after a timeline.
@@ -94,7 +120,9 @@ pub fn state_after(timeline: &Timeline) -> State {
 /// not drift. `None` for more than `events` frames or more than a day.
 pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> Option<Timeline> {
     let more = count.saturating_sub(1);
-    let frames = u64::try_from(again.events.len()).ok()?.checked_mul(more)?.checked_add(first.events.len() as u64)?;
+    // Gates count, too.
+    let count = |pass: &Timeline| (pass.events.len() + pass.gates.len()) as u64;
+    let frames = count(again).checked_mul(more)?.checked_add(count(first))?;
     let end = again.end * more + first.end;
     if frames > events as u64 || end > Micros::DAY {
         return None;
@@ -102,6 +130,7 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     let mut all = first.clone();
     for pass in 0..more {
         let by = first.end + again.end * pass;
+        let (before, gates) = (Cut::end(&all), all.gates.len());
         all.events.extend(again.events.iter().map(|event| Event { at: event.at + by, ..event.clone() }));
         let tweens = again.tweens.iter();
         all.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
@@ -112,7 +141,10 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
             ..expect.clone()
         }));
         all.cues.extend(again.cues.iter().map(|cue| Cue { at: cue.at + by, ..cue.clone() }));
-        all.marks.extend(again.marks.iter().map(|mark| Mark { at: mark.at + by, ..mark.clone() }));
+        let marks = again.marks.iter();
+        all.marks.extend(marks.map(|mark| Mark { at: mark.at + by, gates: mark.gates + gates, ..mark.clone() }));
+        let next = |gate: &Gate| gate.next.plus(before);
+        all.gates.extend(again.gates.iter().map(|gate| Gate { at: gate.at + by, next: next(gate), ..gate.clone() }));
     }
     all.end = end;
     Some(all)
@@ -130,7 +162,7 @@ pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnost
 }
 
 /// A clip under construction.
-struct Cut<'t> {
+struct Cutting<'t> {
     board: &'t Board,
     events: Vec<Event>,
     /// The state of the board so far.
@@ -139,7 +171,7 @@ struct Cut<'t> {
     marks: Vec<Option<(Span, TraceId)>>,
 }
 
-impl Cut<'_> {
+impl Cutting<'_> {
     fn note(&mut self, event: &Event) {
         self.state.apply(self.board, &event.command);
         for resource in self.board.touches(&event.command) {

@@ -2,19 +2,57 @@
 //! own lines.
 
 use std::io::{self, Write};
+use std::iter;
 
 use serde::Serialize;
 
-use super::{Event, Kind};
+use super::{Event, Gate, Kind, Timeline};
 use crate::board::{Board, Command, Frame};
 use crate::source::Lines;
 use crate::units::Micros;
 
+/// The start of the line of a gate.
+pub(super) const GATE: &str = "# gate\t";
+
+/// A frame or a gate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Item<'t> {
+    /// A frame.
+    Event(&'t Event),
+    /// A gate.
+    Gate(&'t Gate),
+}
+
+impl Timeline {
+    /// The frames and gates of the run, in order.
+    pub fn items(&self) -> impl Iterator<Item = Item<'_>> {
+        let mut gates = self.gates.iter().peekable();
+        let mut events = self.events.iter().zip(0..).peekable();
+        iter::from_fn(move || {
+            let next = events.peek().map_or(usize::MAX, |(_, at)| *at);
+            let gate = gates.next_if(|gate| gate.next.events <= next).map(Item::Gate);
+            gate.or_else(|| events.next().map(|(event, _)| Item::Event(event)))
+        })
+    }
+}
+
 /// One TAB-separated line per frame: seconds, the frame in hex, the command, and the kind of frame
-/// unless it is a plain command.
-pub fn write_listing(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
+/// unless it is a plain command. The line of a gate is a comment with its time.
+pub fn write_listing<'t>(
+    board: &Board,
+    mut items: impl Iterator<Item = Item<'t>>,
+    out: &mut impl Write,
+) -> io::Result<()> {
     let mut bytes = Vec::new();
-    events.iter().try_for_each(|event| write_line(board, event, &mut bytes, out))
+    items.try_for_each(|item| match item {
+        Item::Event(event) => write_line(board, event, &mut bytes, out),
+        Item::Gate(gate) => write_gate(gate, out),
+    })
+}
+
+/// Writes the line of a gate.
+pub(super) fn write_gate(gate: &Gate, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{GATE}{:.6}\t{}", gate.at, gate.gate)
 }
 
 /// Writes the line of one frame; `bytes` is a reusable buffer.
@@ -42,36 +80,44 @@ pub(super) fn write_moment(
 }
 
 /// One line per frame: seconds, TAB, the frame in hex.
-pub fn write_hex(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    each(board, events, |event, frame| writeln!(out, "{:.6}\t{frame}", event.at))
+pub fn write_hex<'t>(board: &Board, items: impl Iterator<Item = Item<'t>>, out: &mut impl Write) -> io::Result<()> {
+    let mut bytes = Vec::new();
+    events(items).try_for_each(|event| writeln!(out, "{:.6}\t{}", event.at, encode(board, event, &mut bytes)?))
 }
 
-/// One JSON object per line. The time is in microseconds; `file` and `line` are the command's place
-/// in the script.
-pub fn write_jsonl(board: &Board, events: &[Event], lines: &Lines<'_>, out: &mut impl Write) -> io::Result<()> {
-    each(board, events, |event, frame| {
-        let place = lines.place(event.span);
-        let object = Object {
-            at: event.at,
-            frame: frame.to_string().replace(' ', ""),
-            command: board.show(&event.command).to_string(),
-            kind: event.kind.word().unwrap_or("command"),
-            file: place.file,
-            line: place.line,
-            robot: (),
+/// One JSON object per line, for each frame and each gate. The time is in microseconds; `file` and
+/// `line` are the place in the script. A gate has no frame.
+pub fn write_jsonl<'t>(
+    board: &Board,
+    mut items: impl Iterator<Item = Item<'t>>,
+    lines: &Lines<'_>,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let mut bytes = Vec::new();
+    items.try_for_each(|item| {
+        let (at, frame, command, kind, span) = match item {
+            Item::Event(event) => {
+                let frame = encode(board, event, &mut bytes)?.to_string().replace(' ', "");
+                let command = board.show(&event.command).to_string();
+                (event.at, Some(frame), command, event.kind.word().unwrap_or("command"), event.span)
+            }
+            Item::Gate(gate) => (gate.at, None, gate.gate.to_string(), "gate", gate.span),
         };
+        let place = lines.place(span);
+        let object = Object { at, frame, command, kind, file: place.file, line: place.line, robot: () };
         serde_json::to_writer(&mut *out, &object)?;
         out.write_all(b"\n")
     })
 }
 
-/// One frame in the format of `render --format jsonl`. Fields may be added; existing ones never
-/// change their meaning.
+/// One frame or gate in the format of `render --format jsonl`. Fields may be added; existing ones
+/// never change their meaning.
 #[derive(Serialize)]
 struct Object<'a> {
     #[serde(rename = "t_us")]
     at: Micros,
-    frame: String,
+    /// In hex; null for a gate.
+    frame: Option<String>,
     command: String,
     kind: &'static str,
     file: &'a str,
@@ -81,13 +127,13 @@ struct Object<'a> {
 }
 
 /// The bytes of all frames, exactly as the port gets them.
-pub fn write_bin(board: &Board, events: &[Event], out: &mut impl Write) -> io::Result<()> {
-    each(board, events, |_, frame| out.write_all(frame.bytes()))
+pub fn write_bin<'t>(board: &Board, items: impl Iterator<Item = Item<'t>>, out: &mut impl Write) -> io::Result<()> {
+    let mut bytes = Vec::new();
+    events(items).try_for_each(|event| out.write_all(encode(board, event, &mut bytes)?.bytes()))
 }
 
-fn each(board: &Board, events: &[Event], mut write: impl FnMut(&Event, Frame<'_>) -> io::Result<()>) -> io::Result<()> {
-    let mut bytes = Vec::new();
-    events.iter().try_for_each(|event| write(event, encode(board, event, &mut bytes)?))
+fn events<'t>(items: impl Iterator<Item = Item<'t>>) -> impl Iterator<Item = &'t Event> {
+    items.filter_map(|item| if let Item::Event(event) = item { Some(event) } else { None })
 }
 
 fn encode<'b>(board: &Board, event: &Event, bytes: &'b mut Vec<u8>) -> io::Result<Frame<'b>> {

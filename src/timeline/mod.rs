@@ -6,6 +6,7 @@
 
 mod clashes;
 mod clip;
+mod gates;
 mod lints;
 mod listing;
 mod notes;
@@ -18,13 +19,14 @@ use std::sync::Arc;
 
 use crate::board::{Board, Command, ResourceId};
 use crate::diagnostic::Diagnostics;
-use crate::program::{Action, Expect, Limit, Program, Step, Tempo, TraceId, Traces};
+use crate::program::{Action, Expect, Limit, Program, SayText, Step, Tempo, TraceId, Traces};
 use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
 pub use clip::{Clip, check_passes, clip, passes, state_after};
-pub use listing::{write_bin, write_hex, write_jsonl, write_listing};
-pub use notes::{Note, NoteKind};
+pub use gates::{Cut, Gate, Position};
+pub use listing::{Item, write_bin, write_hex, write_jsonl, write_listing};
+pub use notes::{Note, NoteKind, gate_notes};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
 pub use tween::Tween;
@@ -46,12 +48,17 @@ pub struct Timeline {
     pub expects: Vec<Expectation>,
     /// Named moments, sorted by time.
     pub marks: Vec<Mark>,
+    /// Where the clock of the script stops, in order.
+    pub gates: Vec<Gate>,
     /// Lines to show after something ended a run early.
     pub abort_cues: Vec<Cue>,
     /// The end of the script, from its start. Nothing is later.
     pub end: Micros,
     /// The speed of the line in bits per second.
     pub baud: u32,
+    /// How often a drive command is sent again while it holds, also at a closed gate; `None` for
+    /// never.
+    pub refresh: Option<Micros>,
     /// The calls and passes that led to each event.
     pub traces: Traces,
     /// The limits that the script sets, and the default limits.
@@ -147,6 +154,8 @@ pub struct Mark {
     pub name: String,
     /// The time from the start of the script.
     pub at: Micros,
+    /// The number of gates before it.
+    pub gates: usize,
     /// Its place in the script.
     pub span: Span,
 }
@@ -157,7 +166,7 @@ pub struct Cue {
     /// The time from the start of the script.
     pub at: Micros,
     /// The text to show.
-    pub text: String,
+    pub text: SayText,
     /// Its place in the script.
     pub span: Span,
 }
@@ -172,8 +181,14 @@ impl Timeline {
     /// script.
     pub fn verdict_words(&self, expect: usize, found: &str) -> String {
         let Some(Expectation { expect, .. }) = self.expects.get(expect) else { return found.to_owned() };
-        let why = expect.why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
-        format!("`expect {expect}` failed: {found}{why}")
+        failure(&format!("expect {expect}"), found, expect.why.as_deref())
+    }
+
+    /// Describes a gate that ended a run: what it waited for, what was found, and the reason given in
+    /// the script.
+    pub fn gate_words(&self, gate: usize, found: impl Fn(&str) -> String) -> String {
+        let Some(Gate { gate, .. }) = self.gates.get(gate) else { return found("") };
+        failure(&gate.without_text().to_string(), &found(gate.unit()), gate.text.as_deref())
     }
 
     /// Describes where an event comes from: `dance.motion:14, nod, pass 3`.
@@ -187,6 +202,11 @@ impl Timeline {
         });
         std::iter::once(lines.place(event.span).to_string()).chain(way).collect::<Vec<_>>().join(", ")
     }
+}
+
+fn failure(line: &str, found: &str, why: Option<&str>) -> String {
+    let why = why.map(|why| format!(" ({why})")).unwrap_or_default();
+    format!("`{line}` failed: {found}{why}")
 }
 
 /// The maximum number of calls and passes in an origin, the innermost first.
@@ -227,6 +247,9 @@ pub(crate) fn order(program: &mut Program, sources: &Sources, diagnostics: &mut 
     };
     sort(&mut program.steps);
     clashes::check(program, &program.steps, sources, diagnostics);
+    if program.has_gates {
+        gates::check(program, diagnostics);
+    }
     if let Some(abort) = &mut program.abort {
         sort(&mut abort.steps);
     }
@@ -236,9 +259,10 @@ pub(crate) fn order(program: &mut Program, sources: &Sources, diagnostics: &mut 
 }
 
 /// The resources that a step occupies.
+#[inline]
 fn occupied<'b>(board: &'b Board, action: &Action) -> &'b [ResourceId] {
     match action {
-        Action::Say(_) | Action::Expect(_) => &[],
+        Action::Say(_) | Action::Expect(_) | Action::Gate(_) => &[],
         Action::Send(command) => board.occupies(command),
         Action::Hold(held) => board.occupies(&held.0),
         Action::Go(going) => board.occupied(going.motion.verb, going.motion.index),

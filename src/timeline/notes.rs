@@ -1,6 +1,6 @@
-//! What a script contains besides its frames: marks, `say` and `expect`.
+//! What a script contains besides its frames: marks, `say`, `expect` and gates.
 
-use super::Timeline;
+use super::{Cut, Gate, Timeline};
 use crate::diagnostic::escaped;
 use crate::source::Span;
 use crate::units::Micros;
@@ -28,11 +28,13 @@ pub enum NoteKind {
     Say,
     /// What the board is expected to report.
     Expect,
+    /// What stops the clock of the script.
+    Gate,
 }
 
 impl NoteKind {
     /// All kinds.
-    pub const ALL: &[NoteKind] = &[NoteKind::Mark, NoteKind::Say, NoteKind::Expect];
+    pub const ALL: &[NoteKind] = &[NoteKind::Mark, NoteKind::Say, NoteKind::Expect, NoteKind::Gate];
 
     /// The word in a script.
     pub fn word(self) -> &'static str {
@@ -40,6 +42,7 @@ impl NoteKind {
             NoteKind::Mark => "mark",
             NoteKind::Say => "say",
             NoteKind::Expect => "expect",
+            NoteKind::Gate => "wait",
         }
     }
 }
@@ -61,8 +64,25 @@ impl Timeline {
             let why = due.expect.why.as_ref().map(|why| format!(" \"{why}\"")).unwrap_or_default();
             note(NoteKind::Expect, due.at, &format!("{}{why}", due.expect), due.span)
         });
-        let mut notes: Vec<Note> = marks.chain(says).chain(expects).collect();
-        notes.sort_by_key(|note| note.at);
-        notes
+        let before = |which: fn(&Cut) -> usize, at: usize| self.gates.partition_point(|gate| which(&gate.next) <= at);
+        let marks = marks.enumerate().map(|(at, note)| (before(|next| next.marks, at), note));
+        let says = says.enumerate().map(|(at, note)| (before(|next| next.cues, at), note));
+        let expects = expects.enumerate().map(|(at, note)| (before(|next| next.expects, at), note));
+        let gates = gate_notes(&self.gates).into_iter().enumerate();
+        let mut notes: Vec<(usize, Note)> = marks.chain(says).chain(expects).chain(gates).collect();
+        // A gate comes after what is before it at the same time.
+        notes.sort_by_key(|(gates, note)| (note.at, *gates));
+        notes.into_iter().map(|(_, note)| note).collect()
     }
+}
+
+/// The notes of some gates.
+pub fn gate_notes(gates: &[Gate]) -> Vec<Note> {
+    let note = |gate: &Gate| Note {
+        at: gate.at,
+        kind: NoteKind::Gate,
+        words: escaped(&gate.gate.to_string()),
+        span: gate.span,
+    };
+    gates.iter().map(note).collect()
 }

@@ -1,30 +1,34 @@
-//! Snapshots: a timeline in a file next to its script. The format is the listing after two comment
-//! lines; reading is strict.
+//! Snapshots: a timeline in a file next to its script. The format is the listing after three comment
+//! lines: the version, the name of the script and the family of the board. Reading is strict.
 //!
-//! Before the first step of each move, a TAB-separated comment describes the move: `# move`, its
+//! A gate is a comment in the listing: `# gate`, its time, and its line. Before the first step of each move, a TAB-separated comment describes the move: `# move`, its
 //! start, its end, its easing, and its number of steps. The frames that are sent if something ends
 //! a run early follow `# on abort`, with times since the stop. The last line states the end of the
 //! script, the number of frames and the speed of the line, so that a truncated file is detected.
-//! Version 1 had none of these.
+//! A column after the kind of a frame is reserved for the name of a robot.
+//!
+//! Version 2 had no family and no gates; version 1 was the listing alone.
 
 use std::fmt;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use super::listing::{write_line, write_moment};
+use super::listing::{GATE, Item, write_gate, write_line, write_moment};
 use super::tween::{MoveTracker, StepRole};
-use super::{Event, Kind, Timeline, Tween};
+use super::{Cut, Event, Gate, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame};
-use crate::program::{Ease, TraceId, Traces};
+use crate::program::{self, Ease, TraceId, Traces};
 use crate::source::Span;
 use crate::units::{Micros, Nanos};
 
 /// The version that is written. Older versions stay readable.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// The start of the first line.
 const MAGIC: &str = "# motionseq frames ";
 /// The latest time of a frame: a day, plus an hour for frames after the end.
 const LATEST: Micros = Micros::DAY.saturating_add(Micros::SECOND.saturating_mul(3_600));
+/// The start of the line with the family of the board.
+const FAMILY: &str = "# board\t";
 /// The start of the comment before a move.
 const MOVE: &str = "# move\t";
 /// The line before the frames that are sent if something ends a run early.
@@ -33,21 +37,25 @@ const ABORT: &str = "# on abort";
 const END: &str = "# end\t";
 
 /// The frames of a script, from a snapshot or from the script itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
     /// The board.
     pub board: Arc<Board>,
     /// Every frame, in the order of sending.
     pub moments: Vec<Moment>,
-    /// What only version 2 contains.
+    /// What version 1 does not contain.
     pub more: Option<More>,
+    /// The version of the format.
+    pub version: u32,
 }
 
 /// The contents of a snapshot besides its frames.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct More {
     /// The moves, in the order of their first steps.
     pub tweens: Vec<Tween>,
+    /// The gates, in order. They have no places in the script.
+    pub gates: Vec<Gate>,
     /// Sent if something ends a run early; times count from the stop.
     pub abort: Vec<Moment>,
     /// The end of the script, from its start.
@@ -67,12 +75,23 @@ impl Snapshot {
         read_end(line.strip_prefix(END)?).map(|(.., baud)| baud)
     }
 
+    /// A snapshot of some frames alone.
+    pub fn of_moments(board: &Arc<Board>, moments: Vec<Moment>) -> Self {
+        Snapshot { board: Arc::clone(board), moments, more: None, version: VERSION }
+    }
+
     /// The snapshot of a timeline.
     pub fn of(timeline: &Timeline) -> Self {
         let moments = |events: &[Event]| events.iter().map(Moment::from).collect();
         let Timeline { end, baud, .. } = *timeline;
-        let more = More { tweens: timeline.tweens.clone(), abort: moments(&timeline.abort), end, baud };
-        Snapshot { board: Arc::clone(&timeline.board), moments: moments(&timeline.events), more: Some(more) }
+        let gates = timeline.gates.iter().map(|gate| bare(gate.at, gate.gate.clone(), gate.next.events)).collect();
+        let more = More { tweens: timeline.tweens.clone(), gates, abort: moments(&timeline.abort), end, baud };
+        Snapshot {
+            board: Arc::clone(&timeline.board),
+            moments: moments(&timeline.events),
+            more: Some(more),
+            version: VERSION,
+        }
     }
 
     /// The timeline that it describes. A snapshot contains no places in the script, marks or limits.
@@ -87,9 +106,11 @@ impl Snapshot {
             cues: Vec::new(),
             expects: Vec::new(),
             marks: Vec::new(),
+            gates: more.map(|more| more.gates.clone()).unwrap_or_default(),
             abort_cues: Vec::new(),
             end: more.map_or(end, |more| more.end),
             baud: more.map_or(self.board.baud, |more| more.baud),
+            refresh: None,
             traces: Traces::default(),
             limits: Vec::new(),
             speeds: Vec::new(),
@@ -103,10 +124,16 @@ impl Snapshot {
         let more = |more: &More| (more.end, more.baud);
         self.moments == other.moments
             && match (&self.more, &other.more) {
-                (Some(one), Some(two)) => more(one) == more(two) && one.abort == two.abort,
+                (Some(one), Some(two)) => more(one) == more(two) && one.abort == two.abort && one.gates == two.gates,
                 _ => true,
             }
     }
+}
+
+/// A gate without its place in a script.
+fn bare(at: Micros, gate: program::Gate, events: usize) -> Gate {
+    let next = Cut { events, ..Cut::default() };
+    Gate { at, gate, next, span: Span::default(), trace: TraceId::default() }
 }
 
 /// One frame of a snapshot or a script.
@@ -158,10 +185,17 @@ impl fmt::Display for SnapshotError {
 
 /// Writes the snapshot of the script `name`.
 pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
+    write_head(&timeline.board, name, out)?;
     let mut tracker = MoveTracker::new(&timeline.board, &timeline.tweens);
     let mut bytes = Vec::new();
-    for event in &timeline.events {
+    for item in timeline.items() {
+        let event = match item {
+            Item::Event(event) => event,
+            Item::Gate(gate) => {
+                write_gate(gate, out)?;
+                continue;
+            }
+        };
         if let StepRole::First(Tween { at, end, ease, steps }) = tracker.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{at:.6}\t{end:.6}\t{}\t{steps}", ease.name())?;
         }
@@ -185,13 +219,23 @@ pub(crate) fn write_aborted(
     baud: u32,
     out: &mut impl Write,
 ) -> io::Result<()> {
-    writeln!(out, "{MAGIC}{VERSION}\n# {}", name.replace(['\r', '\n'], " "))?;
+    write_head(board, name, out)?;
     let mut bytes = Vec::new();
     for moment in moments {
         write_moment(board, moment.at, &moment.command, moment.kind, &mut bytes, out)?;
     }
     let end = moments.last().map_or(Micros::ZERO, |moment| moment.at);
     writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())
+}
+
+/// The family of a board, as scripts write it.
+fn family_of(board: &Board) -> String {
+    board.name.to_lowercase()
+}
+
+/// Writes the lines before the listing.
+fn write_head(board: &Board, name: &str, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{MAGIC}{VERSION}\n# {}\n{FAMILY}{}", name.replace(['\r', '\n'], " "), family_of(board))
 }
 
 /// Whether a text starts like a snapshot.
@@ -223,46 +267,84 @@ pub fn read_snapshot(board: &Arc<Board>, text: &[u8]) -> Result<Snapshot, Snapsh
         }
         _ => return Err(wrong(1, &format!("unknown version `{version}`"))),
     };
-    let mut moments: Vec<Moment> = Vec::new();
-    let (mut more, mut end) = (More::default(), None);
-    let mut aborts = false;
+    let mut reader = Reader { board, version, moments: Vec::new(), more: More::default(), end: None, aborts: false };
     let mut last = 1;
     for (text, line) in lines {
         last = line;
-        if end.is_some() {
-            return Err(wrong(line, "there is a line after the end"));
-        }
-        if let Some(words) = text.strip_prefix(MOVE) {
-            let why = "a move needs its start, its end, its easing and its number of steps";
-            more.tweens.push(read_move(words).ok_or_else(|| wrong(line, why))?);
-        } else if let Some(words) = text.strip_prefix(END) {
-            let why = "the last line needs the end of the script, the number of frames and the speed of the line";
-            end = Some(read_end(words).ok_or_else(|| wrong(line, why))?);
-        } else if text == ABORT {
-            aborts = true;
-        }
-        if text.starts_with('#') {
-            continue;
-        }
-        let moment = read_line(board, text).map_err(|why| wrong(line, &why))?;
-        let moments = if aborts { &mut more.abort } else { &mut moments };
-        if moments.last().is_some_and(|before| before.at > moment.at) {
-            return Err(wrong(line, "its time is earlier than in the line above"));
-        }
-        moments.push(moment);
+        reader.line(text).map_err(|why| wrong(line, &why))?;
     }
     if !whole {
         return Err(wrong(last, "the file ends inside this line"));
     }
+    let Reader { moments, more, end, .. } = reader;
     if version == 1 {
-        return Ok(Snapshot { board: Arc::clone(board), moments, more: None });
+        return Ok(Snapshot { board: Arc::clone(board), moments, more: None, version });
     }
     let (end, count, baud) = end.ok_or_else(|| wrong(last, "the file is truncated: its last line is missing"))?;
     if count != moments.len() + more.abort.len() {
         return Err(wrong(last, &format!("found {} frames instead of {count}", moments.len() + more.abort.len())));
     }
     belong(board, &moments, &more.tweens).map_err(|why| wrong(last, &why))?;
-    Ok(Snapshot { board: Arc::clone(board), moments, more: Some(More { end, baud, ..more }) })
+    Ok(Snapshot { board: Arc::clone(board), moments, more: Some(More { end, baud, ..more }), version })
+}
+
+/// A snapshot that is being read.
+struct Reader<'b> {
+    board: &'b Board,
+    version: u32,
+    moments: Vec<Moment>,
+    more: More,
+    /// The last line: the end of the script, the number of frames and the speed of the line.
+    end: Option<(Micros, usize, u32)>,
+    /// Whether the frames of `on abort` are being read.
+    aborts: bool,
+}
+
+impl Reader<'_> {
+    /// Reads the next line; returns why it is wrong.
+    fn line(&mut self, text: &str) -> Result<(), String> {
+        if self.end.is_some() {
+            return Err("there is a line after the end".into());
+        }
+        if let Some(words) = text.strip_prefix(MOVE) {
+            let why = "a move needs its start, its end, its easing and its number of steps";
+            self.more.tweens.push(read_move(words).ok_or(why)?);
+        } else if let Some(words) = text.strip_prefix(GATE).filter(|_| self.version >= 3) {
+            let why = "a gate needs its time and its line as a script writes it";
+            let gate = read_gate(self.board, words, self.moments.len()).filter(|_| !self.aborts).ok_or(why)?;
+            self.check_time(gate.at)?;
+            self.more.gates.push(gate);
+        } else if let Some(family) = text.strip_prefix(FAMILY).filter(|_| self.version >= 3) {
+            let own = family_of(self.board);
+            if family != own {
+                return Err(format!("this is a snapshot for the board `{family}`, not `{own}`"));
+            }
+        } else if let Some(words) = text.strip_prefix(END) {
+            let why = "the last line needs the end of the script, the number of frames and the speed of the line";
+            let end = read_end(words).ok_or(why)?;
+            if self.more.gates.last().is_some_and(|gate| gate.at > end.0) {
+                return Err("a gate is after the end of the script".into());
+            }
+            self.end = Some(end);
+        } else if text == ABORT {
+            self.aborts = true;
+        } else if !text.starts_with('#') {
+            let moment = read_line(self.board, text)?;
+            self.check_time(moment.at)?;
+            (if self.aborts { &mut self.more.abort } else { &mut self.moments }).push(moment);
+        }
+        Ok(())
+    }
+
+    /// Checks that a time is not earlier than those above it.
+    fn check_time(&self, at: Micros) -> Result<(), String> {
+        let frame = if self.aborts { self.more.abort.last() } else { self.moments.last() };
+        let gate = self.more.gates.last().filter(|_| !self.aborts).map(|gate| gate.at);
+        match frame.map(|frame| frame.at).max(gate) {
+            Some(before) if before > at => Err("its time is earlier than in the line above".into()),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Checks that every step has its move, and every move its steps.
@@ -287,6 +369,11 @@ fn read_move(words: &str) -> Option<Tween> {
     (at <= end && steps > 0 && words.next().is_none()).then_some(Tween { at, end, ease, steps })
 }
 
+fn read_gate(board: &Board, words: &str, events: usize) -> Option<Gate> {
+    let (at, line) = words.split_once('\t')?;
+    Some(bare(micros(at)?, program::Gate::parse(board, line)?, events))
+}
+
 fn read_end(words: &str) -> Option<(Micros, usize, u32)> {
     match words.split('\t').collect::<Vec<_>>().as_slice() {
         [end, "frames", count, "baud", baud] => Some((micros(end)?, count.parse().ok()?, baud.parse().ok()?)),
@@ -298,7 +385,10 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
     let mut columns = text.split('\t');
     let mut column = |what: &str| columns.next().ok_or_else(|| format!("{what} is missing"));
     let (time, frame, said) = (column("the time")?, column("the frame")?, column("the command")?);
-    let (word, more) = (columns.next(), columns.next());
+    let (word, robot) = (columns.next(), columns.next());
+    if let Some(robot) = robot {
+        return Err(format!("the frame is for the robot `{robot}`, and this motionseq knows only one robot"));
+    }
     let at = micros(time).ok_or_else(|| format!("`{time}` is not a time with six decimals"))?;
     let hex = |byte: &str| u8::from_str_radix(byte, 16).ok().filter(|_| byte.len() == 2 && !byte.starts_with('+'));
     let bytes = frame.split(' ').map(hex).collect::<Option<Vec<u8>>>();
@@ -316,10 +406,8 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
         None => Some(Kind::Command),
         Some(word) => Kind::ALL.iter().copied().find(|kind| kind.word() == Some(word)),
     };
-    match (kind, more) {
-        (Some(kind), None) => Ok(Moment { at, command, kind }),
-        _ => Err(format!("unknown kind of frame `{}`", word.unwrap_or_default())),
-    }
+    let kind = kind.ok_or_else(|| format!("unknown kind of frame `{}`", word.unwrap_or_default()))?;
+    Ok(Moment { at, command, kind })
 }
 
 /// Seconds with exactly six decimals.

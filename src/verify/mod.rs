@@ -1,5 +1,6 @@
 //! Tests scripts: compiles them, compares them with their snapshots, plays them, and returns the results. Prints nothing.
 
+mod answers;
 mod play;
 mod rehearse;
 
@@ -17,6 +18,7 @@ use crate::source::{Disk, Lines, Source, Sources, read_file};
 use crate::timeline::{Snapshot, Timeline, read_snapshot, write_snapshot};
 use crate::units::Micros;
 
+pub use answers::Answers;
 pub use rehearse::{Rehearsal, rehearse};
 
 /// The extension that makes the name of a snapshot from the name of its script.
@@ -69,7 +71,7 @@ pub enum Status {
     DoesNotCompile,
     /// It declares an error, but compiles or has another error.
     NotAsExpected,
-    /// An `expect` failed.
+    /// An `expect` failed, or a gate did not open.
     ExpectFailed,
     /// Playing it failed.
     PlaysDifferently,
@@ -141,7 +143,7 @@ impl Status {
             Status::BadSnapshot => "has an invalid snapshot",
             Status::DoesNotCompile => "does not compile",
             Status::NotAsExpected => "does not fail as expected",
-            Status::ExpectFailed => "an `expect` failed",
+            Status::ExpectFailed => "an `expect` or a gate failed",
             Status::PlaysDifferently => "failed when played",
             Status::Unreadable => "cannot be read",
             Status::Denied => "has warnings, and warnings are denied",
@@ -231,7 +233,7 @@ impl Job {
         if self.play {
             let played = self.play(script, timeline, sources, lines);
             if status.is_passed() && !played.is_empty() {
-                let expects = played.iter().all(|problem| problem.code == play::EXPECT);
+                let expects = played.iter().all(|problem| [play::EXPECT, play::GATE].contains(&problem.code));
                 status = if expects { Status::ExpectFailed } else { Status::PlaysDifferently };
             }
             problems.extend(played);
@@ -256,7 +258,7 @@ impl Job {
                 let message = format!("{name} is missing; write it with `{command}`");
                 (Status::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
             }
-            // An old format has fewer details about moves.
+            // An old format has fewer details.
             (Ok(Some(old)), write) if old.does_the_same(&new) && (old == new || write.is_none()) => {
                 (Status::Same, Vec::new())
             }
@@ -266,13 +268,18 @@ impl Job {
             (_, Some(write)) => bless(script, &snapshot, timeline, write),
             (Ok(Some(old)), None) => {
                 let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
-                let place = |change: &Change| event(change).map(|event| lines.place(event.span));
+                let gate = |change: &Change| timeline.gates.get(change.new?.checked_sub(timeline.events.len())?);
+                let span = |change: &Change| {
+                    event(change).map(|event| event.span).or_else(|| gate(change).map(|gate| gate.span))
+                };
+                let place = |change: &Change| span(change).map(|span| lines.place(span));
                 let line = |change: &Change| place(change).map(|place| (place.file, place.line));
                 let changes = diff(&old, &new, line);
                 let is_total = |change: &Change| change.what.is_total();
                 let sums_up = !changes.iter().all(is_total);
                 let problems = changes.into_iter().map(|change| {
                     let origin = event(&change).map(|event| timeline.origin(event, sources, lines));
+                    let origin = origin.or_else(|| place(&change).map(|place| place.to_string()));
                     let (file, line) = line(&change).unwrap_or((sources.main().name(), 0));
                     let code = if sums_up && is_total(&change) { TOTAL } else { DIFFERENCE };
                     let words = change.parts(origin.as_deref());

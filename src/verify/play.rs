@@ -3,8 +3,8 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
+use super::answers::Answers;
 use super::rehearse::{Rehearsal, rehearse};
 use super::{DIFFERENCE, Job, NEWER, Problem, SNAPSHOT, problem, read_old, shell_word};
 use crate::diff::diff;
@@ -18,6 +18,8 @@ use crate::timeline::{Moment, Snapshot, Timeline, write_aborted};
 const REHEARSE: &str = "rehearse";
 /// The code of an `expect` that failed.
 pub(super) const EXPECT: &str = "expect";
+/// The code of a gate that did not open.
+pub(super) const GATE: &str = "gate";
 /// The code of a run that failed.
 const PLAY: &str = "play";
 
@@ -31,19 +33,31 @@ impl Job {
         lines: &Lines<'_>,
     ) -> Vec<Problem> {
         let name = sources.main().name();
-        let rehearsal = rehearse(timeline, Settings::default(), self.faults.clone());
-        let mut problems = failed(&rehearsal, timeline, lines);
+        let mut problems = Vec::new();
+        let (mut answers, mut faults) = (Answers::default(), Vec::new());
+        for (line, words) in rehearsals(sources.main().text()) {
+            let listed = words.and_then(|words| {
+                let rest = answers.take(&timeline.board, words)?;
+                let listed = (!rest.is_empty()).then(|| rest.parse::<Faults>());
+                listed.transpose().map_err(|error| format!("{error}; answers to gates are go=2s and turned=95deg@3s"))
+            });
+            match listed {
+                Ok(listed) => faults.extend(listed.map(|listed| (line, listed))),
+                Err(why) => problems.push(problem(name, line, PLAY, why)),
+            }
+        }
+        problems.extend(answers.unused(&timeline.gates).map(|kind| {
+            let message = format!("an answer of a `# rehearse:` line is for `{kind}`, but no gate waits for that");
+            problem(name, 0, PLAY, message)
+        }));
+        let rehearsal = rehearse(timeline, Settings::default(), self.faults.clone(), &answers);
+        problems.extend(failed(&rehearsal, timeline, lines));
         problems.extend(self.went_wrong(&rehearsal, timeline, name, lines));
         let mut named = Vec::new();
-        for (line, words) in rehearsals(sources.main().text()) {
-            match words.and_then(|words| words.parse::<Faults>().map_err(|error| error.to_string())) {
-                Err(why) => problems.push(problem(name, line, PLAY, why)),
-                Ok(faults) => {
-                    let rehearsal = rehearse(timeline, Settings::default(), faults.clone());
-                    problems.extend(self.aborts(script, &faults, &rehearsal, timeline, line));
-                    named.push(aborted_of(script, &faults));
-                }
-            }
+        for (line, faults) in faults {
+            let rehearsal = rehearse(timeline, Settings::default(), faults.clone(), &answers);
+            problems.extend(self.aborts(script, &faults, &rehearsal, timeline, line));
+            named.push(aborted_of(script, &faults));
         }
         problems.extend(left_over(script, &named).into_iter().map(|path| {
             let path = path.display().to_string();
@@ -59,7 +73,7 @@ impl Job {
         let (file, line) = place.map_or((name, 0), |place| (place.file, place.line));
         let at = rehearsal.outcome.at;
         let why = match rehearsal.outcome.cause {
-            Cause::Expect(_) => return None,
+            Cause::Expect(_) | Cause::Gate(_) => return None,
             Cause::Finished if !rehearsal.is_complete(timeline) => {
                 format!("frame {} sent to the port differs from `render`", rehearsal.given + 1)
             }
@@ -100,9 +114,11 @@ impl Job {
             return here(PLAY, message);
         }
         let bless = format!("motionseq test --play --bless {}", shell_word(&script_name));
-        let new = Snapshot { board: Arc::clone(&timeline.board), moments: rehearsal.aborted.clone(), more: None };
+        let new = Snapshot::of_moments(&timeline.board, rehearsal.aborted.clone());
         match (read_old(&timeline.board, &path, &bless), self.bless) {
-            (Ok(Some(old)), _) if old.moments == new.moments => Vec::new(),
+            (Ok(Some(old)), write) if old.moments == new.moments && (old.version == new.version || write.is_none()) => {
+                Vec::new()
+            }
             (Err(wrong), None) => vec![wrong],
             (Err(wrong), _) if wrong.code == NEWER => vec![wrong],
             (_, Some(write)) => {
@@ -161,7 +177,7 @@ fn left_over(script: &Path, named: &[PathBuf]) -> Vec<PathBuf> {
     found
 }
 
-/// The failed `expect`s with their lines.
+/// The failed `expect`s and the gate that did not open, with their lines.
 fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<Problem> {
     let failed = rehearsal.verdicts.iter().filter(|verdict| !verdict.found.is_passed());
     let problems = failed.filter_map(|verdict| {
@@ -171,7 +187,16 @@ fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<
         let words = timeline.verdict_words(verdict.expect, &verdict.found.to_string());
         Some(problem(place.file, place.line, EXPECT, format!("at {at:.6} s: {words}")))
     });
-    problems.collect()
+    let mut problems: Vec<Problem> = problems.collect();
+    if let Cause::Gate(passage) = rehearsal.outcome.cause
+        && let Some(gate) = timeline.gates.get(passage.gate)
+    {
+        let place = lines.place(gate.span);
+        let words = timeline.gate_words(passage.gate, |unit| passage.end.words(unit));
+        let words = format!("at {:.6} s, after {:.3} s: {words}", gate.at, passage.took.micros());
+        problems.push(problem(place.file, place.line, GATE, words));
+    }
+    problems
 }
 
 /// The frames that are sent when a run ends early.

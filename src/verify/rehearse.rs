@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::answers::{self, Answer, Answers};
 use crate::board::{Decoder, Item, ReportDecoder, ReportItem};
 use crate::faults::{Faults, Faulty};
-use crate::playback::{Cause, Input, Notice, Order, Outcome, Player, Verdict};
+use crate::playback::{Cause, Input, Notice, Order, Outcome, Passage, Player, Verdict};
 use crate::sim::{Device, Received, Settings};
 use crate::timeline::{Kind, Moment, Timeline};
 use crate::units::{Micros, Nanos, byte_time};
@@ -14,11 +15,14 @@ const MAX_LATE: Nanos = Nanos::from_millis(50);
 
 /// What became of a rehearsal.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Rehearsal {
     /// How the run ended.
     pub outcome: Outcome,
     /// What became of each `expect` that was judged.
     pub verdicts: Vec<Verdict>,
+    /// The gates that closed, and how each ended.
+    pub passages: Vec<Passage>,
     /// How many frames of the timeline the port was given, one after another and byte for byte.
     pub given: usize,
     /// What was written to the port after the end of the motion: the stop, `on abort`. Times count from the start of the script.
@@ -42,39 +46,33 @@ struct Line<'t> {
     ending: bool,
 }
 
-/// Plays a timeline on a board with these settings and faults.
-pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults) -> Rehearsal {
+/// Plays a timeline on a board with these settings and faults. Gates open by these answers, or as the board reports.
+pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers: &Answers) -> Rehearsal {
     let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
     let mut stall = board.stall();
-    let mut line = Line {
-        board,
-        coming: std::collections::VecDeque::new(),
-        busy_until: Nanos::ZERO,
-        byte_time: byte_time(timeline.baud),
-        timeline,
-        given: 0,
-        decoder: Decoder::new(&timeline.board),
-        aborted: Vec::new(),
-        ending: false,
-    };
+    let mut line = Line::new(board, timeline);
     let mut player = Player::new(timeline, MAX_LATE);
     let mut reports = ReportDecoder::new(timeline.board.codec.replies);
-    let mut verdicts = Vec::new();
+    let (mut verdicts, mut passages) = (Vec::new(), Vec::new());
+    let mut operator = Operator { answers, asked: Vec::new(), gate: None, answer: None };
     let mut now = Nanos::ZERO;
     let mut input = Input::Tick;
     let outcome = loop {
-        let mut notice = |notice| {
-            if let Notice::Judged(verdict) = notice {
-                verdicts.push(verdict);
-            }
+        let mut refreshed = Vec::new();
+        let mut notice = |notice| match notice {
+            Notice::Judged(verdict) => verdicts.push(verdict),
+            Notice::Passed(passage) => passages.push(passage),
+            Notice::Refreshed { event } => refreshed.push(event),
+            _ => {}
         };
         let order = player.poll(now, input, &mut notice);
+        operator.look(now, timeline, &mut player);
         if let Some(outcome) = player.outcome() {
             break outcome;
         }
         input = match order {
             Order::Write if stall.blocks() => Input::Blocked,
-            Order::Write => line.take(now, player.bytes()),
+            Order::Write => line.take(now, player.bytes(), &refreshed),
             Order::Discard => {
                 line.ending = true;
                 stall.discard();
@@ -83,13 +81,13 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults) -> Rehe
                 Input::Tick
             }
             Order::Wait { until, .. } => {
-                now = line.next().map_or(until, |next| next.min(until)).max(now);
+                now = [line.next(), operator.next()].into_iter().flatten().min().unwrap_or(until).min(until).max(now);
                 reports.feed(&line.pass(now), |item| {
                     if let ReportItem::Report(report) = item {
                         player.hear(now, report, &mut notice);
                     }
                 });
-                if line.board.hangs_up() { Input::HungUp } else { Input::Tick }
+                if line.board.hangs_up() { Input::HungUp } else { operator.act(now, &mut player) }
             }
             Order::Pause { until } => {
                 now = until.max(now);
@@ -102,15 +100,93 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults) -> Rehe
     };
     line.pass(now.max(line.busy_until));
     let Line { given, aborted, board, .. } = line;
-    Rehearsal { outcome, verdicts, given, aborted, received: board.finish() }
+    Rehearsal { outcome, verdicts, passages, given, aborted, received: board.finish() }
 }
 
-impl Line<'_> {
-    /// Takes bytes from the player, all of them; some get lost on the line.
-    fn take(&mut self, now: Nanos, bytes: &[u8]) -> Input {
+/// Answers the gates of a run.
+struct Operator<'a, 't> {
+    answers: &'a Answers,
+    /// The kinds of gates so far, each with its number.
+    asked: Vec<(&'t str, usize)>,
+    /// The gate that was answered last.
+    gate: Option<usize>,
+    /// What happens next, and when.
+    answer: Option<(Nanos, Answer)>,
+}
+
+impl<'t> Operator<'_, 't> {
+    /// Chooses an answer for a gate that has closed.
+    fn look(&mut self, now: Nanos, timeline: &'t Timeline, player: &mut Player<'_>) {
+        let closed = player.closed_gate();
+        if closed == self.gate {
+            return;
+        }
+        (self.gate, self.answer) = (closed, None);
+        let Some(gate) = closed.and_then(|gate| timeline.gates.get(gate)) else { return };
+        let kind = answers::kind(gate);
+        let number = match self.asked.iter_mut().find(|(asked, _)| *asked == kind) {
+            Some((_, number)) => {
+                *number += 1;
+                *number
+            }
+            None => {
+                self.asked.push((kind, 0));
+                0
+            }
+        };
+        self.answer = self.answers.to(gate, number).map(|answer| match answer {
+            Answer::Go(at) => (now + at.nanos(), answer),
+            Answer::Value(_, at) => {
+                // Until then, the gate sees no value.
+                player.answer(None);
+                (now + at.nanos(), answer)
+            }
+        });
+    }
+
+    /// When it acts next.
+    fn next(&self) -> Option<Nanos> {
+        self.answer.map(|(at, _)| at)
+    }
+
+    fn act(&mut self, now: Nanos, player: &mut Player<'_>) -> Input {
+        match self.answer.take_if(|(at, _)| *at <= now) {
+            Some((_, Answer::Go(_))) => Input::Go,
+            Some((_, Answer::Value(value, _))) => {
+                player.answer(Some(value));
+                Input::Tick
+            }
+            None => Input::Tick,
+        }
+    }
+}
+
+impl<'t> Line<'t> {
+    fn new(board: Faulty, timeline: &'t Timeline) -> Self {
+        Line {
+            board,
+            coming: std::collections::VecDeque::new(),
+            busy_until: Nanos::ZERO,
+            byte_time: byte_time(timeline.baud),
+            timeline,
+            given: 0,
+            decoder: Decoder::new(&timeline.board),
+            aborted: Vec::new(),
+            ending: false,
+        }
+    }
+
+    /// Takes bytes from the player, all of them; some get lost on the line. The frames of `refreshed` events come first, and
+    /// are not of the script.
+    fn take(&mut self, now: Nanos, bytes: &[u8], refreshed: &[usize]) -> Input {
         let count = bytes.len();
         let mut rest = bytes;
         let mut expected = Vec::new();
+        for event in refreshed.iter().filter_map(|event| self.timeline.events.get(*event)) {
+            expected.clear();
+            self.timeline.board.encode(&event.command, &mut expected);
+            rest = rest.strip_prefix(expected.as_slice()).unwrap_or(rest);
+        }
         while let Some(event) = self.timeline.events.get(self.given).filter(|_| !self.ending && !rest.is_empty()) {
             expected.clear();
             self.timeline.board.encode(&event.command, &mut expected);

@@ -36,7 +36,7 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
     let compiled = motionseq::compile(&sources, &Options::default());
     let mut text = Vec::new();
     if let Some(timeline) = &compiled.timeline {
-        write_listing(&timeline.board, &timeline.events, &mut text).unwrap();
+        write_listing(&timeline.board, timeline.items(), &mut text).unwrap();
     }
     let mut text = String::from_utf8(text).unwrap();
     text.push_str(&messages(&sources, &compiled.diagnostics));

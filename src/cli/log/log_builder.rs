@@ -16,9 +16,9 @@ use motionseq::units::{Micros, Nanos};
 use serde::Serialize;
 
 use super::messages::{
-    BOARD, BoardMessage, FRAMES, FrameMessage, LATENESS, LOG, LastCommands, LatenessMessage, LogMessage, MARKS,
-    MarkMessage, POSE, POSITION, PoseMessage, PositionMessage, TELEMETRY, TRANSFORM, TelemetryMessage, Topic,
-    TransformMessage, micros,
+    BOARD, BoardMessage, FRAMES, FrameMessage, GATES, GateMessage, LATENESS, LOG, LastCommands, LatenessMessage,
+    LogMessage, MARKS, MarkMessage, POSE, POSITION, PoseMessage, PositionMessage, TELEMETRY, TRANSFORM,
+    TelemetryMessage, Topic, TransformMessage, micros,
 };
 use super::{About, Entry, Level};
 
@@ -131,6 +131,10 @@ impl LogBuilder {
                 self.put(&POSITION, at, &PositionMessage::new(at, pose))
             }
             Entry::Mark { name, script } => self.put(&MARKS, at, &MarkMessage { at, script, name: &name }),
+            Entry::Gate { script, gate, took, end } => {
+                let message = GateMessage { at, script, gate: &gate, took, end: end.word(), opened: end.is_open() };
+                self.put(&GATES, at, &message)
+            }
             Entry::Line { level, text, place } => {
                 let level = match level {
                     Level::Info => 2,

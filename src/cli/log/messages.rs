@@ -27,6 +27,7 @@ pub(super) const POSITION: Topic = topic!("/position", "motionseq.Position", "po
 pub(super) const TELEMETRY: Topic = topic!("/telemetry", "motionseq.Telemetry", "telemetry.json");
 pub(super) const LATENESS: Topic = topic!("/lateness", "motionseq.Lateness", "lateness.json");
 pub(super) const MARKS: Topic = topic!("/marks", "motionseq.Mark", "mark.json");
+pub(super) const GATES: Topic = topic!("/gates", "motionseq.Gate", "gate.json");
 // These schemas are Foxglove's, for its panels.
 pub(super) const LOG: Topic = topic!("/log", "foxglove.Log", "log.json");
 pub(super) const POSE: Topic = topic!("/pose", "foxglove.PoseInFrame", "pose.json");
@@ -228,6 +229,19 @@ pub(super) struct MarkMessage<'a> {
     #[serde(rename = "script_us")]
     pub(super) script: Micros,
     pub(super) name: &'a str,
+}
+
+#[derive(Serialize)]
+pub(super) struct GateMessage<'a> {
+    #[serde(rename = "t_us")]
+    pub(super) at: Micros,
+    #[serde(rename = "script_us")]
+    pub(super) script: Micros,
+    pub(super) gate: &'a str,
+    #[serde(rename = "took_us")]
+    pub(super) took: Micros,
+    pub(super) end: &'static str,
+    pub(super) opened: bool,
 }
 
 #[derive(Serialize)]

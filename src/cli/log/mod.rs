@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use motionseq::board::{Board, Command, OwnedItem, Report};
-use motionseq::playback::now;
+use motionseq::playback::{GateEnd, now};
 use motionseq::sim::Pose;
 use motionseq::source::Sources;
 use motionseq::units::{Micros, Nanos};
@@ -88,6 +88,8 @@ pub(super) enum Entry {
     Pose(Pose),
     /// A mark of the script was passed.
     Mark { name: String, script: Micros },
+    /// A gate of the script has ended.
+    Gate { script: Micros, gate: String, took: Micros, end: GateEnd },
     /// A line for the reader.
     Line { level: Level, text: String, place: Option<Spot> },
     /// How it ended.

@@ -2,12 +2,13 @@
 
 use std::sync::mpsc::Receiver;
 
-use motionseq::playback::Notice;
+use motionseq::playback::{Notice, Passage, Verdict};
 use motionseq::sim::Pose;
 use motionseq::source::{Lines, Span};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
+use super::super::run_summary::passage_words;
 use super::{Entry, Level, Log, Spot};
 
 /// Logs a run, with the commands and places of its timeline.
@@ -41,11 +42,17 @@ impl TimelineLog {
             Some((place.file.to_owned(), place.line))
         };
         match notice {
-            Notice::Say { cue } => {
+            Notice::Say { cue, report } => {
                 if let Some(cue) = timeline.cues.get(cue) {
-                    self.line(at, Level::Info, cue.text.clone(), spot(cue.span));
+                    self.line(at, Level::Info, cue.text.with(report.as_ref()), spot(cue.span));
                 }
             }
+            Notice::Waiting { gate } => {
+                if let Some(gate) = timeline.gates.get(gate) {
+                    self.line(at, Level::Info, gate.gate.to_string(), spot(gate.span));
+                }
+            }
+            Notice::Passed(passage) => self.passed(timeline, lines, at, passage),
             Notice::Marked { mark } => {
                 if let Some(mark) = timeline.marks.get(mark) {
                     let at = if self.is_paused { at } else { self.begin + mark.at.nanos() };
@@ -54,12 +61,7 @@ impl TimelineLog {
             }
             Notice::Wrote(piece) => self.log.put(at, Entry::Bytes(piece.bytes().into())),
             Notice::Report(report) => self.log.put(at, Entry::Report(report)),
-            Notice::Judged(verdict) => {
-                if let Some(due) = timeline.expects.get(verdict.expect) {
-                    let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
-                    self.line(at, level, format!("expect {}: {}", due.expect, verdict.found), spot(due.span));
-                }
-            }
+            Notice::Judged(verdict) => self.judged(timeline, lines, at, verdict),
             Notice::Sent { event, late } => {
                 if let Some(event) = timeline.events.get(event) {
                     let (command, place) = (event.command.clone(), spot(event.span));
@@ -94,6 +96,25 @@ impl TimelineLog {
             }
             _ => {}
         }
+    }
+
+    fn judged(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, verdict: Verdict) {
+        let Some(due) = timeline.expects.get(verdict.expect) else { return };
+        let place = lines.place(due.span);
+        let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
+        let words = format!("expect {}: {}", due.expect, verdict.found);
+        self.line(at, level, words, Some((place.file.to_owned(), place.line)));
+    }
+
+    fn passed(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, passage: Passage) {
+        let Some(gate) = timeline.gates.get(passage.gate) else { return };
+        let place = lines.place(gate.span);
+        let level = if passage.end.is_open() { Level::Info } else { Level::Error };
+        self.line(at, level, passage_words(gate, passage), Some((place.file.to_owned(), place.line)));
+        let (script, took) = (gate.at, passage.took.micros());
+        self.log.put(at, Entry::Gate { script, gate: gate.gate.to_string(), took, end: passage.end });
+        // The clock of the script continues.
+        self.begin = at - gate.at.nanos();
     }
 
     fn line(&mut self, at: Nanos, level: Level, text: String, place: Option<Spot>) {

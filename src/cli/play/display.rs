@@ -4,12 +4,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use motionseq::board::State;
-use motionseq::playback::{Notice, Verdict, now};
+use motionseq::board::{Hundredths, State};
+use motionseq::playback::{Notice, Passage, Verdict, now};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
 use super::super::progress_bar::bar;
+use super::super::run_summary::passage_words;
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};
@@ -30,18 +31,58 @@ pub(in super::super) enum Progress {
 const SECOND: Duration = Duration::from_secs(1);
 
 /// The keys.
-const KEYS: &str = "space: pause or continue · Enter: continue, or one step with --step · s: one step while paused, drive stopped · q: stop and exit · ?: help";
+const KEYS: &str = "space: pause or continue · Enter: continue, or one step with --step · s: one step while paused, drive stopped · Enter or g: go, at a gate · q: stop and exit · ?: help";
 
 /// Shown in the progress line of a paused run.
 const PAUSED: &str = "paused";
+
+/// How the operator controls the run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeysShown {
+    /// Whether single keys work.
+    pub(super) single: bool,
+    /// Whether Enter plays a step.
+    pub(super) steps: bool,
+    /// Whether lines on standard input open gates.
+    pub(super) go_lines: bool,
+}
+
+impl KeysShown {
+    /// How a paused run continues.
+    fn in_pause(self) -> &'static str {
+        match (self.single, self.steps) {
+            (false, _) => "; Enter continues (the robot may move at once), Ctrl-C exits",
+            (true, false) => "; space or Enter continues (the robot may move at once), s plays one step, q exits",
+            (true, true) => "; space continues (the robot may move at once), Enter or s plays one step, q exits",
+        }
+    }
+
+    /// How a gate opens that waits for the operator.
+    fn at_gate(self) -> &'static str {
+        match (self.single, self.go_lines) {
+            (true, false) => "Enter or g continues",
+            (true, true) => "Enter, g or a line on standard input continues",
+            (false, true) => "a line on standard input continues",
+            (false, false) => "Enter continues",
+        }
+    }
+}
+
+/// A gate that is closed.
+struct Waiting {
+    gate: usize,
+    /// How long it had waited before the last pause, and since when it waits; `None` in a pause.
+    before: Nanos,
+    since: Option<Nanos>,
+    /// The newest value.
+    value: Option<Hundredths>,
+}
 
 /// Shows a run.
 pub(super) struct Display {
     screen: Screen,
     progress: Progress,
-    /// Whether single keys work, and whether Enter plays a step.
-    has_keys: bool,
-    steps: bool,
+    inputs: KeysShown,
     /// Converts times of the run to times of the script.
     script: ScriptTime,
     /// Whether the keys of a pause were shown.
@@ -52,6 +93,7 @@ pub(super) struct Display {
     dropped: usize,
     pass: u64,
     clock: Clock,
+    waiting: Option<Waiting>,
     /// The pass and the time in the last plain line, and when it was written.
     shown: (u64, Micros),
     shown_at: Instant,
@@ -68,11 +110,14 @@ enum Clock {
 impl Observer for Display {
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
         match notice {
-            Notice::Say { cue } => {
+            Notice::Say { cue, report } => {
                 if let Some(cue) = timeline.cues.get(cue) {
-                    self.screen.note(&format!("{:.3} s: {}", cue.at, cue.text));
+                    self.screen.note(&format!("{:.3} s: {}", cue.at, cue.text.with(report.as_ref())));
                 }
             }
+            Notice::Waiting { gate } => self.waits(timeline, at, gate),
+            Notice::Measured { value, .. } => self.waiting.iter_mut().for_each(|waiting| waiting.value = Some(value)),
+            Notice::Passed(passage) => self.passed(timeline, at, passage),
             Notice::Judged(verdict) => self.judged(timeline, verdict),
             Notice::Sent { event, late } => {
                 if let Some(event) = timeline.events.get(event) {
@@ -84,7 +129,7 @@ impl Observer for Display {
                     self.frame(timeline, "", event);
                 }
             }
-            Notice::Passed { event } => {
+            Notice::Withheld { event } => {
                 if let Some(event) = timeline.events.get(event) {
                     self.state.apply(&timeline.board, &event.command);
                 }
@@ -94,23 +139,18 @@ impl Observer for Display {
                 self.dropped += 1;
                 self.frame(timeline, "dropped: ", event);
             }
-            Notice::Sleeping { at } => {
-                self.clock = Clock::Paused(at);
+            Notice::Sleeping { at: script } => {
+                self.pause_gate(at, true);
+                self.clock = Clock::Paused(script);
+                let at = script;
                 self.screen.ask(&format!("{at:.3} s: suspended, robot stopped; resume with `fg`"));
             }
             Notice::Help => self.screen.ask(KEYS),
-            Notice::Paused { at } => {
-                self.clock = Clock::Paused(at);
-                let how = match (self.has_keys, self.steps) {
-                    _ if std::mem::replace(&mut self.has_shown_keys, true) => "",
-                    (false, _) => "; Enter continues (the robot may move at once), Ctrl-C exits",
-                    (true, false) => {
-                        "; space or Enter continues (the robot may move at once), s plays one step, q exits"
-                    }
-                    (true, true) => {
-                        "; space continues (the robot may move at once), Enter or s plays one step, q exits"
-                    }
-                };
+            Notice::Paused { at: script } => {
+                self.pause_gate(at, true);
+                self.clock = Clock::Paused(script);
+                let at = script;
+                let how = if std::mem::replace(&mut self.has_shown_keys, true) { "" } else { self.inputs.in_pause() };
                 self.screen.ask(&format!("{at:.3} s: paused{}{how}", self.script.words(at)));
             }
             Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
@@ -123,6 +163,7 @@ impl Observer for Display {
                 }
             }
             Notice::Resumed { at: script } => {
+                self.pause_gate(at, false);
                 self.clock = Clock::Runs(at - script.nanos());
                 self.screen.note(&format!("{script:.3} s: continued"));
             }
@@ -146,15 +187,14 @@ impl Observer for Display {
 
 impl Display {
     /// Shows a run on a screen, and the keys if they work.
-    pub(super) fn new(screen: Screen, progress: Progress, script: ScriptTime, has_keys: bool, steps: bool) -> Self {
-        if has_keys {
+    pub(super) fn new(screen: Screen, progress: Progress, script: ScriptTime, inputs: KeysShown) -> Self {
+        if inputs.single {
             screen.note("keys: space pauses, q stops and exits, ? shows all");
         }
         Display {
             screen,
             progress,
-            has_keys,
-            steps,
+            inputs,
             script,
             has_shown_keys: false,
             state: State::default(),
@@ -162,6 +202,7 @@ impl Display {
             dropped: 0,
             pass: 1,
             clock: Clock::Runs(now()),
+            waiting: None,
             shown: (0, Micros::ZERO),
             shown_at: Instant::now(),
         }
@@ -177,11 +218,57 @@ impl Display {
     /// Whether the run has advanced since the last plain line: after a suspension, the clock is ahead for a moment.
     fn is_further(&mut self, timeline: &Timeline) -> bool {
         let now = (self.pass, self.time(timeline));
-        let is_further = matches!(self.clock, Clock::Runs(_)) && now > self.shown;
+        let is_further = matches!(self.clock, Clock::Runs(_)) && (now > self.shown || self.waiting.is_some());
         if is_further {
             self.shown = now;
         }
         is_further
+    }
+
+    /// A gate has closed.
+    fn waits(&mut self, timeline: &Timeline, at: Nanos, gate: usize) {
+        self.waiting = Some(Waiting { gate, before: Nanos::ZERO, since: Some(at), value: None });
+        let Some(gate) = timeline.gates.get(gate) else { return };
+        if gate.gate.criterion().is_some() {
+            self.screen.note(&format!("{:.3} s: {}", gate.at, gate.gate));
+            return;
+        }
+        let asked = gate.gate.text.as_deref().unwrap_or("waiting for a go");
+        self.screen.ask(&format!("{:.3} s: {asked} ({})", gate.at, self.inputs.at_gate()));
+    }
+
+    /// A gate has ended; one that failed is shown at the end.
+    fn passed(&mut self, timeline: &Timeline, at: Nanos, passage: Passage) {
+        self.waiting = None;
+        let Some(gate) = timeline.gates.get(passage.gate).filter(|_| passage.end.is_open()) else { return };
+        if matches!(self.clock, Clock::Runs(_)) {
+            self.clock = Clock::Runs(at - gate.at.nanos());
+        }
+        self.screen.note(&format!("{:.3} s: {}", gate.at, passage_words(gate, passage)));
+    }
+
+    /// Stops the time of a closed gate, or lets it continue.
+    fn pause_gate(&mut self, at: Nanos, is_paused: bool) {
+        let Some(waiting) = &mut self.waiting else { return };
+        if is_paused {
+            waiting.before += waiting.since.take().map_or(Nanos::ZERO, |since| at - since);
+        } else {
+            waiting.since = Some(at);
+        }
+    }
+
+    /// What the progress line says about a closed gate: what it waits for, and the time.
+    fn waiting_words(&self, timeline: &Timeline) -> Option<[String; 2]> {
+        let Waiting { gate, before, since, value } = self.waiting.as_ref()?;
+        let gate = timeline.gates.get(*gate)?;
+        let passed = (*before + since.map_or(Nanos::ZERO, |since| now() - since)).micros();
+        let time = match gate.within() {
+            Some(within) => format!("{passed:.1} of {within:.1} s"),
+            None => format!("{passed:.1} s"),
+        };
+        let Some(criterion) = gate.gate.criterion() else { return Some(["waiting for a go".to_owned(), time]) };
+        let value = value.map_or_else(|| "?".to_owned(), |value| format!("{value}{}", criterion.measured.unit()));
+        Some([format!("waiting for {criterion}: {value}"), time])
     }
 
     /// Shows an `expect` that passed; one that failed is shown at the end.
@@ -206,7 +293,7 @@ impl Display {
         // On a narrow terminal, the words take precedence over the bar.
         let room = if self.screen.is_live() { self.screen.live_width() } else { self.screen.width() };
         // Plain lines have no bar.
-        let room_for_bar = room.saturating_sub(line.len() + 50);
+        let room_for_bar = room.saturating_sub(line.len() + if self.waiting.is_some() { 80 } else { 50 });
         let bar = bar(now.0, end.0, if self.progress == Progress::Plain { 0 } else { room_for_bar });
         for part in std::iter::once(bar).chain(self.parts(timeline, now)).filter(|part| !part.is_empty()) {
             if line.chars().count() + 2 + part.chars().count() > room {
@@ -220,8 +307,9 @@ impl Display {
 
     /// The time of the script.
     fn time(&self, timeline: &Timeline) -> Micros {
+        let gate = self.waiting.as_ref().and_then(|waiting| timeline.gates.get(waiting.gate));
         match self.clock {
-            Clock::Runs(begin) => (now() - begin).micros().min(timeline.end),
+            Clock::Runs(begin) => gate.map_or_else(|| (now() - begin).micros().min(timeline.end), |gate| gate.at),
             Clock::Paused(at) => at,
         }
     }
@@ -232,6 +320,7 @@ impl Display {
         if matches!(self.clock, Clock::Paused(_)) {
             parts.push(PAUSED.to_owned());
         }
+        parts.extend(self.waiting_words(timeline).into_iter().flatten());
         if self.dropped > 0 {
             parts.push(format!("{} dropped", self.dropped));
         }

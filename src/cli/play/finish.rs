@@ -5,6 +5,7 @@ use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
 use motionseq::serve::BoardThread;
 use motionseq::timeline::wire::LATE;
+use motionseq::units::Nanos;
 
 use super::super::exit::Exit;
 use super::super::log::Level;
@@ -13,6 +14,9 @@ use super::super::screen::{PATIENCE, Screen, plural};
 use super::observers::Observed;
 use super::result_files::Report;
 use super::run_log::{Run, RunLog};
+
+/// The age of a report whose values a line of `on abort` still shows, with the time that the stop took.
+const FRESH: Nanos = Nanos::from_millis(1_500);
 
 /// Everything needed to report a run that has ended.
 pub(super) struct Finish<'r> {
@@ -76,8 +80,9 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
         ));
     }
     if *stop == Stop::Sent {
+        let report = counted.report.filter(|(came, _)| now() - *came <= FRESH).map(|(_, report)| report);
         for cue in &timeline.abort_cues {
-            screen.note(&format!("on abort: {}", cue.text));
+            screen.note(&format!("on abort: {}", cue.text.with(report.as_ref())));
         }
     }
     if timeline.events.is_empty() {
@@ -86,11 +91,15 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
     let dropped = if *dropped == 0 { String::new() } else { format!(", {dropped} dropped") };
     let extra = match *extra {
         0 => String::new(),
-        count => format!(", plus {} for stops, pauses and `on abort`", plural(count, "frame")),
+        count => format!(", plus {} for stops, pauses, gates and `on abort`", plural(count, "frame")),
+    };
+    let gates = match counted.waited {
+        Nanos::ZERO => String::new(),
+        waited => format!(" and {:.3} s at gates", waited.micros()),
     };
     let (sent, worst) = (plural(*sent, "frame"), worst_late.in_millis());
-    screen.note(&format!("sent {sent}{dropped} in {at:.3} s{extra}; worst lateness {worst:.3} ms"));
-    if let Some(report) = &counted.report {
+    screen.note(&format!("sent {sent}{dropped} in {at:.3} s{gates}{extra}; worst lateness {worst:.3} ms"));
+    if let Some((_, report)) = &counted.report {
         screen.note(&format!("last report of the board: {}", timeline.board.report(report)));
     }
     let (baud, late) = (timeline.baud, run.line_late());

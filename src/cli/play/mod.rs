@@ -8,18 +8,19 @@ mod port;
 mod result_files;
 mod run_log;
 
-use std::io;
 use std::os::fd::BorrowedFd;
-use std::path::PathBuf;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
+use std::{fs, io};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use motionseq::faults::{Faults, Stalling};
 use motionseq::link::Link;
-use motionseq::playback::{Guard, GuardConfig, Keys, Notice, Player, Realtime, Session, Signals, now};
+use motionseq::playback::{GoLines, Guard, GuardConfig, Keys, Notice, Player, Realtime, Session, Signals, now};
 use motionseq::serve::BoardThread;
-use motionseq::source::Lines;
+use motionseq::source::{Lines, Sources};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
@@ -29,7 +30,7 @@ use super::port_opening;
 use super::project::{ChosenPort, VIRTUAL, ValueSource, max_late};
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
-use display::{Display, Progress};
+use display::{Display, KeysShown, Progress};
 use finish::Finish;
 use observers::Observers;
 use port::{Port, system};
@@ -39,7 +40,7 @@ use run_log::Run;
 /// Play a script on a robot or on a virtual board
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq play scripts/hello.motion                         # on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0     # on a Raspblock\n  motionseq play scripts/dance.motion --from spin --speed 0.5 # from a mark, at half speed\n  motionseq play scripts/dance.motion --loop forever --report run.json\n\nKeys:\n  space     pause or continue\n  s         play one step while paused; the drive stays stopped\n  q         stop the robot and exit\n  ?         show the keys\n  Ctrl-C    stop the robot and exit, also without a terminal\n  Ctrl-Z    stop the robot and suspend; after `fg`, Enter continues\n\nThe keys work only on a terminal and without `-q`. A step is one command, or one sample of a move.\nThe progress line shows the time since the start of the run; `--from` and `--to` take times of the script.\nA second process, the guard, stops the robot if `play` is killed or hangs.\nAll messages go to standard error."
+    after_help = "Examples:\n  motionseq play scripts/hello.motion                         # on the built-in virtual board\n  motionseq play scripts/hello.motion --port /dev/serial0     # on a Raspblock\n  motionseq play scripts/dance.motion --from spin --speed 0.5 # from a mark, at half speed\n  motionseq play scripts/dance.motion --loop forever --report run.json\n\nKeys:\n  space     pause or continue\n  s         play one step while paused; the drive stays stopped\n  Enter, g  say go at a `wait go`\n  q         stop the robot and exit\n  ?         show the keys\n  Ctrl-C    stop the robot and exit, also without a terminal\n  Ctrl-Z    stop the robot and suspend; after `fg`, Enter continues\n\nThe keys work only on a terminal and without `-q`. A step is one command, or one sample of a move.\nThe progress line shows the time since the start of the run; `--from` and `--to` take times of the script.\nA second process, the guard, stops the robot if `play` is killed or hangs.\nAll messages go to standard error."
 )]
 pub(super) struct Play {
     /// Script to read, or `-` for standard input
@@ -71,12 +72,22 @@ pub(super) struct Play {
     /// Start paused and play one step per Enter; the drive stays stopped
     #[arg(long)]
     step: bool,
+    /// Open each `wait go` with a line on standard input, besides Enter and `g` on a terminal
+    #[arg(long, value_enum, value_name = "SOURCE")]
+    go: Option<GoSource>,
     #[command(flatten)]
     selection: Selection,
     #[command(flatten)]
     results: ResultPaths,
     #[command(flatten)]
     options: Options,
+}
+
+/// Where a go comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum GoSource {
+    /// Each line on standard input opens one gate
+    Stdin,
 }
 
 impl Play {
@@ -86,10 +97,16 @@ impl Play {
     }
 
     fn play(&self, screen: &Screen) -> Result<Exit, Exit> {
+        if self.go == Some(GoSource::Stdin) && is_standard_input(&self.file) {
+            screen.error("`--go stdin` cannot be used with a script from standard input; write the script to a file");
+            return Err(Exit::Usage);
+        }
         let (sources, selected) = self.selection.compile(&self.file, &self.options, Warnings::Counted, screen)?;
         let Selected { timeline, again, first_pass, script, diagnostics, config } = selected;
         let results = ResultFiles::open(&self.results, &sources, screen)?;
         self.check_terminal(screen)?;
+        let go = self.go.map(|_| GoLines::open()).transpose().map_err(|error| system(screen, &error))?.flatten();
+        check_go(&timeline, go.is_some(), &sources, screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
         let chosen = config.port(self.port.as_deref());
@@ -101,13 +118,14 @@ impl Play {
         files.poses = poses;
         let (timeline, again) = (Arc::new(timeline), again.map(Arc::new));
         let keys = Keys::open(screen.is_live());
-        let display = Display::new(*screen, self.shown(screen), script, keys.is_some() && screen.is_live(), self.step);
+        let inputs = KeysShown { single: keys.is_some() && screen.is_live(), steps: self.step, go_lines: go.is_some() };
+        let display = Display::new(*screen, self.shown(screen), script, inputs);
         let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
         let mut observers = Observers::start(timelines, display, files).map_err(|error| system(screen, &error))?;
         let stalls = board.as_ref().map(BoardThread::stalls).unwrap_or_default();
         let player = self.player(Player::new(&timeline, limit), again.as_deref());
         let mut session = Session::new(player, Stalling::new(link, stalls), signals, Lines::of(&sources));
-        session.keys = keys;
+        (session.keys, session.go) = (keys, go);
         session.realtime = self.realtime && become_realtime(screen);
         // The guard is started last, because from then on the player must send heartbeats.
         let mut ward = GuardConfig::of(&timeline);
@@ -207,6 +225,23 @@ impl Play {
         }
         super::guard::start(port, ward, with_board, screen).map(Some)
     }
+}
+
+/// Whether a path is standard input, by whatever name.
+fn is_standard_input(path: &Path) -> bool {
+    let place = |path: &Path| fs::metadata(path).map(|file| (file.dev(), file.ino())).ok();
+    path.as_os_str() == "-" || place(path).is_some_and(|place_of| place("/dev/stdin".as_ref()) == Some(place_of))
+}
+
+/// Checks that there is a way to say go, if the script waits for it.
+fn check_go(timeline: &Timeline, has_lines: bool, sources: &Sources, screen: &Screen) -> Result<(), Exit> {
+    let gate = timeline.gates.iter().find(|gate| gate.gate.criterion().is_none());
+    let Some(gate) = gate.filter(|_| !has_lines && Keys::open(false).is_none()) else { return Ok(()) };
+    let place = sources.place(gate.span);
+    screen.error(&format!(
+        "{place} waits for a go, and there is no terminal to say it on; run it on a terminal, or with `--go stdin` and one line on standard input for each gate"
+    ));
+    Err(Exit::Usage)
 }
 
 /// Requests real-time priority and locked memory, and reports what was refused. Returns whether this thread has the priority.

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use hdrhistogram::Histogram;
-use motionseq::board::Report;
+use motionseq::board::{Hex, Report};
 use motionseq::diagnostic::Diagnostics;
-use motionseq::playback::{Cause, Notice, Outcome, Stop, Verdict};
+use motionseq::playback::{Cause, Notice, Outcome, Passage, Stop, Verdict};
 use motionseq::report::{self, Asked, Dropped, Expected, Frames, Lateness};
 use motionseq::source::{Lines, Sources, Span};
-use motionseq::timeline::Timeline;
 use motionseq::timeline::wire::load;
+use motionseq::timeline::{Gate, Timeline};
 use motionseq::units::{Micros, Nanos};
 
 use super::super::exit::Exit;
@@ -22,17 +22,27 @@ use super::observer::Observer;
 /// The most dropped frames and the most `expect`s that are listed.
 const NAMED: usize = 1_000;
 
+/// The most gates that are listed, besides one that failed.
+const MOST_GATES: usize = 100_000;
+
 /// Counters of a run. Frames and expectations refer to the timeline that was playing.
 pub(super) struct RunLog {
     /// The lateness of frames, in nanoseconds; `None` if memory ran out.
     lateness: Option<Histogram<u64>>,
     dropped: Vec<(Arc<Timeline>, usize)>,
     verdicts: Vec<(Arc<Timeline>, Verdict)>,
+    passages: Vec<(Arc<Timeline>, Passage)>,
+    /// How long gates were closed.
+    pub(super) waited: Nanos,
+    /// Frames that were sent again at gates: the event, the frames of the script before them, and how many.
+    refreshes: Vec<(Arc<Timeline>, usize, u64, u64)>,
+    /// The frames of the script so far.
+    sent: u64,
     passes: u64,
     pauses: u64,
     is_paused: bool,
-    /// The board's last report.
-    pub(super) report: Option<Report>,
+    /// The board's last report, and when it came.
+    pub(super) report: Option<(Nanos, Report)>,
     /// All bytes that the port accepted.
     pub(super) bytes: u64,
     /// How many notices did not fit in the ring.
@@ -47,6 +57,10 @@ impl RunLog {
             lateness,
             dropped: Vec::new(),
             verdicts: Vec::new(),
+            passages: Vec::new(),
+            waited: Nanos::ZERO,
+            refreshes: Vec::new(),
+            sent: 0,
             passes: 1,
             pauses: 0,
             is_paused: false,
@@ -58,10 +72,21 @@ impl RunLog {
 }
 
 impl Observer for RunLog {
-    fn observe(&mut self, timeline: &Arc<Timeline>, _: Nanos, notice: Notice) {
+    fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
         match notice {
-            Notice::Report(newest) => self.report = Some(newest),
+            Notice::Report(newest) => self.report = Some((at, newest)),
+            Notice::Passed(passage) => {
+                self.waited += passage.took;
+                if self.passages.len() < MOST_GATES || !passage.end.is_open() {
+                    self.passages.push((Arc::clone(timeline), passage));
+                }
+            }
+            Notice::Refreshed { event } => match self.refreshes.last_mut() {
+                Some((_, last, after, count)) if (*last, *after) == (event, self.sent) => *count += 1,
+                _ => self.refreshes.push((Arc::clone(timeline), event, self.sent, 1)),
+            },
             Notice::Sent { late, .. } => {
+                self.sent += 1;
                 if let Some(lateness) = &mut self.lateness {
                     lateness.saturating_record(late.0);
                 }
@@ -80,6 +105,43 @@ impl Observer for RunLog {
             Notice::Pass { pass } => (self.passes, self.is_paused) = (pass, false),
             _ => {}
         }
+    }
+}
+
+impl RunLog {
+    /// The gates, for the report.
+    fn gates(&self, lines: &Lines<'_>) -> impl Iterator<Item = report::Gate> {
+        self.passages.iter().filter_map(|(timeline, passage)| {
+            let Gate { at, gate, span, .. } = timeline.gates.get(passage.gate)?;
+            let place = lines.place(*span);
+            Some(report::Gate {
+                at: *at,
+                gate: gate.to_string(),
+                took: passage.took.micros(),
+                end: passage.end.word(),
+                found: passage.end.words(gate.unit()),
+                opened: passage.end.is_open(),
+                file: place.file.to_owned(),
+                line: place.line,
+            })
+        })
+    }
+
+    /// The frames that were sent at closed gates, for the report.
+    fn unscripted(&self, lines: &Lines<'_>) -> impl Iterator<Item = report::Unscripted> {
+        self.refreshes.iter().filter_map(|(timeline, event, after, count)| {
+            let event = timeline.events.get(*event)?;
+            let place = lines.place(event.span);
+            Some(report::Unscripted {
+                reason: "gate",
+                after: *after,
+                count: *count,
+                frame: Hex(&timeline.board.to_frame(&event.command)).to_string(),
+                command: timeline.board.show(&event.command).to_string(),
+                file: place.file.to_owned(),
+                line: place.line,
+            })
+        })
     }
 }
 
@@ -107,7 +169,7 @@ impl Run<'_> {
             Cause::Lost(_) => Exit::Port,
             Cause::Stalled => Exit::Stalled,
             Cause::Late(_) => Exit::Late,
-            Cause::Expect(_) => Exit::Expect,
+            Cause::Expect(_) | Cause::Gate(_) => Exit::Expect,
             _ => Exit::Failed,
         }
     }
@@ -128,6 +190,7 @@ impl Run<'_> {
             Cause::Stalled => "the port stopped accepting bytes".into(),
             Cause::Late(late) => format!("a frame was {:.0} ms late", late.in_millis()),
             Cause::Expect(verdict) => self.timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
+            Cause::Gate(passage) => self.timeline.gate_words(passage.gate, |unit| passage.end.words(unit)),
             Cause::Unguarded => "the guard of this run was lost".into(),
             _ => "motionseq failed; this is a bug".into(),
         }
@@ -149,10 +212,11 @@ impl Run<'_> {
         }
     }
 
-    /// Where in the script the run ended early: at the failed `expect`, or at the last frame.
+    /// Where in the script the run ended early: at the failed `expect` or gate, or at the last frame.
     fn place(&self) -> Option<Span> {
         let failed = match self.outcome.cause {
             Cause::Expect(verdict) => self.timeline.expects.get(verdict.expect).map(|expect| expect.span),
+            Cause::Gate(passage) => self.timeline.gates.get(passage.gate).map(|gate| gate.span),
             _ => None,
         };
         failed.or(self.outcome.place).filter(|_| self.is_early())
@@ -215,6 +279,7 @@ impl Run<'_> {
                 Cause::Stalled => "stalled",
                 Cause::Late(_) => "late",
                 Cause::Expect(_) => "expect",
+                Cause::Gate(_) => "gate",
                 Cause::Unguarded => "guard",
                 _ => "failed",
             },
@@ -249,6 +314,8 @@ impl Run<'_> {
             },
             dropped: dropped.collect(),
             expects: expects.collect(),
+            gates: log.gates(&lines).collect(),
+            unscripted: log.unscripted(&lines).collect(),
             warnings: report::findings(sources, diagnostics),
         })
     }

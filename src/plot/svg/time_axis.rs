@@ -102,6 +102,16 @@ impl Picture<'_> {
             }
         }
         let mut last = f64::NEG_INFINITY;
+        for gate in &self.plot.gates {
+            let x = self.x(gate.at);
+            if x - last >= NEAR {
+                last = x;
+                let band = format!("M{} {}h6V{}h-6z", number(x - 3.0), number(top), number(bottom));
+                let tooltip = format!("{} at {} s", tooltip(&gate.text), gate.at);
+                self.canvas.path("gate", &band, Some(&tooltip));
+            }
+        }
+        last = f64::NEG_INFINITY;
         for mark in &self.plot.marks {
             let x = self.x(mark.at);
             // Lines closer than this would merge.

@@ -271,6 +271,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         self.positional.as_slice().first()?.bare_word()
     }
 
+    /// The next argument without a name, if it is one value. It is not read yet.
+    pub(super) fn next_value(&self) -> Option<&'a Value<'s>> {
+        let argument: &'a Argument<'s> = self.positional.as_slice().first()?;
+        if let Item::One(value) = &argument.item { Some(value) } else { None }
+    }
+
     /// The next argument without a name. Where none is left, that is reported.
     pub(super) fn next(&mut self) -> Option<&'a Value<'s>> {
         let argument = self.next_argument()?;
@@ -345,6 +351,11 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
     pub(super) fn may_go(&self) -> bool {
         let is_arrow = |argument: &Argument<'_>| matches!(argument.item, Item::Arrow(_));
         self.modifiers.iter().any(|(name, _)| name.text == "over") || self.command.arguments.iter().any(is_arrow)
+    }
+
+    /// The place of a word such as `within`, if it is given.
+    pub(super) fn span_of(&self, word: &str) -> Option<Span> {
+        self.modifiers.iter().find(|(name, _)| name.text == word).map(|(name, _)| name.span)
     }
 
     /// The argument of a word such as `every`.

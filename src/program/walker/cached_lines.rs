@@ -94,7 +94,7 @@ impl<'s> Walker<'s, '_> {
 /// Whether a line is one command to the board or a `wait`, and starts when the line before has ended, or a time after that.
 fn is_cacheable(board: &Board, line: &Line<'_>) -> bool {
     let [Part { robots, statement: Statement::Command(command) }] = line.parts.as_slice() else { return false };
-    let is_plain = match words::find(board, command.head.text) {
+    let is_plain = match words::of_command(board, command) {
         Some(Word::Verb(..)) => true,
         Some(Word::Row(row)) => row.does == Operation::Wait,
         None => false,

@@ -9,7 +9,7 @@ use super::super::time::Time;
 use super::super::value::Quantity;
 use super::super::verbs::{self, Parsed};
 use super::super::words::{self, Operation, Row, Word};
-use super::super::{Action, Step, expect, limits, lints, say};
+use super::super::{Action, Mark, Step, expect, gate, limits, lints, say};
 use super::{Frame, Walker};
 use crate::board::{self, Verb, VerbId};
 use crate::diagnostic::{bail, report};
@@ -34,7 +34,7 @@ impl<'c, 's> At<'c, 's> {
 impl<'s, 'd> Walker<'s, 'd> {
     /// Runs a command; returns when it has ended.
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
-        let row = match words::find(self.eval.board, command.head.text) {
+        let row = match words::of_command(self.eval.board, command) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
             None => {
@@ -45,6 +45,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         let at = At { row, command, start, frame };
         match row.does {
             Operation::Wait => self.wait(at),
+            Operation::WaitUntil | Operation::WaitGo => self.gate(at),
             Operation::Say => self.say(at),
             Operation::Expect => self.expect(at),
             Operation::Mark => self.mark(at),
@@ -60,6 +61,11 @@ impl<'s, 'd> Walker<'s, 'd> {
     }
 
     fn wait(&mut self, at: At<'_, 's>) -> Option<Time> {
+        // `wait until` without a condition, where nothing is named `until`.
+        if let Some(row) = words::gate(at.command).filter(|_| self.eval.scope.value(words::UNTIL).is_none()) {
+            return self.gate(At { row, ..at });
+        }
+        gate::misspelled(at.command, &mut self.eval)?;
         let mut args = at.args(&mut self.eval)?;
         let value = args.next()?;
         let time = arguments::time(value, args.eval)?;
@@ -77,8 +83,8 @@ impl<'s, 'd> Walker<'s, 'd> {
         let text = say::say(value, args.eval);
         args.finish()?;
         let text = text?;
-        self.keep(cost::SAY, text.len(), at.command.span)?;
-        self.push(at.start, at.command.span, Action::Say(Box::new(text.into())));
+        self.keep(cost::SAY, text.size(), at.command.span)?;
+        self.push(at.start, at.command.span, Action::Say(Box::new(text)));
         Some(at.start)
     }
 
@@ -91,6 +97,10 @@ impl<'s, 'd> Walker<'s, 'd> {
                 help: "remove it: what is sent on abort cannot be ended early");
         }
         lints::early_expect::check(&expect, at.start, at.command.span, &mut self.eval);
+        lints::impossible_condition::check(&expect.criterion, at.command.span, &mut self.eval);
+        if expect.within.is_some() {
+            lints::brief_condition::check(&expect.criterion, at.command.span, &mut self.eval);
+        }
         let length = expect.why.as_ref().map_or(0, String::len);
         // For a while there are two copies of the reason.
         self.keep(cost::EXPECT, 2 * length, at.command.span)?;
@@ -121,7 +131,8 @@ impl<'s, 'd> Walker<'s, 'd> {
             return self.eval.given_twice(name, first);
         }
         self.keep(cost::MARK, name.text.len(), at.command.span)?;
-        self.program.marks.push((name.text.to_owned(), at.start, at.command.span));
+        let order = self.next_order();
+        self.program.marks.push(Mark { name: name.text.to_owned(), at: at.start, span: at.command.span, order });
         self.eval.scope.bind(name, Quantity::Moment(at.start), Kind::Mark);
         Some(at.start)
     }
@@ -193,7 +204,7 @@ impl<'s, 'd> Walker<'s, 'd> {
     }
 
     /// Counts something that sends nothing, with the length of its text; `None` if it exceeds a bound, which is reported.
-    fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
+    pub(super) fn keep(&mut self, bytes: u64, text: usize, span: Span) -> Option<()> {
         let bytes = bytes.saturating_add(text as u64);
         let is_allowed = self.bounds.allow(Cost { kept: bytes, ..Cost::default() }, span, &mut self.eval);
         self.bounds.done.kept = self.bounds.done.kept.saturating_add(bytes);
@@ -203,8 +214,13 @@ impl<'s, 'd> Walker<'s, 'd> {
     #[inline]
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.eval.traces.here();
-        let order = u32::try_from(self.program.steps.len()).unwrap_or(u32::MAX);
+        let order = self.next_order();
         self.bounds.count(&action);
         self.program.steps.push(Step { at, span, trace, order, action });
+    }
+
+    /// The place of the next step in the order of unrolling.
+    fn next_order(&self) -> u32 {
+        u32::try_from(self.program.steps.len()).unwrap_or(u32::MAX)
     }
 }

@@ -4,6 +4,7 @@ mod blocks;
 mod cached_lines;
 mod commands;
 mod files;
+mod gates;
 mod phrases;
 mod settings;
 mod starts;
@@ -42,6 +43,7 @@ pub(super) fn walk<'s>(
         end: Time::ZERO,
         abort: None,
         marks: Vec::new(),
+        has_gates: false,
         traces: Traces::default(),
         times_known: !diagnostics.has_errors(),
     };
@@ -81,6 +83,10 @@ struct Frame {
     latest: Time,
     /// In a `together`, when each line starts, if it has no start time.
     together: Option<Time>,
+    /// Whether the current line has several parts, which start together.
+    joined: bool,
+    /// What makes something outside of it run at the same time: `together`, or `;`.
+    beside: Option<&'static str>,
     /// Whether it is the top level of the script.
     top: bool,
     /// Whether it has run anything but settings.
@@ -96,7 +102,13 @@ struct Frame {
 impl Frame {
     /// That of a block inside of this one, or of a call.
     fn inside(&self, start: Time) -> Self {
-        Frame { start, now: start, latest: start, depth: self.depth + 1, ..Frame::default() }
+        Frame { start, now: start, latest: start, beside: self.beside(), depth: self.depth + 1, ..Frame::default() }
+    }
+
+    /// What makes something else run at the same time as its lines: `together`, or `;`.
+    fn beside(&self) -> Option<&'static str> {
+        let own = if self.together.is_some() { Some("together") } else { self.joined.then_some(";") };
+        self.beside.or(own)
     }
 }
 
@@ -200,6 +212,7 @@ impl<'s> Walker<'s, '_> {
             Some(start) => self.start(start, line, frame.start, from)?,
         };
         let joined = line.parts.len() > 1;
+        frame.joined = joined;
         if let ([Part { statement: Statement::If(each), robots }], false) = (line.parts.as_slice(), joined)
             && robots.is_empty()
         {
@@ -287,7 +300,7 @@ fn must_be_alone(board: &Board, statement: &Statement<'_>) -> Option<(&'static s
         Statement::Let(_) => "let",
         Statement::If(_) => "if",
         Statement::Def(_) => "def",
-        Statement::Command(command) => match words::find(board, command.head.text)? {
+        Statement::Command(command) => match words::of_command(board, command)? {
             Word::Row(row) if row.alone => row.name,
             _ => return None,
         },

@@ -30,7 +30,7 @@ impl Starts {
             let command = match &step.action {
                 Action::Send(command) => command,
                 Action::Hold(held) => &held.0,
-                Action::Go(_) | Action::Say(_) | Action::Expect(_) => continue,
+                Action::Go(_) | Action::Say(_) | Action::Expect(_) | Action::Gate(_) => continue,
             };
             for resource in board.occupies(command) {
                 if let Some([first, second]) = self.0.get_mut(*resource) {

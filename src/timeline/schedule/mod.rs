@@ -2,38 +2,47 @@
 //! reports.
 
 mod ends;
+mod gates;
 mod moves;
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
 use super::lints;
-use super::{Bars, Cue, Event, Expectation, Kind, Mark, Timeline, Tween};
+use super::{Bars, Cue, Event, Expectation, Gate, Kind, Mark, Timeline, Tween};
 use crate::board::{Board, Command, ResourceId, State};
 use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
-use crate::program::{Action, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
+use crate::program::{self, Action, MAX_STEPS, Program, Settings, Step, Time, TraceId, Traces};
 use crate::source::Span;
 use crate::units::Micros;
 use ends::{End, Ends, Starts};
 
 pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    let Program { board, settings, steps, end, abort, traces, marks, .. } = program;
-    let mut marks: Vec<Mark> = marks.into_iter().map(|(name, at, span)| Mark { name, at: at.micros(), span }).collect();
-    marks.sort_by_key(|mark| mark.at);
+    let Program { board, settings, steps, end, abort, traces, mut marks, has_gates, .. } = program;
+    marks.sort_by_key(|mark| (mark.at.micros(), mark.order));
     let mut script = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
+    if has_gates {
+        script.gate_places = gates::places(&steps);
+    }
     let steps = script.run(steps);
     script.warn_of_running(end);
     script.close(end);
     script.request_reports(end);
     let (cues, expects) = (std::mem::take(&mut script.cues), std::mem::take(&mut script.expects));
-    let (events, tweens) = script.finish(steps);
+    let places = std::mem::take(&mut script.gate_places);
+    let mut gates = std::mem::take(&mut script.gates);
+    let marks: Vec<Mark> = marks.into_iter().map(|mark| mark_of(mark, &places)).collect();
+    let (events, tweens) = script.finish(steps, &places, &mut gates);
+    for (before, gate) in gates.iter_mut().enumerate() {
+        gate.next.marks = marks.partition_point(|mark| mark.gates <= before);
+    }
     // The state after an early end is unknown.
     let mut early = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
     let (steps, early_end) = abort.map_or((Vec::new(), Time::ZERO), |abort| (abort.steps, abort.end));
     let steps = early.run(steps);
     early.close(early_end);
     let abort_cues = std::mem::take(&mut early.cues);
-    let (mut abort, _) = early.finish(steps);
+    let (mut abort, _) = early.finish(steps, &[], &mut []);
     for event in &mut abort {
         event.kind = Kind::Abort;
     }
@@ -45,9 +54,11 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
         cues,
         expects,
         marks,
+        gates,
         abort_cues,
         end: end.micros(),
         baud: settings.baud,
+        refresh: settings.refresh.map(Time::micros),
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
         limits: settings.limits,
@@ -55,13 +66,26 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
     }
 }
 
-/// The requests that start and stop reports, at the start and end of a script that expects any.
-pub(super) fn report_requests(board: &Board, expects: &[Expectation], end: Micros) -> Option<[Event; 2]> {
+/// The requests that start and stop reports, at the start and end of a script that needs any.
+pub(super) fn report_requests(
+    board: &Board,
+    expects: &[Expectation],
+    gates: &[Gate],
+    end: Micros,
+) -> Option<[Event; 2]> {
     let [start, stop] = board.reporting.clone()?;
-    let event = |at, command, &Expectation { span, trace, .. }: &Expectation| {
-        Origin { order: 0, span, trace }.event(at, command, Kind::Auto)
-    };
-    Some([event(Micros::ZERO, start, expects.first()?), event(end, stop, expects.last()?)])
+    let gates = gates.iter().filter(|gate| gate.gate.criterion().is_some());
+    let needs = gates.map(|gate| (gate.at, gate.span, gate.trace));
+    let needs = expects.iter().map(|expect| (expect.at, expect.span, expect.trace)).chain(needs);
+    let event = |at, command, (_, span, trace)| Origin { order: 0, span, trace }.event(at, command, Kind::Auto);
+    let (first, last) = (needs.clone().min_by_key(|(at, ..)| *at)?, needs.max_by_key(|(at, ..)| *at)?);
+    Some([event(Micros::ZERO, start, first), event(end, stop, last)])
+}
+
+/// A mark, after the gates at these places.
+fn mark_of(mark: program::Mark, gates: &[(Micros, u32)]) -> Mark {
+    let program::Mark { name, at, span, order } = mark;
+    Mark { name, at: at.micros(), gates: gates::count_before(gates, at.micros(), order), span }
 }
 
 /// The maximum number of `expect`s with `within` that wait at the same time.
@@ -112,6 +136,9 @@ struct Scheduler<'d> {
     refreshes: Vec<Event>,
     cues: Vec<Cue>,
     expects: Vec<Expectation>,
+    gates: Vec<Gate>,
+    /// The times and places of all gates, in order.
+    gate_places: Vec<(Micros, u32)>,
     state: State,
     /// For each resource that must be refreshed, the command that it holds.
     held: Vec<Option<Held>>,
@@ -147,6 +174,8 @@ impl<'d> Scheduler<'d> {
             refreshes: Vec::new(),
             cues: Vec::new(),
             expects: Vec::new(),
+            gates: Vec::new(),
+            gate_places: Vec::new(),
             state: State::default(),
             held: vec![None; board.resources.len()],
             last: vec![Origin::default(); board.resources.len()],
@@ -170,22 +199,24 @@ impl<'d> Scheduler<'d> {
             let next = rest.first().map(|step| step.at.micros());
             let end = ends.first_key_value().map(|((due, _), _)| *due);
             let Some(now) = next.into_iter().chain(end).min() else { break };
-            let count = rest.iter().take_while(|step| step.at.micros() == now).count();
-            let (group, later) = rest.split_at_mut(count);
+            let (group, later) = rest.split_at_mut(gates::group_length(rest, now));
             rest = later;
+            let ends_at_gate = group.last().is_some_and(gates::is_gate);
             for step in group.iter() {
                 if let Action::Hold(held) = &step.action
                     && let Some(command) = self.rest_of(&held.0)
                 {
                     let at = step.at.plus(held.1);
-                    ends.insert((at.micros(), step.order), End { from: Origin::step(step), at, command });
+                    let from = self.before_gate(step.at, at, Origin::step(step));
+                    ends.insert((at.micros(), step.order), End { from, at, command });
                 }
             }
             // If a hold is too short to see, its start still comes before its end.
             ended.clear();
             let is_due = |ends: &Ends| ends.first_key_value().is_some_and(|((due, _), _)| *due == now);
             if is_due(&ends) {
-                starts.read(self.board, group);
+                // What ends at the moment of a gate is always sent.
+                starts.read(self.board, if ends_at_gate { &[] } else { group });
             }
             while is_due(&ends) {
                 let end = ends.pop_first().map(|(_, end)| end);
@@ -193,7 +224,9 @@ impl<'d> Scheduler<'d> {
             }
             let mut ended = ended.iter().peekable();
             for step in group {
-                while let Some(end) = ended.next_if(|end| end.from.order < step.order) {
+                // What ends at the moment of a gate comes before it.
+                let is_gate = ends_at_gate && gates::is_gate(step);
+                while let Some(end) = ended.next_if(|end| is_gate || end.from.order < step.order) {
                     self.send(end.at, &end.command, Kind::Command, end.from);
                 }
                 self.step(step);
@@ -220,7 +253,7 @@ impl<'d> Scheduler<'d> {
             }
             Action::Go(going) => self.go(step.at, going, from),
             Action::Say(text) => {
-                let text = std::mem::take(&mut **text).into();
+                let text = std::mem::take(&mut **text);
                 self.cues.push(Cue { at: step.at.micros(), text, span: step.span });
             }
             Action::Expect(expect) => {
@@ -229,6 +262,7 @@ impl<'d> Scheduler<'d> {
                 let (expect, span, trace) = ((**expect).clone(), step.span, step.trace);
                 self.expects.push(Expectation { at, until, expect, span, trace });
             }
+            Action::Gate(gate) => self.gate(step.at, gate, from),
         }
     }
 
@@ -384,7 +418,7 @@ impl<'d> Scheduler<'d> {
     }
 
     fn request_reports(&mut self, end: Time) {
-        let requests = report_requests(self.board, &self.expects, end.micros());
+        let requests = report_requests(self.board, &self.expects, &self.gates, end.micros());
         for (event, order) in requests.into_iter().flatten().zip([0, u32::MAX]) {
             self.add(event, order);
         }
@@ -392,7 +426,8 @@ impl<'d> Scheduler<'d> {
 
     /// Whether this many more frames are allowed. Reports the first excess.
     fn has_room(&mut self, more: usize, from: Origin) -> bool {
-        let total = (self.plain + self.events.len() + self.refreshes.len()).saturating_add(more);
+        let total = self.plain + self.events.len() + self.refreshes.len() + self.gates.len();
+        let total = total.saturating_add(more);
         let room = total <= self.limit;
         if !room && !self.full {
             self.full = true;
@@ -404,13 +439,18 @@ impl<'d> Scheduler<'d> {
     }
 
     /// All events in the order of sending, and the moves in the order of their first steps. The
-    /// sort is stable, so that closing frames keep their order.
-    fn finish(mut self, steps: Vec<Step>) -> (Vec<Event>, Vec<Tween>) {
+    /// sort is stable, so that refreshes and closing frames keep their order.
+    fn finish(mut self, steps: Vec<Step>, places: &[(Micros, u32)], gates: &mut [Gate]) -> (Vec<Event>, Vec<Tween>) {
         self.tweens.sort_by_key(|(_, first)| *first);
         let tweens = self.tweens.into_iter().map(|(tween, _)| tween).collect();
         let board = self.board;
-        let key = |(event, order): &(Event, u32)| {
-            (event.at, event.rank(board), if event.kind == Kind::Closing { 0 } else { *order })
+        let is_closing = |event: &Event| event.kind == Kind::Closing;
+        let before = |(event, order): &(Event, u32)| {
+            gates::count_before(places, event.at, if is_closing(event) { u32::MAX } else { *order })
+        };
+        let key = |item: &(Event, u32)| {
+            let (event, order) = item;
+            (event.at, before(item), event.rank(board), if is_closing(event) { 0 } else { *order })
         };
         let mut plain: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
         // Move the shorter of the two vectors.
@@ -421,15 +461,15 @@ impl<'d> Scheduler<'d> {
             plain.append(&mut events);
             events = plain;
         }
+        // A refresh belongs to a command that came earlier.
+        events.extend(self.refreshes.into_iter().map(|event| (event, 0)));
         if !events.is_sorted_by_key(key) {
             events.sort_by_key(key);
         }
-        let mut events: Vec<Event> = events.into_iter().map(|(event, _)| event).collect();
-        if !self.refreshes.is_empty() {
-            events.extend(self.refreshes);
-            events.sort_by_key(|event| (event.at, event.rank(board)));
+        for (gate, at) in gates.iter_mut().zip(0..) {
+            gate.next.events = events.partition_point(|event| before(event) <= at);
         }
-        (events, tweens)
+        (events.into_iter().map(|(event, _)| event).collect(), tweens)
     }
 }
 
@@ -439,7 +479,7 @@ fn plain_event(step: Step) -> Option<(Event, u32)> {
     let (command, is_instant) = match step.action {
         Action::Send(command) => (command, true),
         Action::Hold(held) => (held.0, false),
-        Action::Go(_) | Action::Say(_) | Action::Expect(_) => return None,
+        Action::Go(_) | Action::Say(_) | Action::Expect(_) | Action::Gate(_) => return None,
     };
     Some((Event { is_instant, ..from.event(step.at.micros(), command, Kind::Command) }, from.order))
 }

@@ -45,7 +45,7 @@ impl Scheduler<'_> {
             }
         }
         let targets: Vec<f64> = motion.values().iter().map(|glide| glide.to).collect();
-        self.sample(end, going, &targets, from);
+        self.sample(end, going, &targets, self.before_gate(at, end, from));
     }
 
     /// Whether the budget allows the samples of this move. Moves that do not overlap stay within

@@ -1,14 +1,18 @@
 //! Decides what to send, as a pure function of time and inputs.
 //!
 //! A frame later than the limit is not sent, and the run ends. A sample or a refresh is dropped if a newer frame for the same
-//! resource is due. Every early end and every pause is a [`Halt`].
+//! resource is due. Every early end and every pause is a [`Halt`]. At a gate, the clock of the script is stopped.
 
+mod gates;
+mod pauses;
+
+use super::gate::Closed;
 use super::halt::{Halt, Outbox, Stops};
 use super::judge::Judge;
-use super::messages::{Cause, Input, Notice, Order, Outcome, SIGTSTP, Stop};
+use super::messages::{Cause, Input, Notice, Order, Outcome, Stop};
 use crate::board::{Board, Report, State};
 use crate::source::Span;
-use crate::timeline::{Cue, Event, Kind, Mark, Timeline};
+use crate::timeline::{Cue, Cut, Event, Gate, Kind, Mark, Timeline};
 use crate::units::{Micros, Nanos};
 
 /// Plays one timeline.
@@ -19,7 +23,10 @@ pub struct Player<'t> {
     stops: Stops,
     cues: &'t [Cue],
     marks: &'t [Mark],
+    gates: &'t [Gate],
     judge: Judge<'t>,
+    /// How often a drive command is sent again at a closed gate.
+    refresh: Option<Nanos>,
     /// The repeated pass of an endless run.
     again: Option<&'t Timeline>,
     /// The commands sent to the board, in this pass and earlier ones.
@@ -36,10 +43,18 @@ pub struct Player<'t> {
     next: usize,
     next_cue: usize,
     next_mark: usize,
+    next_gate: usize,
+    /// What comes after the next gate, or the end of the pass.
+    limit: Cut,
+    /// The gate that is closed.
+    closed: Option<Closed>,
+    /// For each resource that must be refreshed, the last event that set it, and when its frame was sent last, on the clock of
+    /// the run.
+    driven: Vec<(usize, Nanos)>,
     /// When marks and `say` lines were reported last, and how many since then, for less than [`SAY_EVERY`].
     said: (Nanos, usize),
     out: Outbox,
-    /// When the bytes in `out` were due, in the time of the script.
+    /// When the bytes in `out` were due, on the clock of the run.
     due: Nanos,
     /// How many frames of the timeline are in `out`.
     pending: usize,
@@ -82,7 +97,9 @@ impl<'t> Player<'t> {
             stops: Stops::of(board, &timeline.abort),
             cues: &timeline.cues,
             marks: &timeline.marks,
+            gates: &timeline.gates,
             judge: Judge::new(&timeline.expects),
+            refresh: timeline.refresh.map(Micros::nanos),
             again: None,
             state: State::new(board),
             pass: 1,
@@ -94,6 +111,10 @@ impl<'t> Player<'t> {
             next: 0,
             next_cue: 0,
             next_mark: 0,
+            next_gate: 0,
+            limit: first_limit(timeline),
+            closed: None,
+            driven: vec![(0, Nanos::ZERO); board.resources.len()],
             said: (Nanos::ZERO, 0),
             out: Outbox::new(board.zeros_after_flush(commands), board.codec.longest),
             due: Nanos::ZERO,
@@ -106,13 +127,13 @@ impl<'t> Player<'t> {
         }
     }
 
-    /// Repeats `again` forever after the timeline. A pass that takes no time is ignored.
+    /// Repeats `again` forever after the timeline. A pass that takes no time and has no gate is ignored.
     #[must_use]
     pub fn again_and_again(mut self, again: &'t Timeline) -> Self {
         self.judge.make_room(again.expects.len());
         let commands = again.events.iter().map(|event| &event.command);
         self.out.needs_zeros(self.board.zeros_after_flush(commands));
-        self.again = Some(again).filter(|again| again.end > Micros::ZERO);
+        self.again = Some(again).filter(|again| again.end > Micros::ZERO || !again.gates.is_empty());
         self
     }
 
@@ -124,9 +145,11 @@ impl<'t> Player<'t> {
         self.events = &again.events;
         self.cues = &again.cues;
         self.marks = &again.marks;
+        self.gates = &again.gates;
+        self.limit = first_limit(again);
         self.judge.restart(&again.expects);
         self.end = again.end.nanos();
-        (self.next, self.next_cue, self.next_mark, self.last) = (0, 0, 0, None);
+        (self.next, self.next_cue, self.next_mark, self.next_gate, self.last) = (0, 0, 0, 0, None);
         notices(Notice::Pass { pass: self.pass });
     }
 
@@ -157,7 +180,7 @@ impl<'t> Player<'t> {
     pub fn script_time(&self, now: Nanos) -> Nanos {
         match self.phase {
             Phase::Pausing(_, at, ..) | Phase::Paused(at) | Phase::Stepping(at) => at,
-            _ => self.since_origin(now),
+            _ => self.gate_time().unwrap_or_else(|| self.since_origin(now)),
         }
     }
 
@@ -175,12 +198,14 @@ impl<'t> Player<'t> {
             // After the end and during a pause, nothing is judged, but the newest report is kept.
             _ => self.judge.note(now, report),
         }
+        self.hear_at_gate(now, report, notices);
     }
 
-    /// Whether an `expect` is due at `now`, so that received reports must be read first.
+    /// Whether an `expect` or a gate is due at `now`, so that received reports must be read first.
     pub fn judges_at(&self, now: Nanos) -> bool {
-        let is_due = |due: Nanos| due <= self.since_origin(now);
-        matches!(self.phase, Phase::Playing) && self.judge.next_due().is_some_and(is_due)
+        let time = self.since_origin(now);
+        let judges = self.judge.next_due(self.limit.expects).is_some_and(|due| due <= time);
+        matches!(self.phase, Phase::Playing) && (judges || self.closes_at(time))
     }
 
     /// The time of a running script at `now`.
@@ -193,6 +218,12 @@ impl<'t> Player<'t> {
         if input == Input::Help {
             notices(Notice::Help);
         }
+        let order = self.act(now, input, notices);
+        self.stop_at_gate(now, notices);
+        order
+    }
+
+    fn act(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         match &mut self.phase {
             Phase::Playing => self.play(now, input, notices),
             Phase::Ending(halt, outcome) => match halt.poll(now, input, &self.stops, &mut self.out) {
@@ -240,54 +271,92 @@ impl<'t> Player<'t> {
         if let Some(cause) = input.end() {
             return self.end_early(cause, now);
         }
-        let time = self.since_origin(now);
+        let time = self.script_time(now);
         if matches!(input, Input::Suspend | Input::Pause) {
             return self.pause(time, now, input == Input::Suspend);
         }
-        if let Input::Wrote(count) = input
-            && self.out.took(count)
-        {
-            self.sent += std::mem::take(&mut self.pending);
+        self.note_go(input);
+        if let Some(order) = self.write(now, input) {
+            return order;
         }
-        if !self.out.is_empty() {
-            let give_up = self.due.saturating_add(self.max_late);
-            return match input {
-                _ if time > give_up => self.end_early(Cause::Stalled, now),
-                Input::Blocked => self.wait(give_up + Nanos(1), true),
-                _ => Order::Write,
-            };
+        if self.closed.is_some() {
+            return self.wait_at_gate(now, notices);
         }
         self.say(time, now, notices);
         // Judged before frames that are due at the same time are sent.
-        if let Some(failed) = self.judge.poll(time, now, &mut |verdict| notices(Notice::Judged(verdict))) {
+        let mut judged = |verdict| notices(Notice::Judged(verdict));
+        if let Some(failed) = self.judge.poll(self.limit.expects, (time, now), &mut judged) {
             return self.end_early(Cause::Expect(failed), now);
         }
-        if let Some(late) = self.gather(time, notices) {
+        if let Some(late) = self.gather(time, now, notices) {
             return self.end_early(Cause::Late(late), now);
         }
         if !self.out.is_empty() {
             return Order::Write;
         }
-        let next_event = self.events.get(self.next).map(due);
+        let next_event = self.coming().first().map(due);
         // The next pass begins at its time.
         let next_said = self.next_said().filter(|_| time < self.end || self.again.is_none());
-        match next_event.into_iter().chain(next_said).chain(self.judge.next_due()).min() {
+        let next_expect = self.judge.next_due(self.limit.expects);
+        match next_event.into_iter().chain(next_said).chain(next_expect).min() {
             Some(until) => self.wait(until, false),
-            None if time < self.end => self.wait(self.end, false),
-            None if self.again.is_some() => {
-                if let Some(again) = self.again {
-                    self.next_pass(again, notices);
-                }
+            None => self.go_on(time, now, notices),
+        }
+    }
+
+    /// Everything before the next gate, or of the pass, has happened.
+    fn go_on(&mut self, time: Nanos, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
+        let gate = self.gates.get(self.next_gate).map(|gate| gate.at.nanos());
+        let until = gate.unwrap_or(self.end);
+        match (gate, self.again) {
+            _ if time < until => self.wait(until, false),
+            (Some(_), _) => {
+                self.close_gate(now, notices);
+                self.wait_at_gate(now, notices)
+            }
+            (None, Some(again)) => {
+                self.next_pass(again, notices);
                 // The first frames of the next pass are due now.
                 self.wait(Nanos::ZERO, false)
             }
-            None => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
+            (None, None) => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
+    }
+
+    /// What to do until the port has accepted all bytes; `None` once it has.
+    fn write(&mut self, now: Nanos, input: Input) -> Option<Order> {
+        if let Input::Wrote(count) = input
+            && self.out.took(count)
+        {
+            self.sent += std::mem::take(&mut self.pending);
+        }
+        let give_up = self.due.saturating_add(self.max_late);
+        match input {
+            _ if self.out.is_empty() => None,
+            _ if now > give_up => Some(self.end_early(Cause::Stalled, now)),
+            Input::Blocked => Some(Order::Wait { until: give_up + Nanos(1), writable: true }),
+            _ => Some(Order::Write),
+        }
+    }
+
+    /// The events that come before the next gate.
+    fn coming(&self) -> &'t [Event] {
+        self.events.get(self.next..self.limit.events).unwrap_or_default()
+    }
+
+    /// Sets the clock of the script.
+    fn set_clock(&mut self, time: Nanos, now: Nanos) {
+        self.origin = i64::try_from(now.0).unwrap_or(i64::MAX).saturating_sub_unsigned(time.0);
+    }
+
+    /// A time of the script as a time of the run.
+    fn run_clock(&self, time: Nanos) -> Nanos {
+        Nanos(time.0.saturating_add_signed(self.origin))
     }
 
     /// An order to wait until a time of the script.
     fn wait(&self, until: Nanos, writable: bool) -> Order {
-        Order::Wait { until: Nanos(until.0.saturating_add_signed(self.origin)), writable }
+        Order::Wait { until: self.run_clock(until), writable }
     }
 
     /// Reports the marks and the `say` lines up to a time, as many as are permitted `now`.
@@ -295,13 +364,16 @@ impl<'t> Player<'t> {
         if now - self.said.0 >= SAY_EVERY {
             self.said = (now, 0);
         }
-        while self.said.1 < SAY_MOST && self.marks.get(self.next_mark).is_some_and(|mark| mark.at.nanos() <= time) {
+        let is_due = |at: Micros| at.nanos() <= time;
+        let marks = self.marks.get(..self.limit.marks).unwrap_or_default();
+        let cues = self.cues.get(..self.limit.cues).unwrap_or_default();
+        while self.said.1 < SAY_MOST && marks.get(self.next_mark).is_some_and(|mark| is_due(mark.at)) {
             notices(Notice::Marked { mark: self.next_mark });
             self.next_mark += 1;
             self.said.1 += 1;
         }
-        while self.said.1 < SAY_MOST && self.cues.get(self.next_cue).is_some_and(|cue| cue.at.nanos() <= time) {
-            notices(Notice::Say { cue: self.next_cue });
+        while self.said.1 < SAY_MOST && cues.get(self.next_cue).is_some_and(|cue| is_due(cue.at)) {
+            notices(Notice::Say { cue: self.next_cue, report: self.judge.fresh(now) });
             self.next_cue += 1;
             self.said.1 += 1;
         }
@@ -309,16 +381,18 @@ impl<'t> Player<'t> {
 
     /// When the next mark or `say` line is reported, in the time of the script.
     fn next_said(&self) -> Option<Nanos> {
-        let cue = self.cues.get(self.next_cue).map(|cue| cue.at.nanos());
-        let mark = self.marks.get(self.next_mark).map(|mark| mark.at.nanos()).filter(|at| *at <= self.end);
+        let marks = self.marks.get(..self.limit.marks).unwrap_or_default();
+        let cues = self.cues.get(..self.limit.cues).unwrap_or_default();
+        let cue = cues.get(self.next_cue).map(|cue| cue.at.nanos());
+        let mark = marks.get(self.next_mark).map(|mark| mark.at.nanos()).filter(|at| *at <= self.end);
         let (since, count) = self.said;
         let permitted = if count < SAY_MOST { Nanos::ZERO } else { self.since_origin(since.saturating_add(SAY_EVERY)) };
         cue.into_iter().chain(mark).min().map(|at| at.max(permitted))
     }
 
     /// Processes every event that is due. Returns the lateness of one that is too late.
-    fn gather(&mut self, time: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Nanos> {
-        let rest = self.events.get(self.next..).unwrap_or_default();
+    fn gather(&mut self, time: Nanos, now: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Nanos> {
+        let rest = self.coming();
         let is_due = rest.iter().take_while(|event| due(event) <= time).count();
         let ready = rest.get(..is_due).unwrap_or_default();
         for (at, event) in ready.iter().enumerate() {
@@ -339,12 +413,13 @@ impl<'t> Player<'t> {
                 continue;
             }
             if self.out.is_empty() {
-                self.due = due(event);
+                self.due = self.run_clock(due(event));
             } else if self.out.is_full() {
                 break;
             }
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.take(event);
+            self.note_drive(event, index, now);
             self.pending += 1;
             self.last = Some(index);
             self.worst_late = self.worst_late.max(late);
@@ -372,7 +447,7 @@ impl<'t> Player<'t> {
         Outcome {
             cause,
             at: (self.passed + time).micros(),
-            place: self.span(place),
+            place: self.closed_span().or(self.span(place)),
             stop: Stop::NotSent,
             sent: self.sent,
             dropped: self.dropped,
@@ -391,95 +466,17 @@ impl<'t> Player<'t> {
         self.halt(Phase::Ending(Halt::new(true, now), outcome))
     }
 
-    /// Stops the robot for a pause, without `on abort`.
-    fn pause(&mut self, time: Nanos, now: Nanos, sleeps: bool) -> Order {
-        let cause = if sleeps { Cause::Signal(SIGTSTP) } else { Cause::Quit };
-        let outcome = self.outcome_at(cause, time);
-        self.halt(Phase::Pausing(Halt::new(false, now), time, outcome, sleeps))
-    }
-
     fn halt(&mut self, phase: Phase) -> Order {
         self.phase = phase;
         self.out.clear();
         self.pending = 0;
         Order::Discard
     }
+}
 
-    fn stand(&mut self, at: Nanos, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
-        match (input.end(), input) {
-            (Some(cause), _) => self.end_early(cause, now),
-            (None, Input::Suspend) => self.pause(at, now, true),
-            (None, Input::Step) => self.step(now, notices),
-            (None, Input::Resume) => {
-                self.phase = Phase::Playing;
-                self.origin = i64::try_from(now.0).unwrap_or(i64::MAX).saturating_sub_unsigned(at.0);
-                self.restore(at);
-                notices(Notice::Resumed { at: at.micros() });
-                self.play(now, Input::Tick, notices)
-            }
-            _ => Order::Stay,
-        }
-    }
-
-    /// Plays the next step: all commands of the next time that has any, except drive commands, which apply when the run continues.
-    fn step(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
-        let rest = self.events.get(self.next..).unwrap_or_default();
-        let Some(at) = rest.iter().find(|event| event.kind != Kind::Refresh).map(due) else { return Order::Stay };
-        let count = rest.iter().take_while(|event| due(event) <= at).count();
-        for event in rest.iter().take(count) {
-            let index = self.next;
-            self.take(event);
-            if self.out.is_full() || self.board.is_drive(&event.command) {
-                notices(Notice::Passed { event: index });
-                continue;
-            }
-            self.out.push(|bytes| self.board.encode(&event.command, bytes));
-            self.pending += 1;
-            self.last = Some(index);
-            notices(Notice::Sent { event: index, late: Nanos::ZERO });
-        }
-        self.say(at, now, notices);
-        self.due = now;
-        self.phase = Phase::Stepping(at);
-        if self.out.is_empty() { self.stepping(at, now, Input::Tick) } else { Order::Write }
-    }
-
-    fn stepping(&mut self, at: Nanos, now: Nanos, input: Input) -> Order {
-        if let Some(cause) = input.end() {
-            return self.end_early(cause, now);
-        }
-        if let Input::Wrote(count) = input
-            && self.out.took(count)
-        {
-            self.sent += std::mem::take(&mut self.pending);
-        }
-        let give_up = self.due.saturating_add(self.max_late);
-        match input {
-            _ if self.out.is_empty() => {
-                self.phase = Phase::Paused(at);
-                Order::Stay
-            }
-            _ if now > give_up => self.end_early(Cause::Stalled, now),
-            Input::Blocked => Order::Wait { until: give_up + Nanos(1), writable: true },
-            _ => Order::Write,
-        }
-    }
-
-    /// Starts paused, at the start of the script.
-    #[must_use]
-    pub fn paused(mut self) -> Self {
-        self.phase = Phase::Paused(Nanos::ZERO);
-        self
-    }
-
-    /// Restores the state from before the pause. Commands that were queued then may not have reached the robot.
-    fn restore(&mut self, at: Nanos) {
-        for command in self.state.commands(self.board) {
-            self.out.push(|bytes| self.board.encode(command, bytes));
-            self.extra += 1;
-        }
-        self.due = at;
-    }
+/// What comes after the first gate of a timeline, or its end.
+fn first_limit(timeline: &Timeline) -> Cut {
+    timeline.gates.first().map_or_else(|| Cut::end(timeline), |gate| gate.next)
 }
 
 /// When an event is due, from the start of the script.

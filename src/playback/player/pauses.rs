@@ -1,0 +1,103 @@
+//! Pauses: the robot is stopped, and the script continues later, or step by step.
+
+use super::super::halt::Halt;
+use super::super::messages::{Cause, Input, Notice, Order, SIGTSTP};
+use super::{Phase, Player, due};
+use crate::timeline::Kind;
+use crate::units::Nanos;
+
+impl Player<'_> {
+    /// Stops the robot for a pause, without `on abort`.
+    pub(super) fn pause(&mut self, time: Nanos, now: Nanos, sleeps: bool) -> Order {
+        if let Some(closed) = &mut self.closed {
+            closed.pause(now);
+        }
+        let cause = if sleeps { Cause::Signal(SIGTSTP) } else { Cause::Quit };
+        let outcome = self.outcome_at(cause, time);
+        self.halt(Phase::Pausing(Halt::new(false, now), time, outcome, sleeps))
+    }
+
+    pub(super) fn stand(&mut self, at: Nanos, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+        match (input.end(), input) {
+            (Some(cause), _) => self.end_early(cause, now),
+            (None, Input::Suspend) => self.pause(at, now, true),
+            (None, Input::Step) => self.step(now, notices),
+            (None, Input::Resume) => {
+                self.phase = Phase::Playing;
+                self.set_clock(at, now);
+                self.restore(now);
+                if let Some(closed) = &mut self.closed {
+                    closed.resume(now);
+                }
+                notices(Notice::Resumed { at: at.micros() });
+                self.play(now, Input::Tick, notices)
+            }
+            _ => Order::Stay,
+        }
+    }
+
+    /// Plays the next step: all commands of the next time that has any, except drive commands, which apply when the run continues.
+    fn step(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
+        if let Some(order) = self.step_through_gate(now, notices) {
+            return order;
+        }
+        let rest = self.coming();
+        let gate = self.gates.get(self.next_gate).map(|gate| gate.at.nanos());
+        let event = rest.iter().find(|event| event.kind != Kind::Refresh).map(due);
+        // A gate is a step, too.
+        let Some(at) = event.or(gate) else { return Order::Stay };
+        let count = rest.iter().take_while(|event| due(event) <= at).count();
+        for event in rest.iter().take(count) {
+            let index = self.next;
+            self.take(event);
+            if self.out.is_full() || self.board.is_drive(&event.command) {
+                self.note_drive(event, index, now);
+                notices(Notice::Withheld { event: index });
+                continue;
+            }
+            self.out.push(|bytes| self.board.encode(&event.command, bytes));
+            self.pending += 1;
+            self.last = Some(index);
+            notices(Notice::Sent { event: index, late: Nanos::ZERO });
+        }
+        self.say(at, now, notices);
+        self.due = now;
+        self.phase = Phase::Stepping(at);
+        if event.is_none() {
+            self.close_gate(now, notices);
+            // Its time does not count. The next step opens it.
+            self.closed.iter_mut().for_each(|closed| closed.pause(now));
+        }
+        self.stepping(at, now, Input::Tick)
+    }
+
+    pub(super) fn stepping(&mut self, at: Nanos, now: Nanos, input: Input) -> Order {
+        if let Some(cause) = input.end() {
+            return self.end_early(cause, now);
+        }
+        if let Some(order) = self.write(now, input) {
+            return order;
+        }
+        self.phase = Phase::Paused(at);
+        Order::Stay
+    }
+
+    /// Starts paused, at the start of the script.
+    #[must_use]
+    pub fn paused(mut self) -> Self {
+        self.phase = Phase::Paused(Nanos::ZERO);
+        self
+    }
+
+    /// Restores the state from before the pause. Commands that were queued then may not have reached the robot.
+    fn restore(&mut self, now: Nanos) {
+        for command in self.state.commands(self.board) {
+            self.out.push(|bytes| self.board.encode(command, bytes));
+            self.extra += 1;
+        }
+        for (_, sent) in &mut self.driven {
+            *sent = now;
+        }
+        self.due = now;
+    }
+}
