@@ -10,7 +10,7 @@ formatted, played at another speed, cut in two) must send the same frames.
 A script is skipped if its frames depend on the last bit of a sine, a power of two or a bounce (a
 sample halfway between two whole numbers).
 
-Not covered: several robots, gates (`wait until`, `wait go`), boards other than the Raspblock, and the text of messages.
+Not covered: several robots, the places where a gate is refused, boards other than the Raspblock, and the text of messages.
 
 If the program has a known bug, name it here and make the random scripts avoid it until it is fixed.
 """
@@ -166,6 +166,32 @@ def check_comment(program, text, dice):
     if not isinstance(wanted, str):
         wanted = [(*sent, line + (line > place)) for *sent, line in wanted]
     return difference(wanted, program.render(changed))
+
+
+# What may be wrong with a gate at a place where a script has none.
+AT_GATES = ["gate-overlap", "gate-time", "gate-refresh", "setting-place"]
+
+
+def check_gate(program, text, dice):
+    """A gate between two lines changes no frame at any other time."""
+    lines = text.splitlines()
+    inside = {number for first, last in blocks_of(lines) for number in range(first, last)}
+    places = [number + 1 for number in range(len(lines)) if number not in inside]
+    places = [place for place in places if not (lines[place:] and lines[place].startswith("else"))]
+    if not places:
+        return None
+    place = dice.choice(places)
+    gate = dice.choice(["wait go within 5s", "wait go within 60s or continue", "wait until yaw > 3deg within 5s"])
+    changed = program.render("\n".join(lines[:place] + [gate] + lines[place:]) + "\n")
+    wanted = program.render(text)
+    if changed in AT_GATES or isinstance(wanted, str):
+        return None
+    if isinstance(changed, str):
+        return f"refused: {changed}"
+    moment = next(at for at, _, kind, _ in changed if kind == "gate")
+    found = [sent for sent in changed if sent[0] != moment and sent[2] != "auto"]
+    wanted = [(*sent, line + (line > place)) for *sent, line in wanted if sent[0] != moment and sent[2] != "auto"]
+    return difference(wanted, found)
 
 
 def check_inline(program, text, _):
