@@ -8,6 +8,7 @@ use crate::support::board::OnBoard;
 use crate::support::far::{FarEnd, assert_stopped, bytes, commands};
 use crate::support::{Scratch, code, motionseq, rendered, script, stderr, stdout};
 use motionseq::faults::Faults;
+use motionseq::link::Pty;
 use motionseq::playback::{Cause, GateEnd, Passage};
 use motionseq::program::Options;
 use motionseq::sim::Settings;
@@ -182,7 +183,7 @@ fn a_board_that_reports_nothing_ends_the_turn_and_so_does_a_kill() {
     let words = "`wait until turned > 20deg within 5s` failed: the board has reported nothing for 500 ms while the robot was driving";
     assert!(stderr(&output).contains(words), "{}", stderr(&output));
     // Nothing reports at the far end: the gate is closed, and the drive is refreshed.
-    for (signal, exit) in [(Signal::INT, Some(130)), (Signal::KILL, None)] {
+    for (signal, exit) in [(Signal::INT, Some(130)), (Signal::KILL, None), (Signal::STOP, None)] {
         let far = FarEnd::new();
         let waits = script("turn-waits", "rocker z=50\nwait go within 50s\nstop\n");
         let mut child = start(&[&waits, "--port", &far.path, "--go", "stdin", "--max-late", "500ms"]);
@@ -199,6 +200,31 @@ fn a_board_that_reports_nothing_ends_the_turn_and_so_does_a_kill() {
         received.extend(bytes(&far.rest()));
         assert_stopped(&received);
     }
+}
+
+#[test]
+fn noise_and_damaged_reports_open_no_gate() {
+    let waits = script("noise", "wait until yaw > 20deg within 30s\nservo 1 1500\n");
+    let pty = Pty::open().unwrap();
+    let child = start(&[&waits, "--port", pty.path().to_str().unwrap(), "--max-late", "5s"]);
+    // The request for reports.
+    let mut buffer = [0; 4096];
+    assert!(pty.read(&mut buffer).unwrap() > 0);
+    pty.write(&[0xFF; 20_000]).unwrap();
+    for damaged in
+        ["{A0:0:9000", "}#{A0:0:9x00:1200}#", "{A0:0:9000:1200:7}#", "{A0:0:+9000:1200}#", "{0:0:9000:1200}#"]
+    {
+        pty.write(damaged.as_bytes()).unwrap();
+    }
+    pty.write(b"{A0:0:1900:1200}#{A0:0:25").unwrap();
+    pty.write(b"00:1200}#").unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("yaw > 20deg after ") && stderr(&output).contains(": 25.00deg"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 /// A shipped script.

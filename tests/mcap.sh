@@ -9,8 +9,8 @@ trap 'rm -rf "$work"' EXIT
 mkdir "$work/logs"
 
 for script in scripts/*.motion; do
-    # A script whose `expect` fails has a log, too.
-    "$motionseq" play "$script" --speed 4 --log "$work/logs/" -q || (($? == 7))
+    # A script whose `expect` or gate fails has a log, too. Each `wait go` gets a line.
+    "$motionseq" play "$script" --speed 4 --log "$work/logs/" --go stdin -q < <(yes go) || (($? == 7))
 done
 "$motionseq" play scripts/greeting.motion --loop forever --log "$work/logs/killed.mcap" --no-guard -q &
 player=$!

@@ -184,8 +184,15 @@ impl Screen {
 
     /// Writes a warning, even with `-q`.
     pub(super) fn warning(&self, line: &str) {
-        let word = if self.color { "\u{1b}[33;1mwarning\u{1b}[0m" } else { "warning" };
-        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Importance::Droppable);
+        print(&self.headed("warning", "33;1", line), Importance::Droppable);
+    }
+
+    /// A line after a word in a color, folded with the word.
+    fn headed(&self, word: &str, color: &str, line: &str) -> String {
+        let folded = self.folded(&format!("{word}: {line}"));
+        let folded =
+            if self.color { folded.replacen(word, &format!("\u{1b}[{color}m{word}\u{1b}[0m"), 1) } else { folded };
+        format!("{}{folded}\n", self.clearing())
     }
 
     /// Writes an error on a new line, because a shell prompt may precede it.
@@ -198,8 +205,7 @@ impl Screen {
 
     /// Writes an error that is not about a script, even with `-q`.
     pub(super) fn error(&self, line: &str) {
-        let word = if self.color { "\u{1b}[31;1merror\u{1b}[0m" } else { "error" };
-        print(&format!("{}{word}: {}\n", self.clearing(), self.folded(line)), Importance::Required);
+        print(&self.headed("error", "31;1", line), Importance::Required);
     }
 
     /// Writes why a script cannot be read.
