@@ -2,7 +2,7 @@
 # Runs the tests of ports as an ordinary user. Needs root to switch users. Cargo gives the name of the test binary.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-binary=$(cargo test --no-run --test tests 2>&1 | sed -n 's/.*(\(.*\))$/\1/p')
+binary=$(cargo test --no-run --test tests 2>&1 | sed -n 's/^ *Executable .*(\(.*\))$/\1/p')
 # That user may not be able to read this folder: it gets a copy of what the tests read, and of the program.
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
