@@ -210,7 +210,7 @@ fn noise_and_damaged_reports_open_no_gate() {
     // The request for reports.
     let mut buffer = [0; 4096];
     assert!(pty.read(&mut buffer).unwrap() > 0);
-    pty.write(&[0xFF; 20_000]).unwrap();
+    pty.write(&[0xFF; 16_000]).unwrap();
     for damaged in
         ["{A0:0:9000", "}#{A0:0:9x00:1200}#", "{A0:0:9000:1200:7}#", "{A0:0:+9000:1200}#", "{0:0:9000:1200}#"]
     {
