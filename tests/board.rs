@@ -214,7 +214,7 @@ proptest! {
 /// The reports in a stream, and the number of malformed ones.
 fn reports(chunks: &[&[u8]]) -> (Vec<Report>, usize) {
     let (mut found, mut malformed) = (Vec::new(), 0);
-    let mut decoder = ReportDecoder::new(board().codec.replies);
+    let mut decoder = ReportDecoder::new(board());
     for chunk in chunks {
         decoder.feed(chunk, |item| match item {
             ReportItem::Report(report) => found.push(report),
@@ -240,7 +240,7 @@ fn a_report_is_read_in_any_pieces() {
     }
     assert_eq!(reports(&[&[&line[..], line].concat()]), (vec![report(); 2], 0));
     assert_eq!(reports(&[b"\xFF\x00}#noise", line, b"###\n"]), (vec![report()], 0));
-    assert_eq!(report().value(1).to_string(), "-1.20");
+    assert_eq!(report().value(1).unwrap().to_string(), "-1.20");
     assert_eq!(Hundredths(-5).to_string(), "-0.05");
 }
 

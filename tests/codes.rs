@@ -12,18 +12,32 @@ use serde_json::Value;
 
 /// The codes of a script in a folder with a file of phrases.
 fn codes(text: &[u8]) -> Vec<Code> {
-    codes_of(text, false)
+    codes_of(text, Kind::Script)
 }
 
-/// The codes of a script or of a configuration file.
-fn codes_of(text: &[u8], is_config: bool) -> Vec<Code> {
+/// What an example is.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Script,
+    Config,
+    Board,
+}
+
+/// The codes of an example.
+fn codes_of(text: &[u8], kind: Kind) -> Vec<Code> {
     static COUNT: AtomicUsize = AtomicUsize::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
     let folder = std::env::temp_dir().join(format!("motionseq-codes-{}-{number}", std::process::id()));
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join("phrases.motion"), "def nod() { servo 2 1700 }\n").unwrap();
     let path = folder.join("x.motion");
-    if is_config {
+    let text = if kind == Kind::Board {
+        fs::write(folder.join("robot.toml"), text).unwrap();
+        b"board \"robot.toml\"\nwait 1s\n"
+    } else {
+        text
+    };
+    if kind == Kind::Config {
         // The program reads the configuration, not the library.
         fs::write(folder.join("motionseq.toml"), text).unwrap();
         fs::write(&path, "servo 1 1500\n").unwrap();
@@ -64,8 +78,12 @@ fn examples_are_wrong_and_right_as_they_say() {
             }
             None => wrong,
         };
-        let is_config = code.name().starts_with("config-");
-        let (wrong, right) = (codes_of(&wrong, is_config), codes_of(right.as_bytes(), is_config));
+        let kind = match code.name() {
+            name if name.starts_with("config-") => Kind::Config,
+            name if name.starts_with("board-") && code != Code::BoardFile => Kind::Board,
+            _ => Kind::Script,
+        };
+        let (wrong, right) = (codes_of(&wrong, kind), codes_of(right.as_bytes(), kind));
         if wrong != [code] || !right.is_empty() {
             strange.push((code, wrong, right));
         }

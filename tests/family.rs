@@ -5,10 +5,10 @@
 use std::sync::Arc;
 
 use motionseq::board::{
-    Activity, Axis, Board, BufferStart, Codec, Command, Frame, FrameError, NotACommand, OutOfRange, Quantity, Report,
-    ReportLine, Resource, Sets, Simulation, Skip, State, Text, Unit, ValueForm, Verb, VerbId,
+    Activity, Axis, Board, BufferStart, Codec, Command, DefaultLimit, Frame, FrameError, Limited, NotACommand,
+    OutOfRange, Quantity, Replies, Resource, Sets, Simulation, Skip, State, Text, Unit, ValueForm, Verb, VerbId,
 };
-use motionseq::capture::{Reading, ScriptWriter, TimedDecoder, decode};
+use motionseq::capture::{Reading, ScriptWriter, TimedDecoder, decode, to_script};
 use motionseq::diagnostic::Code;
 use motionseq::diff::diff;
 use motionseq::faults::{Faults, Faulty};
@@ -30,51 +30,58 @@ const FAN: VerbId = VerbId(1);
 const CHIME: VerbId = VerbId(2);
 
 /// The format is `<L 2 500>`: a letter for the verb, and its values.
-fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
-    let letter = ['L', 'F', 'C'][command.verb().row()];
-    let values: String = command.values().iter().map(|value| format!(" {value}")).collect();
-    out.extend(format!("<{letter}{values}>").bytes());
-}
-
-fn length(board: &Board, command: &Command) -> usize {
-    let mut out = Vec::new();
-    encode(board, command, &mut out);
-    out.len()
-}
-
-fn check(bytes: &[u8]) -> Result<(), FrameError> {
-    match bytes {
-        [b'<', inner @ .., b'>'] if !inner.contains(&b'>') => Ok(()),
-        [b'<', ..] => Err(FrameError::Length),
-        _ => Err(FrameError::NoHeader),
-    }
-}
-
-fn read(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
-    let text = std::str::from_utf8(frame).map_err(|_| NotACommand::Unknown)?;
-    let inner = text.strip_prefix('<').and_then(|text| text.strip_suffix('>')).ok_or(NotACommand::Unknown)?;
-    let mut words = inner.split(' ');
-    let verb = match words.next() {
-        Some("L") => LAMP,
-        Some("F") => FAN,
-        Some("C") => CHIME,
-        _ => return Err(NotACommand::Unknown),
-    };
-    let values: Result<Vec<i32>, _> = words.map(str::parse).collect();
-    let command = board.command(verb, &values.map_err(|_| NotACommand::Unknown)?)?;
-    if board.to_frame(&command) == frame { Ok(command) } else { Err(NotACommand::Inconsistent) }
-}
+#[derive(Debug)]
+struct Angled;
 
 fn next_start(bytes: &[u8]) -> usize {
     bytes.iter().skip(1).position(|byte| *byte == b'<').map_or(bytes.len(), |at| at + 1)
 }
 
-fn front(bytes: &[u8], _: bool) -> BufferStart {
-    match bytes.iter().position(|byte| *byte == b'>') {
-        _ if bytes[0] != b'<' => BufferStart::Skip(next_start(bytes), Skip::Noise),
-        Some(end) => BufferStart::Frame(end + 1),
-        None if bytes.len() > 32 => BufferStart::Skip(next_start(bytes), Skip::Torn),
-        None => BufferStart::NeedMore,
+impl Codec for Angled {
+    fn encode(&self, _: &Board, command: &Command, out: &mut Vec<u8>) {
+        let letter = ['L', 'F', 'C'][command.verb().row()];
+        let values: String = command.values().iter().map(|value| format!(" {value}")).collect();
+        out.extend(format!("<{letter}{values}>").bytes());
+    }
+
+    fn check(&self, bytes: &[u8]) -> Result<(), FrameError> {
+        match bytes {
+            [b'<', inner @ .., b'>'] if !inner.contains(&b'>') => Ok(()),
+            [b'<', ..] => Err(FrameError::Length),
+            _ => Err(FrameError::NoHeader),
+        }
+    }
+
+    fn decode(&self, board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
+        let text = std::str::from_utf8(frame).map_err(|_| NotACommand::Unknown)?;
+        let inner = text.strip_prefix('<').and_then(|text| text.strip_suffix('>')).ok_or(NotACommand::Unknown)?;
+        let mut words = inner.split(' ');
+        let verb = match words.next() {
+            Some("L") => LAMP,
+            Some("F") => FAN,
+            Some("C") => CHIME,
+            _ => return Err(NotACommand::Unknown),
+        };
+        let values: Result<Vec<i32>, _> = words.map(str::parse).collect();
+        let command = board.command(verb, &values.map_err(|_| NotACommand::Unknown)?)?;
+        if board.to_frame(&command) == frame { Ok(command) } else { Err(NotACommand::Inconsistent) }
+    }
+
+    fn front(&self, bytes: &[u8], _: bool) -> BufferStart {
+        match bytes.iter().position(|byte| *byte == b'>') {
+            _ if bytes[0] != b'<' => BufferStart::Skip(next_start(bytes), Skip::Noise),
+            Some(end) => BufferStart::Frame(end + 1),
+            None if bytes.len() > 32 => BufferStart::Skip(next_start(bytes), Skip::Torn),
+            None => BufferStart::NeedMore,
+        }
+    }
+
+    fn next_start(&self, bytes: &[u8]) -> usize {
+        next_start(bytes)
+    }
+
+    fn longest(&self) -> usize {
+        64
     }
 }
 
@@ -84,7 +91,7 @@ fn owned(text: &str) -> Text {
 
 fn axis(what: &str, range: (i32, i32), takes: ValueForm) -> Axis {
     let (name, key, why) = (owned(""), owned(""), owned(""));
-    Axis { name, what: owned(what), key, range, takes, unit: Unit::None, why }
+    Axis { name, what: owned(what), key, range, scale: 1, takes, unit: Unit::default(), why }
 }
 
 fn verb(word: &str, usage: &str, axes: Vec<Axis>, sets: Sets) -> Verb {
@@ -102,6 +109,9 @@ fn verb(word: &str, usage: &str, axes: Vec<Axis>, sets: Sets) -> Verb {
         frames: owned("the chimes"),
         is: None,
         alias: None,
+        forgets: false,
+        uses_as: owned(""),
+        takes_names: false,
         tolerance: 3,
     }
 }
@@ -116,7 +126,8 @@ fn resource(name: &str, key: &str) -> Resource {
         rest,
         activity,
         idle,
-        needs_refresh: false,
+        drives: false,
+        refresh: None,
         is_exclusive: true,
         speed,
     }
@@ -131,7 +142,9 @@ fn lamps() -> Arc<Board> {
     };
     let board = Board {
         name: owned("Lamps"),
+        line: owned("lamps"),
         baud: 9_600,
+        max_baud: 115_200,
         resources: vec![
             resource("lamp 1", "lamp_1"),
             resource("lamp 2", "lamp_2"),
@@ -171,26 +184,21 @@ fn lamps() -> Arc<Board> {
             shown: owned("{} warm"),
             range: None,
             step: None,
+            request: None,
         })],
         changes: Vec::new(),
         reporting: None,
+        hello: Vec::new(),
+        goodbye: Vec::new(),
         stop: Vec::new(),
+        without_stop: owned(""),
+        flushes: true,
         ambiguity: None,
         foreign: vec![(owned("blink"), owned("lamp 1 0 -> 1000 over 1s"))],
         picture: None,
         simulation: Simulation::State,
-        codec: Codec {
-            encode,
-            length,
-            check,
-            decode: read,
-            raw: |_, _| None,
-            front,
-            next_start,
-            longest: 64,
-            resync: |_| 0,
-            replies: ReportLine { bounds: (b'(', b')'), read: |_| None, write: |_: &Report| String::new() },
-        },
+        codec: Arc::new(Angled),
+        replies: Replies::None,
     };
     let off = board.command_named("fan", &[0]).unwrap();
     let mut board = Board { stop: vec![off.clone()], ..board };
@@ -260,9 +268,9 @@ fn its_errors_use_its_words() {
     assert_eq!(first("chime loud\n").1, "`chime` does not take `loud`");
     let compiled = motionseq::compile(&Source::new("x", "blink\n").into(), &Options::default().with_board(lamps()));
     assert_eq!(compiled.diagnostics.iter().next().unwrap().help, "did you mean `lamp 1 0 -> 1000 over 1s`?");
-    // Words of another family are unknown.
+    // A word of another family names the family that has it.
     for line in ["servo 1 1500\n", "stop\n", "raw 4 1\n"] {
-        assert_eq!(first(line).0, Code::UnknownWord, "{line}");
+        assert_eq!(first(line).0, Code::WrongBoard, "{line}");
     }
     // It reports warmth, and no quantity of another board.
     assert_eq!(first("expect voltage > 3V\n").0, Code::InvalidArgument);
@@ -337,9 +345,29 @@ fn it_is_decoded_and_folded() {
     }
     writer.finish(Micros(2_000_000));
     let text = writer.settled();
-    let lines: Vec<&str> = text.lines().skip(2).collect();
+    // Its line is in no table of families.
+    let (head, text) = text.split_once("\nboard lamps\n").unwrap();
+    assert!(head.starts_with("# Recorded") && !head.contains('\n'), "{head}");
+    let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(lines, ["lamp 2 0", "wait 0.5s", "lamp 2 1000 over 1s", "fan on for 0.3s"], "{text}");
-    assert_eq!(compiled(&text).events.len(), played.events.len());
+    assert_eq!(compiled(text).events.len(), played.events.len());
+}
+
+#[test]
+fn limits_in_a_recording_follow_its_board() {
+    let limited = Limited { verb: LAMP, index: Some(2), axis: None };
+    let limit = DefaultLimit { limited, range: (0, 500), why: owned(""), unless: owned("") };
+    let board = Arc::new(Board { limits: vec![limit], ..Board::clone(&lamps()) });
+    let head = |bytes: &[u8]| {
+        let mut out = Vec::new();
+        let reading = Reading::default().with_board(Arc::clone(&board)).with_baud(Some(19_200));
+        to_script(bytes, reading, false, &mut out).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        let lines: Vec<String> = text.lines().skip(1).map(|line| line.trim_end().to_owned()).collect();
+        lines.into_iter().filter(|line| !line.is_empty()).collect::<Vec<_>>()
+    };
+    assert_eq!(head(b"<L 2 500>"), ["board lamps # Lamp 2 is at most 500", "baud 19200", "lamp 2 500"]);
+    assert_eq!(head(b"<L 2 501>"), ["board lamps", "limit lamp 2 0..1000", "baud 19200", "lamp 2 501"]);
 }
 
 #[test]
@@ -413,7 +441,12 @@ fn every_corner_of_every_verb_passes_both_ways() {
                     let mut values = corners(verb)[0].clone();
                     values[at] = value;
                     let (min, max) = axis.range;
-                    assert_eq!(board.command(id, &values), Err(OutOfRange { value, min, max }.into()), "{}", verb.word);
+                    assert_eq!(
+                        board.command(id, &values),
+                        Err(OutOfRange { value, min, max, scale: axis.scale }.into()),
+                        "{}",
+                        verb.word
+                    );
                 }
             }
         }

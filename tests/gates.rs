@@ -72,7 +72,7 @@ fn play_from(mut player: Player<'_>, events: &[(u64, Event)]) -> Played {
                 continue;
             }
             // The shell continues it at once.
-            Order::Discard | Order::Suspend => {
+            Order::Halt { .. } | Order::Suspend => {
                 input = Input::Tick;
                 continue;
             }
@@ -301,7 +301,7 @@ fn a_gate_that_opens_late_is_late() {
         let count = player.bytes().len();
         player.poll(Nanos::ZERO, Input::Wrote(count), &mut none);
         // The machine slept past the limit of the gate: the robot may have stopped, and must not start again.
-        assert_eq!(player.poll(MS * 1_500, input, &mut none), Order::Discard);
+        assert_eq!(player.poll(MS * 1_500, input, &mut none), Order::Halt { discards: true });
     }
 }
 
@@ -445,7 +445,7 @@ fn a_machine_that_slept_at_a_gate_sends_nothing_late() {
         Order::Wait { until: MS * 50, writable: false }
     );
     // 700 ms later, the frame that was due after 50 ms is not sent.
-    assert_eq!(player.poll(MS * 700, Input::Tick, &mut none), Order::Discard);
+    assert_eq!(player.poll(MS * 700, Input::Tick, &mut none), Order::Halt { discards: true });
 }
 
 #[test]

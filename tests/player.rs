@@ -2,7 +2,7 @@
 
 use crate::support::board::{OnBoard, board, say, state, stop};
 use crate::support::far::commands;
-use motionseq::board::{Hundredths, Report, State};
+use motionseq::board::{Hundredths, State, raspblock};
 use motionseq::playback::{Cause, Input, Notice, Order, Outcome, Player, Stop};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Source, Sources};
@@ -73,7 +73,9 @@ impl<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>> World<F> {
                     world.waits_since = None;
                     // Opens any gate.
                     player.answer(Some(Hundredths(99_999)));
-                    player.hear(world.now, Report::default(), &mut |notice| world.notices.push(notice));
+                    player.hear(world.now, raspblock::report(Hundredths(0), Hundredths(0)), &mut |notice| {
+                        world.notices.push(notice);
+                    });
                     Input::Go
                 }
                 Order::Write => {
@@ -85,7 +87,7 @@ impl<F: FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)>> World<F> {
                     world.now = until;
                     Input::Tick
                 }
-                Order::Discard | Order::Done | Order::Suspend => Input::Tick,
+                Order::Halt { .. } | Order::Done | Order::Suspend => Input::Tick,
                 other => panic!("nothing can end {other:?}"),
             };
         }
@@ -203,7 +205,7 @@ const ENDS: [(Input, Cause); 6] = [
 fn once(cut: usize, input: Input) -> impl FnMut(Nanos, Order, usize) -> Option<(Nanos, Input)> {
     let mut done = false;
     move |now, order, given| {
-        let now_is_the_time = given == cut && !done && !matches!(order, Order::Discard);
+        let now_is_the_time = given == cut && !done && !matches!(order, Order::Halt { discards: true });
         now_is_the_time.then(|| {
             done = true;
             (now, input)
@@ -378,7 +380,7 @@ fn a_second_ctrl_z_at_a_pause_sleeps_again() {
 fn a_second_signal_skips_nothing() {
     let timeline = timeline(SCRIPT);
     let meddle = |now, order, given| {
-        (given > 0 && !matches!(order, Order::Write | Order::Discard)).then_some((now + MS, Input::Signal(15)))
+        (given > 0 && !matches!(order, Order::Write | Order::Halt { .. })).then_some((now + MS, Input::Signal(15)))
     };
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!((outcome.cause, outcome.stop), (Cause::Signal(15), Stop::Sent));
@@ -394,7 +396,7 @@ fn the_queue_is_discarded_before_the_stop() {
         (orders.len() == 2).then_some((now, Input::Signal(2))).filter(|_| given == 1)
     };
     World::run(meddle, &timeline);
-    let write = orders.iter().rposition(|order| *order == Order::Discard).unwrap();
+    let write = orders.iter().rposition(|order| *order == Order::Halt { discards: true }).unwrap();
     assert_eq!(orders[write + 1], Order::Write);
 }
 
@@ -490,7 +492,7 @@ fn a_port_that_takes_bytes_again_after_the_flush_gets_the_stop() {
     let timeline = timeline(SCRIPT);
     let mut flushed = false;
     let meddle = |now, order, given| {
-        flushed |= order == Order::Discard;
+        flushed |= order == Order::Halt { discards: true };
         (given >= 1 && !flushed && order == Order::Write).then_some((now, Input::Blocked))
     };
     let (world, outcome) = World::run(meddle, &timeline);
@@ -534,7 +536,7 @@ fn on_abort_follows_the_stop_at_its_times() {
     let script = "rocker x=10 for 1s\non abort { buzzer on for 200ms; servo 1 1000 -> 2000 over 40ms }";
     let timeline = timeline(script);
     let meddle = |now, order, given| {
-        (given == 1 && !matches!(order, Order::Write | Order::Discard)).then_some((now, Input::Signal(2)))
+        (given == 1 && !matches!(order, Order::Write | Order::Halt { .. })).then_some((now, Input::Signal(2)))
     };
     let (world, outcome) = World::run(meddle, &timeline);
     assert_eq!(outcome.stop, Stop::Sent);
@@ -590,7 +592,7 @@ fn on_abort_does_not_follow_a_stop_that_was_not_sent() {
 fn a_raw_frame_in_on_abort_is_followed_by_a_stop() {
     let timeline = timeline("servo 1 1500\nwait 1s\non abort { raw 0x04 1 }");
     let meddle = |now, order, given| {
-        (given == 1 && !matches!(order, Order::Write | Order::Discard)).then_some((now, Input::Signal(2)))
+        (given == 1 && !matches!(order, Order::Write | Order::Halt { .. })).then_some((now, Input::Signal(2)))
     };
     let (world, _) = World::run(meddle, &timeline);
     let sent: Vec<String> = commands(&world.bytes()).iter().map(OnBoard::said).collect();

@@ -169,7 +169,7 @@ fn mistakes_are_shown_at_their_places_and_nothing_is_compiled() {
         ("deny = [\"left-runing\"]", "1:9", "config-value", "did you mean `left-running`?"),
         ("deny = [\"clash\"]", "1:9", "config-value", "`clash` is an error"),
         ("play.max-late = \"11s\"", "1:17", "config-value", "write 10s or less"),
-        ("[limits]\nservo-2 = \"400..1700\"", "2:12", "config-value", "within the range of the board, 500..2500"),
+        ("[limits]\nservo-2 = \"40..1700\"", "2:12", "config-value", "within the range of the board, 500..2500"),
         ("[limits]\nservo-2 = \"1700..900\"", "2:12", "config-value", "write `900..1700`"),
         ("[limits]\nservo-2 = \"900..wide\"", "2:12", "config-value", "a range is needed here"),
         ("[limits]\nservo-2 = \"900..1700\\nseed 5\"", "2:11", "config-value", "a range is needed here"),

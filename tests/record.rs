@@ -66,7 +66,7 @@ fn decoded_script(frames: &[(u64, Vec<u8>)], exact: bool) -> String {
 /// Replaces the note in the header of a recording, as `record` does in its file.
 fn amend(writer: &mut ScriptWriter, text: &mut String) {
     if let Some((at, new)) = writer.amendment() {
-        text.replace_range(at..at + new.len(), new);
+        text.replace_range(at..at + new.len(), &new);
     }
 }
 

@@ -216,6 +216,25 @@ fn a_watched_script_is_checked_after_each_change_of_it_and_of_what_it_uses() {
 }
 
 #[test]
+fn a_watched_script_is_checked_after_a_change_of_its_board() {
+    let folder = Scratch::new("watch-board");
+    let board = |most: u32| {
+        format!(
+            "name = \"Demo\"\nbaud = 9600\n[verb.turn]\naxes = [{{ name = \"to\", range = \"0..{most}\" }}]\nsend = 'T{{to}}\\n'\n"
+        )
+    };
+    folder.file("demo.toml", board(90).as_bytes());
+    folder.file("turn.motion", b"board \"demo.toml\"\nturn 90\n");
+    let mut check = Watching::start(&folder, &["check", "--watch", "turn.motion"]);
+    let text = check.until("Ctrl-C ends");
+    assert!(text.contains("ok, 1 frame in"), "{text}");
+    folder.file("demo.toml", board(9).as_bytes());
+    let text = check.until("Ctrl-C ends");
+    assert!(text.contains("demo.toml changed\n") && text.contains("out of range"), "{text}");
+    check.interrupt();
+}
+
+#[test]
 fn watched_folders_have_new_scripts_and_pictures_are_drawn_again() {
     let folder = changed("watch-more");
     let mut test = Watching::start(&folder, &["test", "--watch"]);

@@ -95,7 +95,7 @@ fn a_board_without_frames_stops_by_itself() {
 fn reports(faults: &Faults, commands: &[(u64, &str)], until: u64) -> Vec<(u64, Report)> {
     let device = Device::new(std::sync::Arc::clone(crate::support::board::board()), Settings::default());
     let mut board = Faulty::new(device, faults.clone());
-    let mut decoder = ReportDecoder::new(crate::support::board::board().codec.replies);
+    let mut decoder = ReportDecoder::new(crate::support::board::board());
     let mut found = Vec::new();
     let mut commands = commands.iter().peekable();
     for now in (0..=until).step_by(10_000) {
@@ -130,9 +130,12 @@ fn it_reports_ten_times_a_second_between_start_and_stop_and_once_when_asked() {
     ];
     let found = reports(&Faults::default(), &drive, 2_000_000);
     let newest = found.last().unwrap().1;
-    assert_eq!(newest.value(3), Hundredths(-16_000));
+    assert_eq!(newest.value(3), Some(Hundredths(-16_000)));
     let driving = found.iter().find(|(at, _)| *at == 500_000).unwrap().1;
-    assert!(driving.value(0) < Hundredths(1_160) && newest.value(0) > Hundredths(1_195), "{driving:?} {newest:?}");
+    assert!(
+        driving.value(0) < Some(Hundredths(1_160)) && newest.value(0) > Some(Hundredths(1_195)),
+        "{driving:?} {newest:?}"
+    );
 }
 
 #[test]
@@ -167,7 +170,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
     let battery = "battery=6.5V@1s".parse().unwrap();
     let found = reports(&battery, &start, 2_000_000);
     assert!(found.len() > 15);
-    assert!(found.iter().all(|(at, report)| (report.value(0) == Hundredths(650)) == (*at >= 1_000_000)));
+    assert!(found.iter().all(|(at, report)| (report.value(0) == Some(Hundredths(650))) == (*at >= 1_000_000)));
     // Frames to the board are lost too.
     let lossy = "drop=50%".parse().unwrap();
     let rehearsal = rehearse(&timeline("rocker y=10 for 5s"), Settings::default(), lossy, &Answers::default());
@@ -180,7 +183,7 @@ fn faults_are_read_and_happen_the_same_way_every_time() {
 fn judged(script: &str, pieces: &[(u64, Vec<u8>)]) -> (Vec<Verdict>, Cause) {
     let timeline = timeline(script);
     let mut player = Player::new(&timeline, Nanos::from_millis(1_000));
-    let mut decoder = ReportDecoder::new(board().codec.replies);
+    let mut decoder = ReportDecoder::new(board());
     let mut verdicts = Vec::new();
     let mut pieces = pieces.iter().peekable();
     let (mut now, mut input) = (Nanos::ZERO, Input::Tick);
@@ -364,7 +367,7 @@ proptest! {
     #[test]
     fn noise_never_passes(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let mut reports = 0;
-        ReportDecoder::new(board().codec.replies).feed(&bytes, |item| reports += u32::from(matches!(item, ReportItem::Report(_))));
+        ReportDecoder::new(board()).feed(&bytes, |item| reports += u32::from(matches!(item, ReportItem::Report(_))));
         prop_assume!(reports == 0);
         prop_assert_eq!(found("wait 500ms\nexpect voltage >= 0V\n", &[(100_000, bytes)]), [Found::Nothing]);
     }

@@ -3,13 +3,13 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::board::{Decoder, Item, raspblock};
+use motionseq::board::{Board, Decoder, Family, Item, raspblock};
 use motionseq::capture::{Reading, decode, to_script};
 use motionseq::program::Options;
 use motionseq::source::{Source, Sources};
 
 /// What the decoder makes of a stream that comes in two pieces.
-fn items(bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
+fn items(board: &Board, bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
     let mut found: Vec<(bool, Vec<u8>)> = Vec::new();
     let mut count = 0;
     let mut take = |item: Item<'_>| {
@@ -25,8 +25,7 @@ fn items(bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
             _ => found.push((is_frame, bytes.to_vec())),
         }
     };
-    let board = raspblock::board();
-    let mut decoder = Decoder::new(&board);
+    let mut decoder = Decoder::new(board);
     let (first, second) = bytes.split_at(cut);
     decoder.feed(first, &mut take);
     decoder.feed(second, &mut take);
@@ -36,13 +35,16 @@ fn items(bytes: &[u8], cut: usize) -> (Vec<(bool, Vec<u8>)>, usize) {
 
 fuzz_target!(|input: (u16, Vec<u8>)| {
     let (cut, bytes) = input;
-    let whole = items(&bytes, 0);
-    assert_eq!(whole.1, bytes.len(), "every byte once");
-    assert_eq!(items(&bytes, usize::from(cut).min(bytes.len())), whole);
-    for (_, frame) in whole.0.iter().filter(|(is_frame, _)| *is_frame) {
-        let board = raspblock::board();
-        let command = board.decode_or_raw(frame).expect("a frame");
-        assert_eq!(&board.to_frame(&command), frame);
+    for family in ["raspblock", "maestro 12", "maestro 6 device 12 crc on"] {
+        let board = Family::board(family).expect("a family");
+        let whole = items(&board, &bytes, 0);
+        assert_eq!(whole.1, bytes.len(), "every byte once");
+        assert_eq!(items(&board, &bytes, usize::from(cut).min(bytes.len())), whole);
+        for (_, frame) in whole.0.iter().filter(|(is_frame, _)| *is_frame) {
+            let command = board.decode_or_raw(frame);
+            assert!(command.is_some() || board != raspblock::board(), "every frame of the Raspblock is a command");
+            assert!(command.is_none_or(|command| &board.to_frame(&command) == frame));
+        }
     }
     let mut listing = Vec::new();
     decode(bytes.as_slice(), Reading::default(), &mut listing).expect("nothing in a stream is fatal");

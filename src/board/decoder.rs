@@ -1,6 +1,7 @@
 //! Finds frames in a stream of bytes that may be cut, damaged or noisy.
 
 use std::fmt;
+use std::sync::Arc;
 
 use super::frame::{BufferStart, FrameError, Hex, Skip};
 use super::table::{Board, Codec};
@@ -15,7 +16,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// Why the bytes are not one frame.
     pub fn new(board: &Board, bytes: &'a [u8]) -> Result<Self, FrameError> {
-        (board.codec.check)(bytes).map(|()| Frame(bytes))
+        board.codec.check(bytes).map(|()| Frame(bytes))
     }
 
     /// All bytes of the frame.
@@ -89,7 +90,7 @@ impl OwnedItem {
 /// frames inside it. The decoder buffers at most the bytes of the longest frame.
 #[derive(Debug)]
 pub struct Decoder {
-    codec: Codec,
+    codec: Arc<dyn Codec>,
     buffer: Vec<u8>,
     /// The position of the buffer's first byte in the stream.
     position: u64,
@@ -100,12 +101,12 @@ pub struct Decoder {
 impl Decoder {
     /// A decoder at the start of a stream.
     pub fn new(board: &Board) -> Self {
-        Decoder { codec: board.codec, buffer: Vec::new(), position: 0, in_zeros: false }
+        Decoder { codec: Arc::clone(&board.codec), buffer: Vec::new(), position: 0, in_zeros: false }
     }
 
     /// Reads the next bytes and passes each complete item to `sink`.
     pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(Item<'_>)) {
-        for chunk in bytes.chunks(self.codec.longest) {
+        for chunk in bytes.chunks(self.codec.longest()) {
             self.buffer.extend_from_slice(chunk);
             self.drain(false, &mut sink);
         }
@@ -113,7 +114,9 @@ impl Decoder {
 
     /// Whether the buffer holds no part of a frame.
     pub fn is_between_frames(&self) -> bool {
-        self.buffer.iter().all(|byte| *byte == 0)
+        // Zeros belong to no frame if the family sends them after a flush.
+        let takes_zeros = self.codec.resync(None) > 0;
+        self.buffer.is_empty() || takes_zeros && self.buffer.iter().all(|byte| *byte == 0)
     }
 
     /// Ends the stream and passes the remaining bytes to `sink`.
@@ -124,7 +127,7 @@ impl Decoder {
     fn drain(&mut self, last: bool, sink: &mut impl FnMut(Item<'_>)) {
         let mut done = 0;
         while let Some(rest) = self.buffer.get(done..).filter(|rest| !rest.is_empty()) {
-            let front = (self.codec.front)(rest, self.in_zeros);
+            let front = self.codec.front(rest, self.in_zeros);
             self.in_zeros = match front {
                 BufferStart::Skip(_, why) => why == Skip::Zeros,
                 BufferStart::Frame(_) => false,
@@ -134,7 +137,7 @@ impl Decoder {
                 BufferStart::NeedMore if !last => break,
                 BufferStart::NeedMore => {
                     // No more bytes will come. A frame may still start after the truncated header.
-                    let used = (self.codec.next_start)(rest);
+                    let used = self.codec.next_start(rest);
                     let why = if rest.starts_with(&[0]) { Skip::Noise } else { Skip::Cut };
                     self.skip(done, used, why, sink);
                     used

@@ -13,24 +13,35 @@
 
 mod command;
 mod decoder;
+mod families;
+mod family;
 mod frame;
+pub mod maestro;
 mod picture;
 mod quantity;
 pub mod raspblock;
+mod reply_decoder;
+mod rows;
 mod rules;
 mod state;
 mod table;
+pub mod text;
+mod verb;
 
 pub use command::{Command, MAX_MOVING, Values, VerbId};
 pub use decoder::{Decoder, Frame, Item, OwnedItem};
+pub use families::FAMILIES;
+pub use family::{Family, FamilyNumber, FamilyOption, OptionValue};
 pub use frame::{BufferStart, FrameError, Hex, Skip};
-pub use quantity::{Change, Hundredths, MAX_QUANTITIES, Quantity, Report, ReportDecoder, ReportItem, ReportLine};
+pub use quantity::{Answers, Change, Hundredths, MAX_VALUES, Quantity, Replies, Report, ReportItem, ReportLine};
+pub use reply_decoder::ReportDecoder;
 pub use rules::Notation;
 pub use state::State;
 pub use table::{
-    Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Lane, LaneKind, Limited, Needs, NotACommand, OutOfRange,
-    Part, Picture, Resource, ResourceId, Sets, Shown, Simulation, Unit, ValueForm, Verb,
+    Ambiguity, Board, Codec, DefaultLimit, Lane, LaneKind, Limited, MAX_BAUD, NotACommand, OutOfRange, Picture,
+    Resource, Shown, Simulation,
 };
+pub use verb::{Activity, AngleScale, Axis, Measure, Needs, Part, ResourceId, Sets, Unit, ValueForm, Verb};
 
 /// A string of a table: static in a built-in family, owned in one that was read from a file.
 pub type Text = std::borrow::Cow<'static, str>;

@@ -1,15 +1,13 @@
-//! Reports that a board sends back, as values of its quantities.
-//!
-//! Input is not trusted: the buffer is bounded, and a report with a missing or non-numeric field is
-//! skipped as a whole.
+//! The quantities that a board reports, and how it reports them.
 
 use std::fmt;
 use std::sync::Arc;
 
 use super::Text;
+use super::command::Command;
 
-/// The most quantities in one report.
-pub const MAX_QUANTITIES: usize = 4;
+/// The most values in one report.
+pub const MAX_VALUES: usize = 4;
 
 /// A quantity that a board reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +24,8 @@ pub struct Quantity {
     pub range: Option<(Hundredths, Hundredths)>,
     /// How far it may change from one report to the next; `None` if it changes slowly.
     pub step: Option<Hundredths>,
+    /// The command that requests it, if the board reports only what is requested.
+    pub request: Option<Command>,
 }
 
 /// The change of a quantity since a moment, such as the angle that a robot has turned.
@@ -75,28 +75,76 @@ impl fmt::Display for Hundredths {
     }
 }
 
-/// One report of a board: a value for each quantity, in the order of the board's table.
+/// One report of a board: the values of some of its quantities.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    values: [Hundredths; MAX_QUANTITIES],
+    /// Rows of the table of quantities, with their values.
+    values: [(u16, Hundredths); MAX_VALUES],
+    count: u8,
 }
 
 impl Report {
-    /// A report of these values. Missing values are 0; values after the first [`MAX_QUANTITIES`]
-    /// are dropped.
+    /// A report of the first quantities of the board. Values after the first [`MAX_VALUES`] are
+    /// dropped.
     pub fn new(values: &[Hundredths]) -> Self {
         let mut report = Report::default();
-        report.values.iter_mut().zip(values).for_each(|(place, value)| *place = *value);
+        (0..).zip(values).for_each(|(row, value)| report.add(row, *value));
         report
     }
 
-    /// The value of a quantity, by its row in the table.
-    pub fn value(&self, quantity: usize) -> Hundredths {
-        self.values.get(quantity).copied().unwrap_or_default()
+    /// A report of one quantity, by its row in the table.
+    pub fn of(row: u16, value: Hundredths) -> Self {
+        let mut report = Report::default();
+        report.add(row, value);
+        report
+    }
+
+    /// Adds the value of a quantity; drops it if the report is full.
+    pub(crate) fn add(&mut self, row: u16, value: Hundredths) {
+        if let Some(place) = self.values.get_mut(usize::from(self.count)) {
+            *place = (row, value);
+            self.count += 1;
+        }
+    }
+
+    /// The values with the rows of their quantities.
+    pub fn values(&self) -> impl Iterator<Item = (usize, Hundredths)> {
+        self.values.iter().take(usize::from(self.count)).map(|(row, value)| (usize::from(*row), *value))
+    }
+
+    /// The value of a quantity, by its row in the table; `None` if the report does not have it.
+    pub fn value(&self, quantity: usize) -> Option<Hundredths> {
+        self.values().find(|(row, _)| *row == quantity).map(|(_, value)| value)
     }
 }
 
-/// How the replies of a board contain its reports.
+/// How a board answers.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Replies {
+    /// Never.
+    None,
+    /// With reports as lines, which it sends by itself.
+    Lines(ReportLine),
+    /// With a fixed number of bytes for each request.
+    Answers(Answers),
+}
+
+/// How a board answers requests. Answers have no header, so that only the request says what an
+/// answer is.
+#[derive(Clone, Copy, Debug)]
+pub struct Answers {
+    /// The number of bytes of the answer to a command, at most 8; 0 if it has none.
+    pub length: fn(&Command) -> usize,
+    /// Reads the answer to a command.
+    pub read: fn(&Command, &[u8]) -> ReportItem,
+    /// What the error bits of an answer mean.
+    pub errors: fn(u16) -> String,
+    /// Why a board may not answer.
+    pub hint: &'static str,
+}
+
+/// The lines that carry reports.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportLine {
     /// The byte before a report and the byte after it.
@@ -113,61 +161,8 @@ pub struct ReportLine {
 pub enum ReportItem {
     /// A complete report.
     Report(Report),
-    /// Bytes between the bounds that are not a report.
+    /// The error bits of the board; 0 for no error.
+    Errors(u16),
+    /// Bytes that are not a report.
     Malformed,
-}
-
-/// The longest report in bytes: four fields of ten digits with signs and separators, and some spare
-/// room.
-const MAX_REPORT: usize = 64;
-
-/// Finds reports in a stream, no matter how it is split into reads. It skips noise between reports.
-#[derive(Debug)]
-pub struct ReportDecoder {
-    form: ReportLine,
-    /// The bytes since the last start byte, without it, and their number.
-    line: [u8; MAX_REPORT],
-    length: usize,
-    inside: bool,
-}
-
-impl ReportDecoder {
-    /// A decoder at the start of a board's replies; `form` is
-    /// [`Codec::replies`](super::Codec::replies).
-    pub fn new(form: ReportLine) -> Self {
-        ReportDecoder { form, line: [0; MAX_REPORT], length: 0, inside: false }
-    }
-
-    /// Reads the next bytes and passes each complete item to `sink`. Does not allocate.
-    pub fn feed(&mut self, bytes: &[u8], mut sink: impl FnMut(ReportItem)) {
-        let (begin, end) = self.form.bounds;
-        for &byte in bytes {
-            match byte {
-                // A truncated report ends where the next one starts.
-                _ if byte == begin => {
-                    if self.inside {
-                        sink(ReportItem::Malformed);
-                    }
-                    self.length = 0;
-                    self.inside = true;
-                }
-                _ if !self.inside => {}
-                _ if byte == end => {
-                    let line = self.line.get(..self.length).unwrap_or_default();
-                    sink((self.form.read)(line).map_or(ReportItem::Malformed, ReportItem::Report));
-                    self.inside = false;
-                }
-                _ => match self.line.get_mut(self.length) {
-                    Some(place) => {
-                        *place = byte;
-                        self.length += 1;
-                    }
-                    None => {
-                        sink(ReportItem::Malformed);
-                        self.inside = false;
-                    }
-                },
-            }
-        }
-    }
 }

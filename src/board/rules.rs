@@ -1,14 +1,13 @@
 //! Queries that the table of a board answers.
 
 use std::fmt::{self, Write as _};
+use std::sync::Arc;
 
 use super::Text;
 use super::command::{Command, VerbId};
-use super::quantity::Report;
-use super::table::{
-    Activity, Axis, Board, DefaultLimit, Limited, Needs, NotACommand, OutOfRange, Part, Resource, ResourceId, Sets,
-    ValueForm, Verb,
-};
+use super::quantity::{Quantity, Replies, Report};
+use super::table::{Board, DefaultLimit, Limited, NotACommand, OutOfRange, Resource};
+use super::verb::{Activity, Axis, Needs, Part, ResourceId, Sets, ValueForm, Verb};
 
 impl Board {
     /// A verb by its row.
@@ -41,11 +40,11 @@ impl Board {
         for axis in &row.axes {
             if let ValueForm::Bytes(most) = axis.takes {
                 for value in rest.by_ref().take(most) {
-                    OutOfRange::check(*value, axis.range)?;
+                    OutOfRange::check(*value, axis)?;
                 }
             }
             for _ in 0..axis.count() {
-                OutOfRange::check(*rest.next().ok_or(NotACommand::Unknown)?, axis.range)?;
+                OutOfRange::check(*rest.next().ok_or(NotACommand::Unknown)?, axis)?;
             }
         }
         if rest.next().is_some() || row.is.is_some() {
@@ -80,7 +79,7 @@ impl Board {
                 let place = verb.axes.first().and_then(|axis| usize::try_from(index? - axis.range.0).ok());
                 place.and_then(|place| resources.get(place)).map_or(&[], std::slice::from_ref)
             }
-            Sets::Parts(_, resources) => resources,
+            Sets::Parts(_, resources) | Sets::All(resources) => resources,
         }
     }
 
@@ -116,14 +115,19 @@ impl Board {
         self.occupies(command).iter().any(|resource| self.rest(*resource) == Some(command))
     }
 
-    /// Whether a command can change a resource that must be refreshed while it is active.
+    /// Whether a command can change a resource that moves the robot while it is active.
     pub fn is_drive(&self, command: &Command) -> bool {
-        self.touches(command).iter().any(|resource| self.needs_refresh(*resource))
+        self.touches(command).iter().any(|resource| self.drives(*resource))
+    }
+
+    /// Whether a resource moves the robot while it is active.
+    pub fn drives(&self, resource: ResourceId) -> bool {
+        self.resource(resource).is_some_and(|resource| resource.drives)
     }
 
     /// Whether a resource must be refreshed while it is active.
     pub fn needs_refresh(&self, resource: ResourceId) -> bool {
-        self.resource(resource).is_some_and(|resource| resource.needs_refresh)
+        self.resource(resource).is_some_and(|resource| resource.refresh.is_some())
     }
 
     /// Whether the resource of a command stays active until another command ends it.
@@ -131,13 +135,14 @@ impl Board {
         match self.verb(command.verb()).map(|verb| verb.activity) {
             Some(Activity::Always) => true,
             Some(Activity::Unless0) => !command.is_zero(),
+            Some(Activity::UnlessRest) => !self.is_rest(command),
             _ => false,
         }
     }
 
     /// Whether a command activates a resource that must be refreshed.
     pub fn keeps_driving(&self, command: &Command) -> bool {
-        self.is_active(command) && self.is_drive(command)
+        self.is_active(command) && self.touches(command).iter().any(|resource| self.needs_refresh(*resource))
     }
 
     /// Whether the resource of a command is active for an unknown time and then comes to rest.
@@ -235,8 +240,10 @@ impl Board {
         if let Some(index) = limited.index {
             let _ = write!(name, " {index}");
         }
-        if let Some(axis) = limited.axis.and_then(|_| self.axis(limited)).filter(|axis| !axis.name.is_empty()) {
-            let _ = write!(name, " {}", axis.name);
+        if let (Some(verb), Some(axis)) = (self.verb(limited.verb), limited.axis.and_then(|_| self.axis(limited))) {
+            let label = verb.label(axis);
+            let space = if label.is_empty() { "" } else { " " };
+            let _ = write!(name, "{space}{label}");
         }
         name
     }
@@ -260,12 +267,12 @@ impl Board {
 
     /// Appends the frame of a command.
     pub fn encode(&self, command: &Command, out: &mut Vec<u8>) {
-        (self.codec.encode)(self, command, out);
+        self.codec.encode(self, command, out);
     }
 
     /// The length of a command's frame in bytes.
     pub fn frame_length(&self, command: &Command) -> usize {
-        (self.codec.length)(self, command)
+        self.codec.length(self, command)
     }
 
     /// The frame of a command, in a new vector.
@@ -280,12 +287,12 @@ impl Board {
     /// # Errors
     /// Why the frame is not a command.
     pub fn decode(&self, frame: &[u8]) -> Result<Command, NotACommand> {
-        (self.codec.decode)(self, frame)
+        self.codec.decode(self, frame)
     }
 
     /// Any frame as the verb that sends raw frames; `None` if the family has none.
     pub fn raw(&self, frame: &[u8]) -> Option<Command> {
-        (self.codec.raw)(self, frame)
+        self.codec.raw(self, frame)
     }
 
     /// Decodes a frame. A frame that is not a command becomes a raw one, if the family has such a
@@ -298,37 +305,61 @@ impl Board {
     /// commands. A flush can truncate a frame, and a receiver that waits for the rest of it would
     /// take the stop for that rest.
     pub fn zeros_after_flush<'c>(&self, commands: impl IntoIterator<Item = &'c Command>) -> usize {
-        commands
-            .into_iter()
-            .map(|command| (self.codec.resync)(Some(command)))
-            .max()
-            .unwrap_or(0)
-            .max(self.fewest_zeros())
+        commands.into_iter().map(|command| self.codec.resync(Some(command))).max().unwrap_or(0).max(self.fewest_zeros())
     }
 
     fn fewest_zeros(&self) -> usize {
-        self.stop.iter().map(|command| (self.codec.resync)(Some(command))).max().unwrap_or(0)
+        self.stop.iter().map(|command| self.codec.resync(Some(command))).max().unwrap_or(0)
     }
 
     /// The number of zeros that is enough after any frame.
     pub fn most_zeros(&self) -> usize {
-        (self.codec.resync)(None)
+        self.codec.resync(None)
     }
 
-    /// The first quantity of a report, formatted.
+    /// The first quantity of the board, formatted, if a report has it.
     pub fn main_quantity(&self, report: &Report) -> Option<String> {
-        self.quantities.first().map(|quantity| quantity.show(report.value(0)))
+        self.quantities.first().and_then(|quantity| Some(quantity.show(report.value(0)?)))
     }
 
     /// All quantities of a report, formatted.
     pub fn report(&self, report: &Report) -> String {
-        let all = self.quantities.iter().enumerate().map(|(row, quantity)| quantity.show(report.value(row)));
-        all.clone().skip(1).chain(all.take(1)).collect::<Vec<_>>().join(", ")
+        let shown = |(row, quantity): (usize, &Arc<Quantity>)| Some(quantity.show(report.value(row)?));
+        let all = self.quantities.iter().enumerate();
+        all.clone().skip(1).chain(all.take(1)).filter_map(shown).collect::<Vec<_>>().join(", ")
     }
 
-    /// The line that carries a report.
+    /// What the error bits of the board mean.
+    pub fn errors(&self, bits: u16) -> String {
+        match &self.replies {
+            Replies::Answers(answers) => (answers.errors)(bits),
+            Replies::None | Replies::Lines(_) => String::new(),
+        }
+    }
+
+    /// Why the board may not have answered; empty if that is not known.
+    pub fn silence_hint(&self) -> &'static str {
+        match &self.replies {
+            Replies::Answers(answers) => answers.hint,
+            Replies::None | Replies::Lines(_) => "",
+        }
+    }
+
+    /// The line that carries a report; empty if the board sends no such lines.
     pub fn report_line(&self, report: &Report) -> String {
-        (self.codec.replies.write)(report)
+        match &self.replies {
+            Replies::Lines(lines) => (lines.write)(report),
+            Replies::None | Replies::Answers(_) => String::new(),
+        }
+    }
+
+    /// The verb with the same word as this one that takes `given` as its last value, a word.
+    pub fn variant(&self, verb: VerbId, given: &str) -> Option<(VerbId, &Verb)> {
+        let word = &self.verb(verb)?.word;
+        self.verbs().find(|(_, other)| {
+            let takes = |axis: &Axis| matches!(&axis.takes, ValueForm::Word(words) if words.iter().any(|(word, _)| word == given));
+            other.word == *word && other.axes.iter().any(takes)
+        })
     }
 }
 
@@ -372,7 +403,7 @@ impl fmt::Display for Notation<'_> {
                         if at > 0 {
                             f.write_char(',')?;
                         }
-                        value.fmt(f)?;
+                        axis.shown(value).fmt(f)?;
                     }
                 }
             }

@@ -3,7 +3,8 @@
 use smallvec::SmallVec;
 
 use super::command::{Command, MAX_MOVING, VerbId};
-use super::table::{Board, Part, Resource, ResourceId, Sets};
+use super::table::{Board, Resource};
+use super::verb::{Axis, Part, ResourceId, Sets};
 
 /// The last command of each resource, as the verb that sets only this resource. A frame that is not
 /// interpreted makes its resource unknown.
@@ -30,6 +31,12 @@ impl State {
         if board.is_opaque(command) {
             for resource in board.touches(command) {
                 self.set(board, *resource, LastCommand { command: None, is_unclear: true });
+            }
+            return;
+        }
+        if board.verb(command.verb()).is_some_and(|verb| verb.forgets) {
+            for resource in board.occupies(command) {
+                self.set(board, *resource, LastCommand::default());
             }
             return;
         }
@@ -96,9 +103,9 @@ impl State {
         last.filter(move |(_, last)| last.is_unclear || is_active(last)).map(|(resource, _)| resource)
     }
 
-    /// Whether a resource that must be refreshed is active, or unknown.
+    /// Whether a resource that moves the robot is active, or unknown.
     pub fn drives(&self, board: &Board) -> bool {
-        self.restless(board).any(|resource| resource.needs_refresh)
+        self.restless(board).any(|resource| resource.drives)
     }
 
     /// Whether the board is at rest, even if it interprets invalid frames in an unexpected way: the
@@ -127,7 +134,8 @@ impl State {
         let known = last.filter(|last| last.verb() == verb);
         let is_at_rest = last.is_some_and(|last| last.is_zero() && board.is_rest(last));
         let offset = usize::from(row.is_indexed());
-        let value = |at: usize| known.map_or(is_at_rest.then_some(0), |last| last.value(at + offset));
-        (0..row.moving().len()).map(value).collect()
+        let at_rest = |axis: &Axis| Some(0).filter(|rest| is_at_rest && (axis.range.0..=axis.range.1).contains(rest));
+        let value = |(at, axis)| known.map_or_else(|| at_rest(axis), |last| last.value(at + offset));
+        row.moving().iter().enumerate().map(value).collect()
     }
 }

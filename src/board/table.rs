@@ -1,23 +1,29 @@
 //! The table of a board family: its resources, verbs, axes, and codec.
 
-use std::ops::RangeInclusive;
+use std::fmt;
 use std::sync::Arc;
 
 use super::Text;
 use super::command::{Command, VerbId};
 use super::frame::{BufferStart, FrameError};
-use super::quantity::{Change, Quantity, ReportLine};
+use super::quantity::{Change, Quantity, Replies};
+use super::verb::{Axis, Verb};
+use crate::units::Micros;
 
-/// The row of a resource in the table of its board.
-pub type ResourceId = usize;
+/// The highest speed of a serial line, in bits per second.
+pub const MAX_BAUD: u32 = 4_000_000;
 
 /// A family of boards.
 #[derive(Clone, Debug)]
 pub struct Board {
-    /// The name of the family.
+    /// Its name in messages.
     pub name: Text,
+    /// How a script chooses it, after the word `board`: `raspblock`, `"my-robot.toml"`.
+    pub line: Text,
     /// The speed of its serial line in bits per second (8N1: ten bits per byte).
     pub baud: u32,
+    /// The highest speed that it accepts.
+    pub max_baud: u32,
     /// What its verbs set, in the order in which [`State::commands`](super::State::commands)
     /// restores a state. The end of a script brings active resources to rest in the opposite order.
     pub resources: Vec<Resource>,
@@ -33,9 +39,19 @@ pub struct Board {
     /// The commands that start and stop reports. A script with an `expect` or a `wait until` sends
     /// them at its start and end.
     pub reporting: Option<[Command; 2]>,
-    /// What every early end sends. If the first command is repeated, its copies are sent at
-    /// intervals.
+    /// What is sent at time 0, before everything else.
+    pub hello: Vec<Command>,
+    /// What is sent after the last frame, unless the run ends early.
+    pub goodbye: Vec<Command>,
+    /// What every early end sends; nothing, if the board has no stop. If the first command is
+    /// repeated, its copies are sent at intervals.
     pub stop: Vec<Command>,
+    /// What the robot does after an early end of a board without a stop: `servos hold their last
+    /// position`.
+    pub without_stop: Text,
+    /// Whether an early end discards bytes that the port has not sent, which may truncate a frame.
+    /// Otherwise, a frame that has begun is completed.
+    pub flushes: bool,
     /// A verb whose frames can be read in two ways, if there is one.
     pub ambiguity: Option<Ambiguity>,
     /// Words of other languages for these verbs, each with the line to write instead.
@@ -45,7 +61,9 @@ pub struct Board {
     /// What the virtual board does in addition to keeping the state.
     pub simulation: Simulation,
     /// Encodes and decodes frames.
-    pub codec: Codec,
+    pub codec: Arc<dyn Codec>,
+    /// How the board answers.
+    pub replies: Replies,
 }
 
 /// A part of a robot that does one thing at a time.
@@ -63,165 +81,16 @@ pub struct Resource {
     pub activity: Text,
     /// The phrase for its state at rest: `is stopped`, `is off`.
     pub idle: Text,
-    /// Whether the command that keeps it active must be repeated.
-    pub needs_refresh: bool,
+    /// Whether the robot moves while it is active.
+    pub drives: bool,
+    /// How often the command that keeps it active is repeated, unless a script sets another
+    /// interval; `None` if that is not needed.
+    pub refresh: Option<Micros>,
     /// Whether two commands for it at the same time are an error.
     pub is_exclusive: bool,
     /// Its assumed speed unless a script sets one, in the unit of its value per second; `None` if
     /// it reaches values immediately.
     pub speed: Option<u32>,
-}
-
-/// One command of a script.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Verb {
-    /// The first word of the line.
-    pub word: Text,
-    /// The complete line with its arguments.
-    pub usage: Text,
-    /// A valid line.
-    pub example: Text,
-    /// What it does, in a few words.
-    pub meaning: Text,
-    /// Its values.
-    pub axes: Vec<Axis>,
-    /// The resources that it sets.
-    pub sets: Sets,
-    /// What stays active after it.
-    pub activity: Activity,
-    /// Whether `for D` can follow it.
-    pub holds: bool,
-    /// Whether `over D` can follow it. Such a verb has at most [`MAX_MOVING`](super::MAX_MOVING)
-    /// values besides an index.
-    pub moves: bool,
-    /// Its precondition.
-    pub needs: Option<Needs>,
-    /// The name of the lane of its frames, if it sets several resources or none.
-    pub frames: Text,
-    /// The command that this word is a synonym of.
-    pub is: Option<Command>,
-    /// The verb that is displayed instead of this one for one of its commands.
-    pub alias: Option<VerbId>,
-    /// The tolerance of a move in a recording: how far it may be from the recorded values at any
-    /// time, in their unit.
-    pub tolerance: i32,
-}
-
-/// One value of a verb.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Axis {
-    /// Its name before the `=` in a script; empty for a positional value.
-    pub name: Text,
-    /// Its name in messages, with an article: `the speed x`.
-    pub what: Text,
-    /// Its key in logs: `x`; empty if the key of the resource is enough.
-    pub key: Text,
-    /// The smallest and the largest value that the board accepts.
-    pub range: (i32, i32),
-    /// How a script writes it.
-    pub takes: ValueForm,
-    /// Its unit.
-    pub unit: Unit,
-    /// Why its range ends there, or where to write the value; empty if that needs no explanation.
-    pub why: Text,
-}
-
-/// How a script writes a value.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum ValueForm {
-    /// A number, which is rounded. A named one may be omitted and is 0 then.
-    Number,
-    /// A whole number that selects a resource.
-    Index,
-    /// A whole number from 0 to 255.
-    Byte,
-    /// Any number of bytes up to this maximum; always the last axis.
-    Bytes(usize),
-    /// One of these words, each with its value.
-    Word(Vec<(Text, i32)>),
-    /// Several whole numbers separated by commas, each of which is a value: the name of one, and
-    /// the letters that represent them, separated by commas.
-    List(Text, Text),
-}
-
-/// The unit of a value.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Unit {
-    /// No unit, or the board's own.
-    None,
-    /// A pulse width in microseconds. A script may also give the angle of a servo, in degrees.
-    Micros {
-        /// The pulse width at 0 degrees.
-        least: i32,
-        /// The pulse width at 180 degrees.
-        most: i32,
-    },
-}
-
-impl Unit {
-    /// Its symbol in messages, after a number and a space; empty if there is none.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Unit::None => "",
-            Unit::Micros { .. } => "µs",
-        }
-    }
-}
-
-/// The resources that a verb sets.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Sets {
-    /// None.
-    Nothing,
-    /// One resource.
-    One(ResourceId),
-    /// One resource for each value of the first axis, an index.
-    Indexed(Vec<ResourceId>),
-    /// Several resources, each as another verb would set it.
-    Parts(Vec<Part>, Vec<ResourceId>),
-    /// Unknown: the frame is not interpreted. These first values make a resource unknown.
-    Opaque(Vec<(i32, ResourceId)>),
-}
-
-/// One value of a verb, expressed as another verb.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Part {
-    /// The other verb, which has an index and one more value.
-    pub verb: VerbId,
-    /// The index.
-    pub index: i32,
-}
-
-/// What stays active after a command.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Activity {
-    /// Nothing is active: the value stays.
-    Still,
-    /// The resource is active unless all values are 0.
-    Unless0,
-    /// The resource is active, even if all values are 0.
-    Always,
-    /// The resource is active for an unknown time and then at rest.
-    Passing,
-}
-
-/// The precondition of a verb.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Needs {
-    /// The resource that must have been set
-    pub resource: ResourceId,
-    /// to a command with this first value.
-    pub value: i32,
-    /// The message if it was not.
-    pub message: Text,
-    /// The command that sets it, in short.
-    pub what: Text,
-    /// A line that sets it.
-    pub line: Text,
 }
 
 /// The subject of a limit.
@@ -265,6 +134,8 @@ pub enum Simulation {
     State,
     /// It drives on mecanum wheels, and reports its orientation and its voltage.
     Mecanum,
+    /// It answers for its channels, and an error sends them home.
+    Channels,
 }
 
 /// How a family is drawn.
@@ -277,7 +148,7 @@ pub struct Picture {
 }
 
 /// A lane of a picture.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Lane {
     /// Its name.
     pub name: Text,
@@ -288,7 +159,7 @@ pub struct Lane {
 }
 
 /// What a lane shows.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum LaneKind {
     /// A value over time.
@@ -297,8 +168,8 @@ pub enum LaneKind {
         unit: Text,
         /// The labels of values below and above zero.
         ends: [Text; 2],
-        /// The smallest and the largest value that the board takes.
-        range: (i32, i32),
+        /// The smallest and the largest value that the board takes, as a script writes them.
+        range: (f64, f64),
         /// The limits that apply to it.
         limited: Vec<Limited>,
         /// Its group. All lanes of a group are hidden if each of them is always zero.
@@ -308,7 +179,7 @@ pub enum LaneKind {
     },
     /// A state that is on or off.
     Spans {
-        /// The text of the tooltip while it is on.
+        /// The text of the tooltip while it is on; empty if the state is one of several words.
         text: Text,
         /// Whether it is drawn as prominently as a command.
         is_strong: bool,
@@ -326,36 +197,65 @@ pub enum LaneKind {
 pub enum Shown {
     /// A value from here on; `None` if it is unknown.
     Value(Option<f64>),
+    /// Another verb brings the resource to rest: 0 from here on, if the lane has any value.
+    Rest,
     /// The state changes to on or off.
     Switch(bool),
+    /// The state changes to this word; `None` if it is off or unknown.
+    Word(Option<Text>),
     /// Something happens at this moment.
     Tick,
 }
 
-/// The codec. It must find the frames of a stream no matter how the stream is split into reads.
-#[derive(Clone, Copy, Debug)]
-pub struct Codec {
+/// The codec of a family: how its commands become bytes, and how bytes are read. It must find the
+/// frames of a stream no matter how the stream is split into reads.
+pub trait Codec: fmt::Debug + Send + Sync {
     /// Appends the frame of a command.
-    pub encode: fn(&Board, &Command, &mut Vec<u8>),
+    fn encode(&self, board: &Board, command: &Command, out: &mut Vec<u8>);
+
     /// The length of that frame in bytes.
-    pub length: fn(&Board, &Command) -> usize,
+    fn length(&self, board: &Board, command: &Command) -> usize {
+        let mut out = Vec::new();
+        self.encode(board, command, &mut out);
+        out.len()
+    }
+
     /// Checks that bytes are exactly one frame.
-    pub check: fn(&[u8]) -> Result<(), FrameError>,
+    ///
+    /// # Errors
+    /// Why they are not.
+    fn check(&self, bytes: &[u8]) -> Result<(), FrameError>;
+
     /// Decodes a frame. Strict: encoding the result gives the same bytes.
-    pub decode: fn(&Board, &[u8]) -> Result<Command, NotACommand>,
+    ///
+    /// # Errors
+    /// Why the frame is not a command.
+    fn decode(&self, board: &Board, frame: &[u8]) -> Result<Command, NotACommand>;
+
     /// Any frame as the verb that sends raw frames; `None` if the family has no such verb.
-    pub raw: fn(&Board, &[u8]) -> Option<Command>,
-    /// Classifies the first bytes of a stream; the flag says whether padding came just before them.
-    pub front: fn(&[u8], bool) -> BufferStart,
+    fn raw(&self, _board: &Board, _frame: &[u8]) -> Option<Command> {
+        None
+    }
+
+    /// Another command with the same frame as the one that [`decode`](Self::decode) returns.
+    fn other_reading(&self, board: &Board, frame: &[u8]) -> Option<Command> {
+        self.raw(board, frame)
+    }
+
+    /// Classifies the first bytes of a stream; `in_zeros` says whether zeros came just before them.
+    fn front(&self, bytes: &[u8], in_zeros: bool) -> BufferStart;
+
     /// The number of bytes, at least one, up to the next byte that can start a frame.
-    pub next_start: fn(&[u8]) -> usize,
+    fn next_start(&self, bytes: &[u8]) -> usize;
+
     /// The longest frame in bytes.
-    pub longest: usize,
+    fn longest(&self) -> usize;
+
     /// The number of zeros that resynchronize a receiver after a flush truncated the frame of this
     /// command; `None` for any frame.
-    pub resync: fn(Option<&Command>) -> usize,
-    /// How to find and parse reports in the board's replies.
-    pub replies: ReportLine,
+    fn resync(&self, _command: Option<&Command>) -> usize {
+        0
+    }
 }
 
 /// Why a valid frame is not a command in the table of the board.
@@ -375,11 +275,14 @@ pub enum NotACommand {
     /// The frame is valid only in the other reading of the verb in [`Board::ambiguity`].
     #[error("{0}")]
     OtherReading(&'static str),
+    /// The board knows it, but no verb sends it; what it does.
+    #[error("{0}, which no command of a script does")]
+    NotInScripts(&'static str),
 }
 
 /// A value that the board does not accept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{value} is out of range ({min} to {max})")]
+#[error("{} is out of range ({} to {})", self.shown(self.value), self.shown(self.min), self.shown(self.max))]
 pub struct OutOfRange {
     /// The value.
     pub value: i32,
@@ -387,49 +290,29 @@ pub struct OutOfRange {
     pub min: i32,
     /// The largest allowed.
     pub max: i32,
+    /// How many of these values are 1 in a script.
+    pub scale: i32,
 }
 
 impl OutOfRange {
-    /// Checks a value.
-    pub fn check(value: i32, (min, max): (i32, i32)) -> Result<i32, OutOfRange> {
-        if (min..=max).contains(&value) { Ok(value) } else { Err(OutOfRange { value, min, max }) }
+    /// Checks a value of an axis.
+    pub fn check(value: i32, axis: &Axis) -> Result<i32, OutOfRange> {
+        let (min, max) = axis.range;
+        if (min..=max).contains(&value) { Ok(value) } else { Err(OutOfRange { value, min, max, scale: axis.scale }) }
+    }
+
+    /// A value as a script writes it.
+    fn shown(&self, value: i32) -> f64 {
+        f64::from(value) / f64::from(self.scale.max(1))
     }
 }
 
-/// Boards with the same name and the same tables are equal.
+/// Boards with the same names and the same tables are equal.
 impl PartialEq for Board {
     fn eq(&self, other: &Self) -> bool {
-        (&self.name, &self.resources, &self.verbs) == (&other.name, &other.resources, &other.verbs)
+        (&self.name, &self.line, &self.resources, &self.verbs)
+            == (&other.name, &other.line, &other.resources, &other.verbs)
     }
 }
 
 impl Eq for Board {}
-
-impl Axis {
-    /// The number of values that it has in a command; those of [`ValueForm::Bytes`] are not counted.
-    pub fn count(&self) -> usize {
-        match &self.takes {
-            ValueForm::List(_, letters) => letters.split(',').count(),
-            ValueForm::Bytes(_) => 0,
-            _ => 1,
-        }
-    }
-}
-
-impl Verb {
-    /// The values that a move changes: all except an index.
-    pub fn moving(&self) -> &[Axis] {
-        self.axes.get(usize::from(self.is_indexed())..).unwrap_or_default()
-    }
-
-    /// Whether the first value selects a resource.
-    pub fn is_indexed(&self) -> bool {
-        matches!(self.sets, Sets::Indexed(_))
-    }
-
-    /// The range of its index.
-    pub(crate) fn indices(&self) -> Option<RangeInclusive<i32>> {
-        let (least, most) = self.axes.first().filter(|_| self.is_indexed())?.range;
-        Some(least..=most)
-    }
-}

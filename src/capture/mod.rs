@@ -224,12 +224,14 @@ pub fn to_script(
     writer.finish(now);
     script += &writer.settled();
     if let Some((at, text)) = writer.amendment() {
-        script.replace_range(at..at + text.len(), text);
+        script.replace_range(at..at + text.len(), &text);
     }
     if let (None, Some(line)) = (baud, read.baud.filter(|line| *line != board.baud && BAUDS.contains(line))) {
-        // After the first line, which is a comment.
-        let (head, rest) = script.split_once('\n').unwrap_or((&script, ""));
-        script = format!("{head}\nbaud {line}\n{rest}");
+        // After the first line, which is a comment, and the line with the board.
+        let lines = script.split_inclusive('\n').enumerate();
+        let head = lines.take_while(|(line, text)| *line == 0 || *line == 1 && text.starts_with(script_writer::BOARD));
+        let at = head.map(|(_, text)| text.len()).sum();
+        script.insert_str(at, &format!("baud {line}\n"));
     }
     out.write_all(script.as_bytes()).map_err(DecodeError::Write)?;
     Ok(read.joined(decoded))
@@ -273,6 +275,30 @@ enum Form {
     Text(Box<HexText>),
 }
 
+/// Whether a block of text contains the frames of a board that sends text, and not their hex digits.
+fn is_raw(board: &Board, block: &[u8]) -> bool {
+    let commands = |bytes: &[u8]| {
+        let (mut decoder, mut count) = (Decoder::new(board), 0_u64);
+        let mut take = |item: Item<'_>| {
+            count += u64::from(matches!(item, Item::Frame(frame) if board.decode(frame.bytes()).is_ok()));
+        };
+        decoder.feed(bytes, &mut take);
+        decoder.finish(&mut take);
+        count
+    };
+    let raw = commands(block);
+    if raw == 0 {
+        return false;
+    }
+    let (mut text, mut digits) = (HexText::default(), Vec::new());
+    let mut keep = |_: Option<Nanos>, bytes: &[u8]| {
+        digits.extend_from_slice(bytes);
+        Ok(())
+    };
+    let read = text.feed(block, &mut keep).and_then(|()| text.finish(&mut keep));
+    read.is_ok() && raw > commands(&digits)
+}
+
 /// Reads a capture and passes its bytes to `sink` in pieces, each with its time, if known.
 fn pieces(
     mut input: impl Read,
@@ -286,7 +312,7 @@ fn pieces(
     if timing.is_none() && socat::is_socat(block) {
         return both_ways(block, &mut input, board, sink);
     }
-    let mut form = match HexText::of(block) {
+    let mut form = match HexText::of(block).filter(|_| !is_raw(board, block)) {
         Some(text) => Form::Text(Box::new(text)),
         None => Stamped::of(block).filter(|_| timing.is_none()).map_or(Form::Bytes, Form::Stamped),
     };

@@ -180,6 +180,9 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
         }
         Received::Command(command) => command,
     };
+    if board.verb(command.verb()).is_some_and(|verb| !verb.is_in_scripts()) {
+        return hidden(state, command, exact, comment);
+    }
     if let Some((channel, axes)) = Channel::of(&board, command) {
         let before = state.value(channel);
         let repeats = !exact && state.repeats(channel, axes);
@@ -213,6 +216,25 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
     }
     state.set(at, command);
     (Some(line(command)), Effect::Other)
+}
+
+/// The row of a command that no script contains.
+fn hidden(
+    state: &mut ScriptState,
+    command: &Command,
+    exact: bool,
+    comment: impl Fn(String) -> Option<Line>,
+) -> (Option<Line>, Effect) {
+    let board = Arc::clone(&state.board);
+    for resource in board.occupies(command) {
+        state.forget(*resource);
+    }
+    // The script of the recording sends its own hello, and asks by itself.
+    let requests = board.quantities.iter().filter_map(|quantity| quantity.request.as_ref());
+    let by_itself = board.hello.iter().chain(&board.goodbye).chain(requests).any(|other| other == command);
+    let words = format!("left out, {}: {}", Hex(&board.to_frame(command)), board.show(command));
+    let effect = if board.occupies(command).is_empty() { Effect::Other } else { Effect::Break };
+    (comment(words).filter(|_| exact || !by_itself), effect)
 }
 
 /// Ends a run: something else moves its channel from this time on.

@@ -121,7 +121,7 @@ impl ScriptState {
         self.has_raw = true;
         let board = Arc::clone(&self.board);
         for (resource, found) in board.resources.iter().enumerate() {
-            if found.is_exclusive && !found.needs_refresh {
+            if found.is_exclusive && found.refresh.is_none() {
                 self.forget(resource);
             }
         }
@@ -174,8 +174,8 @@ impl Channel {
         board.verb(self.verb).is_some_and(|verb| verb.activity == Activity::Always)
     }
 
-    /// The ranges of the channel. A default limit applies unless the script widens it.
-    pub(super) fn move_limits(self, board: &Board, is_wide: bool) -> MoveLimits {
+    /// The ranges of the channel. A default limit applies unless the script widens it, as `wide` says for each.
+    pub(super) fn move_limits(self, board: &Board, wide: &[bool]) -> MoveLimits {
         let mut limits = MoveLimits { ranges: [(0, 0); MAX_MOVING], tolerance: 0, saves_frames: false };
         let Some(verb) = board.verb(self.verb) else { return limits };
         limits.tolerance = verb.tolerance;
@@ -184,8 +184,9 @@ impl Channel {
                 let limited = limit.limited;
                 (limited.verb, limited.index) == (self.verb, self.index) && limited.axis.is_none_or(|axis| axis == at)
             };
-            let default = board.limits.iter().find(is_of_it).filter(|_| !is_wide);
-            *range = default.map_or(axis.range, |limit| limit.range);
+            let default =
+                board.limits.iter().zip(wide).find(|(limit, _)| is_of_it(limit)).filter(|(_, is_wide)| !**is_wide);
+            *range = default.map_or(axis.range, |(limit, _)| limit.range);
         }
         limits
     }
@@ -212,8 +213,8 @@ impl Channel {
             if is_said && !name.is_empty() && of(from) == 0 && of(to) == 0 {
                 continue;
             }
-            let start = if is_said { String::new() } else { format!("{} -> ", of(from)) };
-            let _ = write!(text, " {name}{start}{}", of(to));
+            let start = if is_said { String::new() } else { format!("{} -> ", axis.shown(of(from))) };
+            let _ = write!(text, " {name}{start}{}", axis.shown(of(to)));
         }
         text
     }

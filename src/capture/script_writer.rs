@@ -9,13 +9,17 @@ use super::move_search::{EasingTable, PointSeries};
 use super::rows::{Received, Row, Run, STILL, Skipped, of_frame, rows, runs};
 use super::script_clock::ScriptClock;
 use super::script_state::{Channel, ScriptState};
-use crate::board::{Board, Command, DefaultLimit, Item};
+use crate::board::{Board, Command, DefaultLimit, FAMILIES, Item};
 use crate::program::Ease;
 use crate::units::Micros;
 
 /// A line of this speed, in bits per second, carries the samples of all moves at once: less than
 /// 2,500 bytes per second.
 const AMPLE: u32 = 38_400;
+
+/// The start of the line that chooses the board. It comes after the first line, which is a comment,
+/// and before all settings.
+pub(super) const BOARD: &str = "board ";
 
 /// The most items that wait to be written.
 const WAITING: usize = 2048;
@@ -45,14 +49,15 @@ pub struct ScriptWriter {
     saves_frames: bool,
 }
 
-/// The note in the header about default limits, and the `limit` lines that replace it if a command
-/// exceeds them. Both have the same length, so that they can be replaced in a growing file.
+/// The note in the header about default limits, and the `limit` lines that replace it if commands
+/// exceed them. Both have the same length, so that they can be replaced in a growing file.
 struct Bounds {
     /// The position of the note, in bytes from the start.
     at: usize,
     note: String,
-    lines: String,
-    is_wide: bool,
+    /// The line for each default limit, and whether a command exceeds it.
+    lines: Vec<String>,
+    wide: Vec<bool>,
     /// Whether the header was already returned.
     is_settled: bool,
     /// Whether the caller must replace the note.
@@ -60,24 +65,45 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn new(board: &Board, at: usize) -> Self {
-        let note = |limit: &DefaultLimit| {
-            let name = board.limited_name(limit.limited);
-            let mut letters = name.chars();
-            let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
-            format!(" {first}{} is at most {}", letters.as_str(), limit.range.1)
+    /// `sign` begins the note, if it does not follow a comment.
+    fn new(board: &Board, at: usize, sign: &str) -> Self {
+        let most = |limit: &DefaultLimit| board.axis(limit.limited).map_or(0.0, |axis| axis.shown(limit.range.1));
+        let mut note = match board.limits.as_slice() {
+            [] => String::new(),
+            [limit] => format!("{sign} {} is at most {}", capitalized(&board.limited_name(limit.limited)), most(limit)),
+            [limit, ..] => {
+                let word = board.verb(limit.limited.verb).map(|verb| verb.word.to_string()).unwrap_or_default();
+                format!("{sign} Every {word} is at most {}", most(limit))
+            }
         };
         let line = |limit: &DefaultLimit| {
-            let (least, most) = board.range(limit.limited).unwrap_or(limit.range);
+            let range = board.range(limit.limited).unwrap_or(limit.range);
+            let shown = |value| board.axis(limit.limited).map_or(0.0, |axis| axis.shown(value));
+            let (least, most) = (shown(range.0), shown(range.1));
             format!("\nlimit {} {least}..{most}", board.limited_name(limit.limited))
         };
-        let mut note: String = board.limits.iter().map(note).collect();
-        let mut lines: String = board.limits.iter().map(line).collect();
-        let length = note.len().max(lines.len());
+        let lines: Vec<String> = board.limits.iter().map(line).collect();
+        let length = note.len().max(lines.iter().map(String::len).sum());
         note.extend(std::iter::repeat_n(' ', length - note.len()));
-        lines.extend(std::iter::repeat_n('\n', length - lines.len()));
-        Bounds { at, note, lines, is_wide: false, is_settled: false, is_amended: false }
+        Bounds { at, note, wide: vec![false; lines.len()], lines, is_settled: false, is_amended: false }
     }
+
+    /// What replaces the note.
+    fn text(&self) -> String {
+        if !self.wide.contains(&true) {
+            return self.note.clone();
+        }
+        let wide = self.lines.iter().zip(&self.wide).filter(|(_, is_wide)| **is_wide);
+        let mut text: String = wide.map(|(line, _)| line.as_str()).collect();
+        text.extend(std::iter::repeat_n(' ', self.note.len().saturating_sub(text.len())));
+        text
+    }
+}
+
+fn capitalized(name: &str) -> String {
+    let mut letters = name.chars();
+    let first: String = letters.next().into_iter().flat_map(char::to_uppercase).collect();
+    first + letters.as_str()
 }
 
 impl ScriptWriter {
@@ -90,7 +116,11 @@ impl ScriptWriter {
         } else {
             ". Repeated commands are left out, and values that follow an easing are one move."
         };
-        let bounds = Bounds::new(&board, text.len());
+        let is_usual = FAMILIES.first().is_some_and(|family| family.word == board.line);
+        if !is_usual {
+            let _ = write!(text, "\n{BOARD}{}", board.line);
+        }
+        let bounds = Bounds::new(&board, text.len(), if is_usual { "" } else { " #" });
         text = text + &bounds.note + if exact { "\nrefresh off\n" } else { "\n" };
         if baud != board.baud {
             let _ = writeln!(text, "baud {baud}");
@@ -117,23 +147,38 @@ impl ScriptWriter {
         self.saves_frames = true;
     }
 
-    /// Widens the default limits to the ranges of the board.
-    pub fn widen(&mut self) {
-        if std::mem::replace(&mut self.bounds.is_wide, true) {
-            return;
+    /// Widens all default limits, for a header that cannot be replaced later.
+    pub fn widen_all(&mut self) {
+        self.bounds.wide.fill(true);
+        let at = self.bounds.at;
+        self.header.replace_range(at..at + self.bounds.note.len(), &self.bounds.text());
+    }
+
+    /// Widens the default limits that a command exceeds to the ranges of the board.
+    pub fn widen(&mut self, command: &Command) {
+        let board = &self.state.board;
+        let exceeds = |limit: &DefaultLimit| {
+            let (least, most) = limit.range;
+            board.outside(limit.limited, (least.into(), most.into()), command).is_some()
+        };
+        let mut is_new = false;
+        for (limit, is_wide) in board.limits.iter().zip(&mut self.bounds.wide) {
+            if !*is_wide && exceeds(limit) {
+                (*is_wide, is_new) = (true, true);
+            }
         }
-        let Bounds { at, note, lines, is_settled, .. } = &self.bounds;
-        if *is_settled {
+        if is_new && self.bounds.is_settled {
             self.bounds.is_amended = true;
-        } else {
-            self.header.replace_range(*at..*at + note.len(), lines);
+        } else if is_new {
+            let at = self.bounds.at;
+            self.header.replace_range(at..at + self.bounds.note.len(), &self.bounds.text());
         }
     }
 
     /// A replacement in the settled text, if there is one: its position in bytes from the start,
     /// and the new text of the same length.
-    pub fn amendment(&mut self) -> Option<(usize, &str)> {
-        std::mem::take(&mut self.bounds.is_amended).then_some((self.bounds.at, &*self.bounds.lines))
+    pub fn amendment(&mut self) -> Option<(usize, String)> {
+        std::mem::take(&mut self.bounds.is_amended).then(|| (self.bounds.at, self.bounds.text()))
     }
 
     /// Adds an item of a decoder with its start time. Times must not decrease.
@@ -142,8 +187,8 @@ impl ScriptWriter {
             Item::Frame(frame) => {
                 self.frames += 1;
                 let received = of_frame(&self.state.board, frame);
-                if matches!(&received, Received::Command(command) if self.is_beyond(command)) {
-                    self.widen();
+                if let Received::Command(command) = &received {
+                    self.widen(command);
                 }
                 let at = self.clock.frame(at, frame.bytes());
                 self.push(at, received);
@@ -155,15 +200,6 @@ impl ScriptWriter {
                 None => self.skipped = Some((self.clock.time(at), Skipped::new(bytes, why))),
             },
         }
-    }
-
-    /// Whether a command exceeds a default limit.
-    fn is_beyond(&self, command: &Command) -> bool {
-        let board = &self.state.board;
-        board.limits.iter().any(|limit| {
-            let (least, most) = limit.range;
-            board.outside(limit.limited, (least.into(), most.into()), command).is_some()
-        })
     }
 
     /// A program opened the port, after another one has closed it.
@@ -249,7 +285,7 @@ impl ScriptWriter {
     fn closing(&self) -> usize {
         let ending = |needs_refresh: bool| -> Vec<&Command> {
             let rests =
-                self.state.board.resources.iter().rev().filter(|resource| resource.needs_refresh || !needs_refresh);
+                self.state.board.resources.iter().rev().filter(|resource| resource.refresh.is_some() || !needs_refresh);
             rests.filter_map(|resource| resource.rest.as_ref()).collect()
         };
         let ends_with = |ending: &[&Command]| {
@@ -292,7 +328,7 @@ impl ScriptWriter {
         let before = run.before.map(|(since, axes)| (since.max(free), axes));
         let board = &self.state.board;
         let limits =
-            MoveLimits { saves_frames: self.saves_frames, ..run.channel.move_limits(board, self.bounds.is_wide) };
+            MoveLimits { saves_frames: self.saves_frames, ..run.channel.move_limits(board, &self.bounds.wide) };
         let found = self.easings.find_moves(&PointSeries::new(&run.points, run.until, limits), before);
         let ends = found.last().map(|one| one.to_at);
         let mut ended = None;

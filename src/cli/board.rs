@@ -1,11 +1,12 @@
-//! `motionseq board`: a virtual Raspblock that other programs open as their serial port.
+//! `motionseq board`: a virtual board that other programs open as their serial port.
 
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::{Board as Family, Hundredths, raspblock};
+use motionseq::board::{Board as Family, FAMILIES, Hundredths, Simulation};
+use motionseq::diagnostic::escaped;
 use motionseq::faults::{Faults, Faulty, volts};
 use motionseq::link::{PtyLink, PtyLinkError};
 use motionseq::playback::Signals;
@@ -13,9 +14,9 @@ use motionseq::serve::{End, ServeError, Server};
 use motionseq::sim::{Device, Settings};
 use motionseq::units::{Micros, NotATime};
 
-use super::Reading;
 use super::display::Format;
 use super::exit::Exit;
+use super::family::Reading;
 use super::log::{About, Log};
 use super::run_summary::{board_summary, signal_name};
 use super::screen::Screen;
@@ -25,7 +26,7 @@ use super::watcher::Watcher;
 /// Provide a virtual board that any program can open as its serial port
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq board --link /tmp/board\n  python3 my_robot.py /tmp/board          in another terminal: it opens /tmp/board as it would /dev/ttyAMA0\n  motionseq play dance.motion --port /tmp/board\n\nEach frame is shown on a line: seconds since the start, the bytes, the command, and the error, if any.\nWhen a program closes the port, the board waits for the next program. Ctrl-C ends the board and removes the link."
+    after_help = "Examples:\n  motionseq board --link /tmp/board\n  python3 my_robot.py /tmp/board          in another terminal: it opens /tmp/board as it would /dev/ttyAMA0\n  motionseq play dance.motion --port /tmp/board\n  motionseq board --link /tmp/board --family my-robot.toml\n\nEach frame is shown on a line: seconds since the start, the bytes, the command, and the error, if any.\nWhen a program closes the port, the board waits for the next program. Ctrl-C ends the board and removes the link."
 )]
 pub(super) struct Board {
     /// Create a symbolic link to the port at this path, and remove the link at the end
@@ -34,18 +35,18 @@ pub(super) struct Board {
     /// Choose how frames are shown
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
-    /// Set the bit rate of the line
-    #[arg(long, value_name = "BAUD", default_value_t = raspblock::board().baud, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
-    baud: u32,
-    /// Set the battery voltage at rest, 0V to 100V
-    #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
-    battery: Hundredths,
+    /// Set the bit rate of the line [default: that of the board, 115200 for the Raspblock]
+    #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
+    baud: Option<u32>,
+    /// Set the battery voltage at rest, 0V to 100V [default: 12V]
+    #[arg(long, value_name = "VOLTS", value_parser = battery)]
+    battery: Option<Hundredths>,
     /// Simulate faults: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// Once a program has requested reports, send one every TIME (10ms to 10s)
-    #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
-    report_every: Micros,
+    /// Once a program has requested reports, send one every TIME (10ms to 10s) [default: 100ms]
+    #[arg(long, value_name = "TIME", value_parser = report_every)]
+    report_every: Option<Micros>,
     /// Write an MCAP log of frames, state, pose and telemetry for Foxglove to FILE, or to a new file in a folder
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -74,26 +75,55 @@ impl Board {
     }
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
-        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| refused(&error, screen))?;
+        let family = self.reading.chosen(screen)?.board;
+        check_simulated(&family, self.battery, self.report_every, screen)?;
+        let baud = self.baud.unwrap_or(family.baud);
+        let mut pty_link = PtyLink::open(&self.link, baud).map_err(|error| refused(&error, screen))?;
         let what = ("board", About::new(None));
-        let log = Log::open(self.log.as_deref(), None, what, self.reading.board(), screen)?;
+        let log = Log::open(self.log.as_deref(), None, what, Arc::clone(&family), screen)?;
         let signals = begin(screen)?;
-        screen.note(&format!(
-            "{} leads to a virtual board with {} baud; Ctrl-C ends it",
-            self.link.display(),
-            self.baud
-        ));
-        let board = board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
-        let watcher = Watcher::start(*screen, Some(self.format), self.baud, self.reading.board(), false);
+        let link = self.link.display();
+        screen.note(&format!("{link} leads to {} with {baud} baud; Ctrl-C ends it", virtual_board(&family)));
+        let watcher = Watcher::start(*screen, Some(self.format), baud, Arc::clone(&family), false);
+        let board = board_with(family, self.battery, self.report_every, self.fault.clone());
         let watcher = watcher.map_err(|error| failed(screen, &error))?.keeping(None, log);
-        Ok(serve_board(&mut pty_link, board, self.baud, &signals, watcher, screen).0)
+        Ok(serve_board(&mut pty_link, board, baud, &signals, watcher, screen).0)
     }
 }
 
+/// What it is in messages: `a virtual board`, with its name unless it is the default one.
+pub(super) fn virtual_board(family: &Family) -> String {
+    let is_usual = FAMILIES.first().is_some_and(|usual| usual.word == family.line);
+    if is_usual { "a virtual board".to_owned() } else { format!("a virtual board ({})", escaped(&family.name)) }
+}
+
+/// Refuses options that have no effect on a virtual board of this family.
+pub(super) fn check_simulated(
+    family: &Family,
+    battery: Option<Hundredths>,
+    report_every: Option<Micros>,
+    screen: &Screen,
+) -> Result<(), Exit> {
+    let given = [(battery.is_some(), "--battery"), (report_every.is_some(), "--report-every")];
+    let given = given.iter().find(|(is_given, _)| *is_given && family.simulation != Simulation::Mecanum);
+    let Some((_, option)) = given else { return Ok(()) };
+    screen.error(&format!(
+        "`{option}` has no effect: the virtual board `{}` has no battery, and sends no reports by itself; remove it",
+        family.line
+    ));
+    Err(Exit::Usage)
+}
+
 /// A virtual board, switched on now.
-pub(super) fn board_with(of: Arc<Family>, battery: Hundredths, report_every: Micros, faults: Option<Faults>) -> Faulty {
+pub(super) fn board_with(
+    of: Arc<Family>,
+    battery: Option<Hundredths>,
+    report_every: Option<Micros>,
+    faults: Option<Faults>,
+) -> Faulty {
     let mut settings = Settings::default();
-    (settings.battery, settings.report_every) = (battery, report_every);
+    settings.battery = battery.unwrap_or(settings.battery);
+    settings.report_every = report_every.unwrap_or(settings.report_every);
     Faulty::new(Device::new(of, settings), faults.unwrap_or_default())
 }
 

@@ -2,9 +2,9 @@
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::raspblock;
 use motionseq::diff::{Change, Words, diff, diff_scripts};
 use motionseq::report::json::{self, LocatedChange};
 use motionseq::source::{Disk, Lines, Place, Sources, read_file};
@@ -13,6 +13,7 @@ use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::color::painted;
 use super::exit::Exit;
+use super::family;
 use super::output::{self, Format};
 use super::screen::{Screen, plural};
 use super::{Options, read};
@@ -51,24 +52,33 @@ impl Diff {
             screen.error("standard input can be read only once: write a file name for one of the two");
             return Exit::Usage;
         }
-        match (self.side(&self.old, screen), self.side(&self.new, screen)) {
-            (Ok(old), Ok(new)) => self.compare(&old, &new, screen),
+        match (self.side(&self.old, &self.new, screen), self.side(&self.new, &self.old, screen)) {
+            (Ok(old), Ok(new)) => match difference(&old.sent, &new.sent) {
+                None => self.compare(&old, &new, screen),
+                Some(why) => {
+                    let [old, new] = [&self.old, &self.new].map(|path| path.display());
+                    screen.error(&format!("{old} and {new} cannot be compared: {why}"));
+                    Exit::Script
+                }
+            },
             (Err(exit), _) | (_, Err(exit)) => exit,
         }
     }
 
-    fn side(&self, path: &Path, screen: &Screen) -> Result<Side, Exit> {
+    /// Reads one side. A snapshot on standard input names files as if it were in the folder of the other side.
+    fn side(&self, path: &Path, other: &Path, screen: &Screen) -> Result<Side, Exit> {
         // A file named like a snapshot is one, even if its content is damaged.
         if let Some(script) = path.to_string_lossy().strip_suffix(SNAPSHOT) {
             let text = read_file(path, 2 << 30).map_err(|error| {
                 screen.error(&format!("cannot read {}: {error}", path.display()));
                 Exit::Script
             })?;
-            return snapshot(&path.display().to_string(), &text, Some(script), screen);
+            return snapshot((&path.display().to_string(), path), &text, Some(script), screen);
         }
         let source = read(path, screen)?;
         if is_snapshot(source.text().as_bytes()) {
-            return snapshot(source.name(), source.text().as_bytes(), None, screen);
+            let from = source.path().unwrap_or(other);
+            return snapshot((source.name(), from), source.text().as_bytes(), None, screen);
         }
         let sources = Sources::new(source, Disk);
         let timeline = self.options.compile(&sources, screen)?.timeline.ok_or(Exit::Script)?;
@@ -118,13 +128,33 @@ impl Diff {
     }
 }
 
-fn snapshot(name: &str, text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
-    let sent = read_snapshot(&raspblock::board(), text).map_err(|error| {
+/// Reads a snapshot, by its name in messages and the path that the files it names are relative to.
+fn snapshot((name, from): (&str, &Path), text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
+    let board = family::of_snapshot(name, from, text, screen)?.board;
+    let sent = read_snapshot(&board, text).map_err(|error| {
         let fix = script.map(|script| format!("; write it again with `motionseq test --bless {}`", shell_word(script)));
         screen.error(&format!("{name} is not a snapshot: {error}{}", fix.unwrap_or_default()));
         Exit::Script
     })?;
     Ok(Side { sent, script: None })
+}
+
+/// Why two sides are for different boards; `None` if every command means the same on both.
+fn difference(old: &Snapshot, new: &Snapshot) -> Option<String> {
+    let (was, is) = (&old.board, &new.board);
+    let sends_the_same = |side: &Snapshot| {
+        let abort = side.more.iter().flat_map(|more| &more.abort);
+        side.moments.iter().chain(abort).all(|moment| was.to_frame(&moment.command) == is.to_frame(&moment.command))
+    };
+    let has_same_table = (&was.name, &was.resources, &was.verbs) == (&is.name, &is.resources, &is.verbs);
+    if Arc::ptr_eq(was, is) || has_same_table && sends_the_same(old) && sends_the_same(new) {
+        return None;
+    }
+    Some(if was.line == is.line {
+        format!("the file of the board `{}` is not the same for both", is.line)
+    } else {
+        format!("one is for the board `{}`, the other for `{}`", was.line, is.line)
+    })
 }
 
 /// Prints the first changes and the totals, or with `-v` all.

@@ -228,7 +228,7 @@ impl Display {
         if self.wrong > 0 {
             parts.push(format!("{} wrong", self.wrong));
         }
-        if let Some(pose) = self.seen.as_ref().map(|seen| seen.pose) {
+        if let Some(pose) = self.seen.as_ref().and_then(|seen| seen.pose) {
             parts.push(format!("x {:.1} y {:.1} cm, {:.0}°", pose.x_cm, pose.y_cm, pose.yaw_deg));
         }
         if let Some(report) = self.seen.as_ref().map(|seen| seen.report).or(self.report) {

@@ -12,6 +12,7 @@ mod decode;
 mod diff;
 mod exit;
 mod explain;
+mod family;
 mod fixes;
 mod fmt;
 mod init;
@@ -76,9 +77,6 @@ use std::thread;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use motionseq::Compiled;
-use std::sync::Arc;
-
-use motionseq::board::{Board as Family, raspblock};
 use motionseq::diagnostic::Denied;
 use motionseq::program::Speed;
 use motionseq::report::Repository;
@@ -91,7 +89,7 @@ use linux_only::{board, latency, play, ports, record};
 use project::{Config, ConfigOptions};
 use screen::{Screen, Volume, Warnings};
 
-/// Check, play and test timed motion scripts for the Yahboom Raspblock
+/// Check, play and test timed motion scripts for robots on a serial line
 #[derive(Debug, Parser)]
 #[command(version, arg_required_else_help = true, max_term_width = 100)]
 #[cfg_attr(
@@ -179,21 +177,6 @@ struct Deny {
 fn denied() -> impl TypedValueParser<Value = Denied> {
     let words = PossibleValuesParser::new(Denied::names().map(PossibleValue::new));
     words.try_map(|word| word.parse().map_err(|()| std::fmt::Error))
-}
-
-/// How the bytes of another program are decoded.
-#[derive(Clone, Copy, Debug, Args)]
-struct Reading {
-    /// Decode the direction of `move` as older versions of the vendor's driver encode it
-    #[arg(long)]
-    older_move: bool,
-}
-
-impl Reading {
-    /// The board that the frames are for.
-    fn board(self) -> Arc<Family> {
-        if self.older_move { raspblock::with_older_move() } else { raspblock::board() }
-    }
 }
 
 fn name_and_value(text: &str) -> Result<(String, String), String> {

@@ -31,6 +31,7 @@ pub(super) enum Event {
 /// The state of a virtual board. Frames that a fault dropped are not in it.
 pub(super) struct Seen {
     pub(super) state: State,
-    pub(super) pose: Pose,
+    /// Where the robot is, if the virtual board drives.
+    pub(super) pose: Option<Pose>,
     pub(super) report: Report,
 }

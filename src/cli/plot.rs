@@ -17,7 +17,7 @@ use super::watch::Watch;
 /// Draw the timeline of a script and the path of the robot
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion -o dance.html --watch   # again after each change; the page reloads itself\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each servo, the drive and the buzzer, and lanes for marks, `say`, `expect`, the load of the serial\nline and warnings. Dashed lines are the limits of the script. The path shows the virtual board from above, in its nominal units."
+    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion -o dance.html --watch   # again after each change; the page reloads itself\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each value that the script sets, and lanes for marks, `say`, `expect`, the load of the serial line\nand warnings. Dashed lines are the limits of the script. The path of a Raspblock is seen from above, in nominal units."
 )]
 pub(super) struct Plot {
     /// Script to read, or `-` for standard input

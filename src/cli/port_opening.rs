@@ -5,6 +5,7 @@ use std::os::fd::AsFd as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use motionseq::board::Board;
 use motionseq::link::{BoardLikelihood, Obstacle, OpenError, PortInfo, Serial, obstacle, permission, port_at, ports};
 use motionseq::playback::Signals;
 use motionseq::units::{Micros, NotATime};
@@ -28,20 +29,27 @@ pub(super) fn wait(text: &str) -> Result<Micros, String> {
     if time <= LONGEST { Ok(time) } else { Err("too long; write 24h or less".to_owned()) }
 }
 
+/// A port that a command needs.
+pub(super) struct PortRequest<'r> {
+    /// Its path, or [`AUTO`].
+    pub(super) path: &'r Path,
+    /// What must be there.
+    pub(super) board: &'r Board,
+    /// The speed of the line in bits per second.
+    pub(super) baud: u32,
+    /// How long to wait if it cannot be opened now.
+    pub(super) wait: Option<Micros>,
+}
+
 /// Opens a port. If it cannot be opened now and there is time to wait, tries again until then or until a signal ends the command;
 /// a Ctrl-Z suspends it.
 /// Returns its path, too. An open port is never opened again.
-pub(super) fn open(
-    path: &Path,
-    baud: u32,
-    wait: Option<Micros>,
-    signals: &Signals,
-    screen: &Screen,
-) -> Result<(Serial, PathBuf), Exit> {
+pub(super) fn open(request: &PortRequest<'_>, signals: &Signals, screen: &Screen) -> Result<(Serial, PathBuf), Exit> {
+    let wait = request.wait;
     let mut until = wait.map(|wait| Instant::now() + Duration::from_micros(wait.0));
     let mut is_told = false;
     loop {
-        let refused = match try_open(path, baud) {
+        let refused = match try_open(request) {
             Ok(opened) => return Ok(opened),
             Err(refused) => refused,
         };
@@ -72,17 +80,37 @@ pub(super) fn open(
     }
 }
 
-fn try_open(path: &Path, baud: u32) -> Result<(Serial, PathBuf), Refused> {
-    let path = if path.as_os_str() == AUTO { choose(ports().map_err(Refused::NotListed)?)? } else { path.to_owned() };
-    match Serial::open(&path, baud) {
+fn try_open(request: &PortRequest<'_>) -> Result<(Serial, PathBuf), Refused> {
+    let path = if request.path.as_os_str() == AUTO {
+        choose(ports().map_err(Refused::NotListed)?, request.board)?
+    } else {
+        request.path.to_owned()
+    };
+    match Serial::open(&path, request.baud) {
         Ok(port) => Ok((port, path)),
         Err(error) => Err(Refused::NotOpened(path, error)),
     }
 }
 
-/// The one port that looks like the board: on the pins of a Raspberry Pi, or else the only USB adapter. If the system itself uses the
-/// pins, an adapter is not the board: it may be a printer or another robot.
-fn choose(ports: Vec<PortInfo>) -> Result<PathBuf, Refused> {
+/// The one port that looks like the board. A board that says by itself what it is, is there; any other is on the pins of a Raspberry
+/// Pi, or else at the only USB adapter. If the system itself uses the pins, an adapter is not the board: it may be a printer or another
+/// robot.
+fn choose(ports: Vec<PortInfo>, board: &Board) -> Result<PathBuf, Refused> {
+    let words = |line: &str, count| line.split(' ').take(count).map(str::to_owned).collect::<Vec<_>>();
+    if words(&board.line, 1) == [KNOWN_BY_USB] {
+        // One with the same number of channels, or else any.
+        for count in [2, 1] {
+            let is_it = |port: &&PortInfo| {
+                port.family.as_ref().is_some_and(|family| words(family, count) == words(&board.line, count))
+            };
+            match ports.iter().filter(is_it).collect::<Vec<_>>().as_slice() {
+                [] => {}
+                [one] => return Ok(one.path.clone()),
+                _ => return Err(Refused::Several(ports)),
+            }
+        }
+        return Err(Refused::None(ports, NO_MAESTRO));
+    }
     for likely in [BoardLikelihood::Board, BoardLikelihood::Maybe] {
         let found = || ports.iter().filter(|port| port.likely == likely);
         let free: Vec<&PortInfo> = found().filter(|port| !is_of_system(port.obstacle.as_ref())).collect();
@@ -95,8 +123,13 @@ fn choose(ports: Vec<PortInfo>) -> Result<PathBuf, Refused> {
             _ => return Err(Refused::Several(ports)),
         }
     }
-    Err(Refused::None(ports))
+    Err(Refused::None(ports, CONNECT))
 }
+
+/// The family of boards that say by USB what they are.
+const KNOWN_BY_USB: &str = "maestro";
+/// How to get a port with such a board.
+const NO_MAESTRO: &str = "connect the Maestro by USB, or write its port, such as `--port PATH`";
 
 /// Whether the system itself uses a port, which does not end by itself.
 fn is_of_system(obstacle: Option<&Obstacle>) -> bool {
@@ -109,9 +142,10 @@ enum Refused {
     NotListed(io::Error),
     /// The port on the pins is used by the system itself.
     OfSystem(Box<PortInfo>),
-    /// Several ports look like the board, or none does; all ports.
+    /// Several ports look like the board; all ports.
     Several(Vec<PortInfo>),
-    None(Vec<PortInfo>),
+    /// None does; all ports, and what to do.
+    None(Vec<PortInfo>, &'static str),
 }
 
 impl std::fmt::Display for Refused {
@@ -124,7 +158,7 @@ impl std::fmt::Display for Refused {
                 write!(f, "`--port auto`: {}, the port on the pins: {why}", port.path.display())
             }
             Refused::Several(_) => f.write_str("`--port auto`: several ports look like the board"),
-            Refused::None(_) => f.write_str("`--port auto`: no port looks like the board"),
+            Refused::None(..) => f.write_str("`--port auto`: no port looks like the board"),
         }
     }
 }
@@ -137,7 +171,7 @@ impl Refused {
                 matches!(error, OpenError::Missing | OpenError::InUse | OpenError::Forbidden | OpenError::Other(_))
             }
             Refused::NotListed(_) | Refused::OfSystem(_) => false,
-            Refused::Several(_) | Refused::None(_) => true,
+            Refused::Several(_) | Refused::None(..) => true,
         }
     }
 
@@ -149,9 +183,11 @@ impl Refused {
                 screen.error(&format!("{self}; nothing was sent"));
                 Exit::Port
             }
-            Refused::Several(ports) | Refused::None(ports) => {
-                let is_none = matches!(self, Refused::None(_));
-                let more = if is_none { CONNECT } else { "write the port of the board, such as `--port PATH`" };
+            Refused::Several(ports) | Refused::None(ports, _) => {
+                let more = match self {
+                    Refused::None(_, connect) => connect,
+                    _ => "write the port of the board, such as `--port PATH`",
+                };
                 screen.error(&format!("{self}; nothing was sent; {more}"));
                 for port in ports {
                     screen.ask(&line(port));

@@ -51,6 +51,7 @@ impl Ports {
 pub(super) fn line(port: &PortInfo) -> String {
     let names: Vec<String> = port.names.iter().map(|name| name.display().to_string()).collect();
     let likely = match port.likely {
+        _ if let Some(family) = &port.family => Some(format!("probably a Maestro: `board {family}`")),
         BoardLikelihood::Board => Some("probably the board".to_owned()),
         BoardLikelihood::Maybe => Some("the board, if it is connected by USB".to_owned()),
         _ => None,
@@ -78,6 +79,7 @@ struct Port {
     names: Vec<String>,
     description: String,
     board: &'static str,
+    family: Option<String>,
     obstacle: Option<Why>,
     permission: Option<Why>,
 }
@@ -108,6 +110,7 @@ impl From<&PortInfo> for Port {
                 BoardLikelihood::Maybe => "possibly",
                 _ => "no",
             },
+            family: port.family.clone(),
             obstacle: port.obstacle.as_ref().map(why),
             permission: port.permission.as_ref().map(why),
         }
@@ -116,7 +119,7 @@ impl From<&PortInfo> for Port {
 
 /// What to do if no port looks like the board.
 pub(super) fn help(ports: &[PortInfo]) -> Option<String> {
-    if ports.iter().any(|port| port.likely != BoardLikelihood::No) {
+    if ports.iter().any(|port| port.likely != BoardLikelihood::No || port.family.is_some()) {
         return None;
     }
     let what = if ports.is_empty() { "no serial ports" } else { "none of these ports looks like the board" };
@@ -135,6 +138,17 @@ mod tests {
         let mut port = PortInfo::new("/dev/ttyUSB0", BoardLikelihood::No, Some(Obstacle::InUse(None)));
         port.description = "USB \u{1b}[2J\tx\ny".to_owned();
         assert_eq!(line(&port), "/dev/ttyUSB0\tUSB \\u{1b}[2J\\tx\\ny\t\tin use");
+    }
+
+    #[test]
+    fn a_maestro_shows_the_line_of_a_script() {
+        let mut port = PortInfo::new("/dev/ttyACM0", BoardLikelihood::No, None);
+        port.description = "Pololu Maestro 12, Command Port".to_owned();
+        port.family = Some("maestro 12".to_owned());
+        let shown = "/dev/ttyACM0\tPololu Maestro 12, Command Port\t\tprobably a Maestro: `board maestro 12`";
+        assert_eq!(line(&port), shown);
+        let json = serde_json::to_value(Port::from(&port)).unwrap();
+        assert_eq!((&json["board"], &json["family"]), (&"no".into(), &"maestro 12".into()));
     }
 
     #[test]

@@ -6,22 +6,22 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::{Board as Family, Hundredths, raspblock};
+use motionseq::board::{Board as Family, Hundredths};
 use motionseq::faults::Faults;
 use motionseq::link::{Link as _, PtyLink, Serial};
 use motionseq::playback::{Guard, GuardConfig, Signals, Stop};
 use motionseq::serve::{End, ServeError, Server, TapEnd};
 use motionseq::units::{Micros, Nanos};
 
-use super::Reading;
 use super::board::{self, battery, report_every, serve_board};
 use super::display::Format;
 use super::exit::Exit;
+use super::family::Reading;
 use super::growing_file;
 use super::guard;
 use super::log::{About, Log};
 use super::output::{self, Inputs};
-use super::port_opening::{self, doubt};
+use super::port_opening::{self, PortRequest, doubt};
 use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::Watcher;
@@ -29,7 +29,7 @@ use super::watcher::Watcher;
 /// Record what another program sends to its board, and write it as a script
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends the recording. The file is updated every half second. Time 0 of the script is the first frame.\nTimes are relative and rounded to a millisecond; a mark follows each pause of more than a second. Repeated commands to the\ndrive, a servo or the buzzer are left out, and a command and its end become one line with `for`. Values that follow an\neasing, within 5 us for servos and 1 for the drive, become one line with `over`. --exact keeps every frame at its time."
+    after_help = "Examples:\n  motionseq record --link /tmp/board -o dance.motion                        a virtual board\n  motionseq record --link /tmp/board --port /dev/serial0 -o dance.motion    between the program and a Raspblock\n  motionseq record --link /tmp/board --family my-robot.toml -o dance.motion a board that a file describes\n  python3 my_robot.py /tmp/board                  in another terminal: it opens /tmp/board as it would /dev/serial0\n\nCtrl-C ends the recording. The file is updated every half second. Time 0 of the script is the first frame.\nTimes are relative and rounded to a millisecond; a mark follows each pause of more than a second. Repeated commands to the\ndrive, a servo or the buzzer are left out, and a command and its end become one line with `for`. Values that follow an\neasing, within 5 us for servos and 1 for the drive, become one line with `over`. --exact keeps every frame at its time."
 )]
 pub(super) struct Record {
     /// Create a symbolic link at this path, which the program opens as its port; the link is removed at the end
@@ -50,18 +50,18 @@ pub(super) struct Record {
     /// Keep every frame: the script sends what the program sent, each frame at its time
     #[arg(long)]
     exact: bool,
-    /// Set the bit rate of the line
-    #[arg(long, value_name = "BAUD", default_value_t = raspblock::board().baud, value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
-    baud: u32,
-    /// Set the battery voltage of the virtual board at rest, 0V to 100V
-    #[arg(long, value_name = "VOLTS", value_parser = battery, default_value = "12V")]
-    battery: Hundredths,
+    /// Set the bit rate of the line [default: that of the board, 115200 for the Raspblock]
+    #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
+    baud: Option<u32>,
+    /// Set the battery voltage of the virtual board at rest, 0V to 100V [default: 12V]
+    #[arg(long, value_name = "VOLTS", value_parser = battery)]
+    battery: Option<Hundredths>,
     /// Simulate faults on the virtual board, as in `board`
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
-    /// Once the program has requested reports, send one every TIME from the virtual board (10ms to 10s)
-    #[arg(long, value_name = "TIME", value_parser = report_every, default_value = "100ms")]
-    report_every: Micros,
+    /// Once the program has requested reports, send one every TIME from the virtual board (10ms to 10s) [default: 100ms]
+    #[arg(long, value_name = "TIME", value_parser = report_every)]
+    report_every: Option<Micros>,
     /// Write an MCAP log of frames, state and telemetry for Foxglove to FILE, or to a new file in a folder
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -78,62 +78,66 @@ const MAX_LATE: Nanos = Nanos::from_millis(250);
 impl Record {
     /// Records until a signal ends it.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
+        self.try_run(screen).unwrap_or_else(|exit| exit)
+    }
+
+    fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
+        let chosen = self.reading.chosen(screen)?;
+        board::check_simulated(&chosen.board, self.battery, self.report_every, screen)?;
+        let inputs = Inputs::of(&chosen.file);
         let created = self.output.as_deref().map(|path| {
-            growing_file::create(path, &Inputs::default()).map_err(|error| output::exit(Err(error), Some(path), screen))
+            growing_file::create(path, &inputs).map_err(|error| output::exit(Err(error), Some(path), screen))
         });
-        let created = match created.transpose() {
-            Ok(created) => created,
-            Err(exit) => return exit,
-        };
+        let created = created.transpose()?;
+        let family = chosen.for_script(self.output.as_deref(), screen).board;
         // Until the end: if nothing is recorded, it removes the file.
         let file = created.as_ref().map(|created| created.file.try_clone()).transpose();
-        let file = file.map_err(|error| board::failed(screen, &error));
-        file.and_then(|file| self.record(file, screen)).unwrap_or_else(|exit| exit)
+        let file = file.map_err(|error| board::failed(screen, &error))?;
+        self.record(&family, file, screen)
     }
 
     /// Fails if nothing was recorded.
-    fn record(&self, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
+    fn record(&self, family: &Arc<Family>, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
         let signals = board::begin(screen)?;
-        let port = self.port.as_deref();
-        let port = port.map(|path| port_opening::open(path, self.baud, self.wait, &signals, screen)).transpose()?;
+        let baud = self.baud.unwrap_or(family.baud);
+        let request = |path| PortRequest { path, board: family, baud, wait: self.wait };
+        let port = self.port.as_deref().map(request);
+        let port = port.map(|request| port_opening::open(&request, &signals, screen)).transpose()?;
         let path = port.as_ref().map(|(_, path)| path.clone());
-        let mut pty_link = PtyLink::open(&self.link, self.baud).map_err(|error| board::refused(&error, screen))?;
+        let mut pty_link = PtyLink::open(&self.link, baud).map_err(|error| board::refused(&error, screen))?;
         let what = ("record", About::new(path.as_deref()));
-        let log = Log::open(self.log.as_deref(), file.as_ref(), what, self.reading.board(), screen)?;
+        let log = Log::open(self.log.as_deref(), file.as_ref(), what, Arc::clone(family), screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
-        let tape = Tape::start(file, self.exact, self.baud, &self.reading.board(), *screen).map_err(failed)?;
-        let watcher =
-            Watcher::start(*screen, self.format, self.baud, self.reading.board(), port.is_some()).map_err(failed)?;
+        let tape = Tape::start(file, self.exact, baud, family, *screen).map_err(failed)?;
+        let watcher = Watcher::start(*screen, self.format, baud, Arc::clone(family), port.is_some()).map_err(failed)?;
         let watcher = watcher.keeping(Some(tape), log);
         let begun = |what: &str| {
             screen.note(&format!("{} leads to {what} and is recorded; Ctrl-C ends the recording", self.link.display()));
         };
         let (exit, tape) = match port {
             None => {
-                let board =
-                    board::board_with(self.reading.board(), self.battery, self.report_every, self.fault.clone());
-                begun("a virtual board");
-                serve_board(&mut pty_link, board, self.baud, &signals, watcher, screen)
+                let board = board::board_with(Arc::clone(family), self.battery, self.report_every, self.fault.clone());
+                begun(&board::virtual_board(family));
+                serve_board(&mut pty_link, board, baud, &signals, watcher, screen)
             }
             Some((port, path)) => {
                 doubt(&path, screen);
                 // Last: from here on the loop must send signs of life.
-                let guard = self.guard(&port, screen).map_err(failed)?;
+                let guard = self.guard(&port, family, screen).map_err(failed)?;
                 begun(&format!("the board at {}", path.display()));
-                between(&mut pty_link, self.reading.board(), port, guard, &signals, watcher, screen)
+                between(&mut pty_link, Arc::clone(family), port, guard, &signals, watcher, screen)
             }
         };
         drop(pty_link);
         Ok(tape.map(Tape::end).map_or(exit, |kept| self.summary(&kept, exit, screen)))
     }
 
-    fn guard(&self, port: &Serial, screen: &Screen) -> io::Result<Option<Guard>> {
+    fn guard(&self, port: &Serial, family: &Family, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
         }
-        let board = self.reading.board();
-        let mut ward = GuardConfig::of_board(&board);
+        let mut ward = GuardConfig::of_board(family);
         ward.max_late = MAX_LATE;
         guard::start(port.descriptor(), &ward, false, screen).map(Some)
     }
@@ -171,6 +175,7 @@ fn between(
     mut watcher: Watcher,
     screen: &Screen,
 ) -> (Exit, Option<Tape>) {
+    let without_stop = board.without_stop.clone();
     let mut server = Server::of_port(pty_link, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
@@ -193,6 +198,7 @@ fn between(
     let robot = match stop {
         Stop::NotNeeded => "the program left the robot at rest",
         Stop::Sent => "the program did not stop the robot; stop: sent",
+        Stop::NotDefined => &*without_stop,
         _ => "the program did not stop the robot; stop: NOT SENT - cut the power",
     };
     let words = cause.as_ref().map_or_else(|| robot.to_owned(), |cause| format!("{cause}; {robot}"));

@@ -6,7 +6,6 @@ use std::io::{self, IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process;
 
-use motionseq::board::raspblock;
 use motionseq::diagnostic::{Diagnostics, escaped};
 use motionseq::plot::{Theme, plot};
 use motionseq::source::{Disk, Files as _, Source, Sources};
@@ -17,6 +16,7 @@ use super::Options;
 use super::atomic_file::write_atomically;
 use super::case_lines::{Shown, exit_of, is_shown};
 use super::exit::Exit;
+use super::family;
 use super::project::VIRTUAL;
 use super::screen::{Screen, plural};
 
@@ -107,7 +107,7 @@ impl Review<'_> {
                     print(&self.shown.lines(&blessed));
                     return if blessed.status.is_passed() { Choice::Accept } else { Choice::Skip };
                 }
-                Choice::Pictures => match draw(script, job, number, pictures) {
+                Choice::Pictures => match draw((script, job), number, pictures, self.screen) {
                     Ok(paths) => print(&paths),
                     Err(error) => self.screen.error(&format!("cannot draw {}: {error}", case.name)),
                 },
@@ -154,7 +154,12 @@ impl Review<'_> {
 }
 
 /// Draws the snapshot and the script, and returns a line for each picture.
-fn draw(script: &Path, job: &Job, number: usize, folder: &mut Option<PathBuf>) -> io::Result<Vec<String>> {
+fn draw(
+    (script, job): (&Path, &Job),
+    number: usize,
+    folder: &mut Option<PathBuf>,
+    screen: &Screen,
+) -> io::Result<Vec<String>> {
     let folder = match folder {
         Some(folder) => folder,
         None => {
@@ -174,7 +179,11 @@ fn draw(script: &Path, job: &Job, number: usize, folder: &mut Option<PathBuf>) -
     };
     let snapshot = snapshot_of(script);
     let mut lines = Vec::new();
-    if let Some(old) = fs::read(&snapshot).ok().and_then(|text| read_snapshot(&raspblock::board(), &text).ok()) {
+    let old = fs::read(&snapshot).ok().and_then(|text| {
+        let chosen = family::of_snapshot(&snapshot.display().to_string(), &snapshot, &text, screen).ok()?;
+        read_snapshot(&chosen.board, &text).ok()
+    });
+    if let Some(old) = old {
         let sources = Source::new(snapshot.display().to_string(), "").into();
         lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
     }

@@ -1,6 +1,6 @@
 //! The messages at the end of a run, for `play`, its guard and `board`.
 
-use motionseq::board::{Board, ON_SILENCE};
+use motionseq::board::{Board, ON_SILENCE, Simulation, ValueForm, Verb};
 use motionseq::playback::{GateEnd, Passage, Stop};
 use motionseq::sim::Received;
 use motionseq::timeline::Gate;
@@ -49,10 +49,11 @@ fn described(board: &Board, received: &Received) -> String {
         let (name, last) = (&resource.name, state.last(id));
         let is_active = last.is_some_and(|last| board.is_active(last));
         words.push(match last.map(|last| board.show(last)) {
-            Some(last) if resource.needs_refresh && received.moves => format!("{name} is running: {last}"),
-            Some(last) if resource.needs_refresh && is_active => {
+            Some(last) if resource.refresh.is_some() && received.moves => format!("{name} is running: {last}"),
+            Some(last) if resource.refresh.is_some() && is_active && board.simulation == Simulation::Mecanum => {
                 format!("{name} was left at {last}, and the virtual board stopped by itself; {ON_SILENCE}")
             }
+            Some(last) if resource.drives && is_active => format!("{name} was left at {last}"),
             _ if is_active => format!("{name} is {}", resource.activity),
             _ => format!("{name} {}", resource.idle),
         });
@@ -60,18 +61,23 @@ fn described(board: &Board, received: &Received) -> String {
     for (id, resource) in
         board.resources.iter().enumerate().filter(|(_, found)| found.rest.is_none() && found.is_exclusive)
     {
-        let last =
-            state.last(id).and_then(|last| Some((board.verb(last.verb())?.axes.last()?, *last.values().last()?)));
-        if let Some((axis, value)) = last {
-            words.push(format!("{} at {value} {}", resource.name, axis.unit.symbol()).trim_end().to_owned());
-        }
+        let Some(last) = state.last(id) else { continue };
+        let moving = board.verb(last.verb()).map(Verb::moving).unwrap_or_default();
+        words.push(match (moving, last.values().last()) {
+            ([axis], Some(value)) if axis.takes == ValueForm::Number => {
+                let words = format!("{} at {} {}", resource.name, axis.shown(*value), axis.unit.symbol());
+                words.trim_end().to_owned()
+            }
+            _ => format!("{}: {}", resource.name, board.show(last)),
+        });
     }
-    words.join(", ")
+    if words.is_empty() { "all outputs are off or unknown".to_owned() } else { words.join(", ") }
 }
 
-/// Whether the robot was stopped, for the end of a closing line.
-pub(super) fn stop_words(stop: Stop) -> &'static str {
+/// Whether the robot was stopped, for the end of a closing line; `without_stop` is what a robot does whose board has no stop.
+pub(super) fn stop_words(stop: Stop, without_stop: &str) -> &str {
     match stop {
+        Stop::NotDefined => without_stop,
         Stop::Sent | Stop::NotNeeded => "stop: sent",
         _ => "stop: NOT SENT - cut the power",
     }

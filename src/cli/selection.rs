@@ -198,7 +198,7 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         let first = clip(whole, &asked, &State::default());
         let first_pass = first.end;
         // After a pass, the state of the board is known.
-        let again = || clip(whole, &asked, &state_after(&first));
+        let again = || clip(whole, &asked, &state_after(&first)).without_hello();
         match self.passes.into() {
             Count::Times(1) => Ok((first, None, first_pass)),
             Count::Times(times) => {
@@ -219,7 +219,8 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
                 let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
                 let all = passes(&first, &again, enough, usize::MAX);
                 check_passes(&first, &again, all.as_ref().unwrap_or(&first), diagnostics);
-                Ok((first, Some(again), first_pass))
+                // An endless run has no last pass.
+                Ok((first.without_goodbye(), Some(again.without_goodbye()), first_pass))
             }
         }
     }

@@ -52,7 +52,7 @@ impl Tape {
         let mut script = ScriptWriter::new(Arc::clone(board), exact, baud);
         if !out.is_file {
             // The start of a pipe cannot be amended later.
-            script.widen();
+            script.widen_all();
         }
         let (now, begin) = (Micros::ZERO, None);
         let writer = Writer { script, out, screen, now, begin, was_closed: false, failed: None };

@@ -20,7 +20,7 @@ use super::project::Configs;
 use super::review::{Review, Tested};
 use super::screen::{Screen, plural};
 use super::script_files::{ScriptFiles, find_scripts};
-use super::watch::Watch;
+use super::watch::{Watch, files_of};
 use super::{Deny, Options, repository};
 
 /// Compare scripts with their snapshots
@@ -98,7 +98,7 @@ impl Test {
             return Err(Exit::Script);
         }
         // Opened before any script runs, so that a wrong path is reported first.
-        let inputs = Inputs::of(&found.scripts);
+        let inputs = self.inputs(&found.scripts);
         let junit = match self.junit.as_deref().map(|path| output::whole(path, &inputs, self.force)).transpose() {
             Ok(junit) => junit,
             Err(error) => return Err(output::exit(Err(error), self.junit.as_deref(), screen)),
@@ -134,6 +134,15 @@ impl Test {
             Exit::Ok => exit_of(&cases),
             exit => exit,
         })
+    }
+
+    /// The files that no report may replace. Those that scripts use are looked up only if the report replaces something.
+    fn inputs(&self, scripts: &[PathBuf]) -> Inputs {
+        let is_report = |path: &Path| path.extension().is_some_and(|end| end == "xml");
+        if self.junit.as_deref().is_some_and(|path| path.is_file() && !is_report(path)) {
+            return Inputs::of(files_of(scripts, &self.options));
+        }
+        Inputs::of(scripts)
     }
 
     /// How a script is tested, with the configuration that applies to it.

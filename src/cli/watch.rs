@@ -64,21 +64,12 @@ impl Watched {
     fn of(paths: &[PathBuf], options: &Options) -> Self {
         let configs = options.config.configs();
         let scripts = find_scripts(paths, &configs).scripts;
-        let noted = NotedFiles::default();
+        let mut all = files_of(&scripts, options);
         let folders = scripts.iter().filter_map(|script| script.parent());
         let folders = folders.chain(paths.iter().map(PathBuf::as_path)).chain([Path::new("")]);
         for folder in folders.collect::<BTreeSet<_>>() {
-            configs.candidates(folder).into_iter().for_each(|path| noted.note(path));
+            all.extend(configs.candidates(folder));
         }
-        for script in &scripts {
-            noted.note(script.clone());
-            noted.note(snapshot_of(script));
-            if let Ok(source) = Disk.read(script) {
-                // Limits do not matter for what a script uses.
-                motionseq::compile(&Sources::new(source, noted.clone()), &options.of_library(&Config::default()));
-            }
-        }
-        let mut all = std::mem::take(&mut *noted.0.lock().unwrap_or_else(PoisonError::into_inner));
         all.extend(paths.iter().filter(|path| !path.is_dir()).cloned());
         all.sort_unstable();
         all.dedup();
@@ -99,6 +90,20 @@ impl Watched {
         let all = || find_scripts(&self.paths, &self.configs).scripts;
         changed.or_else(|| all().into_iter().find(|script| !known(script)))
     }
+}
+
+/// Some scripts, their snapshots, and every file that they use or name.
+pub(super) fn files_of(scripts: &[PathBuf], options: &Options) -> Vec<PathBuf> {
+    let noted = NotedFiles::default();
+    for script in scripts {
+        noted.note(script.clone());
+        noted.note(snapshot_of(script));
+        if let Ok(source) = Disk.read(script) {
+            // Limits do not matter for what a script uses.
+            motionseq::compile(&Sources::new(source, noted.clone()), &options.of_library(&Config::default()));
+        }
+    }
+    std::mem::take(&mut *noted.0.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 fn state(path: &Path) -> State {

@@ -4,7 +4,7 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use motionseq::board::{Board, OwnedItem, ReportDecoder, ReportItem};
+use motionseq::board::{Board, OwnedItem, ReportDecoder, ReportItem, Simulation};
 use motionseq::capture::TimedDecoder;
 use motionseq::link::PortEvent;
 use motionseq::sim::Device;
@@ -54,7 +54,7 @@ impl Watcher {
         board: Arc<Board>,
         is_tap: bool,
     ) -> io::Result<Self> {
-        let (decoder, reports) = (TimedDecoder::new(&board, baud), ReportDecoder::new(board.codec.replies));
+        let (decoder, reports) = (TimedDecoder::new(&board, baud), ReportDecoder::new(&board));
         let display = Display::new(screen, shown, baud, board);
         Ok(Watcher {
             screen,
@@ -122,7 +122,8 @@ impl Watcher {
             self.told = self.now;
             seen = board.map(|board| {
                 let received = board.received();
-                Arc::new(Seen { state: received.state.clone(), pose: received.pose, report: board.report() })
+                let pose = Some(received.pose).filter(|_| board.family().simulation == Simulation::Mecanum);
+                Arc::new(Seen { state: received.state.clone(), pose, report: board.report() })
             });
         }
         self.tell(Event::Passed(seen))

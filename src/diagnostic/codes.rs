@@ -64,39 +64,6 @@ macro_rules! codes {
     };
 }
 
-/// Codes of older versions, and those that they were divided into.
-const DIVIDED: &[(&str, &[Code])] = &[(
-    "arguments",
-    &[
-        Code::MissingArgument,
-        Code::UnexpectedArgument,
-        Code::DuplicateArgument,
-        Code::InvalidArgument,
-        Code::Block,
-        Code::Comparison,
-        Code::UnknownEasing,
-    ],
-)];
-
-impl Code {
-    /// The code with this name. [`Code::all_named`] also knows older names.
-    pub fn named(name: &str) -> Option<Code> {
-        Code::ALL.iter().copied().find(|code| code.name() == name)
-    }
-
-    /// The code with this name; for the name of a code that was divided, those that replace it. Empty for an unknown name.
-    pub fn all_named(name: &str) -> Vec<Code> {
-        let divided = DIVIDED.iter().find(|(old, _)| *old == name).map(|(_, codes)| codes.to_vec());
-        divided.unwrap_or_else(|| Code::named(name).into_iter().collect())
-    }
-}
-
-impl fmt::Display for Code {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 codes! {
     // text
     NotUtf8 "not-utf8" Error "The file is not UTF-8 text."
@@ -490,6 +457,55 @@ nod()
         "raw 0x04 1\n"
         "buzzer on for 100ms\n"
 
+    // boards
+    WrongBoard "wrong-board" Error "The command belongs to another board."
+        "Each family of boards has its own commands. A script is for one board: the Raspblock, unless it begins with a `board` line. Choose the \
+        board that has the command, or write a command of the board that the script is for."
+        "output 2 on\n"
+        "board maestro 6\noutput 2 on\n"
+
+    BoardFile "board-file" Error "The file of a text board cannot be read."
+        "The path after `board` is relative to the script, uses `/`, and never leads out of the folder of the script. docs/boards.md describes the file."
+        "board \"robot.toml\"\nservo 1 1500\n"
+        "board raspblock\nservo 1 1500\n"
+
+    BoardSyntax "board-syntax" Error "The file of a board is not valid TOML."
+        "The file of a text board is written in TOML: `KEY = VALUE` on each line, text in quotation marks, a table in brackets for each verb. \
+        docs/boards.md describes every key."
+        "name = My robot\nbaud = 9600\n\n[verb.led]\nsend = 'L\\n'\n"
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.led]\nsend = 'L\\n'\n"
+
+    BoardKey "board-key" Error "The file of a board has an unknown key, or lacks one."
+        "A key that has no effect is most likely misspelled. A board needs `name`, `baud` and at least one verb with `send`. docs/boards.md \
+        describes every key."
+        "name = \"My robot\"\n\n[verb.led]\nsend = 'L\\n'\n"
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.led]\nsend = 'L\\n'\n"
+
+    BoardValue "board-value" Error "The file of a board has an invalid value."
+        "The value has the wrong type, or does not fit the other keys: a range is not empty, and a verb that holds needs the string that ends it, \
+        which every stop sends. docs/boards.md describes every key."
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.drive]\naxes = [{ name = \"v\", range = \"-9..9\" }]\nholds = true\nsend = 'M{v}\\n'\n"
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.drive]\naxes = [{ name = \"v\", range = \"-9..9\" }]\nholds = true\nrest = 'M0\\n'\nsend = 'M{v}\\n'\n"
+
+    BoardTemplate "board-template" Error "The string that a verb sends is wrong."
+        "A template is an ASCII string with `{AXIS}` where a value goes, or `{AXIS:03}` with zeros in front. `\\r`, `\\n`, `\\t`, `\\\\` and `\\xNN` are \
+        bytes, and `{{` and `}}` are braces. It contains each axis of its verb once."
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.led]\naxes = [{ name = \"n\", range = \"0..9\" }]\nsend = 'L{m}\\n'\n"
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.led]\naxes = [{ name = \"n\", range = \"0..9\" }]\nsend = 'L{n}\\n'\n"
+
+    BoardText "board-text" Error "Two commands of a board cannot be distinguished."
+        "The bytes of a stream must say which command they are and where it ends, or neither the virtual board nor a recording can read them; the \
+        firmware most likely cannot, either. Let each string begin differently, separate two values, and end each string with something that is not \
+        part of a number, such as `\\n`."
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.led]\naxes = [{ name = \"n\", range = \"0..99\" }]\nsend = 'L{n}'\n"
+        "name = \"My robot\"\nbaud = 9600\n\n[verb.led]\naxes = [{ name = \"n\", range = \"0..99\" }]\nsend = 'L{n}\\n'\n"
+
+    TwoUses "two-uses" Error "One output is used in two ways."
+        "A channel of a Maestro drives either a servo, with pulses, or a digital output, as it is set up in the tool of its maker. One script uses \
+        each channel in one way."
+        "board maestro 6\nservo 2 1500\noutput 2 on\n"
+        "board maestro 6\nservo 2 1500\noutput 3 on\n"
+
     // motionseq.toml
     ConfigSyntax "config-syntax" Error "motionseq.toml is not valid TOML."
         "The configuration file is written in TOML: `KEY = VALUE` on each line, text in quotation marks, lists in brackets. No script is \
@@ -500,7 +516,7 @@ nod()
     ConfigKey "config-key" Error "motionseq.toml contains an unknown key."
         "A key that has no effect is most likely misspelled, and a limit that is silently ignored protects nothing. `motionseq config` shows every \
         key with its value. Settings that change what a script sends, such as `rate`, `tempo` and `seed`, belong in the script."
-        "[limits]\nservo-9 = \"900..1700\"\n"
+        "[limits]\nservo-99 = \"900..1700\"\n"
         "[limits]\nservo-2 = \"900..1700\"\n"
 
     ConfigValue "config-value" Error "motionseq.toml contains an invalid value."

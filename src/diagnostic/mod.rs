@@ -2,6 +2,7 @@
 //!
 //! No stage prints. Each one adds to a [`Diagnostics`]; the caller that shows them attaches the source once, with [`Attached`].
 
+mod code_names;
 mod codes;
 mod denied;
 mod macros;

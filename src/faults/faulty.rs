@@ -69,19 +69,18 @@ impl Faulty {
         self.reply();
     }
 
-    /// Sends the reports of the device that get through.
+    /// Sends the reports and the answers of the device that get through.
     fn reply(&mut self) {
         let Faults { drop, garble, silent, .. } = self.faults;
         let [_, dice] = &mut self.dice;
-        for report in self.device.reports() {
-            let mut line = self.device.family().report_line(&report).into_bytes();
+        for mut reply in self.device.replies() {
             if silent || dice.happens(drop) {
                 continue;
             }
             if dice.happens(garble) {
-                dice.garble(&mut line);
+                dice.garble(&mut reply);
             }
-            self.replies.extend(line);
+            self.replies.extend(reply);
         }
     }
 

@@ -23,6 +23,9 @@ pub struct PortInfo {
     pub description: String,
     /// Whether it looks like the board.
     pub likely: BoardLikelihood,
+    /// What a script writes after `board`, if the port says by itself which board it is:
+    /// `maestro 12`.
+    pub family: Option<String>,
     /// Why it cannot be used now, if that is known.
     pub obstacle: Option<Obstacle>,
     /// What [`permission`] says, which also counts if there is another obstacle.
@@ -37,6 +40,7 @@ impl PortInfo {
             names: Vec::new(),
             description: String::new(),
             likely,
+            family: None,
             obstacle,
             permission: None,
         }
@@ -139,6 +143,10 @@ struct Computer {
 
 /// The kinds of devices that are serial ports, by their subsystem. A virtual console has no device.
 const SUBSYSTEMS: [&str; 7] = ["amba", "pci", "platform", "pnp", "serial-base", "usb", "usb-serial"];
+/// The USB number of Pololu, and of its servo controllers with their channels. The first of their two
+/// serial ports takes commands, the other passes bytes to the pins.
+const POLOLU: &str = "1ffb";
+const MAESTROS: [(&str, u8); 4] = [("0089", 6), ("008a", 12), ("008b", 18), ("008c", 24)];
 /// Folders with links to devices.
 const LINKS: [&str; 2] = ["dev", "dev/serial/by-id"];
 /// Programs that show a login prompt.
@@ -194,30 +202,51 @@ impl Computer {
         if !self.file(&path).exists() {
             return None;
         }
+        let maestro = self.maestro(&terminal);
+        let family = maestro.as_ref().and_then(|(_, family)| family.clone());
         let (description, likely) = match subsystem.as_str() {
+            _ if let Some((description, _)) = maestro => (description, BoardLikelihood::No),
             "usb" | "usb-serial" => (self.usb(&terminal), BoardLikelihood::Maybe),
             _ if self.is_of_bluetooth(&path) => ("serial port of the Bluetooth chip".into(), BoardLikelihood::No),
             _ => self.on_board(&path),
         };
         let names = self.names.get(&path).cloned().unwrap_or_default();
         let (obstacle, permission) = (self.obstacle(&path), self.permission(&path));
-        Some(PortInfo { path, names, description, likely, obstacle, permission })
+        Some(PortInfo { path, names, description, likely, family, obstacle, permission })
     }
 
     /// A USB adapter, by what it says of itself.
     fn usb(&self, terminal: &Path) -> String {
-        // The first folder above the device that describes it.
-        let device = self.file(terminal.join("device")).canonicalize().unwrap_or_default();
-        let above = device.ancestors().take(4).find(|folder| folder.join("idVendor").exists());
-        let says = |file: &str| {
-            let text = above.and_then(|folder| fs::read_to_string(folder.join(file)).ok());
-            text.map(|text| text.trim().to_owned()).filter(|text| !text.is_empty())
-        };
+        let says = |file: &str| self.usb_says(terminal, "idVendor", file);
         let name = says("product").or_else(|| says("manufacturer")).unwrap_or_else(|| "serial adapter".into());
         match (says("idVendor"), says("idProduct")) {
             (Some(vendor), Some(product)) => format!("USB {vendor}:{product} {name}"),
             _ => format!("USB {name}"),
         }
+    }
+
+    /// A file of the first folder at or above the device of a terminal that contains the file `beside`.
+    fn usb_says(&self, terminal: &Path, beside: &str, file: &str) -> Option<String> {
+        let device = self.file(terminal.join("device")).canonicalize().ok()?;
+        let above = device.ancestors().take(4).find(|folder| folder.join(beside).exists())?;
+        let text = fs::read_to_string(above.join(file)).ok()?.trim().to_owned();
+        (!text.is_empty()).then_some(text)
+    }
+
+    /// A port of a Pololu Maestro: what it is and, for the port that takes commands, its family.
+    fn maestro(&self, terminal: &Path) -> Option<(String, Option<String>)> {
+        let says = |file: &str| self.usb_says(terminal, "idVendor", file);
+        let product = says("idProduct").filter(|_| says("idVendor").as_deref() == Some(POLOLU))?;
+        let (_, channels) = MAESTROS.iter().find(|(id, _)| *id == product)?;
+        let interface = self.usb_says(terminal, "bInterfaceNumber", "bInterfaceNumber");
+        let number = interface.and_then(|number| u8::from_str_radix(&number, 16).ok());
+        let (port, is_command_port) = match number {
+            None => ("", false),
+            Some(0) => (", Command Port", true),
+            Some(_) => (", TTL Port", false),
+        };
+        let family = is_command_port.then(|| format!("maestro {channels}"));
+        Some((format!("Pololu Maestro {channels}{port}"), family))
     }
 
     /// A port of the computer itself.

@@ -174,9 +174,10 @@ impl Closed {
 
     /// Takes a report, and returns the value that counts, if any. In a pause, it opens nothing.
     pub(super) fn hear(&mut self, now: Nanos, gate: &Gate, report: &Report) -> Option<Hundredths> {
-        self.heard = now;
         let criterion = gate.gate.criterion()?;
-        let measured = self.meter.read(&criterion.measured, report);
+        let value = criterion.measured.of(report)?;
+        self.heard = now;
+        let measured = self.meter.read(&criterion.measured, value);
         let value = match self.source {
             Source::Report => Some(measured),
             Source::None => None,

@@ -89,6 +89,7 @@ impl Record {
             *byte = match stop {
                 Stop::NotNeeded => b'n',
                 Stop::Sent => b's',
+                Stop::NotDefined => b'd',
                 Stop::NotSent => 0,
             };
         }
@@ -99,6 +100,7 @@ impl Record {
         match self.0.get(STOP_AT) {
             Some(b'n') => Stop::NotNeeded,
             Some(b's') => Stop::Sent,
+            Some(b'd') => Stop::NotDefined,
             _ => Stop::NotSent,
         }
     }
@@ -139,6 +141,8 @@ pub struct GuardConfig {
     pub realtime: bool,
     /// The frames of a stop.
     pub stop: Vec<Vec<u8>>,
+    /// What the robot does if the board has no stop.
+    pub without_stop: String,
 }
 
 impl GuardConfig {
@@ -151,7 +155,8 @@ impl GuardConfig {
     /// For any program on a board.
     pub fn of_board(board: &Board) -> Self {
         let stop = Stops::of(board, &[]).frames;
-        GuardConfig { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop }
+        let without_stop = board.without_stop.to_string();
+        GuardConfig { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop, without_stop }
     }
 
     /// The lateness that the guard tolerates.
@@ -160,15 +165,17 @@ impl GuardConfig {
     }
 
     /// As process arguments.
-    fn arguments(&self) -> [String; 4] {
-        [self.patience().0.to_string(), self.zeros.to_string(), self.realtime.to_string(), hex(&self.stop)]
+    fn arguments(&self) -> [String; 5] {
+        let (max_late, zeros) = (self.patience().0.to_string(), self.zeros.to_string());
+        [max_late, zeros, self.realtime.to_string(), hex(&self.stop), self.without_stop.clone()]
     }
 
     /// Reads process arguments; `None` if they are invalid.
     fn read(arguments: &[String]) -> Option<Self> {
-        let [max_late, zeros, realtime, stop] = arguments else { return None };
+        let [max_late, zeros, realtime, stop, without_stop] = arguments else { return None };
         let (max_late, zeros, realtime) = (max_late.parse().ok()?, zeros.parse().ok()?, realtime.parse().ok()?);
-        Some(GuardConfig { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)? })
+        let without_stop = without_stop.clone();
+        Some(GuardConfig { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)?, without_stop })
     }
 }
 
@@ -197,7 +204,7 @@ enum Watching {
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the five arguments that are added
+    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the six arguments that are added
     /// to it to [`guard`]: the process, and the fields of [`GuardConfig`].
     pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &GuardConfig) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
@@ -337,6 +344,8 @@ pub struct Guarded {
     pub place: Option<String>,
     /// Whether the robot was stopped.
     pub stop: Stop,
+    /// What the robot does if the board has no stop.
+    pub without_stop: String,
 }
 
 /// Frames as an argument: hex, separated by commas.
@@ -369,7 +378,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
     os::become_guard(ward.realtime);
     // The process number is unambiguous only while the player is the parent of this process.
     let player = Process::parent(player)?;
-    let stops = Stops::only(ward.stop);
+    let (stops, without_stop) = (Stops::only(ward.stop), ward.without_stop);
     let mut out = Outbox::new(ward.zeros, stops.frames.iter().map(Vec::len).max().unwrap_or_default());
     // Before the first heartbeat, the player may have changed the terminal.
     let mut last = Record::new(BEAT, Micros::ZERO, None).with_keys(true);
@@ -409,7 +418,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
             stop
         }
     };
-    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop }))
+    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop, without_stop }))
 }
 
 /// Closes the port, which is also standard input, so that the next player need not wait for the report.

@@ -1,10 +1,10 @@
 //! The stop that every early end uses, as a pure function of time and inputs.
 //!
-//! Queued bytes are discarded. Then it sends zeros (which complete a frame that was cut off), the stop frame three times, buzzer
-//! off, and the script's `on abort`. Nothing skips it: signals are ignored, and a failed write is repeated.
+//! Queued bytes are discarded, or the frame that has begun is completed, as the board permits. Then it sends zeros (which complete
+//! a frame that was cut off), the stop of the board, if it has one, and the script's `on abort`. Nothing skips it: signals are ignored, and a failed write is repeated.
 
 use super::messages::{Input, Order, Stop};
-use crate::board::Board;
+use crate::board::{Board, BufferStart, Codec};
 use crate::timeline::Event;
 use crate::units::{Micros, Nanos};
 
@@ -23,6 +23,8 @@ const BATCH: usize = 16 * 1024;
 pub struct Stops {
     /// The frames of a stop. The first frame and its repeats are sent at intervals.
     pub frames: Vec<Vec<u8>>,
+    /// Whether bytes may follow a truncated frame. Otherwise, a frame is sent once, and nothing after half of it.
+    is_lenient: bool,
     /// The frames of `on abort`, with their times from the first of them.
     abort: Vec<(Micros, Vec<u8>)>,
 }
@@ -31,12 +33,13 @@ impl Stops {
     /// The stop of a board, and what a script sends after it.
     pub fn of(board: &Board, abort: &[Event]) -> Self {
         let frames = board.stop.iter().map(|command| board.to_frame(command)).collect();
-        Stops { frames, abort: abort.iter().map(|event| (event.at, board.to_frame(&event.command))).collect() }
+        let abort = abort.iter().map(|event| (event.at, board.to_frame(&event.command))).collect();
+        Stops { frames, is_lenient: board.flushes, abort }
     }
 
     /// A stop without `on abort`.
     pub fn only(frames: Vec<Vec<u8>>) -> Self {
-        Stops { frames, abort: Vec::new() }
+        Stops { is_lenient: !frames.is_empty(), frames, abort: Vec::new() }
     }
 
     /// Whether a frame is the first one or a repeat of it.
@@ -79,13 +82,18 @@ impl Outbox {
         self.rest().is_empty()
     }
 
+    /// Whether the port has accepted a part of the bytes.
+    fn has_begun(&self) -> bool {
+        self.taken > 0 && !self.is_empty()
+    }
+
     /// Whether no further frame should be added.
     pub(super) fn is_full(&self) -> bool {
         self.bytes.len() >= BATCH
     }
 
     /// Appends a frame, which `write` writes.
-    pub(super) fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
+    pub(crate) fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
         write(&mut self.bytes);
     }
 
@@ -106,6 +114,19 @@ impl Outbox {
     /// Writes everything again from the start.
     fn rewind(&mut self) {
         self.taken = 0;
+    }
+
+    /// Keeps only the rest of the frame that the port has begun to accept.
+    pub(super) fn keep_begun(&mut self, codec: &dyn Codec) {
+        let mut end = 0;
+        while end < self.taken {
+            match codec.front(self.bytes.get(end..).unwrap_or_default(), false) {
+                BufferStart::Frame(length) | BufferStart::Skip(length, _) => end += length.max(1),
+                BufferStart::NeedMore => end = self.bytes.len(),
+            }
+        }
+        self.bytes.truncate(end);
+        self.took(0);
     }
 
     pub(super) fn clear(&mut self) {
@@ -135,12 +156,19 @@ pub(super) struct Halt {
 impl Halt {
     /// A stop that starts at `now`, after queued bytes were discarded. `aborts`: whether `on abort` follows.
     pub(super) fn new(aborts: bool, now: Nanos) -> Self {
-        Halt { aborts, step: 0, abort_from: Nanos::ZERO, whole: 0, failures: 0, next_at: now, give_up: now }
+        let give_up = now.saturating_add(PATIENCE);
+        Halt { aborts, step: 0, abort_from: Nanos::ZERO, whole: 0, failures: 0, next_at: now, give_up }
     }
 
     /// Whether the robot is stopped.
     pub(super) fn stop(&self, stops: &Stops) -> Stop {
-        if self.whole >= stops.needed() { Stop::Sent } else { Stop::NotSent }
+        if stops.frames.is_empty() {
+            Stop::NotDefined
+        } else if self.whole >= stops.needed() {
+            Stop::Sent
+        } else {
+            Stop::NotSent
+        }
     }
 
     /// How many frames were written to the port.
@@ -153,10 +181,15 @@ impl Halt {
         match input {
             Input::Failed(_) if self.failures < MAX_FAILURES => {
                 self.failures += 1;
-                out.rewind();
+                if stops.is_lenient {
+                    out.rewind();
+                }
                 return Some(Order::Pause { until: now.saturating_add(RETRY) });
             }
-            Input::Failed(_) | Input::HungUp | Input::Panicked => out.clear(),
+            Input::Failed(_) | Input::HungUp | Input::Panicked => {
+                self.aborts &= stops.is_lenient || !out.has_begun();
+                out.clear();
+            }
             Input::Wrote(count) => {
                 let is_stop = self.step.checked_sub(1).is_some_and(|at| stops.is_first(at));
                 self.whole += usize::from(out.took(count) && is_stop);

@@ -49,7 +49,7 @@ impl fmt::Display for Found {
                 write!(f, "the newest report is {:.0} ms old, which is more than 500 ms", age.in_millis())
             }
             Found::NothingInTime => {
-                f.write_str("the board reported nothing in this time; it reports every 0.1 s from the start")
+                f.write_str("the board reported nothing in this time; reports come every 0.1 s from the start")
             }
             Found::Nothing => f.write_str("the board reported nothing yet; the first report takes about 0.1 s"),
         }
@@ -73,9 +73,8 @@ pub(super) struct Meter {
 }
 
 impl Meter {
-    /// Takes the next report, and returns the measured value.
-    pub(super) fn read(&mut self, measured: &Measured, report: &Report) -> Hundredths {
-        let value = measured.of(report);
+    /// Takes the next value of the measured quantity, and returns the measured value.
+    pub(super) fn read(&mut self, measured: &Measured, value: Hundredths) -> Hundredths {
         let Some(change) = measured.change() else { return value };
         let from = self.last.replace(value).unwrap_or(value);
         self.change = Hundredths(self.change.0.saturating_add(change.between(from, value).0));
@@ -101,13 +100,14 @@ pub(super) struct Judge<'t> {
     next: usize,
     /// Expectations that wait for a value.
     open: Vec<Open>,
-    /// The newest report and its time.
-    newest: Option<(Nanos, Report)>,
+    /// For each quantity of the board, its newest value, and when that came.
+    newest: Vec<Option<(Nanos, Hundredths)>>,
 }
 
 impl<'t> Judge<'t> {
-    pub(super) fn new(expects: &'t [Expectation]) -> Self {
-        Judge { expects, next: 0, open: Vec::with_capacity(expects.len()), newest: None }
+    /// For a board with this number of quantities.
+    pub(super) fn new(expects: &'t [Expectation], quantities: usize) -> Self {
+        Judge { expects, next: 0, open: Vec::with_capacity(expects.len()), newest: vec![None; quantities] }
     }
 
     /// Reserves room, so that a later pass does not allocate.
@@ -126,14 +126,13 @@ impl<'t> Judge<'t> {
     ///
     /// `time` is the time of the script: a report after the end of a `within` is too late.
     pub(super) fn hear(&mut self, time: Nanos, now: Nanos, report: Report, tell: &mut impl FnMut(Verdict)) {
-        self.newest = Some((now, report));
+        self.note(now, report);
         let expects = self.expects;
         self.open.retain_mut(|open| {
             let Some(Expectation { expect, until, .. }) = expects.get(open.expect) else { return false };
-            if time > until.nanos() {
-                return true;
-            }
-            let value = open.meter.read(&expect.criterion.measured, &report);
+            let measured = &expect.criterion.measured;
+            let Some(value) = measured.of(&report).filter(|_| time <= until.nanos()) else { return true };
+            let value = open.meter.read(measured, value);
             open.newest = Some(value);
             let fits = expect.criterion.wanted.fits(value);
             if fits {
@@ -145,19 +144,39 @@ impl<'t> Judge<'t> {
 
     /// Takes a report that no expectation waits for.
     pub(super) fn note(&mut self, now: Nanos, report: Report) {
-        self.newest = Some((now, report));
+        for (row, value) in report.values() {
+            if let Some(newest) = self.newest.get_mut(row) {
+                *newest = Some((now, value));
+            }
+        }
     }
 
-    /// The newest report, if it is not too old.
-    pub(super) fn fresh(&self, now: Nanos) -> Option<Report> {
-        self.newest.filter(|(came, _)| now - *came <= FRESH).map(|(_, report)| report)
+    /// The newest value of a quantity, and when it came.
+    fn newest(&self, quantity: usize) -> Option<(Nanos, Hundredths)> {
+        self.newest.get(quantity).copied().flatten()
+    }
+
+    /// The newest value of a quantity, if it is not too old.
+    fn fresh(&self, quantity: usize, now: Nanos) -> Option<Hundredths> {
+        self.newest(quantity).filter(|(came, _)| now - *came <= FRESH).map(|(_, value)| value)
+    }
+
+    /// The newest values of these quantities that are not too old, if there are any.
+    pub(super) fn fresh_report(&self, quantities: impl Iterator<Item = usize>, now: Nanos) -> Option<Report> {
+        let mut report = Report::default();
+        for row in quantities {
+            if let (Some(value), Ok(row)) = (self.fresh(row, now), u16::try_from(row)) {
+                report.add(row, value);
+            }
+        }
+        Some(report).filter(|report| report.values().next().is_some())
     }
 
     /// A meter that begins now.
     pub(super) fn meter(&self, measured: &Measured, now: Nanos) -> Meter {
         let mut meter = Meter::default();
-        if let Some(report) = self.fresh(now) {
-            meter.read(measured, &report);
+        if let Some(value) = self.fresh(measured.row(), now) {
+            meter.read(measured, value);
         }
         meter
     }
@@ -180,13 +199,11 @@ impl<'t> Judge<'t> {
                 self.open.push(Open { expect: at, meter: self.meter(measured, now), newest: None });
                 continue;
             }
-            let found = match self.newest {
+            let found = match self.newest(measured.row()) {
                 None => Found::Nothing,
                 Some((came, _)) if now - came > FRESH => Found::Stale(now - came),
-                Some((_, report)) => {
-                    let value = measured.of(&report);
-                    if wanted.fits(value) { Found::Passed(value) } else { Found::Failed(value) }
-                }
+                Some((_, value)) if wanted.fits(value) => Found::Passed(value),
+                Some((_, value)) => Found::Failed(value),
             };
             let verdict = Verdict { expect: at, found };
             tell(verdict);

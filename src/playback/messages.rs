@@ -91,8 +91,11 @@ impl Input {
 pub enum Order {
     /// Write [`Player::bytes`](super::Player::bytes) to the port, in one write.
     Write,
-    /// Discard what the port has not sent yet.
-    Discard,
+    /// A stop begins. Discard what the port has not sent yet, if the board permits that.
+    Halt {
+        /// Whether it does.
+        discards: bool,
+    },
     /// Wait until this time from the start; if `writable`, only until the port accepts bytes.
     Wait {
         /// The deadline.
@@ -173,6 +176,15 @@ pub enum Notice {
         /// The index of the command in the timeline.
         event: usize,
     },
+    /// The board was asked for a quantity.
+    Asked {
+        /// Its row in the table of the board.
+        quantity: usize,
+    },
+    /// The board answered the first frame with its error bits; 0 for no error.
+    Errors(u16),
+    /// The board did not answer the first frame.
+    Unanswered,
     /// The robot is stopped, and the process is about to be suspended.
     Sleeping {
         /// The time of the script.
@@ -235,6 +247,9 @@ pub enum Stop {
     Sent,
     /// The port did not accept it: the robot may still be moving.
     NotSent,
+    /// The board has no stop, so that nothing was sent. [`Board::without_stop`](crate::board::Board::without_stop) says
+    /// what the robot does.
+    NotDefined,
 }
 
 /// Why a run ended.
@@ -257,6 +272,8 @@ pub enum Cause {
     Expect(Verdict),
     /// A gate did not open.
     Gate(Passage),
+    /// The board did not answer, and the script needs its answers.
+    Unanswered,
     /// The guard was lost.
     Unguarded,
     /// The program failed.
@@ -280,6 +297,8 @@ pub struct Outcome {
     pub dropped: usize,
     /// Other frames: of stops, of `on abort`, at closed gates, and those that restore the state after a pause.
     pub extra: usize,
+    /// Whether the port accepted a frame of `on abort`.
+    pub aborted: bool,
     /// The worst lateness of a frame.
     pub worst_late: Nanos,
 }

@@ -11,7 +11,6 @@ use super::guard::Guard;
 use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Stop};
 use super::os::{self, Keys, Ready, Signals};
 use super::player::Player;
-use crate::board::{ReportDecoder, ReportItem};
 use crate::clock;
 use crate::link::Link;
 use crate::source::Lines;
@@ -50,7 +49,6 @@ pub struct Session<'s, L> {
     pub lines: Lines<'s>,
     /// Whether this thread has real-time priority.
     pub realtime: bool,
-    reports: ReportDecoder,
     /// The gate that waited for the operator after the last order.
     waited_for_go: Option<usize>,
     /// Time 0 of the run, on the clock of [`now`](super::now).
@@ -60,7 +58,6 @@ pub struct Session<'s, L> {
 impl<'s, L: Link> Session<'s, L> {
     /// A session without guard, keys and real-time priority. Start the guard last: from then on the loop must run.
     pub fn new(player: Player<'s>, link: L, signals: Signals, lines: Lines<'s>) -> Self {
-        let reports = ReportDecoder::new(player.board().codec.replies);
         Session {
             player,
             link,
@@ -70,7 +67,6 @@ impl<'s, L: Link> Session<'s, L> {
             go: None,
             lines,
             realtime: false,
-            reports,
             waited_for_go: None,
             start: Nanos::ZERO,
         }
@@ -148,9 +144,11 @@ impl<'s, L: Link> Session<'s, L> {
                     Some(signal) => self.meaning(signal),
                     None => self.write(notices),
                 },
-                Order::Discard => {
-                    // If the port is gone, the stop reports it.
-                    let _ = self.link.discard();
+                Order::Halt { discards } => {
+                    if discards {
+                        // If the port is gone, the stop reports it.
+                        let _ = self.link.discard();
+                    }
                     Input::Tick
                 }
                 Order::Wait { until, writable } => self.wait(self.start.saturating_add(until), writable, notices),
@@ -201,12 +199,7 @@ impl<'s, L: Link> Session<'s, L> {
                     _ => break,
                 },
             };
-            let Session { player, reports, start, .. } = self;
-            reports.feed(bytes, |item| {
-                if let ReportItem::Report(report) = item {
-                    player.hear(clock::now() - *start, report, notices);
-                }
-            });
+            self.player.receive(clock::now() - self.start, bytes, notices);
         }
         Input::Tick
     }
@@ -242,7 +235,7 @@ impl<'s, L: Link> Session<'s, L> {
             self.beat(left > CLOSE * 2);
             let until = if writable { deadline } else { deadline - CLOSE };
             let input = self.look(until, writable, false, notices);
-            if input != Input::Tick || writable || self.player.is_gate_ending() {
+            if input != Input::Tick || writable || self.player.has_news() {
                 return input;
             }
         }
@@ -355,7 +348,7 @@ impl<'s, L: Link> Session<'s, L> {
             // Wakes regularly to check whether this process is in the foreground again.
             let until = clock::now().saturating_add(CLOSE * 100);
             // Reports during a pause are not shown, but the newest one is kept.
-            match self.look(until, false, true, &mut |_| {}) {
+            match self.look(until, false, true, notices) {
                 Input::Tick => {}
                 input => {
                     if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {

@@ -10,10 +10,13 @@ use crate::units::Nanos;
 /// The longest time between two heartbeats.
 const BEAT: Nanos = Nanos::from_millis(20);
 
-/// Stops the robot: discards queued bytes and sends the stop frames. Calls `beat` regularly, for a guard that watches.
+/// Stops the robot: discards queued bytes and sends the stop frames. For a board without a stop, it only completes the frame in
+/// `out`. Calls `beat` regularly, for a guard that watches.
 pub(crate) fn stop_robot(port: &mut impl Link, stops: &Stops, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
-    let _ = port.discard();
-    out.clear();
+    if !stops.frames.is_empty() {
+        let _ = port.discard();
+        out.clear();
+    }
     let mut halt = Halt::new(false, clock::now());
     let mut input = Input::Tick;
     while let Some(order) = halt.poll(clock::now(), input, stops, out) {

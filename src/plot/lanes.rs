@@ -2,6 +2,7 @@
 
 use super::{Lane, Moment, Shows, Stretch};
 use crate::board::{Board, Command, LaneKind, Limited, Shown};
+use crate::diagnostic::escaped;
 use crate::program::Limit;
 use crate::timeline::Timeline;
 use crate::units::Micros;
@@ -17,21 +18,19 @@ enum LaneData {
 impl LaneData {
     fn take(&mut self, at: Micros, shown: &Shown, said: impl Fn() -> String) {
         match (self, shown) {
-            (LaneData::Curve(points), Shown::Value(value)) => match points.last_mut() {
-                Some((_, last)) if last == value => {}
-                None if value.is_none() => {}
-                // Keep a value that is replaced at the same moment: it was sent.
-                _ => points.push((at, *value)),
-            },
-            (LaneData::Spans(spans, is_on), Shown::Switch(on)) => match (std::mem::replace(is_on, *on), on) {
-                (false, true) => spans.push(Stretch { at, until: at, text: said() }),
-                (true, false) => {
-                    if let Some(last) = spans.last_mut() {
-                        last.until = at;
-                    }
+            (LaneData::Curve(points), Shown::Value(_) | Shown::Rest) => {
+                let value = if let Shown::Value(value) = shown { *value } else { Some(0.0) };
+                match points.last() {
+                    Some((_, last)) if *last == value => {}
+                    None if value.is_none() || *shown == Shown::Rest => {}
+                    // Keep a value that is replaced at the same moment: it was sent.
+                    _ => points.push((at, value)),
                 }
-                _ => {}
-            },
+            }
+            (LaneData::Spans(spans, is_on), Shown::Switch(on)) => change(spans, is_on, at, on.then(said)),
+            (LaneData::Spans(spans, is_on), Shown::Word(word)) => {
+                change(spans, is_on, at, word.as_ref().map(|word| escaped(word)));
+            }
             (LaneData::Ticks(ticks), _) => ticks.push(Moment { at, text: said() }),
             _ => {}
         }
@@ -48,6 +47,19 @@ impl LaneData {
     fn is_empty(&self) -> bool {
         if let LaneData::Curve(points) = self { points.is_empty() } else { self.is_flat() }
     }
+}
+
+/// Ends the last span if it is on, and begins one with this text, unless they are the same.
+fn change(spans: &mut Vec<Stretch>, is_on: &mut bool, at: Micros, text: Option<String>) {
+    let last = spans.last_mut().filter(|_| *is_on);
+    if last.as_ref().map(|last| &last.text) == text.as_ref() {
+        return;
+    }
+    if let Some(last) = last {
+        last.until = at;
+    }
+    *is_on = text.is_some();
+    spans.extend(text.map(|text| Stretch { at, until: at, text }));
 }
 
 /// The lanes that a timeline uses.
@@ -119,12 +131,19 @@ fn finished(lane: &crate::board::Lane, lane_data: LaneData, timeline: &Timeline)
         (LaneData::Curve(points), LaneKind::Curve { unit, ends, range, limited, .. }) => {
             let limits = &timeline.limits;
             let limit = limits.iter().find(|limit| limit.span.is_some() && limited.contains(&limit.limited));
-            let limits = limit.map(|limit| [limit.low, limit.high]);
+            let scale = |limited| f64::from(timeline.board.axis(limited).map_or(1, |axis| axis.scale));
+            let limits = limit.map(|limit| [limit.low, limit.high].map(|value| value / scale(limit.limited)));
             let range = default_range(timeline, limited, *range);
-            Shows::Curve { unit: unit.clone(), ends: ends.clone(), range, limits, points }
+            let verb = limited.first().and_then(|limited| timeline.board.verb(limited.verb));
+            let is_position = range[0] >= 0.0 || verb.is_some_and(|verb| verb.moves && !verb.holds);
+            Shows::Curve { unit: unit.clone(), ends: ends.clone(), range, limits, points, is_position }
         }
         (LaneData::Spans(spans, _), kind) => {
-            Shows::Spans { spans, is_strong: matches!(kind, LaneKind::Spans { is_strong: true, .. }) }
+            let (is_strong, has_words) = match kind {
+                LaneKind::Spans { text, is_strong } => (*is_strong, text.is_empty()),
+                _ => (false, false),
+            };
+            Shows::Spans { spans, is_strong, has_words }
         }
         (LaneData::Ticks(ticks), _) => Shows::Ticks { ticks },
         (LaneData::Curve(_), _) => Shows::Ticks { ticks: Vec::new() },
@@ -133,13 +152,13 @@ fn finished(lane: &crate::board::Lane, lane_data: LaneData, timeline: &Timeline)
 }
 
 /// The range with default limits, unless the script widens it.
-fn default_range(timeline: &Timeline, limited: &[Limited], range: (i32, i32)) -> [f64; 2] {
-    let [low, high] = [f64::from(range.0), f64::from(range.1)];
+fn default_range(timeline: &Timeline, limited: &[Limited], (low, high): (f64, f64)) -> [f64; 2] {
     let default = limited.iter().find_map(|limited| timeline.board.default_limit(*limited));
     let Some(default) = default else { return [low, high] };
-    let (least, most) = (f64::from(default.range.0), f64::from(default.range.1));
     let of_it = |limit: &&Limit| limit.limited == default.limited;
-    let is_wider = |limit: &Limit| (limit.low < least, limit.high > most);
+    let is_wider = |limit: &Limit| (limit.low < f64::from(default.range.0), limit.high > f64::from(default.range.1));
     let (is_lower, is_higher) = timeline.limits.iter().find(of_it).map(is_wider).unwrap_or_default();
+    let Some(axis) = timeline.board.axis(default.limited) else { return [low, high] };
+    let (least, most) = (axis.shown(default.range.0), axis.shown(default.range.1));
     [if is_lower { low } else { least }, if is_higher { high } else { most }]
 }

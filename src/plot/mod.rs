@@ -161,6 +161,10 @@ pub enum Shows {
         limits: Option<[f64; 2]>,
         /// Times and values; `null` where the value is unknown.
         points: Vec<(Micros, Option<f64>)>,
+        /// Whether it is a position, which is drawn on the scale of its range. Other values are
+        /// drawn as distances from zero.
+        #[serde(skip)]
+        is_position: bool,
     },
     /// A state that is on or off.
     Spans {
@@ -169,6 +173,9 @@ pub enum Shows {
         /// Whether it is drawn as prominently as a command.
         #[serde(skip)]
         is_strong: bool,
+        /// Whether the texts are words of the script, which are drawn in the spans.
+        #[serde(skip)]
+        has_words: bool,
     },
     /// Moments.
     Ticks {

@@ -19,7 +19,7 @@ const LOOK: Micros = Micros::from_millis(20);
 /// The poses of the robot from start to end; empty if it does not move.
 pub(super) fn path(timeline: &Timeline) -> Vec<Place> {
     let Timeline { board, events, end, .. } = timeline;
-    if board.simulation == Simulation::State {
+    if board.simulation != Simulation::Mecanum {
         return Vec::new();
     }
     let mut path = PathTracer {

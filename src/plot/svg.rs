@@ -5,12 +5,14 @@ use std::fmt::Write as _;
 use svg::Node;
 use svg::node::element::{Element, Style};
 
-use super::canvas::{Anchor, Canvas, fit, number, point, stairs, steps, width};
+use self::curve::{about_zero, reading};
+use super::canvas::{Anchor, Canvas, fit, number, point, width};
 use super::labels::{self, Room};
 use super::{Lane, Moment, Place, Plot, Robot, Shows, Stretch, shown};
 use crate::board::Text;
 use crate::units::Micros;
 
+mod curve;
 mod time_axis;
 mod top_view;
 
@@ -40,7 +42,8 @@ const ROW: f64 = 26.0;
 const MORE_ROW: f64 = 16.0;
 const WIRE: f64 = 48.0;
 const GAP: f64 = 7.0;
-/// Font sizes of names and texts, and of secondary texts, in pixels.
+/// Font sizes of names, of texts, and of secondary texts, in pixels.
+const NAME: f64 = 14.0;
 const TEXT: f64 = 13.0;
 const SOFT: f64 = 12.0;
 /// The maximum number of tooltips per lane, and of warnings shown as text.
@@ -194,9 +197,8 @@ impl Picture<'_> {
 
     fn lane(&mut self, lane: &Lane) {
         match &lane.shows {
-            Shows::Curve { unit, ends, range, limits, points } => {
-                // A range without zero is a position, not a speed.
-                let is_place = range[0] > 0.0;
+            Shows::Curve { unit, ends, range, limits, points, is_position: is_place } => {
+                let is_place = *is_place;
                 let height = match ends {
                     _ if is_place => PLACE,
                     [end, _] if end.is_empty() => PLAIN,
@@ -207,14 +209,25 @@ impl Picture<'_> {
                 self.frame(&lane.name, height);
                 let about = [&lane.about, unit].into_iter().map(|word| &**word).filter(|word| !word.is_empty());
                 let about = about.collect::<Vec<_>>().join(", ");
-                self.canvas.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
+                // In a low lane, the lower end of the scale is next to it.
+                let end = if height > PLAIN { 0.0 } else { width(&reading(scale[0]), SOFT) };
+                // Most words have narrow letters.
+                let about = fit(&about, SOFT * 0.9, LEFT - 22.0 - end);
+                if !about.is_empty() {
+                    self.canvas.text((16.0, y + height / 2.0 + 17.0), "soft", Anchor::Start, &about);
+                }
                 self.curve(points, scale, *limits, (y, height), is_place);
                 self.ends(ends, scale, (y, height), is_place);
                 self.y += height + GAP;
             }
-            Shows::Spans { spans, is_strong } => {
+            Shows::Spans { spans, is_strong, has_words } => {
                 let class = if *is_strong { "span" } else { "hold" };
-                self.row(&lane.name, |picture, y| picture.stretches(class, spans, y + 6.0, ROW - 12.0));
+                self.row(&lane.name, |picture, y| {
+                    picture.stretches(class, spans, y + 6.0, ROW - 12.0);
+                    if *has_words {
+                        picture.words(spans, y + ROW / 2.0 + 4.5);
+                    }
+                });
             }
             Shows::Ticks { ticks } => self.moments(&lane.name, ticks, ("tick", BAR), &[]),
         }
@@ -222,7 +235,7 @@ impl Picture<'_> {
 
     /// The frame and the name of a lane.
     fn frame(&mut self, name: &str, height: f64) {
-        self.name(name, self.y + height / 2.0 + if height > ROW { 1.0 } else { 4.0 });
+        self.name(&short(name), self.y + height / 2.0 + if height > ROW { 1.0 } else { 4.0 });
         self.backgrounds.area("lane", [LEFT, self.y, self.right - LEFT, height], None);
         self.bottom = self.y + height;
     }
@@ -245,120 +258,11 @@ impl Picture<'_> {
     ) {
         let mut say = |value: f64, y: f64, word: &str| {
             let text =
-                if is_place || word.is_empty() { number(value) } else { format!("{word} {}", number(value.abs())) };
+                if is_place || word.is_empty() { reading(value) } else { format!("{word} {}", number(value.abs())) };
             self.canvas.text((LEFT - 6.0, y), "soft", Anchor::End, &text);
         };
         say(high, y + 10.0, high_end);
         say(low, y + height, low_end);
-    }
-
-    #[expect(clippy::too_many_arguments, reason = "a curve with its scale and its position")]
-    fn curve(
-        &mut self,
-        points: &[(Micros, Option<f64>)],
-        [low, high]: [f64; 2],
-        limits: Option<[f64; 2]>,
-        (top, height): (f64, f64),
-        is_place: bool,
-    ) {
-        // What is beyond the scale stays in this lane, and has a symbol with its number.
-        let down = |value: f64| top + 3.0 + (high - value.clamp(low, high)) / (high - low) * (height - 6.0);
-        if !is_place {
-            self.canvas.line("zero", (LEFT, down(0.0)), (self.right, down(0.0)));
-        }
-        for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
-            self.canvas.line("limit", (LEFT, down(limit)), (self.right, down(limit)));
-        }
-        let drawn = points.iter().map(|(at, value)| (self.x(*at), value.map(down)));
-        for run in steps(drawn, self.right) {
-            if let (false, Some((first, _)), Some((last, _))) = (is_place, run.first(), run.last()) {
-                let zero = number(down(0.0));
-                // From the zero line up to the curve, and back.
-                let curve = stairs(&run).replacen('M', "L", 1);
-                let under = format!("M{} {zero}{curve}L{} {zero}z", number(*first), number(*last));
-                self.canvas.path("under", &under, None);
-            }
-            self.canvas.path(if is_place { "curve" } else { "drive" }, &stairs(&run), None);
-            // A value at the very end would be invisible.
-            if let (Some((x, y)), Some((last, _))) = (run.first(), run.last())
-                && last - x < 2.0
-            {
-                self.canvas.path(if is_place { "say" } else { "expect" }, &DOT(*x, *y), None);
-            }
-        }
-        let inside: Vec<_> =
-            points.iter().map(|(at, value)| (*at, value.filter(|value| (low..=high).contains(value)))).collect();
-        self.values(&inside, down, (top, height));
-        self.limits(limits, [low, high], down, (top, height));
-        self.beyond(points, [low, high], (top, height));
-    }
-
-    /// Writes the numbers of the limits at the right end of their lines.
-    fn limits(
-        &mut self,
-        limits: Option<[f64; 2]>,
-        [low, high]: [f64; 2],
-        down: impl Fn(f64) -> f64,
-        (top, height): (f64, f64),
-    ) {
-        for limit in limits.into_iter().flatten().filter(|limit| (low..=high).contains(limit)) {
-            let y = down(limit);
-            // Outside of the limits if there is room.
-            let is_upper = limits.is_some_and(|[_, upper]| limit == upper);
-            let [above, below] = [y - 4.0, y + 12.0];
-            let y = match is_upper {
-                true if y - top > 16.0 => above,
-                true => below,
-                false if top + height - y > 16.0 => below,
-                false => above,
-            };
-            let text = format!("limit {}", number(limit));
-            self.canvas.text((self.right - 4.0, y), "late", Anchor::End, &text);
-        }
-    }
-
-    /// Marks values beyond the scale at the edge of the lane, with their numbers.
-    fn beyond(&mut self, points: &[(Micros, Option<f64>)], [low, high]: [f64; 2], (top, height): (f64, f64)) {
-        let mut free = f64::NEG_INFINITY;
-        for (at, value) in points {
-            let (x, Some(value)) = (self.x(*at), *value) else { continue };
-            if (low..=high).contains(&value) || x < free {
-                continue;
-            }
-            let text = number(value);
-            let wide = width(&text, SOFT) + 18.0;
-            free = x + wide;
-            let is_high = value > high;
-            let sign = if is_high { UP(x + 6.0, top + 8.0) } else { DOWN(x + 6.0, top + height - 3.0) };
-            self.canvas.path("warn", &sign, Some(&format!("{text} is beyond the lane")));
-            let y = if is_high { top + 13.0 } else { top + height - 3.0 };
-            // To the left at the right end.
-            let (x, anchor) = if x + wide > self.right { (x - 2.0, Anchor::End) } else { (x + 14.0, Anchor::Start) };
-            self.canvas.text((x, y), "late", anchor, &text);
-        }
-    }
-
-    /// Writes values next to the curve, where they stay long enough.
-    fn values(&mut self, points: &[(Micros, Option<f64>)], down: impl Fn(f64) -> f64, (top, height): (f64, f64)) {
-        let ends = points.iter().skip(1).map(|(at, _)| self.x(*at)).chain([self.right]);
-        let mut free = f64::NEG_INFINITY;
-        let mut shown = Vec::new();
-        for ((at, value), end) in points.iter().zip(ends) {
-            let (x, Some(value)) = (self.x(*at), *value) else { continue };
-            let text = number(value);
-            let wide = width(&text, SOFT);
-            if value == 0.0 || end - x < wide + 8.0 || x < free || height < 30.0 {
-                continue;
-            }
-            free = x + wide + 8.0;
-            let y = down(value);
-            // Above the line if there is room.
-            let y = if y - top > 17.0 { y - 5.0 } else { y + 14.0 };
-            shown.push((x + 4.0, y, text));
-        }
-        for (x, y, text) in shown {
-            self.canvas.text((x, y), "value", Anchor::Start, &text);
-        }
     }
 
     /// Draws spans as boxes. Skips those that end in a pixel column that is already drawn.
@@ -370,6 +274,16 @@ impl Picture<'_> {
                 last = until_x;
                 let tooltip = format!("{}, {at} s to {until} s", tooltip(text));
                 self.canvas.area(class, [from_x, y, (until_x - from_x).max(1.5), height], Some(&tooltip));
+            }
+        }
+    }
+
+    /// Writes the texts of spans into those that are long enough.
+    fn words(&mut self, spans: &[Stretch], y: f64) {
+        for Stretch { at, until, text } in spans {
+            let (from_x, until_x) = (self.x(*at), self.x(*until));
+            if until_x - from_x >= width(text, SOFT) + 8.0 {
+                self.canvas.text((from_x + 4.0, y), "value", Anchor::Start, text);
             }
         }
     }
@@ -510,12 +424,13 @@ const BAR: Sign = |x, y| format!("M{}h2v16h-2z", point((x - 1.0, y - 8.0)));
 const UP: Sign = |x, y| format!("M{}l5 9h-10z", point((x, y - 5.0)));
 const DOWN: Sign = |x, y| format!("M{}l4 -7h-8z", point((x, y)));
 
-/// A scale that is symmetric around zero and contains all values and the limits of the script.
-fn about_zero(points: &[(Micros, Option<f64>)], limits: Option<[f64; 2]>) -> [f64; 2] {
-    let values = points.iter().filter_map(|(_, value)| *value).chain(limits.into_iter().flatten());
-    let most = values.fold(0.0, |most: f64, value| most.max(value.abs()));
-    let most = if most == 0.0 { 1.0 } else { libm::ceil(most) };
-    [-most, most]
+/// A name that fits to the left of its lane: its first word is shortened, because the index and the
+/// axis after it distinguish lanes.
+fn short(name: &str) -> String {
+    let room = LEFT - 22.0;
+    let (first, rest) = name.split_at(name.find(' ').unwrap_or(name.len()));
+    let first = fit(first, NAME, room - width(rest, NAME));
+    if first.is_empty() { fit(name, NAME, room) } else { first + rest }
 }
 
 /// Describes the end of a path, for screen readers as well.

@@ -88,8 +88,13 @@ impl Measured {
         &self.quantity.unit
     }
 
-    /// Its value in a report; of a change, the value that changes.
-    pub fn of(&self, report: &Report) -> Hundredths {
+    /// The row of the quantity in the table of the board; of a change, of the one that changes.
+    pub fn row(&self) -> usize {
+        self.row
+    }
+
+    /// Its value in a report, if the report has it; of a change, the value that changes.
+    pub fn of(&self, report: &Report) -> Option<Hundredths> {
         report.value(self.row)
     }
 
@@ -113,6 +118,7 @@ impl Measured {
         match self.unit() {
             "V" => ("a voltage", "9V..12.6V"),
             "deg" => ("an angle", "-5deg..5deg"),
+            "us" => ("a pulse width", "1490us..1510us"),
             _ => ("a number", "0..10"),
         }
     }
@@ -138,10 +144,13 @@ impl Condition {
 impl Criterion {
     /// A criterion as [`Display`](fmt::Display) writes it, and what follows it.
     pub(super) fn parse<'t>(board: &board::Board, text: &'t str) -> Option<(Criterion, &'t str)> {
-        let (name, text) = text.split_once(' ')?;
+        let after = |measured: Measured| {
+            let rest = text.strip_prefix(measured.name())?.strip_prefix(' ')?;
+            Some((measured, rest))
+        };
+        let (measured, text) = Measured::all(board).into_iter().find_map(after)?;
         let (sign, text) = text.split_once(' ')?;
         let (bound, rest) = text.split_at(text.find(' ').unwrap_or(text.len()));
-        let measured = Measured::all(board).into_iter().find(|measured| measured.name() == name)?;
         let number =
             |bound: &str| bound.strip_suffix(measured.unit())?.parse::<f64>().ok().filter(|number| number.is_finite());
         let wanted = match sign {
@@ -203,19 +212,28 @@ pub(super) fn expect(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Expect> {
 pub(super) fn criterion(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Criterion> {
     let all = Measured::all(args.eval.board);
     let command = args.row().name;
+    if all.is_empty() {
+        let name = &args.eval.board.name;
+        bail!(args.eval, InvalidArgument, args.command.span, "the board {name} reports nothing, so `{command}` cannot read it";
+            help: "remove the line, or wait for the operator with `wait go`");
+    }
     // `expect voltage = 10V`.
     if let Some((measured, named)) = all.iter().find_map(|measured| Some((measured, args.named(measured.name())?))) {
         let name = measured.name();
         let written = args.eval.written(named.span);
         let value = written.split_once('=').map_or("", |(_, value)| value.trim());
         let unit = if value.ends_with(|c: char| c.is_ascii_digit()) { measured.unit() } else { "" };
-        let line = args.eval.rewritten(args.command.span, &[(named.span, format!("{name} >= {value}{unit}"))]);
+        let write =
+            |sign| args.eval.rewritten(args.command.span, &[(named.span, format!("{name} {sign} {value}{unit}"))]);
+        if measured.unit().is_empty() {
+            let line = write("==");
+            bail!(args.eval, Comparison, named.span, "`=` does not compare"; help: "write `{line}`");
+        }
+        let line = write(">=");
         bail!(args.eval, Comparison, named.span, "`=` does not compare"; help: "write `==`, or rather one bound: `{line}`");
     }
-    let value = args.next()?;
-    let names: Vec<&str> = all.iter().map(Measured::name).collect();
-    let name = args.word(value, &names)?;
-    let measured = all.iter().find(|measured| measured.name() == name)?.clone();
+    let measured = measured(args, &all)?;
+    let name = measured.name();
     let operator = args.next_argument()?;
     let wanted = match &operator.item {
         Item::Comparison(sign) => {
@@ -244,10 +262,34 @@ pub(super) fn criterion(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Criterio
         }
         _ => {
             bail!(args.eval, Comparison, operator.span, "a comparison is needed here";
-                help: "write {} or `in`, such as `{command} voltage > 10V`", list(["<", "<=", ">", ">=", "=="]));
+                help: "write {} or `in`, such as `{command} {name} in {}`", list(["<", "<=", ">", ">=", "=="]), measured.sample().1);
         }
     };
     Some(Criterion { measured, wanted })
+}
+
+/// Reads the name of a quantity, and the index after it if there are several with this word.
+fn measured(args: &mut Arguments<'_, '_, '_, '_>, all: &[Measured]) -> Option<Measured> {
+    let value = args.next()?;
+    let mut words: Vec<&str> =
+        all.iter().map(|measured| measured.name().split(' ').next().unwrap_or_default()).collect();
+    words.dedup();
+    let word = args.word(value, &words)?;
+    let named = |name: &str| all.iter().find(|measured| measured.name() == name).cloned();
+    if let Some(measured) = named(word) {
+        return Some(measured);
+    }
+    let indices = all.iter().filter_map(|measured| measured.name().strip_prefix(word)?.trim().parse::<i32>().ok());
+    let (least, most) = (indices.clone().min()?, indices.max()?);
+    let Some(index) = args.next_value() else {
+        let (line, span) = (args.eval.written(args.command.span), value.span);
+        let line = line.replacen(word, &format!("{word} {least}"), 1);
+        bail!(args.eval, MissingArgument, span, "the number after `{word}` is missing";
+            help: "write one from {least} to {most}: `{line}`");
+    };
+    args.next_argument();
+    let index = args.integer(index, &format!("a {word} number"), (least, most))?;
+    named(&format!("{word} {index}"))
 }
 
 /// Reads the reason at the end of a line, if there is one; `Err` if it is wrong, which is reported.
@@ -291,6 +333,7 @@ fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, mea
         (Quantity::Volts(bound), "V") | (Quantity::Degrees(bound), "deg") | (Quantity::Number(bound), "") => {
             Some(bound)
         }
+        (Quantity::Time(time), "us") => Some(time.in_micros()),
         (other, unit) => {
             let (name, (what, _)) = (measured.name(), measured.sample());
             let help = match other {

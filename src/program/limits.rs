@@ -10,27 +10,12 @@ use crate::source::Span;
 pub struct Limit {
     /// What is limited.
     pub limited: Limited,
-    /// The smallest value allowed.
+    /// The smallest value allowed, as a value of the board.
     pub low: f64,
     /// The largest value allowed.
     pub high: f64,
     /// Where the script sets it; `None` for a limit of the board.
     pub span: Option<Span>,
-}
-
-/// A range that a project sets for all of its scripts. A script can only narrow it. It comes as data, because
-/// the library reads no configuration file.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct ProjectLimit {
-    /// What is limited.
-    pub limited: Limited,
-    /// The smallest value allowed, in the unit of the value.
-    pub low: f64,
-    /// The largest value allowed.
-    pub high: f64,
-    /// Where the project sets it, for messages: `motionseq.toml:4`.
-    pub place: String,
 }
 
 impl Limit {
@@ -47,8 +32,14 @@ impl Limit {
 
     /// The line that sets it.
     fn line(&self, board: &Board) -> String {
-        format!("limit {} {}..{}", board.limited_name(self.limited), self.low, self.high)
+        let [low, high] = [self.low, self.high].map(|value| shown(board, self.limited, value));
+        format!("limit {} {low}..{high}", board.limited_name(self.limited))
     }
+}
+
+/// A value of the board as a script writes it.
+fn shown(board: &Board, limited: Limited, value: f64) -> f64 {
+    value / f64::from(board.axis(limited).map_or(1, |axis| axis.scale))
 }
 
 /// What is wrong with a command that breaks a limit of the project or of the script, and how to widen the first one that it
@@ -62,17 +53,18 @@ pub(crate) fn broken(board: &Board, settings: &Settings, command: &Command, span
 }
 
 /// What is wrong with a command that is outside of a limit of the project.
-fn broken_of_project(board: &Board, limits: &[ProjectLimit], command: &Command, span: Span) -> Option<Diagnostic> {
+fn broken_of_project(board: &Board, limits: &[(Limit, String)], command: &Command, span: Span) -> Option<Diagnostic> {
     if limits.is_empty() {
         return None;
     }
     // The bytes of a raw frame can be those of a command.
     let decoded = board.is_opaque(command).then(|| board.decode(&board.to_frame(command)).ok()).flatten();
     let command = decoded.as_ref().unwrap_or(command);
-    limits.iter().find_map(|limit| {
-        let ProjectLimit { limited, low, high, place } = limit;
-        let value = board.outside(*limited, (*low, *high), command)?;
-        let name = board.limited_name(*limited);
+    limits.iter().find_map(|(limit, place)| {
+        let Limit { limited, low, high, .. } = *limit;
+        let value = board.outside(limited, (low, high), command)?;
+        let [value, low, high] = [value.into(), low, high].map(|value| shown(board, limited, value));
+        let name = board.limited_name(limited);
         let diagnostic = diagnostic!(Limit, span,
             "{value} is outside of the limit {low}..{high} of {name}, set in {place}";
             help: "stay inside, or change the limit in {place}");
@@ -81,25 +73,25 @@ fn broken_of_project(board: &Board, limits: &[ProjectLimit], command: &Command, 
 }
 
 fn diagnostic(board: &Board, limit: &Limit, value: i32, span: Span) -> Diagnostic {
-    let Limit { limited, low, high, .. } = *limit;
+    let limited = limit.limited;
+    let [low, high, found] = [limit.low, limit.high, value.into()].map(|value| shown(board, limited, value));
     let Some(set) = limit.span else {
-        let (least, most) = board.range(limited).unwrap_or_default();
         let proper = board.default_limit(limited);
         let [why, unless] = proper.map_or(["", ""], |proper| [&*proper.why, &*proper.unless]);
-        let is_above = f64::from(value) > high;
+        let is_above = f64::from(value) > limit.high;
         let wide = if is_above {
-            Limit { high: f64::from(most), ..limit.clone() }
+            Limit { high: value.into(), ..limit.clone() }
         } else {
-            Limit { low: f64::from(least), ..limit.clone() }
+            Limit { low: value.into(), ..limit.clone() }
         };
         let name = board.limited_name(limited);
-        let message = format!("{value} is outside of the limit {low}..{high} of {name}: {why}");
+        let message = format!("{found} is outside of the limit {low}..{high} of {name}: {why}");
         let stay = if is_above { format!("at or below {high}") } else { format!("at or above {low}") };
         let help = format!("stay {stay}, or, {unless}, widen the limit: `{}`", wide.line(board));
         return diagnostic!(Limit, span, "{message}"; help: "{help}").label("outside the limit");
     };
-    let wide = Limit { low: low.min(value.into()), high: high.max(value.into()), ..limit.clone() };
-    diagnostic!(Limit, span, "{value} is outside of the limit {low}..{high}";
+    let wide = Limit { low: limit.low.min(value.into()), high: limit.high.max(value.into()), ..limit.clone() };
+    diagnostic!(Limit, span, "{found} is outside of the limit {low}..{high}";
         help: "stay inside, or widen the limit: `{}`", wide.line(board))
     .label("outside the limit")
     .related(set, "limited here")

@@ -37,10 +37,10 @@ pub use ease::{CURVES, Curve, Ease};
 pub use expect::{Condition, Criterion, Expect, Measured};
 pub use functions::{FUNCTIONS, Function};
 pub use gate::{Awaited, Gate};
+pub use limits::Limit;
 pub(crate) use limits::broken as broken_limit;
-pub use limits::{Limit, ProjectLimit};
 pub(crate) use motion::{Motion, Move};
-pub use project_limits::limit_items;
+pub use project_limits::{ProjectLimit, limit_items};
 pub use say::SayText;
 pub use suggest::suggest;
 pub use tempo::Tempo;
@@ -52,7 +52,7 @@ use std::sync::Arc;
 
 use crate::board::{self, Board};
 use crate::diagnostic::Diagnostics;
-use crate::source::{Sources, Span};
+use crate::source::{Source, Sources, Span};
 use crate::syntax::{self, Reading};
 use crate::units::Micros;
 
@@ -69,14 +69,14 @@ pub struct Options {
     pub set: Vec<(String, String)>,
     /// How fast it runs.
     pub speed: Speed,
-    /// The board that it is for.
+    /// The board of a script that has no `board` line.
     pub board: Arc<Board>,
     /// Ranges that no command may leave, whatever the script says. They reject a script, and never change what it sends.
     pub limits: Vec<ProjectLimit>,
 }
 
 impl Options {
-    /// The same for another board.
+    /// The same with another board for scripts that have no `board` line.
     #[must_use]
     pub fn with_board(self, board: Arc<Board>) -> Self {
         Options { board, ..self }
@@ -239,8 +239,8 @@ pub(crate) enum Action {
 pub(crate) struct Settings {
     /// Time between two samples of a move: 1/200 s to 1 s.
     pub period: Time,
-    /// How often a drive command is sent again while it holds, 10 ms - 1 s; `None` for never.
-    pub refresh: Option<Time>,
+    /// How often the command of each resource is sent again while it holds, 10 ms - 1 s; `None` for never.
+    pub refresh: Vec<Option<Time>>,
     /// Speed of the line in bits a second.
     pub baud: u32,
     /// How long a beat and a bar are.
@@ -251,8 +251,8 @@ pub(crate) struct Settings {
     pub seed: u64,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
-    /// Ranges that the project limits.
-    pub project_limits: Vec<ProjectLimit>,
+    /// Ranges that the project limits, and where.
+    pub project_limits: Vec<(Limit, String)>,
     /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
     pub speeds: Vec<Option<u32>>,
 }
@@ -262,17 +262,16 @@ pub const MAX_SERVO_SPEED: u64 = 100_000;
 
 impl Settings {
     /// What holds where a script says nothing.
-    pub(crate) fn of(options: &Options) -> Self {
-        let board = &options.board;
+    pub(crate) fn of(options: &Options, board: &Board) -> Self {
         Settings {
             period: Time::from_millis(20),
-            refresh: Some(Time::from_millis(50)),
+            refresh: board.resources.iter().map(|resource| resource.refresh.map(Time::from_micros)).collect(),
             baud: board.baud,
             tempo: Tempo::default(),
             has_tempo: false,
             seed: 0,
             limits: Limit::proper(board),
-            project_limits: options.limits.clone(),
+            project_limits: options.limits.iter().filter_map(|limit| limit.on(board)).collect(),
             speeds: board.resources.iter().map(|resource| resource.speed).collect(),
         }
     }
@@ -303,6 +302,11 @@ impl Program {
         self.settings.tempo = self.settings.tempo.at_speed(speed);
         self
     }
+}
+
+/// Reads the file of a text board. `name` is its path as a script writes it. `None` if the file is wrong, which is reported.
+pub fn text_board(source: &Source, name: &str, diagnostics: &mut Diagnostics) -> Option<Arc<Board>> {
+    board::text::read(source, name, &words::is_of_language, diagnostics).map(Arc::new)
 }
 
 /// Gives every word its meaning and every command its time. What is wrong is reported and left out. The tree of each line is

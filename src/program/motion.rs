@@ -5,12 +5,12 @@ use smallvec::SmallVec;
 use super::ease::Ease;
 use super::time::Time;
 use super::value::round;
-use crate::board::{Axis, Board, Command, MAX_MOVING, Unit, Values, VerbId};
+use crate::board::{Axis, Board, Command, MAX_MOVING, Values, VerbId};
 
 /// One value of such a command.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Glide {
-    /// Where it starts, if the script has `A -> B`.
+    /// Where it starts, if the script has `A -> B`. Both are values of the board, not rounded.
     pub from: Option<f64>,
     /// Where it goes. In range when rounded.
     pub to: f64,
@@ -55,6 +55,11 @@ impl Motion {
         what.strip_prefix("a ").or(what.strip_prefix("the ")).unwrap_or(what).to_owned()
     }
 
+    /// A value of the board as a script writes it.
+    pub(crate) fn shown(&self, board: &Board, at: usize, value: f64) -> f64 {
+        value / f64::from(self.axis(board, at).map_or(1, |axis| axis.scale))
+    }
+
     fn axis<'b>(&self, board: &'b Board, at: usize) -> Option<&'b Axis> {
         board.verb(self.verb)?.moving().get(at)
     }
@@ -73,23 +78,22 @@ impl Motion {
     /// The command as a script says it, with a start before each value; one that is not known is taken for a usual one.
     pub(crate) fn with_starts(&self, board: &Board) -> String {
         let usual = |axis: &Axis, to: f64| {
-            let (least, most) = (f64::from(axis.range.0), f64::from(axis.range.1));
+            let (least, most) = (axis.shown(axis.range.0), axis.shown(axis.range.1));
             if least <= 0.0 && most >= 0.0 {
                 return 0.0;
             }
-            let (at_0, at_180) = match axis.unit {
-                Unit::Micros { least, most } => (f64::from(least), f64::from(most)),
-                Unit::None => (least, most),
-            };
-            let far = if to < f64::midpoint(at_0, at_180) { 0.75 } else { 0.25 };
-            libm::round(at_0 + (at_180 - at_0) * far).clamp(least, most)
+            let (from, until) = axis.unit.angle.map_or((least, most), |scale| scale.values);
+            let far = if to < f64::midpoint(from, until) { 0.75 } else { 0.25 };
+            libm::round(from + (until - from) * far).clamp(least, most)
         };
         let value = |(at, glide): (usize, &Glide)| {
             let axis = self.axis(board, at);
-            let from = glide.from.unwrap_or_else(|| axis.map_or(0.0, |axis| usual(axis, glide.to)));
+            let shown = |value: f64| self.shown(board, at, value);
+            let to = shown(glide.to);
+            let from = glide.from.map_or_else(|| axis.map_or(0.0, |axis| usual(axis, to)), shown);
             let name = axis.map(|axis| &axis.name).filter(|name| !name.is_empty());
             let name = name.map(|name| format!("{name}=")).unwrap_or_default();
-            format!(" {name}{from} -> {}", glide.to)
+            format!(" {name}{from} -> {to}")
         };
         let word = board.verb(self.verb).map(|verb| verb.word.to_string()).unwrap_or_default();
         let index = self.index.map(|index| format!(" {index}")).unwrap_or_default();

@@ -2,15 +2,40 @@
 
 use std::sync::Arc;
 
-use super::limits::{Limit, ProjectLimit};
+use super::limits::Limit;
 use super::settings::limitable;
 use super::{Options, program};
-use crate::board::{Board, Limited, ValueForm};
+use crate::board::{Board, Limited, Measure, ValueForm};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics, Edit, diagnostic};
 use crate::source::{Source, Sources, Span};
 use crate::syntax;
 
+/// A range that a project sets for all of its scripts, on each board that has such a value. A script can only narrow
+/// it. It comes as data, because the library reads no configuration file.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ProjectLimit {
+    /// What is limited: a name of [`limit_items`].
+    pub name: String,
+    /// The smallest value allowed, as a script writes it.
+    pub low: f64,
+    /// The largest value allowed.
+    pub high: f64,
+    /// Where the project sets it, for messages: `motionseq.toml:4`.
+    pub place: String,
+    /// What the numbers measure. The limit applies to no value that measures something else.
+    measure: Measure,
+}
+
 impl ProjectLimit {
+    /// The limit on a board, and its place; `None` if the board has no such value.
+    pub(super) fn on(&self, board: &Board) -> Option<(Limit, String)> {
+        let (_, limited) = limit_items(board).into_iter().find(|(name, _)| *name == self.name)?;
+        let axis = board.axis(limited).filter(|axis| axis.unit.measure == self.measure)?;
+        let limit = Limit { limited, low: axis.value(self.low), high: axis.value(self.high), span: None };
+        Some((limit, self.place.clone()))
+    }
+
     /// Reads a range, as the setting `limit` of a script does: `900..1700`, `-10..10`. `place` is where it is set.
     ///
     /// # Errors
@@ -28,7 +53,10 @@ impl ProjectLimit {
             let fix = error.fix.clone().map(|edit| Edit { span: moved(edit.span), ..edit });
             Box::new(Diagnostic { span: moved(error.span), related: Vec::new(), fix, ..*error })
         })?;
-        Ok(ProjectLimit { limited, low: found.low, high: found.high, place: place.into() })
+        let scale = f64::from(board.axis(limited).map_or(1, |axis| axis.scale));
+        let name = name_of(board, limited);
+        let measure = board.axis(limited).map_or(Measure::Number, |axis| axis.unit.measure);
+        Ok(ProjectLimit { name, low: found.low / scale, high: found.high / scale, place: place.into(), measure })
     }
 }
 
@@ -70,7 +98,7 @@ pub fn limit_items(board: &Board) -> Vec<(String, Limited)> {
             Some(axis) => (axis.range.0..=axis.range.1).take(MANY).map(Some).collect(),
             None => vec![None],
         };
-        let named = verb.moving().iter().enumerate().filter(|(_, axis)| !axis.name.is_empty());
+        let named = verb.moving().iter().enumerate().filter(|(_, axis)| !verb.label(axis).is_empty());
         let mut axes: Vec<Option<usize>> = named.map(|(at, _)| Some(at)).collect();
         if axes.is_empty() {
             axes.push(None);
@@ -79,5 +107,9 @@ pub fn limit_items(board: &Board) -> Vec<(String, Limited)> {
             found.extend(axes.iter().map(|axis| Limited { verb: id, index, axis: *axis }));
         }
     }
-    found.into_iter().map(|limited| (board.limited_name(limited).replace(' ', "-"), limited)).collect()
+    found.into_iter().map(|limited| (name_of(board, limited), limited)).collect()
+}
+
+fn name_of(board: &Board, limited: Limited) -> String {
+    board.limited_name(limited).replace(' ', "-")
 }

@@ -25,13 +25,18 @@ impl SayText {
     pub fn with(&self, report: Option<&Report>) -> String {
         let mut text = self.text.clone();
         for (place, measured) in self.live.iter().rev() {
-            let value = match report {
-                Some(report) => format!("{}{}", measured.of(report), measured.unit()),
+            let value = match report.and_then(|report| measured.of(report)) {
+                Some(value) => format!("{value}{}", measured.unit()),
                 None => "?".to_owned(),
             };
             text.replace_range(place.clone(), &value);
         }
         text
+    }
+
+    /// The rows of the quantities that it shows.
+    pub fn rows(&self) -> impl Iterator<Item = usize> {
+        self.live.iter().map(|(_, measured)| measured.row())
     }
 
     /// Whether it shows what the board reports.

@@ -1,5 +1,7 @@
 //! What each setting changes: one function per setting, which reads its arguments.
 
+use std::sync::Arc;
+
 use super::Settings;
 use super::arguments::{self, Arguments, text_of};
 use super::limits::Limit;
@@ -8,7 +10,10 @@ use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
 use super::words::Setting;
-use crate::board::{Board, Limited, ResourceId, Sets, Unit, ValueForm, Verb};
+use crate::board::{
+    Activity, Axis, Board, FAMILIES, Family, FamilyNumber, Limited, Measure, OptionValue, ResourceId, Sets, Unit,
+    ValueForm, Verb,
+};
 use crate::diagnostic::{bail, diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 
@@ -16,6 +21,8 @@ use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     match setting {
         Setting::Language => language(args),
+        // The walker chooses the board.
+        Setting::Board => None,
         Setting::Tempo => tempo(args, settings),
         Setting::Meter => meter(args, settings),
         Setting::Rate => rate(args, settings),
@@ -34,6 +41,56 @@ fn language(args: &mut Arguments<'_, '_, '_, '_>) -> Option<()> {
     }
     bail!(args.eval, LanguageVersion, value.span, "this motionseq reads version 1 of the language, not {version}";
         help: "update motionseq, or write `language 1` if the script was written for it")
+}
+
+/// Reads the family after `board`, with its number and its options.
+pub(super) fn family<'a, 's>(value: &'a Value<'s>, args: &mut Arguments<'_, 'a, 's, '_>) -> Option<Arc<Board>> {
+    let words: Vec<&str> = FAMILIES.iter().map(|family| family.word).collect();
+    let family = Family::named(args.word(value, &words)?)?;
+    let (usage, example) = (family.usage, family.example);
+    let number = match &family.number {
+        None => None,
+        Some(FamilyNumber { what, values, .. }) => {
+            let Some(value) = args.next_value() else {
+                bail!(args.eval, MissingArgument, args.command.span, "`board {}` needs {what}", family.word;
+                    help: "write `{usage}`, for example `{example}`");
+            };
+            args.next_argument();
+            let (least, most) = (values.first().copied()?, values.last().copied()?);
+            let number = args.integer(value, what, (least, most))?;
+            if !values.contains(&number) {
+                let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+                bail!(args.eval, OutOfRange, value.span, "{what} cannot be {number}";
+                    help: "write one of {}", list(values.iter().map(String::as_str)));
+            }
+            Some(number)
+        }
+    };
+    let mut values = vec![None; family.options.len()];
+    while args.more() {
+        let word = args.next()?;
+        let words: Vec<&str> = family.options.iter().map(|option| option.word).collect();
+        if words.is_empty() {
+            bail!(args.eval, UnexpectedArgument, word.span, "`board {}` takes no arguments", family.word;
+                help: "write `{usage}`");
+        }
+        let found = args.word(word, &words)?;
+        let row = words.iter().position(|word| *word == found)?;
+        let place = values.get_mut(row)?;
+        if place.is_some() {
+            bail!(args.eval, DuplicateArgument, word.span, "`{found}` is given twice"; help: "keep one of the two");
+        }
+        let Some(value) = args.next_value() else {
+            bail!(args.eval, MissingArgument, word.span, "the value after `{found}` is missing";
+                help: "write `{usage}`");
+        };
+        args.next_argument();
+        *place = Some(match family.options.get(row)?.value {
+            OptionValue::Number(what, range) => args.integer(value, what, range)?,
+            OptionValue::Switch => i32::from(args.word(value, &["on", "off"])? == "on"),
+        });
+    }
+    Some((family.make)(number, &values))
 }
 
 fn rate(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
@@ -69,7 +126,7 @@ fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Opt
     let value = args.next()?;
     if let ValueKind::Word(_) = value.kind {
         args.word(value, &["off"])?;
-        settings.refresh = None;
+        settings.refresh.fill(None);
         return Some(());
     }
     let interval = arguments::time(value, args.eval)?;
@@ -78,13 +135,15 @@ fn refresh(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Opt
             help: "write an interval such as `refresh 50ms`, or `refresh off`");
     }
     lints::slow_refresh::check(interval, value.span, args.eval);
-    settings.refresh = Some(interval);
+    // Only what needs it is refreshed.
+    settings.refresh.iter_mut().flatten().for_each(|refresh| *refresh = interval);
     Some(())
 }
 
 fn baud(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let baud = args.integer(value, "the speed of the line", (1_200, 4_000_000))?;
+    let most = i32::try_from(args.eval.board.max_baud).unwrap_or(i32::MAX);
+    let baud = args.integer(value, "the speed of the line", (1_200, most))?;
     settings.baud = u32::try_from(baud).ok()?;
     Some(())
 }
@@ -155,10 +214,14 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
     let (id, verb) = board.find(word)?;
     let mut limited = Limited { verb: id, index: None, axis: None };
     if let Some(axis) = verb.axes.first().filter(|axis| axis.takes == ValueForm::Index) {
+        if let Some(range) = args.peek().and_then(range_text) {
+            bail!(args.eval, MissingArgument, args.command.span, "{} is missing after `{word}`", axis.what;
+                help: "write `limit {word} {} {range}`", axis.range.0);
+        }
         let index = args.next()?;
         limited.index = Some(args.integer(index, &axis.what, axis.range)?);
     }
-    let names: Vec<&str> = verb.moving().iter().map(|axis| &*axis.name).filter(|name| !name.is_empty()).collect();
+    let names: Vec<&str> = verb.moving().iter().map(|axis| verb.label(axis)).filter(|name| !name.is_empty()).collect();
     if names.is_empty() {
         return Some(limited);
     }
@@ -173,14 +236,21 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
         let range = if given.is_some() { args.next_argument() } else { Some(argument) };
         let range = range.and_then(range_text).unwrap_or_else(|| "-12..12".to_owned());
         bail!(args.eval, InvalidArgument, argument.span, "{message}";
-            help: "its axes are {}: write `limit {word} x {range}`", list(names.iter().copied()));
+            help: "its axes are {}: write `limit {word} {} {range}`", list(names.iter().copied()), names.first().unwrap_or(&"x"));
     }
     Some(limited)
 }
 
-/// The verbs that may be limited.
+/// The verbs that may be limited: those that set numbers of one resource, which stay until the next command.
 pub(super) fn limitable(board: &Board) -> impl Iterator<Item = &Verb> {
-    board.verbs.iter().filter(|verb| verb.moves && !matches!(verb.sets, Sets::Parts(..)))
+    let is_number = |axis: &Axis| axis.takes == ValueForm::Number;
+    board.verbs.iter().filter(move |verb| {
+        let moving = verb.moving();
+        matches!(verb.sets, Sets::One(_) | Sets::Indexed(_))
+            && verb.activity != Activity::Passing
+            && !moving.is_empty()
+            && moving.iter().all(is_number)
+    })
 }
 
 /// A range as it was written.
@@ -200,16 +270,14 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
     if let (Some(resource), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (resource, &argument.item) {
         return speed(resource, args, settings);
     }
+    let axis = board.axis(limited)?;
     let Item::Range(ends) = &argument.item else {
         bail!(args.eval, InvalidArgument, argument.span, "a range is needed here";
-            help: "write the smallest and the largest value with `..` between them: `limit servo 2 900..1700`");
+            help: "write the smallest and the largest value with `..` between them: `limit {} {}..{}`",
+                board.limited_name(limited), axis.shown(axis.range.0), axis.shown(axis.range.1));
     };
-    let axis = board.axis(limited)?;
     let (min, max) = axis.range;
-    let mut bound = |value| match axis.unit {
-        Unit::Micros { .. } => args.micros(value, &axis.what, axis.unit),
-        Unit::None => args.number(value, "a speed"),
-    };
+    let mut bound = |value| Some(axis.value(args.in_unit(value, &axis.what, axis.unit)?));
     let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
     if low > high {
         let (written_low, written_high) = (args.eval.written(ends.0.span), args.eval.written(ends.1.span));
@@ -217,6 +285,7 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
             write: argument.span => "{written_high}..{written_low}");
     }
     if !(f64::from(min) <= low && high <= f64::from(max)) {
+        let (min, max) = (axis.shown(min), axis.shown(max));
         bail!(args.eval, OutOfRange, argument.span,
             "a limit must be within the range of the board, {min}..{max}";
             help: "narrow the range");
@@ -237,7 +306,7 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
 /// `limit servo N speed PULSE`: how far a servo turns in a second.
 fn speed(resource: ResourceId, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     let value = args.next()?;
-    let speed = args.micros(value, "a speed", Unit::None)?;
+    let speed = args.in_unit(value, "a speed", Unit { measure: Measure::Micros, angle: None })?;
     let range = 100.0..=100_000.0;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
     let Some(speed) = whole.filter(|_| range.contains(&speed)) else {

@@ -38,6 +38,11 @@ impl Time {
         Time { nanos, per: 1 }
     }
 
+    /// A whole number of microseconds.
+    pub(crate) fn from_micros(micros: Micros) -> Time {
+        Time::from_nanos(i64::try_from(micros.nanos().0).unwrap_or(i64::MAX))
+    }
+
     /// Milliseconds.
     pub const fn from_millis(millis: u32) -> Time {
         Time::from_nanos(millis as i64 * 1_000_000)

@@ -4,7 +4,7 @@ use super::evaluator::Evaluator;
 use super::pending::{Unknown, Used};
 use super::suggest::{list, suggest};
 use super::words::{self, COMMANDS, SETTINGS, is_name};
-use crate::board::Board;
+use crate::board::{Board, FAMILIES};
 use crate::diagnostic::{Code, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Block, Command, Item, Name, Statement, Value, ValueKind, foreign};
@@ -56,8 +56,21 @@ impl<'s> Evaluator<'s, '_> {
             return report!(self, UnknownWord, head, "commands are written in lower case";
                 help: "write `{line}`"; fix: head => "{small}");
         }
+        if self.of_other_board(word, head) {
+            return;
+        }
         let help = self.suggestion(word);
         report!(self, UnknownWord, head, "there is no command `{word}`"; help: "{help}");
+    }
+
+    /// Reports a command of another family of boards; returns whether it is one.
+    fn of_other_board(&mut self, word: &str, span: Span) -> bool {
+        let found = FAMILIES.iter().find(|family| family.usual().find(word).is_some());
+        let Some(family) = found else { return false };
+        let (this, other) = (&self.board.name, &family.usual().name);
+        report!(self, WrongBoard, span, "`{word}` is a command of the {other}, and this script is for the {this}";
+            help: "write a command of the {this}, or choose the other board at the start of the script: `{}`", family.example);
+        true
     }
 
     /// A phrase that is called like a command: `nod 2`.
@@ -157,7 +170,10 @@ impl<'s> Evaluator<'s, '_> {
 /// The names of the commands that this version runs.
 fn runnable(board: &Board) -> impl Iterator<Item = &str> {
     let rows = COMMANDS.iter().filter(|row| !row.usage.is_empty() && !row.name.contains(' ')).map(|row| row.name);
-    board.verbs.iter().map(|verb| &*verb.word).chain(rows)
+    let verbs = board.verbs.iter().filter(|verb| verb.is_in_scripts()).map(|verb| &*verb.word);
+    // Variants of a verb follow each other.
+    let mut last = "";
+    verbs.filter(move |word| std::mem::replace(&mut last, word) != *word).chain(rows)
 }
 
 /// `servo(1, 1500)` as a command: `servo 1 1500`.

@@ -23,6 +23,9 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
     if let Some(is) = &verb.is {
         return Some(Parsed::Command(is.clone()));
     }
+    if verb.takes_names {
+        args.in_order(verb.axes.iter().map(|axis| &*axis.key))?;
+    }
     if verb.moves && args.may_go() {
         return motion(args, id, verb).map(Parsed::Motion);
     }

@@ -26,6 +26,8 @@ pub struct Row {
     pub(super) in_block: bool,
     /// Whether a setting may be given more than once.
     pub(super) repeats: bool,
+    /// Whether its word may also be a name.
+    pub(super) is_name: bool,
     /// Which function runs it.
     pub(super) does: Operation,
 }
@@ -67,6 +69,7 @@ pub(super) enum Operation {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Setting {
     Language,
+    Board,
     Tempo,
     Meter,
     Rate,
@@ -138,7 +141,18 @@ impl Row {
         meaning: &'static str,
         does: Operation,
     ) -> Row {
-        Row { name, usage, example, meaning, block: false, alone: false, in_block: false, repeats: false, does }
+        Row {
+            name,
+            usage,
+            example,
+            meaning,
+            block: false,
+            alone: false,
+            in_block: false,
+            repeats: false,
+            is_name: false,
+            does,
+        }
     }
 
     /// A word that is reserved, and does nothing at the start of a line.
@@ -160,6 +174,10 @@ impl Row {
 
     const fn repeats(self) -> Row {
         Row { repeats: true, ..self }
+    }
+
+    const fn may_be_a_name(self) -> Row {
+        Row { is_name: true, ..self }
     }
 
     /// How a line with it looks.
@@ -267,6 +285,14 @@ pub const SETTINGS: &[Row] = &[
         Operation::Set(Setting::Language),
     ),
     Row::new(
+        "board",
+        "board FAMILY",
+        "board raspblock",
+        "the board that the script is for: a family, or a text board in quotation marks, such as `board \"my-robot.toml\"`; before all other settings except `language`",
+        Operation::Set(Setting::Board),
+    )
+    .may_be_a_name(),
+    Row::new(
         "tempo",
         "tempo BPM",
         "tempo 120bpm",
@@ -333,19 +359,28 @@ pub(super) fn is_name(word: &str) -> bool {
     word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
 }
 
-/// Whether a word belongs to the language.
+/// Whether a word belongs to the language or is a command of the board.
 pub(super) fn is_reserved(board: &Board, word: &str) -> bool {
+    board.find(word).is_some() || is_of_language(word)
+}
+
+/// Whether a word belongs to the language.
+pub(super) fn is_of_language(word: &str) -> bool {
     RESERVED.contains(&word)
         || is_modifier(word)
         || Unit::named(word).is_some()
-        || find(board, word).is_some()
+        || row(word).is_some_and(|row| !row.is_name)
         || functions::find(word).is_some()
+}
+
+/// The row with this name.
+fn row(name: &str) -> Option<&'static Row> {
+    COMMANDS.iter().find(|row| row.name == name).or_else(|| setting(name))
 }
 
 /// What a word is.
 pub(super) fn find<'t>(board: &'t Board, name: &str) -> Option<Word<'t>> {
-    let row = || COMMANDS.iter().find(|row| row.name == name).or_else(|| setting(name));
-    board.find(name).map(|(id, verb)| Word::Verb(id, verb)).or_else(|| row().map(Word::Row))
+    board.find(name).map(|(id, verb)| Word::Verb(id, verb)).or_else(|| row(name).map(Word::Row))
 }
 
 /// What a command is: by its first two words, such as `wait until`, or by its first word. `wait until` without a condition waits
@@ -376,5 +411,10 @@ pub(super) fn is_use(name: &str) -> bool {
 /// Everything that a line of a script for this board may start with, but for settings: the verbs of the board first.
 #[expect(clippy::redundant_closure_for_method_calls, reason = "the method alone would ask for a static board")]
 pub fn signatures(board: &Board) -> impl Iterator<Item = Signature<'_>> {
-    board.verbs.iter().map(Signature::of).chain(COMMANDS.iter().map(|row| row.signature()))
+    board
+        .verbs
+        .iter()
+        .filter(|verb| verb.is_in_scripts())
+        .map(Signature::of)
+        .chain(COMMANDS.iter().map(|row| row.signature()))
 }

@@ -156,7 +156,7 @@ pub struct Gate {
 /// One frame that was sent once or repeatedly because of the world.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unscripted {
-    /// Why: `gate` for a refresh at a closed gate.
+    /// Why: `gate` for a refresh at a closed gate, `read` for a request.
     pub reason: &'static str,
     /// The number of frames of the script before it.
     pub after: u64,
@@ -166,8 +166,8 @@ pub struct Unscripted {
     pub frame: String,
     /// Its command.
     pub command: String,
-    /// The file of the script.
-    pub file: String,
+    /// The file of the script; `None` for a request.
+    pub file: Option<String>,
     /// The line of the script.
-    pub line: usize,
+    pub line: Option<usize>,
 }

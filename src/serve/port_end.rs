@@ -41,7 +41,7 @@ impl PortEnd {
             state: State::default(),
             said: Vec::with_capacity(CHUNK),
             // The program may send frames of any length.
-            out: Outbox::new(board.most_zeros(), board.codec.longest),
+            out: Outbox::new(board.most_zeros(), board.codec.longest()),
             board,
         }
     }
@@ -130,10 +130,24 @@ impl PortEnd {
         }
     }
 
+    /// Leaves the rest of the frame that the port has begun to take: bytes after a truncated frame would be an error of the board.
+    fn complete_frame(&mut self) {
+        let rest: Vec<u8> = self.left.drain(..).collect();
+        let mut end = 0;
+        while !self.decoder.is_between_frames() && end < rest.len() {
+            self.decoder.feed(rest.get(end..=end).unwrap_or_default(), |_| {});
+            end += 1;
+        }
+        self.out.push(|bytes| bytes.extend(rest.get(..end).unwrap_or_default()));
+    }
+
     /// Stops the robot, unless what its port took is known to end at rest. The program can send nothing more.
     pub(super) fn stop(&mut self, time: Micros, waiting: u64) -> (TapEnd, Option<Guard>) {
         let undelivered = waiting.saturating_add(self.left.len() as u64);
         let rests = self.state.surely_at_rest(&self.board) && self.decoder.is_between_frames() && self.left.is_empty();
+        if !self.board.flushes {
+            self.complete_frame();
+        }
         let PortEnd { board, port, out, guard, .. } = self;
         let beat = || {
             let now = clock::now();
@@ -141,7 +155,11 @@ impl PortEnd {
                 guard.beat(now, time, None, false);
             }
         };
-        let stop = if rests { Stop::NotNeeded } else { stop_robot(port, &Stops::of(board, &[]), out, beat) };
+        let stop = if rests && !board.stop.is_empty() {
+            Stop::NotNeeded
+        } else {
+            stop_robot(port, &Stops::of(board, &[]), out, beat)
+        };
         if stop == Stop::NotSent {
             // Bytes that the port never took must not delay its closing.
             let _ = self.port.discard();

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use super::channels::Channels;
 use super::motion::Body;
 use super::{Fault, Received, Settings};
 use crate::board::raspblock::{self, Asked};
-use crate::board::{Board, Command, Frame, Hundredths, Item, Report, Simulation};
+use crate::board::{Board, Command, Frame, Hundredths, Item, Report, Simulation, Skip, State};
 use crate::units::Micros;
 
 /// The voltage drop at full speed, and the loss of voltage per second at full speed.
@@ -19,9 +20,10 @@ pub struct Device {
     settings: Settings,
     /// What it has received, and the effects.
     received: Received,
-    /// Reports to send.
-    reports: Vec<Report>,
+    /// Reports and answers to send.
+    replies: Vec<Vec<u8>>,
     body: Body,
+    channels: Channels,
     /// The time since it was switched on.
     now: Micros,
     /// When the last drive frame came.
@@ -36,10 +38,12 @@ impl Device {
     /// A board of a family, switched on at time 0.
     pub fn new(of: Arc<Board>, mut settings: Settings) -> Self {
         settings.report_every = settings.report_every.max(Micros(1));
+        let channels = if of.simulation == Simulation::Channels { of.resources.len() } else { 0 };
         Device {
             board: of,
             received: Received::default(),
-            reports: Vec::new(),
+            replies: Vec::new(),
+            channels: Channels::new(channels),
             body: Body::new(settings.geometry),
             settings,
             now: Micros::ZERO,
@@ -70,7 +74,7 @@ impl Device {
             }
             if let Some(due) = self.next_report.filter(|due| *due <= next) {
                 self.next_report = Some(due + self.settings.report_every);
-                self.reports.push(self.report());
+                self.send_report();
             } else if next == now {
                 break;
             }
@@ -82,6 +86,7 @@ impl Device {
         let seconds = (to - self.now).0 as f64 / 1e6;
         self.drained += DRAIN * self.body.load() * seconds;
         self.body.pass(seconds);
+        self.channels.pass(seconds);
         self.now = to;
         self.received.pose = self.body.pose();
     }
@@ -104,9 +109,14 @@ impl Device {
         raspblock::report(hundredths(voltage.max(0.0)), hundredths(yaw))
     }
 
-    /// Takes the reports to send.
-    pub fn reports(&mut self) -> Vec<Report> {
-        std::mem::take(&mut self.reports)
+    /// Takes what it sends: reports, and answers to requests.
+    pub fn replies(&mut self) -> Vec<Vec<u8>> {
+        std::mem::take(&mut self.replies)
+    }
+
+    fn send_report(&mut self) {
+        let line = self.board.report_line(&self.report());
+        self.replies.push(line.into_bytes());
     }
 
     /// What it has received so far, and the effects.
@@ -138,6 +148,7 @@ impl Device {
                 if why.is_wrong() {
                     self.received.skipped += bytes.len() as u64;
                     self.fault(at, Fault::Skipped(why));
+                    self.stumble(why);
                 }
             }
         }
@@ -156,14 +167,27 @@ impl Device {
         if self.board.is_drive(command) {
             self.fed = self.now;
         }
+        if self.board.simulation == Simulation::Channels {
+            let answer = self.channels.take(command);
+            self.replies.extend(Some(answer).filter(|answer| !answer.is_empty()));
+        }
         if self.board.simulation == Simulation::Mecanum {
             self.body.take(command, raspblock::is_in_position_mode(&self.received.state));
             match raspblock::asked(command) {
                 Some(Asked::Start) => self.next_report = Some(self.now + self.settings.report_every),
                 Some(Asked::Stop) => self.next_report = None,
-                Some(Asked::Once) => self.reports.push(self.report()),
+                Some(Asked::Once) => self.send_report(),
                 None => {}
             }
+        }
+    }
+
+    /// What a board does that takes bytes for an error.
+    fn stumble(&mut self, why: Skip) {
+        if self.board.simulation == Simulation::Channels {
+            self.channels.stumble(why);
+            self.received.homes += 1;
+            self.received.state = State::new(&self.board);
         }
     }
 

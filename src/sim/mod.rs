@@ -3,6 +3,7 @@
 //! It has no clock and no line: time is an input, so that the same device works in real time (`serve`) and with a simulated clock. Values
 //! that the maker of the board does not publish are nominal, and can be set ([`Settings`]).
 
+mod channels;
 mod device;
 mod motion;
 
@@ -51,6 +52,8 @@ pub struct Received {
     pub skipped: u64,
     /// The first error, with its position in the stream.
     pub first_fault: Option<(u64, Fault)>,
+    /// How often an error sent all channels home, on a board that does so.
+    pub homes: u64,
     /// Frames on the line that did not arrive, or arrived with errors.
     pub lost: u64,
     /// The last commands of the board.

@@ -5,7 +5,7 @@
 //! clip brings everything to rest.
 
 use super::gates::{Cut, Position};
-use super::schedule::report_requests;
+use super::greetings::Greetings;
 use super::{Bars, Cue, Event, Expectation, Gate, Kind, Mark, Timeline, Tween};
 use super::{clashes, lints, wire};
 use crate::board::{Board, Command, ResourceId, State};
@@ -47,6 +47,7 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     let board = &timeline.board;
     let marks = vec![None; board.resources.len()];
     let mut cut = Cutting { board, events: Vec::new(), state: State::default(), marks };
+    board.hello.iter().for_each(|command| cut.state.apply(board, command));
     let start = Cut::at(timeline, from);
     let stop = to.map_or_else(|| Cut::end(timeline), |to| Cut::at(timeline, to));
     for event in part(&timeline.events, 0, start.events).iter().filter(|event| is_scripted(event)) {
@@ -78,8 +79,8 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     let marks = marks.map(|mark| Mark { at: shifted(mark.at), gates: mark.gates - from.gates, ..mark.clone() });
     let marks = marks.collect();
     let mut events = cut.events;
-    let requests = report_requests(board, &expects, gates, end);
-    let (mut passed, mut index) = (start.events, lead_events + usize::from(requests.is_some()));
+    let Greetings { first, last } = Greetings::of(board, &expects, gates, end);
+    let (mut passed, mut index) = (start.events, lead_events + first.len());
     let gates = gates.iter().map(|gate| {
         let between = part(&timeline.events, passed, gate.next.events);
         index += between.iter().filter(|event| is_scripted(event)).count();
@@ -88,10 +89,8 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
         Gate { at: shifted(gate.at), next, ..gate.clone() }
     });
     let gates = gates.collect();
-    if let Some([first, last]) = requests {
-        events.insert(0, first);
-        events.push(last);
-    }
+    events.splice(0..0, first);
+    events.extend(last);
     let shift_us = i64::try_from(lead.0).unwrap_or(0) - i64::try_from(from.at.0).unwrap_or(0);
     let bars = timeline.bars.map(|bars| Bars { first_us: bars.first_us + shift_us, ..bars });
     Timeline { events, tweens: Vec::new(), cues, expects, marks, gates, end, bars, ..timeline.clone() }
@@ -127,8 +126,11 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     if frames > events as u64 || end > Micros::DAY {
         return None;
     }
-    let mut all = first.clone();
+    // Only the last pass says goodbye.
+    let mut all = if more > 0 { first.clone().without_goodbye() } else { first.clone() };
+    let inner = again.clone().without_goodbye();
     for pass in 0..more {
+        let again = if pass + 1 < more { &inner } else { again };
         let by = first.end + again.end * pass;
         let (before, gates) = (Cut::end(&all), all.gates.len());
         all.events.extend(again.events.iter().map(|event| Event { at: event.at + by, ..event.clone() }));

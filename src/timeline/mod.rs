@@ -7,6 +7,7 @@
 mod clashes;
 mod clip;
 mod gates;
+mod greetings;
 mod lints;
 mod listing;
 mod notes;
@@ -56,9 +57,9 @@ pub struct Timeline {
     pub end: Micros,
     /// The speed of the line in bits per second.
     pub baud: u32,
-    /// How often a drive command is sent again while it holds, also at a closed gate; `None` for
-    /// never.
-    pub refresh: Option<Micros>,
+    /// How often the command of each resource is sent again while it holds, also at a closed gate;
+    /// `None` for never.
+    pub refresh: Vec<Option<Micros>>,
     /// The calls and passes that led to each event.
     pub traces: Traces,
     /// The limits that the script sets, and the default limits.
@@ -213,8 +214,8 @@ fn failure(line: &str, found: &str, why: Option<&str>) -> String {
 const SHOWN: usize = 4;
 
 impl Event {
-    /// The rank of frames at the same time: the start of reports, commands and samples, refreshes,
-    /// closing frames, the end of reports.
+    /// The rank of frames at the same time, after the hello of the board: the start of reports, commands
+    /// and samples, refreshes, closing frames, the end of reports and the goodbye.
     pub fn rank(&self, board: &Board) -> u8 {
         match self.kind {
             Kind::Auto if board.reporting.as_ref().is_some_and(|[start, _]| self.command == *start) => 0,

@@ -1,5 +1,6 @@
 //! Snapshots: a timeline in a file next to its script. The format is the listing after three comment
-//! lines: the version, the name of the script and the family of the board. Reading is strict.
+//! lines: the version, the name of the script, and its board as a script writes it after `board`. If a file describes
+//! the board, a fourth has the bytes of a stop. Reading is strict.
 //!
 //! A gate is a comment in the listing: `# gate`, its time, and its line. Before the first step of each move, a TAB-separated comment describes the move: `# move`, its
 //! start, its end, its easing, and its number of steps. The frames that are sent if something ends
@@ -16,7 +17,7 @@ use std::sync::Arc;
 use super::listing::{GATE, Item, write_gate, write_line, write_moment};
 use super::tween::{MoveTracker, StepRole};
 use super::{Cut, Event, Gate, Kind, Timeline, Tween};
-use crate::board::{Board, Command, Frame};
+use crate::board::{Board, Command, Frame, Hex};
 use crate::program::{self, Ease, TraceId, Traces};
 use crate::source::Span;
 use crate::units::{Micros, Nanos};
@@ -27,8 +28,10 @@ const VERSION: u32 = 3;
 const MAGIC: &str = "# motionseq frames ";
 /// The latest time of a frame: a day, plus an hour for frames after the end.
 const LATEST: Micros = Micros::DAY.saturating_add(Micros::SECOND.saturating_mul(3_600));
-/// The start of the line with the family of the board.
+/// The start of the line with the board.
 const FAMILY: &str = "# board\t";
+/// The start of the line with the bytes of a stop, for a board that a file describes.
+const STOP: &str = "# stop\t";
 /// The start of the comment before a move.
 const MOVE: &str = "# move\t";
 /// The line before the frames that are sent if something ends a run early.
@@ -75,6 +78,14 @@ impl Snapshot {
         read_end(line.strip_prefix(END)?).map(|(.., baud)| baud)
     }
 
+    /// What a script writes after `board`, if the head of a snapshot states it; otherwise the board is
+    /// the default one.
+    pub fn family(text: &[u8]) -> Option<&str> {
+        let lines = text.split(|byte| *byte == b'\n').filter(|_| is_snapshot(text));
+        let mut head = lines.take_while(|line| line.starts_with(b"#"));
+        head.find_map(|line| std::str::from_utf8(line).ok()?.strip_prefix(FAMILY)).map(str::trim_end)
+    }
+
     /// A snapshot of some frames alone.
     pub fn of_moments(board: &Arc<Board>, moments: Vec<Moment>) -> Self {
         Snapshot { board: Arc::clone(board), moments, more: None, version: VERSION }
@@ -110,7 +121,7 @@ impl Snapshot {
             abort_cues: Vec::new(),
             end: more.map_or(end, |more| more.end),
             baud: more.map_or(self.board.baud, |more| more.baud),
-            refresh: None,
+            refresh: Vec::new(),
             traces: Traces::default(),
             limits: Vec::new(),
             speeds: Vec::new(),
@@ -228,14 +239,22 @@ pub(crate) fn write_aborted(
     writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())
 }
 
-/// The family of a board, as scripts write it.
-fn family_of(board: &Board) -> String {
-    board.name.to_lowercase()
-}
-
 /// Writes the lines before the listing.
 fn write_head(board: &Board, name: &str, out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "{MAGIC}{VERSION}\n# {}\n{FAMILY}{}", name.replace(['\r', '\n'], " "), family_of(board))
+    writeln!(out, "{MAGIC}{VERSION}\n# {}\n{FAMILY}{}", name.replace(['\r', '\n'], " "), board.line)?;
+    // The stop of a built-in family does not change with a file of the user.
+    if is_from_file(board) { writeln!(out, "{STOP}{}", stop_of(board)) } else { Ok(()) }
+}
+
+/// Whether a file of the user describes the board.
+fn is_from_file(board: &Board) -> bool {
+    board.line.starts_with('"')
+}
+
+/// What a stop sends, in hex.
+fn stop_of(board: &Board) -> String {
+    let frames: Vec<u8> = board.stop.iter().flat_map(|command| board.to_frame(command)).collect();
+    Hex(&frames).to_string()
 }
 
 /// Whether a text starts like a snapshot.
@@ -315,9 +334,14 @@ impl Reader<'_> {
             self.check_time(gate.at)?;
             self.more.gates.push(gate);
         } else if let Some(family) = text.strip_prefix(FAMILY).filter(|_| self.version >= 3) {
-            let own = family_of(self.board);
+            let own = &self.board.line;
             if family != own {
                 return Err(format!("this is a snapshot for the board `{family}`, not `{own}`"));
+            }
+        } else if let Some(stop) = text.strip_prefix(STOP).filter(|_| is_from_file(self.board)) {
+            let own = stop_of(self.board);
+            if stop != own {
+                return Err(format!("a stop sent `{stop}`, and sends `{own}` now: {} has changed", self.board.line));
             }
         } else if let Some(words) = text.strip_prefix(END) {
             let why = "the last line needs the end of the script, the number of frames and the speed of the line";
@@ -329,7 +353,10 @@ impl Reader<'_> {
         } else if text == ABORT {
             self.aborts = true;
         } else if !text.starts_with('#') {
-            let moment = read_line(self.board, text)?;
+            let moment = read_line(self.board, text).map_err(|why| {
+                let changed = format!("; perhaps {} has changed since", self.board.line);
+                if is_from_file(self.board) { why + &changed } else { why }
+            })?;
             self.check_time(moment.at)?;
             (if self.aborts { &mut self.more.abort } else { &mut self.moments }).push(moment);
         }
@@ -394,11 +421,11 @@ fn read_line(board: &Board, text: &str) -> Result<Moment, String> {
     let bytes = frame.split(' ').map(hex).collect::<Option<Vec<u8>>>();
     let bytes = bytes.ok_or_else(|| format!("`{frame}` is not a frame in hex"))?;
     let frame = Frame::new(board, &bytes).map_err(|error| error.to_string())?;
-    // A raw command may have the frame of another command.
+    // Two commands may have the same frame.
     let is_said = |command: &Command| board.show(command).to_string() == said;
-    let raw = board.raw(frame.bytes());
+    let other = board.codec.other_reading(board, frame.bytes());
     let decoded = board.decode_or_raw(frame.bytes());
-    let Some(command) = raw.filter(is_said).or_else(|| decoded.clone().filter(is_said)) else {
+    let Some(command) = other.filter(is_said).or_else(|| decoded.clone().filter(is_said)) else {
         let is = decoded.map_or_else(|| "not a command".to_owned(), |command| format!("`{}`", board.show(&command)));
         return Err(format!("the frame is {is}, not `{said}`"));
     };

@@ -90,6 +90,9 @@ impl Job {
             }
             Cause::Lost(_) => format!("the port was lost at {at:.6} s; {}", frames(timeline, rehearsal)),
             Cause::Stalled => format!("the port stopped accepting bytes at {at:.6} s; {}", frames(timeline, rehearsal)),
+            Cause::Unanswered => {
+                format!("the board did not answer, and the script needs its answers; {}", frames(timeline, rehearsal))
+            }
             _ => format!("the run ended at {at:.6} s; {}", frames(timeline, rehearsal)),
         };
         let with = if self.faults.is_none() { String::new() } else { format!("with {}: ", self.faults) };

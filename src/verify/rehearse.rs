@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::answers::{self, Answer, Answers};
-use crate::board::{Decoder, Item, ReportDecoder, ReportItem};
+use crate::board::{Command, Decoder, Item};
 use crate::faults::{Faults, Faulty};
 use crate::playback::{Cause, Input, Notice, Order, Outcome, Passage, Player, Verdict};
 use crate::sim::{Device, Received, Settings};
@@ -52,17 +52,22 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers
     let mut stall = board.stall();
     let mut line = Line::new(board, timeline);
     let mut player = Player::new(timeline, MAX_LATE);
-    let mut reports = ReportDecoder::new(timeline.board.codec.replies);
     let (mut verdicts, mut passages) = (Vec::new(), Vec::new());
     let mut operator = Operator { answers, asked: Vec::new(), gate: None, answer: None };
     let mut now = Nanos::ZERO;
     let mut input = Input::Tick;
     let outcome = loop {
-        let mut refreshed = Vec::new();
+        let mut unscripted = Vec::new();
         let mut notice = |notice| match notice {
             Notice::Judged(verdict) => verdicts.push(verdict),
             Notice::Passed(passage) => passages.push(passage),
-            Notice::Refreshed { event } => refreshed.push(event),
+            Notice::Refreshed { event } => {
+                unscripted.extend(timeline.events.get(event).map(|event| event.command.clone()));
+            }
+            Notice::Asked { quantity } => {
+                unscripted
+                    .extend(timeline.board.quantities.get(quantity).and_then(|quantity| quantity.request.clone()));
+            }
             _ => {}
         };
         let order = player.poll(now, input, &mut notice);
@@ -72,21 +77,19 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers
         }
         input = match order {
             Order::Write if stall.blocks() => Input::Blocked,
-            Order::Write => line.take(now, player.bytes(), &refreshed),
-            Order::Discard => {
+            Order::Write => line.take(now, player.bytes(), &unscripted),
+            Order::Halt { discards } => {
                 line.ending = true;
-                stall.discard();
-                line.coming.retain(|(arrives, _)| *arrives <= now);
-                line.busy_until = now;
+                if discards {
+                    stall.discard();
+                    line.coming.retain(|(arrives, _)| *arrives <= now);
+                    line.busy_until = now;
+                }
                 Input::Tick
             }
             Order::Wait { until, .. } => {
                 now = [line.next(), operator.next()].into_iter().flatten().min().unwrap_or(until).min(until).max(now);
-                reports.feed(&line.pass(now), |item| {
-                    if let ReportItem::Report(report) = item {
-                        player.hear(now, report, &mut notice);
-                    }
-                });
+                player.receive(now, &line.pass(now), &mut notice);
                 if line.board.hangs_up() { Input::HungUp } else { operator.act(now, &mut player) }
             }
             Order::Pause { until } => {
@@ -176,15 +179,14 @@ impl<'t> Line<'t> {
         }
     }
 
-    /// Takes bytes from the player, all of them; some get lost on the line. The frames of `refreshed` events come first, and
-    /// are not of the script.
-    fn take(&mut self, now: Nanos, bytes: &[u8], refreshed: &[usize]) -> Input {
+    /// Takes bytes from the player, all of them; some get lost on the line. The frames of `unscripted` commands come first.
+    fn take(&mut self, now: Nanos, bytes: &[u8], unscripted: &[Command]) -> Input {
         let count = bytes.len();
         let mut rest = bytes;
         let mut expected = Vec::new();
-        for event in refreshed.iter().filter_map(|event| self.timeline.events.get(*event)) {
+        for command in unscripted {
             expected.clear();
-            self.timeline.board.encode(&event.command, &mut expected);
+            self.timeline.board.encode(command, &mut expected);
             rest = rest.strip_prefix(expected.as_slice()).unwrap_or(rest);
         }
         while let Some(event) = self.timeline.events.get(self.given).filter(|_| !self.ending && !rest.is_empty()) {

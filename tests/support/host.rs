@@ -120,7 +120,11 @@ pub(crate) fn request(number: i32) -> Vec<u8> {
 
 /// Whether Python has this module; in CI it must.
 pub(crate) fn has(module: &str) -> bool {
-    let found = Command::new("python3").args(["-c", &format!("import {module}")]).stderr(Stdio::null()).status();
+    let found = Command::new("python3")
+        .args(["-c", &format!("import {module}")])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
     let found = found.is_ok_and(|status| status.success());
     assert!(found || std::env::var_os("CI").is_none(), "CI lacks Python's {module}");
     if !found {

@@ -39,7 +39,9 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
         write_listing(&timeline.board, timeline.items(), &mut text).unwrap();
     }
     let mut text = String::from_utf8(text).unwrap();
-    text.push_str(&messages(&sources, &compiled.diagnostics));
+    // Other files are named by their whole path.
+    let folder = format!("{}/", path.parent().unwrap().display());
+    text.push_str(&messages(&sources, &compiled.diagnostics).replace(&folder, ""));
     text
 }
 

@@ -2,7 +2,8 @@
 
 use super::frame::{self, MAX_PAYLOAD, MOST_ZEROS, OVERHEAD, ZEROS, function};
 use super::verb;
-use crate::board::{Board, Command, NotACommand, VerbId};
+use crate::board::frame::{BufferStart, FrameError};
+use crate::board::{Board, Codec, Command, NotACommand, VerbId};
 
 mod kind {
     pub(super) const ROCKER: u8 = 0x01;
@@ -22,17 +23,56 @@ mod direction {
     pub(super) const Z_NOT_NEGATIVE: u8 = 0b001;
 }
 
-/// The number of zeros that resynchronize a receiver after the frame of a command was truncated.
-pub(super) fn resync(command: Option<&Command>) -> usize {
-    match command {
-        None => MOST_ZEROS,
-        Some(command) if command.verb() == verb::RAW => (command.len() + 1).max(ZEROS),
-        Some(_) => ZEROS,
+/// The codec; `older`: the direction bits of a `move` are read as in older versions of the driver.
+#[derive(Debug)]
+pub(super) struct Frames {
+    pub(super) older: bool,
+}
+
+impl Codec for Frames {
+    fn encode(&self, _: &Board, command: &Command, out: &mut Vec<u8>) {
+        encode(command, out);
+    }
+
+    fn length(&self, _: &Board, command: &Command) -> usize {
+        length(command)
+    }
+
+    fn check(&self, bytes: &[u8]) -> Result<(), FrameError> {
+        frame::check(bytes)
+    }
+
+    fn decode(&self, board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
+        if self.older { decode_older(board, frame) } else { decode(board, frame) }
+    }
+
+    fn raw(&self, board: &Board, frame: &[u8]) -> Option<Command> {
+        raw(board, frame)
+    }
+
+    fn front(&self, bytes: &[u8], in_zeros: bool) -> BufferStart {
+        frame::front(bytes, in_zeros)
+    }
+
+    fn next_start(&self, bytes: &[u8]) -> usize {
+        frame::next_start(bytes)
+    }
+
+    fn longest(&self) -> usize {
+        frame::MAX_FRAME
+    }
+
+    fn resync(&self, command: Option<&Command>) -> usize {
+        match command {
+            None => MOST_ZEROS,
+            Some(command) if command.verb() == verb::RAW => (command.len() + 1).max(ZEROS),
+            Some(_) => ZEROS,
+        }
     }
 }
 
 /// Appends the frame of a command.
-pub(super) fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
+fn encode(command: &Command, out: &mut Vec<u8>) {
     let values = command.values();
     let [a, b, c, d] = [0, 1, 2, 3].map(|at| values.get(at).copied().unwrap_or_default());
     let bytes = values.iter().copied().map(byte);
@@ -60,7 +100,7 @@ pub(super) fn encode(_: &Board, command: &Command, out: &mut Vec<u8>) {
 }
 
 /// The length of a command's frame in bytes.
-pub(super) fn length(_: &Board, command: &Command) -> usize {
+fn length(command: &Command) -> usize {
     let payload = match command.verb() {
         verb::SERVO => 3,
         verb::SERVOS => 4,
@@ -72,7 +112,7 @@ pub(super) fn length(_: &Board, command: &Command) -> usize {
 }
 
 /// Decodes a frame. Strict: [`encode`] returns the same bytes for the result.
-pub(super) fn decode(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
+fn decode(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     match (decode_as_is(board, frame), older_move(board, frame)) {
         (Err(_), Some(Ok(_))) => Err(NotACommand::OtherReading(
             "a `move` with the direction bits of older driver versions; --older-move reads it",
@@ -82,7 +122,7 @@ pub(super) fn decode(board: &Board, frame: &[u8]) -> Result<Command, NotACommand
 }
 
 /// The same, with the direction bits of a `move` as in older versions of the driver.
-pub(super) fn decode_older(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
+fn decode_older(board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
     older_move(board, frame).unwrap_or_else(|| decode_as_is(board, frame))
 }
 
@@ -107,7 +147,7 @@ fn older_move(board: &Board, frame: &[u8]) -> Option<Result<Command, NotACommand
 }
 
 /// Any frame as a raw one.
-pub(super) fn raw(board: &Board, frame: &[u8]) -> Option<Command> {
+fn raw(board: &Board, frame: &[u8]) -> Option<Command> {
     let (function, payload) = frame::parts(frame)?;
     let values: Vec<i32> = std::iter::once(function).chain(payload.iter().copied()).map(i32::from).collect();
     board.command(verb::RAW, &values).ok()

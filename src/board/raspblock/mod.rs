@@ -11,11 +11,12 @@ mod report;
 use std::sync::{Arc, LazyLock};
 
 use super::Text;
-use super::table::{
-    Activity, Ambiguity, Axis, Board, Codec, DefaultLimit, Limited, Needs, Part, Resource, ResourceId, Sets,
-    Simulation, Unit, ValueForm, Verb,
-};
-use super::{Change, Command, Hundredths, Quantity, Report, VerbId};
+use super::family::Family;
+use super::table::MAX_BAUD;
+use super::table::{Ambiguity, Board, DefaultLimit, Limited, Resource, Simulation};
+use super::verb::{Activity, Axis, Needs, Part, ResourceId, Sets, ValueForm, Verb};
+use super::{Change, Command, Hundredths, Quantity, Replies, Report, VerbId};
+use crate::units::Micros;
 pub use geometry::{Geometry, Twist};
 
 /// The rows of the verbs.
@@ -86,18 +87,27 @@ const SERVO_SPEED: u32 = 5_500;
 
 /// The table of the board.
 pub fn board() -> Arc<Board> {
-    static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| Arc::new(table(codec::decode, None)));
+    static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| Arc::new(table(false)));
     Arc::clone(&BOARD)
 }
 
 /// The same, but a `move` is read with the direction bits of older driver versions. Which version
 /// the firmware of a board expects is unknown; we send the newest.
 pub fn with_older_move() -> Arc<Board> {
-    static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| {
-        Arc::new(table(codec::decode_older, Some("it is read with the direction bits of older driver versions")))
-    });
+    static BOARD: LazyLock<Arc<Board>> = LazyLock::new(|| Arc::new(table(true)));
     Arc::clone(&BOARD)
 }
+
+/// The row of the table of families.
+pub(super) const FAMILY: Family = Family {
+    word: "raspblock",
+    usage: "board raspblock",
+    example: "board raspblock",
+    meaning: "the Yahboom Raspblock: mecanum wheels, four servos, a buzzer; the default",
+    number: None,
+    options: &[],
+    make: |_, _| board(),
+};
 
 /// What a request asks the virtual board for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,13 +156,18 @@ fn request(query: i32) -> Command {
     Command::new(verb::REQUEST, &[query])
 }
 
-type Decode = fn(&Board, &[u8]) -> Result<Command, super::NotACommand>;
-
-fn table(decode: Decode, older: Option<&'static str>) -> Board {
-    let note = older.unwrap_or("older driver versions set other direction bits: --older-move reads those");
+/// The table; `older`: with the direction bits of older driver versions.
+fn table(older: bool) -> Board {
+    let note = if older {
+        "it is read with the direction bits of older driver versions"
+    } else {
+        "older driver versions set other direction bits: --older-move reads those"
+    };
     Board {
         name: text("Raspblock"),
+        line: text("raspblock"),
         baud: 115_200,
+        max_baud: MAX_BAUD,
         resources: resources(),
         verbs: verbs(),
         limits: vec![DefaultLimit {
@@ -172,7 +187,11 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
         .collect(),
         changes: vec![Change { quantity: turned(), of: YAW, circle: Hundredths(36_000) }],
         reporting: Some([request(REPORT_START), request(REPORT_STOP)]),
+        hello: Vec::new(),
+        goodbye: Vec::new(),
         stop: vec![stop(), stop(), stop(), buzzer(0)],
+        without_stop: text(""),
+        flushes: true,
         ambiguity: Some(Ambiguity { verb: verb::MOVE, note: text(note) }),
         foreign: [
             (&["forward", "drive", "go"][..], "rocker y=10 for 1s"),
@@ -184,18 +203,8 @@ fn table(decode: Decode, older: Option<&'static str>) -> Board {
         .collect(),
         picture: Some(picture::picture()),
         simulation: Simulation::Mecanum,
-        codec: Codec {
-            encode: codec::encode,
-            length: codec::length,
-            check: frame::check,
-            decode,
-            raw: codec::raw,
-            front: frame::front,
-            next_start: frame::next_start,
-            longest: frame::MAX_FRAME,
-            resync: codec::resync,
-            replies: report::LINE,
-        },
+        codec: Arc::new(codec::Frames { older }),
+        replies: Replies::Lines(report::LINE),
     }
 }
 
@@ -204,7 +213,7 @@ const YAW: usize = 3;
 
 fn quantity(name: &'static str, key: &'static str, unit: &'static str, shown: &'static str) -> Quantity {
     let [name, key, unit, shown] = [name, key, unit, shown].map(text);
-    Quantity { name, key, unit, shown, range: None, step: None }
+    Quantity { name, key, unit, shown, range: None, step: None, request: None }
 }
 
 fn angle(name: &'static str, key: &'static str, shown: &'static str) -> Quantity {
@@ -223,17 +232,8 @@ fn turned() -> Arc<Quantity> {
 }
 
 fn resources() -> Vec<Resource> {
-    let resource = |name, key, about| Resource {
-        name: text(name),
-        key: text(key),
-        about: text(about),
-        rest: None,
-        activity: text(""),
-        idle: text(""),
-        needs_refresh: false,
-        is_exclusive: true,
-        speed: None,
-    };
+    let resource =
+        |name: &'static str, key: &'static str, about| Resource { about: text(about), ..Resource::row(name, key) };
     let servo = |name, key, about| Resource { speed: Some(SERVO_SPEED), ..resource(name, key, about) };
     vec![
         Resource { is_exclusive: false, ..resource("the gains", "gains", "") },
@@ -251,60 +251,19 @@ fn resources() -> Vec<Resource> {
             rest: Some(stop()),
             activity: text("running"),
             idle: text("is stopped"),
-            needs_refresh: true,
+            drives: true,
+            refresh: Some(Micros::from_millis(50)),
             ..resource("the drive", "drive", "")
         },
     ]
 }
 
-/// A positional value.
-fn value(what: &'static str, range: (i32, i32)) -> Axis {
-    Axis {
-        name: text(""),
-        what: text(what),
-        key: text(""),
-        range,
-        takes: ValueForm::Number,
-        unit: Unit::None,
-        why: text(""),
-    }
-}
-
-fn pulse(what: &'static str, range: (i32, i32)) -> Axis {
-    Axis { unit: Unit::Micros { least: PULSE.0, most: PULSE.1 }, ..value(what, range) }
-}
-
 fn named(name: &'static str, what: &'static str, range: (i32, i32)) -> Axis {
-    Axis { name: text(name), key: text(name), ..value(what, range) }
-}
-
-fn words(what: &'static str, words: &[(&'static str, i32)]) -> Axis {
-    let most = words.iter().map(|(_, value)| *value).max().unwrap_or_default();
-    let words = words.iter().map(|(word, value)| (text(word), *value)).collect();
-    Axis { takes: ValueForm::Word(words), ..value(what, (0, most)) }
+    Axis { name: text(name), key: text(name), ..Axis::row(what, range) }
 }
 
 fn gains(name: &'static str, letters: &'static str) -> Axis {
     Axis { takes: ValueForm::List(text("a gain"), text(letters)), ..named(name, "gains", BYTE) }
-}
-
-fn verb(word: &'static str, usage: &'static str, example: &'static str, meaning: &'static str) -> Verb {
-    Verb {
-        word: text(word),
-        usage: text(usage),
-        example: text(example),
-        meaning: text(meaning),
-        axes: Vec::new(),
-        sets: Sets::Nothing,
-        activity: Activity::Still,
-        holds: false,
-        moves: false,
-        needs: None,
-        frames: text(""),
-        is: None,
-        alias: None,
-        tolerance: 1,
-    }
 }
 
 /// A drive verb that can hold and move.
@@ -322,19 +281,22 @@ fn verbs() -> Vec<Verb> {
                 Axis {
                     takes: ValueForm::Index,
                     why: text("it comes first, then the pulse width: `servo 1 1500`"),
-                    ..value("a servo number", (1, 4))
+                    ..Axis::row("a servo number", (1, 4))
                 },
-                pulse("a pulse width", PULSE),
+                Axis::pulse("a pulse width", PULSE),
             ],
             sets: Sets::Indexed(resource::SERVOS.to_vec()),
             moves: true,
             tolerance: 5,
-            ..verb("servo", "servo N PULSE", "servo 1 1500", "one servo, N 1-4, to a pulse width of 500-2500 µs")
+            ..Verb::row("servo", "servo N PULSE", "servo 1 1500", "one servo, N 1-4, to a pulse width of 500-2500 µs")
         },
         Verb {
             axes: vec![
-                pulse("the pan pulse width", PULSE),
-                Axis { why: text("a tilt servo driven further is damaged"), ..pulse("the tilt pulse width", TILT) },
+                Axis::pulse("the pan pulse width", PULSE),
+                Axis {
+                    why: text("a tilt servo driven further is damaged"),
+                    ..Axis::pulse("the tilt pulse width", TILT)
+                },
             ],
             frames: text("the servos together"),
             sets: Sets::Parts(
@@ -343,7 +305,7 @@ fn verbs() -> Vec<Verb> {
             ),
             moves: true,
             tolerance: 5,
-            ..verb(
+            ..Verb::row(
                 "servos",
                 "servos PAN TILT",
                 "servos 1500 1500",
@@ -353,7 +315,7 @@ fn verbs() -> Vec<Verb> {
         Verb {
             axes: vec![speed("x", "the speed x"), speed("y", "the speed y"), named("z", "the turning speed z", TURN)],
             alias: Some(verb::STOP),
-            ..driving(verb(
+            ..driving(Verb::row(
                 "rocker",
                 "rocker x=RIGHT y=FORWARD z=CLOCKWISE",
                 "rocker x=10 z=50",
@@ -363,7 +325,7 @@ fn verbs() -> Vec<Verb> {
         Verb {
             axes: vec![speed("x", "the speed x"), speed("y", "the speed y")],
             activity: Activity::Always,
-            ..driving(verb(
+            ..driving(Verb::row(
                 "yawhold",
                 "yawhold x=RIGHT y=FORWARD",
                 "yawhold y=10",
@@ -377,9 +339,9 @@ fn verbs() -> Vec<Verb> {
                 ("wheel_c", "the speed of wheel C"),
                 ("wheel_d", "the speed of wheel D"),
             ]
-            .map(|(key, what)| Axis { key: text(key), ..value(what, SPEED) })
+            .map(|(key, what)| Axis { key: text(key), ..Axis::row(what, SPEED) })
             .into(),
-            ..driving(verb(
+            ..driving(Verb::row(
                 "wheels",
                 "wheels A B C D",
                 "wheels 8 -8 -8 8",
@@ -401,30 +363,34 @@ fn verbs() -> Vec<Verb> {
                 what: text("pid position"),
                 line: text("pid position speed=200,150 position=20,0,20 yaw=12,2,5"),
             }),
-            ..verb(
+            ..Verb::row(
                 "move",
                 "move x=RIGHT y=FORWARD z=CLOCKWISE",
                 "move y=100",
                 "a displacement, each -65535..65535; needs `pid position` before it",
             )
         },
-        Verb { sets: Sets::One(resource::DRIVE), is: Some(stop()), ..verb("stop", "stop", "stop", "the drive stops") },
         Verb {
-            axes: vec![words("on or off", &[("on", 1), ("off", 0)])],
+            sets: Sets::One(resource::DRIVE),
+            is: Some(stop()),
+            ..Verb::row("stop", "stop", "stop", "the drive stops")
+        },
+        Verb {
+            axes: vec![Axis::words("on or off", &[("on", 1), ("off", 0)])],
             sets: Sets::One(resource::BUZZER),
             activity: Activity::Unless0,
             holds: true,
-            ..verb("buzzer", "buzzer on|off", "buzzer on for 200ms", "the buzzer")
+            ..Verb::row("buzzer", "buzzer on|off", "buzzer on for 200ms", "the buzzer")
         },
         Verb {
             axes: vec![
-                words("the mode", &[("speed", 0), ("position", POSITION)]),
+                Axis::words("the mode", &[("speed", 0), ("position", POSITION)]),
                 gains("speed", "P,I"),
                 gains("position", "P,I,D"),
                 gains("yaw", "P,I,D"),
             ],
             sets: Sets::One(resource::GAINS),
-            ..verb(
+            ..Verb::row(
                 "pid",
                 "pid speed|position speed=P,I position=P,I,D yaw=P,I,D",
                 "pid speed speed=200,150 position=20,0,20 yaw=12,2,5",
@@ -433,13 +399,13 @@ fn verbs() -> Vec<Verb> {
         },
         Verb {
             frames: text("the requests"),
-            axes: vec![words(
+            axes: vec![Axis::words(
                 "what is asked for",
                 &std::array::from_fn::<_, 10, _>(|at| {
                     (QUERIES.get(at).copied().unwrap_or_default(), i32::try_from(at).unwrap_or_default())
                 }),
             )],
-            ..verb(
+            ..Verb::row(
                 "request",
                 "request WHAT",
                 "request voltage",
@@ -448,15 +414,15 @@ fn verbs() -> Vec<Verb> {
         },
         Verb {
             axes: vec![
-                Axis { takes: ValueForm::Byte, ..value("the function byte", BYTE) },
-                Axis { takes: ValueForm::Bytes(frame::MAX_PAYLOAD), ..value("a payload byte", BYTE) },
+                Axis { takes: ValueForm::Byte, ..Axis::row("the function byte", BYTE) },
+                Axis { takes: ValueForm::Bytes(frame::MAX_PAYLOAD), ..Axis::row("a payload byte", BYTE) },
             ],
             frames: text("the raw frames"),
             sets: Sets::Opaque(vec![
                 (codec::DRIVE_FUNCTION, resource::DRIVE),
                 (codec::BUZZER_FUNCTION, resource::BUZZER),
             ]),
-            ..verb(
+            ..Verb::row(
                 "raw",
                 "raw FUNCTION BYTE BYTE …",
                 "raw 0x04 0x01",

@@ -57,6 +57,7 @@ fn curve(
     let ends: [Text; 2] = ends.map(text);
     // A script that only stops the drive shows this lane, which most other scripts have too.
     let shows_rest = name == "forward";
+    let range = (f64::from(range.0), f64::from(range.1));
     let kind = LaneKind::Curve { unit: text(unit), ends, range, limited, group, shows_rest };
     Lane { name: text(name), about: text(about), kind }
 }

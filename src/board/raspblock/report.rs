@@ -10,7 +10,7 @@ use crate::board::{Hundredths, Report, ReportLine};
 pub(super) const LINE: ReportLine = ReportLine { bounds: (b'{', b'#'), read, write };
 
 fn write(report: &Report) -> String {
-    let [pitch, roll, yaw, voltage] = [1, 2, 3, 0].map(|quantity| report.value(quantity).0);
+    let [pitch, roll, yaw, voltage] = [1, 2, 3, 0].map(|quantity| report.value(quantity).unwrap_or_default().0);
     format!("{{A{pitch}:{roll}:{yaw}:{voltage}}}#")
 }
 

@@ -202,8 +202,8 @@ pub(super) struct TelemetryMessage<'a> {
 impl<'b> TelemetryMessage<'b> {
     /// The values of a report, by name.
     pub(super) fn new(at: Micros, board: &'b Board, report: &Report) -> Self {
-        let quantities = board.quantities.iter().enumerate();
-        let values = quantities.map(|(row, quantity)| (&*quantity.key, report.value(row).number())).collect();
+        let quantity = |row: usize| board.quantities.get(row).map(|quantity| &*quantity.key);
+        let values = report.values().filter_map(|(row, value)| Some((quantity(row)?, value.number()))).collect();
         TelemetryMessage { at, values }
     }
 }

@@ -202,7 +202,11 @@ impl Log {
         match event {
             Event::Came(items) => self.put(at, Entry::Items(Arc::clone(items))),
             Event::Report(report) => self.put(at, Entry::Report(*report)),
-            Event::Passed(seen) => seen.iter().for_each(|seen| self.put(at, Entry::Pose(seen.pose))),
+            Event::Passed(seen) => {
+                if let Some(pose) = seen.as_ref().and_then(|seen| seen.pose) {
+                    self.put(at, Entry::Pose(pose));
+                }
+            }
             Event::Opened => self.line(at, Level::Info, "a program has opened the port"),
             Event::Closed => self.line(at, Level::Info, "the program has closed the port"),
             Event::Behind(bytes, Micros(delay)) => {

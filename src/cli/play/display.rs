@@ -135,6 +135,7 @@ impl Observer for Display {
                 }
                 self.frame(timeline, "not sent while paused: ", event);
             }
+            Notice::Errors(_) | Notice::Unanswered => self.first_answer(timeline, notice),
             Notice::Dropped { event } => {
                 self.dropped += 1;
                 self.frame(timeline, "dropped: ", event);
@@ -275,6 +276,16 @@ impl Display {
     fn judged(&self, timeline: &Timeline, verdict: Verdict) {
         if let (Some(due), true) = (timeline.expects.get(verdict.expect), verdict.found.is_passed()) {
             self.screen.note(&format!("{:.3} s: expect {}: {}", due.at, due.expect, verdict.found));
+        }
+    }
+
+    /// Shows what is wrong with the first answer of the board.
+    fn first_answer(&self, timeline: &Timeline, notice: Notice) {
+        let board = &timeline.board;
+        match notice {
+            Notice::Errors(0) => {}
+            Notice::Errors(bits) => self.screen.warning(&format!("the board reports {}", board.errors(bits))),
+            _ => self.screen.warning(&format!("the board does not answer: {}", board.silence_hint())),
         }
     }
 

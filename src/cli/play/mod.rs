@@ -26,7 +26,7 @@ use motionseq::units::{Micros, Nanos};
 
 use super::Options;
 use super::exit::Exit;
-use super::port_opening;
+use super::port_opening::{self, PortRequest};
 use super::project::{ChosenPort, VIRTUAL, ValueSource, max_late};
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
@@ -179,7 +179,8 @@ impl Play {
     ) -> Result<Port, Exit> {
         let faults = self.faults(chosen.path.is_some(), screen)?;
         let Some(path) = &chosen.path else { return Port::of_board(chosen, timeline, faults, screen) };
-        let opened = port_opening::open(path, timeline.baud, self.wait, signals, screen).inspect_err(|_| {
+        let request = PortRequest { path, board: &timeline.board, baud: timeline.baud, wait: self.wait };
+        let opened = port_opening::open(&request, signals, screen).inspect_err(|_| {
             // A user may not know that there is a file.
             if let ValueSource::File(place) = &chosen.source {
                 screen.ask(&format!("the port is from {place}; `--port {VIRTUAL}` plays on the virtual board"));

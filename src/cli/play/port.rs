@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver};
 
+use motionseq::board::Simulation;
 use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{Pty, Serial};
 use motionseq::serve::BoardThread;
@@ -52,7 +53,7 @@ impl Port {
         let mut due = Micros(1);
         let watch = move |time: Micros, board: &Device| {
             // Before the script begins, the time is 0.
-            if time >= due {
+            if time >= due && board.family().simulation == Simulation::Mecanum {
                 due = time + POSE_EVERY;
                 // Without a log, nothing takes them.
                 let _ = tell.try_send((time, board.received().pose));

@@ -25,6 +25,15 @@ const NAMED: usize = 1_000;
 /// The most gates that are listed, besides one that failed.
 const MOST_GATES: usize = 100_000;
 
+/// A frame that depends on the world.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Extra {
+    /// A frame of the drive, sent again at a closed gate: the index of its command.
+    Refresh(usize),
+    /// A request: the row of the quantity.
+    Read(usize),
+}
+
 /// Counters of a run. Frames and expectations refer to the timeline that was playing.
 pub(super) struct RunLog {
     /// The lateness of frames, in nanoseconds; `None` if memory ran out.
@@ -34,8 +43,10 @@ pub(super) struct RunLog {
     passages: Vec<(Arc<Timeline>, Passage)>,
     /// How long gates were closed.
     pub(super) waited: Nanos,
-    /// Frames that were sent again at gates: the event, the frames of the script before them, and how many.
-    refreshes: Vec<(Arc<Timeline>, usize, u64, u64)>,
+    /// Frames that are not of the script: which, the frames of the script before them, and how many.
+    unscripted: Vec<(Arc<Timeline>, Extra, u64, u64)>,
+    /// Whether the board was asked for a quantity.
+    pub(super) has_asked: bool,
     /// The frames of the script so far.
     sent: u64,
     passes: u64,
@@ -59,7 +70,8 @@ impl RunLog {
             verdicts: Vec::new(),
             passages: Vec::new(),
             waited: Nanos::ZERO,
-            refreshes: Vec::new(),
+            unscripted: Vec::new(),
+            has_asked: false,
             sent: 0,
             passes: 1,
             pauses: 0,
@@ -81,10 +93,11 @@ impl Observer for RunLog {
                     self.passages.push((Arc::clone(timeline), passage));
                 }
             }
-            Notice::Refreshed { event } => match self.refreshes.last_mut() {
-                Some((_, last, after, count)) if (*last, *after) == (event, self.sent) => *count += 1,
-                _ => self.refreshes.push((Arc::clone(timeline), event, self.sent, 1)),
-            },
+            Notice::Refreshed { event } => self.note_unscripted(timeline, Extra::Refresh(event)),
+            Notice::Asked { quantity } => {
+                self.has_asked = true;
+                self.note_unscripted(timeline, Extra::Read(quantity));
+            }
             Notice::Sent { late, .. } => {
                 self.sent += 1;
                 if let Some(lateness) = &mut self.lateness {
@@ -127,21 +140,37 @@ impl RunLog {
         })
     }
 
-    /// The frames that were sent at closed gates, for the report.
+    /// The frames that depend on the world, for the report.
     fn unscripted(&self, lines: &Lines<'_>) -> impl Iterator<Item = report::Unscripted> {
-        self.refreshes.iter().filter_map(|(timeline, event, after, count)| {
-            let event = timeline.events.get(*event)?;
-            let place = lines.place(event.span);
+        self.unscripted.iter().filter_map(|(timeline, extra, after, count)| {
+            let board = &timeline.board;
+            let (reason, command, place) = match *extra {
+                Extra::Refresh(event) => {
+                    let event = timeline.events.get(event)?;
+                    ("gate", &event.command, Some(lines.place(event.span)))
+                }
+                Extra::Read(quantity) => ("read", board.quantities.get(quantity)?.request.as_ref()?, None),
+            };
             Some(report::Unscripted {
-                reason: "gate",
+                reason,
                 after: *after,
                 count: *count,
-                frame: Hex(&timeline.board.to_frame(&event.command)).to_string(),
-                command: timeline.board.show(&event.command).to_string(),
-                file: place.file.to_owned(),
-                line: place.line,
+                frame: Hex(&board.to_frame(command)).to_string(),
+                command: board.show(command).to_string(),
+                file: place.as_ref().map(|place| place.file.to_owned()),
+                line: place.map(|place| place.line),
             })
         })
+    }
+
+    /// Counts a frame that is not of the script, together with equal ones at the same place.
+    fn note_unscripted(&mut self, timeline: &Arc<Timeline>, extra: Extra) {
+        let (extras, sent) = (&mut self.unscripted, self.sent);
+        let here = extras.iter_mut().rev().take_while(|(_, _, after, _)| *after == sent);
+        match here.into_iter().find(|(_, other, ..)| *other == extra) {
+            Some((.., count)) => *count += 1,
+            None => extras.push((Arc::clone(timeline), extra, sent, 1)),
+        }
     }
 }
 
@@ -166,7 +195,7 @@ impl Run<'_> {
             Cause::Quit if self.outcome.stop == Stop::NotSent => Exit::Port,
             Cause::Finished | Cause::Quit => Exit::Ok,
             Cause::Signal(signal) => Exit::Signal(signal),
-            Cause::Lost(_) => Exit::Port,
+            Cause::Lost(_) | Cause::Unanswered => Exit::Port,
             Cause::Stalled => Exit::Stalled,
             Cause::Late(_) => Exit::Late,
             Cause::Expect(_) | Cause::Gate(_) => Exit::Expect,
@@ -191,6 +220,7 @@ impl Run<'_> {
             Cause::Late(late) => format!("a frame was {:.0} ms late", late.in_millis()),
             Cause::Expect(verdict) => self.timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
             Cause::Gate(passage) => self.timeline.gate_words(passage.gate, |unit| passage.end.words(unit)),
+            Cause::Unanswered => "the board does not answer, and the script needs its answers".into(),
             Cause::Unguarded => "the guard of this run was lost".into(),
             _ => "motionseq failed; this is a bug".into(),
         }
@@ -202,12 +232,17 @@ impl Run<'_> {
 
     /// The closing line: the cause and, of an early end, the place, the time and whether the robot was stopped.
     pub(super) fn closing_line(&self) -> String {
-        let Outcome { at, stop, .. } = self.outcome;
+        let Outcome { at, stop, aborted, .. } = self.outcome;
         match self.place() {
             _ if !self.is_early() => self.cause(),
             place => {
                 let place = place.map(|span| self.sources.place(span).to_string());
-                closing_line(&self.cause(), place, at, stop_words(stop))
+                let without_stop = &self.timeline.board.without_stop;
+                let robot = match stop {
+                    Stop::NotDefined if aborted => format!("`on abort` was sent, otherwise {without_stop}"),
+                    stop => stop_words(stop, without_stop).to_owned(),
+                };
+                closing_line(&self.cause(), place, at, &robot)
             }
         }
     }
@@ -275,7 +310,7 @@ impl Run<'_> {
                 Cause::Finished => "finished",
                 Cause::Quit => "quit",
                 Cause::Signal(_) => "signal",
-                Cause::Lost(_) => "port",
+                Cause::Lost(_) | Cause::Unanswered => "port",
                 Cause::Stalled => "stalled",
                 Cause::Late(_) => "late",
                 Cause::Expect(_) => "expect",
@@ -296,6 +331,7 @@ impl Run<'_> {
             stop: match outcome.stop {
                 Stop::NotNeeded => "not needed",
                 Stop::Sent => "sent",
+                Stop::NotDefined => "not defined",
                 _ => "not sent",
             },
             passes: log.passes.max(self.pass()),

@@ -1,12 +1,13 @@
 use super::super::ports::help;
 use super::*;
+use motionseq::board::raspblock;
 
 fn port(path: &str, likely: BoardLikelihood, obstacle: Option<Obstacle>) -> PortInfo {
     PortInfo::new(path, likely, obstacle)
 }
 
 fn chosen(ports: &[PortInfo]) -> Result<PathBuf, String> {
-    choose(ports.to_vec()).map_err(|refused| refused.to_string())
+    choose(ports.to_vec(), &raspblock::board()).map_err(|refused| refused.to_string())
 }
 
 #[test]
@@ -25,6 +26,34 @@ fn auto_takes_the_one_port_that_looks_like_the_board() {
     assert_eq!((chosen(&[]), chosen(&[other, console])), (none.clone(), none));
     let second = port("/dev/ttyUSB1", Maybe, None);
     assert_eq!(chosen(&[usb, second]), Err("`--port auto`: several ports look like the board".to_owned()));
+}
+
+#[test]
+fn auto_takes_a_maestro_for_a_script_for_one_and_for_no_other() {
+    use BoardLikelihood::{Maybe, No};
+    let maestro = |path: &str, family: &str| {
+        let mut port = port(path, No, None);
+        port.family = Some(family.to_owned());
+        port
+    };
+    let on = |line: &'static str, ports: &[PortInfo]| {
+        let board = Board { line: line.into(), ..Board::clone(&raspblock::board()) };
+        choose(ports.to_vec(), &board).map_err(|refused| refused.to_string())
+    };
+    let small = maestro("/dev/ttyACM0", "maestro 6");
+    let large = maestro("/dev/ttyACM2", "maestro 24");
+    let (ttl, usb) = (port("/dev/ttyACM1", No, None), port("/dev/ttyUSB0", Maybe, None));
+    let all = [small.clone(), ttl.clone(), large.clone(), usb.clone()];
+    let taken = |path: &str| Ok(PathBuf::from(path));
+    assert_eq!(on("maestro 24 device 7 crc on", &all), taken("/dev/ttyACM2"));
+    assert_eq!(on("maestro 6", &all), taken("/dev/ttyACM0"));
+    assert_eq!(on("maestro 12", &[small.clone(), ttl.clone(), usb]), taken("/dev/ttyACM0"));
+    let several = Err("`--port auto`: several ports look like the board".to_owned());
+    assert_eq!((on("maestro 12", &all), on("raspblock", &all)), (several, taken("/dev/ttyUSB0")));
+    assert_eq!(on("\"robot.toml\"", &all), taken("/dev/ttyUSB0"));
+    let none = Err("`--port auto`: no port looks like the board".to_owned());
+    assert_eq!((on("raspblock", &[small, ttl.clone()]), on("maestro 6", &[ttl])), (none.clone(), none));
+    assert_eq!(help(&[large]), None);
 }
 
 #[test]
@@ -49,7 +78,7 @@ fn auto_takes_no_adapter_if_the_system_uses_the_pins() {
     ] {
         let pins = port("/dev/ttyS0", Board, Some(obstacle));
         for ports in [vec![pins.clone(), usb.clone()], vec![pins.clone()]] {
-            let refused = choose(ports).unwrap_err();
+            let refused = choose(ports, &raspblock::board()).unwrap_err();
             let text = refused.to_string();
             assert!(
                 text.starts_with("`--port auto`: /dev/ttyS0, the port on the pins: ") && text.contains(why),

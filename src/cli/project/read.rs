@@ -1,10 +1,12 @@
 //! The text of a configuration file as settings, and every mistake in it.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ignore::gitignore::{Gitignore, GitignoreBuilder};
+use motionseq::board::{Board, FAMILIES, Family, Limited};
 use motionseq::diagnostic::{Code, Denied, Diagnostic, Diagnostics};
-use motionseq::program::{Options, ProjectLimit, limit_items, suggest};
+use motionseq::program::{ProjectLimit, limit_items, suggest};
 use motionseq::source::{Source, SourceError, Span};
 use motionseq::units::{Micros, Nanos, NotATime};
 use toml::Spanned;
@@ -215,21 +217,29 @@ impl Reader<'_> {
     }
 
     fn limit(&mut self, key: &Key<'_>, value: &Value<'_>) {
-        let board = Options::default().board;
-        let items = limit_items(&board);
-        let Some((name, limited)) = items.iter().find(|(name, _)| name == key.get_ref().as_ref()) else {
-            let names: Vec<&str> = items.iter().map(|(name, _)| name.as_str()).collect();
+        let boards: Vec<_> = FAMILIES.iter().map(Family::usual).collect();
+        let items: Vec<_> =
+            boards.iter().flat_map(|board| limit_items(board).into_iter().map(move |item| (board, item))).collect();
+        let fitting: Vec<_> = items.iter().filter(|(_, (name, _))| name == key.get_ref().as_ref()).collect();
+        let Some((_, (name, _))) = fitting.first() else {
+            let names: Vec<&str> = items.iter().map(|(_, (name, _))| name.as_str()).collect();
             self.unknown(key, &names, "[limits]");
             return;
         };
         let Some(range) = self.text(value, &format!("{name} = \"LOW..HIGH\"")) else { return };
         let setting = self.setting(value, ());
-        match ProjectLimit::read(&board, *limited, range, self.config.place(setting.line)) {
-            Ok(limit) => {
+        let read = |(board, (_, limited)): &&(&Arc<Board>, (String, Limited))| {
+            ProjectLimit::read(board, *limited, range, self.config.place(setting.line))
+        };
+        // It applies to every board that has such a value, so one that accepts the range is enough.
+        let found = fitting.iter().map(read).reduce(|first, next| if first.is_ok() { first } else { next.or(first) });
+        match found {
+            Some(Ok(limit)) => {
                 let setting = Setting { value: limit, written: setting.written, line: setting.line };
                 self.config.limits.push((name.clone(), setting));
             }
-            Err(error) => self.wrong(self.inside(value, range, error.span), error.message, error.help),
+            Some(Err(error)) => self.wrong(self.inside(value, range, error.span), error.message, error.help),
+            None => {}
         }
     }
 

@@ -30,12 +30,13 @@ impl Files {
         self
     }
 
-    /// A terminal whose device is of a subsystem.
-    fn port(self, name: &str, subsystem: &str) -> Self {
-        let device = format!("sys/devices/{name}");
+    /// A terminal whose device is of a subsystem; the folders of its device may come before its name.
+    fn port(self, device: &str, subsystem: &str) -> Self {
+        let name = device.rsplit('/').next().unwrap();
+        let device = format!("sys/devices/{device}");
         fs::create_dir_all(self.0.join(&device)).unwrap();
         self.link(&format!("{device}/subsystem"), &format!("../../bus/{subsystem}"))
-            .link(&format!("sys/class/tty/{name}/device"), &format!("../../../devices/{name}"))
+            .link(&format!("sys/class/tty/{name}/device"), &format!("../../../{}", device.trim_start_matches("sys/")))
             .file(&format!("dev/{name}"), "")
     }
 
@@ -125,6 +126,34 @@ fn an_adapter_says_what_it_is_and_has_a_name_that_stays() {
     assert_eq!(adapter.description, "USB 1a86:7523 USB Serial");
     assert_eq!(adapter.likely, BoardLikelihood::Maybe);
     assert_eq!(adapter.names, [PathBuf::from("/dev/robot"), PathBuf::from(format!("/dev/serial/by-id/{name}"))]);
+}
+
+#[test]
+fn a_maestro_has_a_port_for_commands_and_one_for_its_pins() {
+    let maestro = |product: &str| {
+        Files::new(&format!("maestro-{product}"))
+            .port("1-1/ttyACM0", "usb")
+            .port("1-1/ttyACM1", "usb")
+            .file("sys/devices/1-1/idVendor", "1ffb\n")
+            .file("sys/devices/1-1/idProduct", &format!("{product}\n"))
+            .file("sys/devices/1-1/ttyACM0/bInterfaceNumber", "02\n")
+            .file("sys/devices/1-1/ttyACM1/bInterfaceNumber", "00\n")
+    };
+    for (product, channels) in [("0089", 6), ("008a", 12), ("008b", 18), ("008c", 24)] {
+        let pc = maestro(product);
+        let [ttl, commands] = &pc.ports()[..] else { panic!("{:?}", pc.ports()) };
+        assert_eq!(commands.description, format!("Pololu Maestro {channels}, Command Port"));
+        assert_eq!(
+            (commands.family.clone(), commands.likely),
+            (Some(format!("maestro {channels}")), BoardLikelihood::No)
+        );
+        assert_eq!(ttl.description, format!("Pololu Maestro {channels}, TTL Port"));
+        assert_eq!((&ttl.family, ttl.likely), (&None, BoardLikelihood::No));
+    }
+    let pc = maestro("0088");
+    let other = pc.one("/dev/ttyACM1");
+    assert_eq!((other.family, other.likely), (None, BoardLikelihood::Maybe));
+    assert_eq!(other.description, "USB 1ffb:0088 serial adapter");
 }
 
 #[test]

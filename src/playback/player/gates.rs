@@ -96,12 +96,15 @@ impl<'t> Player<'t> {
             }
         }
         self.refresh_drive(now, notices, |_, _, due| now >= due);
-        if !self.out.is_empty() {
+        if let Some(cause) = self.miss_answers(now, notices) {
+            return self.end_early(cause, now);
+        }
+        if !self.out.is_empty() || self.ask(now, self.refresh_due(), notices) {
             return Order::Write;
         }
         let ends = self.closed_parts().and_then(|(closed, gate)| closed.due(gate, drives));
         let until = ends.into_iter().chain(self.refresh_due()).min();
-        Order::Wait { until: until.unwrap_or_else(|| now.saturating_add(HOUR)), writable: false }
+        self.wait_or_ask(until.unwrap_or_else(|| now.saturating_add(HOUR)), now)
     }
 
     fn closed_parts(&self) -> Option<(&Closed, &'t Gate)> {
@@ -160,10 +163,15 @@ impl<'t> Player<'t> {
 
     /// When the next frame of the drive is due at a closed gate.
     fn refresh_due(&self) -> Option<Nanos> {
-        let refresh = self.refresh?;
-        let driving = self.state.active(self.board).filter(|(resource, _)| self.board.needs_refresh(*resource));
-        let sent = driving.filter_map(|(resource, _)| self.driven.get(resource)).map(|(_, sent)| *sent);
-        sent.min().map(|sent| sent.saturating_add(refresh))
+        let driving = self.state.active(self.board).map(|(resource, _)| resource);
+        driving.filter_map(|resource| self.refresh_of(resource)).min()
+    }
+
+    /// When the frame of a resource is due again; `None` if it is not refreshed.
+    fn refresh_of(&self, resource: usize) -> Option<Nanos> {
+        let refresh = self.refresh.get(resource).copied().flatten()?;
+        let (_, sent) = self.driven.get(resource)?;
+        Some(sent.saturating_add(refresh.nanos()))
     }
 
     /// Sends the last frame of each drive again that `wants` it; `wants` gets the resource and when its next refresh is due.
@@ -173,11 +181,11 @@ impl<'t> Player<'t> {
         notices: &mut impl FnMut(Notice),
         wants: impl Fn(&Self, usize, Nanos) -> bool,
     ) {
-        let Some(refresh) = self.refresh else { return };
         for resource in 0..self.driven.len() {
-            let Some((event, sent)) = self.driven.get(resource).copied() else { continue };
+            let (Some((event, _)), Some(due)) = (self.driven.get(resource).copied(), self.refresh_of(resource)) else {
+                continue;
+            };
             let command = self.state.last(resource).filter(|command| self.board.keeps_driving(command));
-            let due = sent.saturating_add(refresh);
             let Some(command) = command.filter(|_| wants(self, resource, due)) else { continue };
             self.out.push(|bytes| self.board.encode(command, bytes));
             self.due = now;

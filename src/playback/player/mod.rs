@@ -5,6 +5,7 @@
 
 mod gates;
 mod pauses;
+mod reads;
 
 use super::gate::Closed;
 use super::halt::{Halt, Outbox, Stops};
@@ -14,6 +15,7 @@ use crate::board::{Board, Report, State};
 use crate::source::Span;
 use crate::timeline::{Cue, Cut, Event, Gate, Kind, Mark, Timeline};
 use crate::units::{Micros, Nanos};
+use reads::Reads;
 
 /// Plays one timeline.
 #[derive(Debug)]
@@ -25,8 +27,9 @@ pub struct Player<'t> {
     marks: &'t [Mark],
     gates: &'t [Gate],
     judge: Judge<'t>,
-    /// How often a drive command is sent again at a closed gate.
-    refresh: Option<Nanos>,
+    reads: Reads,
+    /// How often the command of each resource is sent again at a closed gate.
+    refresh: &'t [Option<Micros>],
     /// The repeated pass of an endless run.
     again: Option<&'t Timeline>,
     /// The commands sent to the board, in this pass and earlier ones.
@@ -98,8 +101,9 @@ impl<'t> Player<'t> {
             cues: &timeline.cues,
             marks: &timeline.marks,
             gates: &timeline.gates,
-            judge: Judge::new(&timeline.expects),
-            refresh: timeline.refresh.map(Micros::nanos),
+            judge: Judge::new(&timeline.expects, board.quantities.len()),
+            reads: Reads::of(timeline),
+            refresh: &timeline.refresh,
             again: None,
             state: State::new(board),
             pass: 1,
@@ -116,7 +120,7 @@ impl<'t> Player<'t> {
             closed: None,
             driven: vec![(0, Nanos::ZERO); board.resources.len()],
             said: (Nanos::ZERO, 0),
-            out: Outbox::new(board.zeros_after_flush(commands), board.codec.longest),
+            out: Outbox::new(board.zeros_after_flush(commands), board.codec.longest()),
             due: Nanos::ZERO,
             pending: 0,
             last: None,
@@ -201,6 +205,11 @@ impl<'t> Player<'t> {
         self.hear_at_gate(now, report, notices);
     }
 
+    /// Whether only the answer of the board is missing.
+    fn is_over(&self) -> bool {
+        matches!(self.phase, Phase::Playing) && self.next >= self.events.len()
+    }
+
     /// Whether an `expect` or a gate is due at `now`, so that received reports must be read first.
     pub fn judges_at(&self, now: Nanos) -> bool {
         let time = self.since_origin(now);
@@ -229,8 +238,9 @@ impl<'t> Player<'t> {
             Phase::Ending(halt, outcome) => match halt.poll(now, input, &self.stops, &mut self.out) {
                 Some(order) => order,
                 None => {
-                    let outcome =
-                        Outcome { stop: halt.stop(&self.stops), extra: outcome.extra + halt.frames(), ..*outcome };
+                    let aborted = halt.frames() > self.stops.frames.len();
+                    let (stop, extra) = (halt.stop(&self.stops), outcome.extra + halt.frames());
+                    let outcome = Outcome { stop, extra, aborted, ..*outcome };
                     self.done(outcome)
                 }
             },
@@ -282,6 +292,10 @@ impl<'t> Player<'t> {
         if self.closed.is_some() {
             return self.wait_at_gate(now, notices);
         }
+        if self.reads.holds_start() {
+            return self.wait_for_first(now, notices);
+        }
+        let time = self.begin(time, now);
         self.say(time, now, notices);
         // Judged before frames that are due at the same time are sent.
         let mut judged = |verdict| notices(Notice::Judged(verdict));
@@ -298,8 +312,14 @@ impl<'t> Player<'t> {
         // The next pass begins at its time.
         let next_said = self.next_said().filter(|_| time < self.end || self.again.is_none());
         let next_expect = self.judge.next_due(self.limit.expects);
+        if let Some(cause) = self.miss_answers(now, notices) {
+            return self.end_early(cause, now);
+        }
+        if self.ask(now, next_event.map(|due| self.run_clock(due)), notices) {
+            return Order::Write;
+        }
         match next_event.into_iter().chain(next_said).chain(next_expect).min() {
-            Some(until) => self.wait(until, false),
+            Some(until) => self.wait_or_ask(self.run_clock(until), now),
             None => self.go_on(time, now, notices),
         }
     }
@@ -309,7 +329,7 @@ impl<'t> Player<'t> {
         let gate = self.gates.get(self.next_gate).map(|gate| gate.at.nanos());
         let until = gate.unwrap_or(self.end);
         match (gate, self.again) {
-            _ if time < until => self.wait(until, false),
+            _ if time < until => self.wait_or_ask(self.run_clock(until), now),
             (Some(_), _) => {
                 self.close_gate(now, notices);
                 self.wait_at_gate(now, notices)
@@ -319,6 +339,8 @@ impl<'t> Player<'t> {
                 // The first frames of the next pass are due now.
                 self.wait(Nanos::ZERO, false)
             }
+            // The operator should know if the board did not answer.
+            (None, None) if let Some(until) = self.reads.misses_first() => Order::Wait { until, writable: false },
             (None, None) => self.done(Outcome { stop: Stop::NotNeeded, ..self.outcome_at(Cause::Finished, time) }),
         }
     }
@@ -373,7 +395,8 @@ impl<'t> Player<'t> {
             self.said.1 += 1;
         }
         while self.said.1 < SAY_MOST && cues.get(self.next_cue).is_some_and(|cue| is_due(cue.at)) {
-            notices(Notice::Say { cue: self.next_cue, report: self.judge.fresh(now) });
+            let rows = cues.get(self.next_cue).into_iter().flat_map(|cue| cue.text.rows());
+            notices(Notice::Say { cue: self.next_cue, report: self.judge.fresh_report(rows, now) });
             self.next_cue += 1;
             self.said.1 += 1;
         }
@@ -420,7 +443,14 @@ impl<'t> Player<'t> {
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.take(event);
             self.note_drive(event, index, now);
+            if event.kind == Kind::Auto {
+                self.reads.note_sent(&event.command, now);
+            }
             self.pending += 1;
+            if self.reads.holds_start() {
+                notices(Notice::Sent { event: index, late });
+                break;
+            }
             self.last = Some(index);
             self.worst_late = self.worst_late.max(late);
             notices(Notice::Sent { event: index, late });
@@ -452,6 +482,7 @@ impl<'t> Player<'t> {
             sent: self.sent,
             dropped: self.dropped,
             extra: self.extra,
+            aborted: false,
             worst_late: self.worst_late,
         }
     }
@@ -468,9 +499,14 @@ impl<'t> Player<'t> {
 
     fn halt(&mut self, phase: Phase) -> Order {
         self.phase = phase;
-        self.out.clear();
         self.pending = 0;
-        Order::Discard
+        if !self.board.flushes {
+            // Bytes after a truncated frame would be an error of the board.
+            self.out.keep_begun(&*self.board.codec);
+            return Order::Halt { discards: false };
+        }
+        self.out.clear();
+        Order::Halt { discards: true }
     }
 }
 

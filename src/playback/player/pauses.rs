@@ -56,6 +56,9 @@ impl Player<'_> {
                 continue;
             }
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
+            if event.kind == Kind::Auto {
+                self.reads.note_sent(&event.command, now);
+            }
             self.pending += 1;
             self.last = Some(index);
             notices(Notice::Sent { event: index, late: Nanos::ZERO });

@@ -8,7 +8,7 @@ use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::words::Word;
 use super::Arguments;
-use crate::board::{Axis, ResourceId, Sets, Unit, Verb};
+use crate::board::{Axis, Measure, ResourceId, Sets, Unit, Verb};
 use crate::diagnostic::{Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
@@ -20,13 +20,15 @@ pub(in crate::program) struct Bound<'t> {
     /// The smallest and the largest.
     pub(in crate::program) range: (i32, i32),
     pub(in crate::program) unit: Unit,
+    /// How many values of the range are 1 in a script.
+    pub(in crate::program) scale: i32,
     /// Why the range ends there; empty if that is obvious.
     pub(in crate::program) why: &'t str,
 }
 
 impl<'t> From<&'t Axis> for Bound<'t> {
     fn from(axis: &'t Axis) -> Self {
-        Bound { what: &axis.what, range: axis.range, unit: axis.unit, why: &axis.why }
+        Bound { what: &axis.what, range: axis.range, unit: axis.unit, scale: axis.scale, why: &axis.why }
     }
 }
 
@@ -55,16 +57,14 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         self.in_range(number, value.span, bound)
     }
 
+    /// A number as a value of the board, which is not rounded.
     fn measure(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<f64> {
-        match bound.unit {
-            Unit::Micros { .. } => self.micros(value, bound.what, bound.unit),
-            Unit::None => self.number(value, bound.what),
-        }
+        Some(self.in_unit(value, bound.what, bound.unit)? * f64::from(bound.scale))
     }
 
     /// A whole number: an index, a count or a byte is never rounded. `what` names it in messages.
     pub(in crate::program) fn integer(&mut self, value: &'a Value<'s>, what: &str, range: (i32, i32)) -> Option<i32> {
-        self.whole(value, Bound { what, range, unit: Unit::None, why: "" })
+        self.whole(value, Bound { what, range, unit: Unit::default(), scale: 1, why: "" })
     }
 
     /// An index, such as the number of a servo.
@@ -145,20 +145,33 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         self.in_range(number, span, bound)
     }
 
-    /// A pulse width in microseconds: a bare number, a time, or an angle from 0 to 180 degrees where the unit says what that is.
-    pub(in crate::program) fn micros(&mut self, value: &'a Value<'s>, what: &str, unit: Unit) -> Option<f64> {
+    /// A number in a unit: a bare one, a time if the unit is microseconds, or an angle if the unit says what that is.
+    pub(in crate::program) fn in_unit(&mut self, value: &'a Value<'s>, what: &str, unit: Unit) -> Option<f64> {
         match (self.eval.value(value)?, unit) {
-            (Quantity::Number(micros), _) => Some(micros),
-            (Quantity::Time(time), _) => Some(time.in_micros()),
-            (Quantity::Degrees(degrees), Unit::Micros { least, most }) if (0.0..=180.0).contains(&degrees) => {
-                let (least, most) = (f64::from(least), f64::from(most));
-                Some(least + degrees / 180.0 * (most - least))
+            (Quantity::Number(number), _) => Some(number),
+            (Quantity::Time(time), Unit { measure: Measure::Micros, .. }) => Some(time.in_micros()),
+            (Quantity::Degrees(degrees), Unit { angle: Some(scale), .. }) => {
+                let found = scale.value(degrees);
+                if found.is_none() {
+                    let (least, most) = scale.degrees;
+                    let other =
+                        if unit.measure == Measure::Micros { ", or a pulse width such as `1500us`" } else { "" };
+                    report!(self.eval, OutOfRange, value.span,
+                        "angle {degrees}deg is out of range ({least}deg to {most}deg)";
+                        help: "write an angle from `{least}deg` to `{most}deg`{other}");
+                }
+                found
             }
-            (Quantity::Degrees(degrees), Unit::Micros { .. }) => bail!(self.eval, OutOfRange, value.span,
-                "angle {degrees}deg is out of range (0deg to 180deg)";
-                help: "write an angle from `0deg` to `180deg`, or a pulse width such as `1500us`"),
-            (other, _) => {
-                let help = "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`";
+            (Quantity::Degrees(degrees), Unit { measure: Measure::Degrees, .. }) => Some(degrees),
+            (other, Unit { measure, angle }) => {
+                let help = match (measure, angle) {
+                    (Measure::Micros, Some(_)) => {
+                        "write microseconds, such as `1500` or `1500us`, or degrees, such as `90deg`"
+                    }
+                    (Measure::Micros, None) => "write microseconds, such as `1500` or `1500us`",
+                    (Measure::Degrees, _) | (_, Some(_)) => "write the bare number, or degrees, such as `90deg`",
+                    (Measure::Number, None) => "write the bare number",
+                };
                 self.wrong_unit(value.span, what, other, help);
                 None
             }
@@ -204,10 +217,12 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     }
 
     fn in_range(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
-        let Bound { what, range: (least, most), unit, why } = bound;
+        let Bound { what, range: (least, most), unit, scale, why } = bound;
         let checked = value::round(number).filter(|number| (least..=most).contains(number));
         if checked.is_none() {
-            let is_angle = matches!(unit, Unit::Micros { .. }) && (0.0..=180.0).contains(&number);
+            let shown = |value: f64| value / f64::from(scale);
+            let (number, least, most) = (shown(number), shown(least.into()), shown(most.into()));
+            let is_angle = unit.angle.is_some_and(|scale| scale.value(number).is_some());
             let angle = is_angle.then(|| format!("for an angle, write `{number}deg`"));
             let because = match (angle, why) {
                 (Some(angle), _) => format!("; {angle}"),

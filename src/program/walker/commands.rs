@@ -11,10 +11,10 @@ use super::super::verbs::{self, Parsed};
 use super::super::words::{self, Operation, Row, Word};
 use super::super::{Action, Mark, Step, expect, gate, limits, lints, say};
 use super::{Frame, Walker};
-use crate::board::{self, Verb, VerbId};
-use crate::diagnostic::{bail, report};
+use crate::board::{self, ResourceId, Verb, VerbId};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::Span;
-use crate::syntax::Command;
+use crate::syntax::{Argument, Command};
 
 /// A command of the language, and where it is run.
 #[derive(Clone, Copy)]
@@ -145,6 +145,10 @@ impl<'s, 'd> Walker<'s, 'd> {
     /// A verb of the board: one command, or a move.
     fn verb(&mut self, command: &Command<'s>, id: VerbId, verb: &'d Verb, start: Time) -> Option<Time> {
         let board = self.eval.board;
+        let words = command.arguments.iter().filter_map(Argument::bare_word);
+        let mut words = words.take_while(|word| !words::is_modifier(word.text));
+        let variant = words.find_map(|given| board.variant(id, given.text));
+        let (id, verb) = variant.unwrap_or((id, verb));
         let mut args = Arguments::new(Word::Verb(id, verb), command, &mut self.eval)?;
         let parsed = verbs::read(&mut args, id, verb);
         let lasting = args.lasting();
@@ -158,7 +162,8 @@ impl<'s, 'd> Walker<'s, 'd> {
         let sent = match (parsed, lasting) {
             (Parsed::Motion(motion), CommandDuration::Over(over, ease)) => {
                 let touches = board.occupied(motion.verb, motion.index);
-                if self.in_abort && touches.iter().any(|resource| board.needs_refresh(*resource)) {
+                self.check_use(verb, touches, span)?;
+                if self.in_abort && touches.iter().any(|resource| board.drives(*resource)) {
                     self.drive_in_abort(span);
                 } else {
                     self.push(start, span, Action::Go(Box::new(Move { motion, over, ease })));
@@ -179,8 +184,46 @@ impl<'s, 'd> Walker<'s, 'd> {
                 help: "wait on a line of its own: `wait 2s`");
             return Some(end);
         }
+        self.check_use(verb, board.occupies(&sent), span)?;
         self.send(start, span, sent, hold);
         Some(end)
+    }
+
+    /// Reports a resource that the script uses in two ways.
+    fn check_use(&mut self, verb: &Verb, resources: &[ResourceId], span: Span) -> Option<()> {
+        if verb.uses_as.is_empty() {
+            return Some(());
+        }
+        let board = self.eval.board;
+        for resource in resources {
+            let limits = self.program.settings.limits.iter();
+            let limited =
+                limits.filter(|limit| board.occupied(limit.limited.verb, limit.limited.index).contains(resource));
+            let mut limited =
+                limited.filter_map(|limit| Some((board.verb(limit.limited.verb)?.uses_as.clone(), limit.span?)));
+            let usual = board.resource(*resource).and_then(|found| found.speed);
+            let has_speed = self.program.settings.speeds.get(*resource).is_some_and(|speed| *speed != usual);
+            let moving = board.verbs.iter().find(|other| other.moves && !other.uses_as.is_empty());
+            if let Some(moving) = moving.filter(|moving| has_speed && moving.uses_as != verb.uses_as) {
+                let name = board.resource(*resource).map_or("", |resource| &resource.name);
+                let diagnostic = diagnostic!(TwoUses, span, "{name} is used as {}, and has a `limit` for the speed of {}",
+                    verb.uses_as, moving.uses_as; help: "remove that `limit`, or use another channel");
+                self.eval.push(diagnostic);
+                return None;
+            }
+            let (other, first) = match limited.next_back() {
+                Some(limited) => limited,
+                None => self.uses.entry(*resource).or_insert_with(|| (verb.uses_as.clone(), span)).clone(),
+            };
+            if other != verb.uses_as {
+                let name = board.resource(*resource).map_or("", |resource| &resource.name);
+                let diagnostic = diagnostic!(TwoUses, span, "{name} is used as {} and as {other}", verb.uses_as;
+                    help: "use another channel, or the same command for both");
+                self.eval.push(diagnostic.label("second use").related(first, "first use"));
+                return None;
+            }
+        }
+        Some(())
     }
 
     pub(super) fn send(&mut self, at: Time, span: Span, command: board::Command, hold: Option<Time>) {

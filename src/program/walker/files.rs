@@ -1,11 +1,14 @@
 //! What comes from outside of the script: the files that it uses, and `--set`.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use super::super::text_board;
 use super::super::time::Time;
 use super::super::words;
 use super::commands::At;
 use super::{Frame, Set, Walker};
+use crate::board::Board;
 use crate::diagnostic::{bail, diagnostic, report};
 use crate::source::{Source, Sources, Span};
 use crate::syntax::{self, Block, Let, Statement, Value, ValueKind};
@@ -24,6 +27,11 @@ impl Files {
         let main = sources.main_path().map(|path| (path, Span::default()));
         Files { loaded: Vec::new(), loading: main.into_iter().collect() }
     }
+}
+
+/// A string without its quotation marks.
+fn unquoted(text: &str) -> &str {
+    text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text)
 }
 
 impl<'s> Walker<'s, '_> {
@@ -55,14 +63,14 @@ impl<'s> Walker<'s, '_> {
         if !at.frame.top {
             return self.eval.top_level("use", at.command.span);
         }
-        let used = self.try_use(value, at.command.span);
+        let used = self.try_use(value);
         // The names that it would have defined are not reported as unknown.
         self.eval.lost.any |= used.is_none();
         used.map(|()| at.start)
     }
 
-    fn try_use(&mut self, value: &Value<'s>, span: Span) -> Option<()> {
-        let path = self.resolve(value, span)?;
+    fn try_use(&mut self, value: &Value<'s>) -> Option<()> {
+        let path = self.resolve_used(value)?;
         if self.files.loaded.contains(&path) {
             return Some(());
         }
@@ -101,30 +109,18 @@ impl<'s> Walker<'s, '_> {
     }
 
     /// The file that a `use` names, which must not be one that is being read.
-    fn resolve(&mut self, value: &Value<'s>, span: Span) -> Option<PathBuf> {
+    fn resolve_used(&mut self, value: &Value<'s>) -> Option<PathBuf> {
         let ValueKind::Text(quoted) = value.kind else {
             bail!(self.eval, InvalidArgument, value.span, "`use` needs the name of a file";
                 help: "write its name in quotation marks: `use \"lib/phrases.motion\"`");
         };
-        let name = quoted.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(quoted);
-        // It would work on one system only.
-        if name.contains('\\') {
-            bail!(self.eval, Use, value.span, "the parts of a file name are separated by `/`";
-                help: "write `use \"{}\"`, on Windows too", name.replace('\\', "/"));
-        }
-        let sources = self.eval.sources;
-        let resolve = |name: &str| sources.resolve(sources.file(span), name);
-        let path = match resolve(name) {
+        let name = unquoted(quoted);
+        let path = self.resolve("use", name, value.span, |name| {
+            [format!("{name}.motion"), format!("lib/{name}"), format!("lib/{name}.motion")]
+        });
+        let path = match path {
             Ok(path) => path,
-            Err(error) => {
-                // The most common mistakes: a missing ending, or a missing folder.
-                let near = [format!("{name}.motion"), format!("lib/{name}"), format!("lib/{name}.motion")];
-                let help = match near.iter().find(|near| resolve(near).is_ok()) {
-                    Some(near) => format!("did you mean `use \"{near}\"`?"),
-                    None => "name a script in the folder of the main script, or in a folder inside it".to_owned(),
-                };
-                bail!(self.eval, Use, value.span, "{}", error.to_string(); help: "{help}");
-            }
+            Err((message, help)) => bail!(self.eval, Use, value.span, "{message}"; help: "{help}"),
         };
         let Some(at) = self.files.loading.iter().position(|(loading, _)| *loading == path) else { return Some(path) };
         let message = format!("{name} uses itself");
@@ -135,6 +131,48 @@ impl<'s> Walker<'s, '_> {
         }
         self.eval.push(diagnostic);
         None
+    }
+
+    /// The path of a file that a line names; if there is none, a message and what to do.
+    fn resolve(
+        &self,
+        word: &str,
+        name: &str,
+        span: Span,
+        near: impl Fn(&str) -> [String; 3],
+    ) -> Result<PathBuf, (String, String)> {
+        // It would work on one system only.
+        if name.contains('\\') {
+            let message = "the parts of a file name are separated by `/`".to_owned();
+            return Err((message, format!("write `{word} \"{}\"`, on Windows too", name.replace('\\', "/"))));
+        }
+        let sources = self.eval.sources;
+        let resolve = |name: &str| sources.resolve(sources.file(span), name);
+        resolve(name).map_err(|error| {
+            // The most common mistakes: a missing ending, or a missing folder.
+            let help = match near(name).iter().find(|near| resolve(near).is_ok()) {
+                Some(near) => format!("did you mean `{word} \"{near}\"`?"),
+                None => "name a file in the folder of the main script, or in a folder inside it".to_owned(),
+            };
+            (error.to_string(), help)
+        })
+    }
+
+    /// Reads the file of a text board.
+    pub(super) fn text_board(&mut self, value: &Value<'s>) -> Option<Arc<Board>> {
+        let ValueKind::Text(quoted) = value.kind else { return None };
+        let name = unquoted(quoted);
+        let path = self.resolve("board", name, value.span, |name| {
+            [format!("{name}.toml"), format!("boards/{name}"), format!("boards/{name}.toml")]
+        });
+        let source = match path.map(|path| self.eval.sources.load(&path)) {
+            Ok(Ok(source)) => source,
+            Ok(Err(error)) => bail!(self.eval, BoardFile, value.span, "{}", error.to_string();
+                help: "check the name of the file, and whether it describes a board"),
+            Err((message, help)) => bail!(self.eval, BoardFile, value.span, "{message}"; help: "{help}"),
+        };
+        let source = self.add(source, value.span)?;
+        text_board(source, name, self.eval.diagnostics)
     }
 
     /// Reports what a used file must not contain.

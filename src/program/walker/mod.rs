@@ -9,7 +9,10 @@ mod phrases;
 mod settings;
 mod starts;
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use elsa::FrozenVec;
 
 use super::bounds::Bounds;
 use super::evaluator::Evaluator;
@@ -24,7 +27,7 @@ use cached_lines::CachedLines;
 use files::Files;
 
 use super::{Options, Program, Settings};
-use crate::board::Board;
+use crate::board::{Board, ResourceId, Text};
 use crate::diagnostic::{Diagnostics, bail, report};
 use crate::source::{Sources, Span};
 use crate::syntax::{Block, Expression, If, Line, LineRef, Lines, Part, Statement};
@@ -36,9 +39,11 @@ pub(super) fn walk<'s>(
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Program {
+    let boards = FrozenVec::new();
+    let board = boards.push_get(Box::new(Arc::clone(&options.board)));
     let program = Program {
-        board: std::sync::Arc::clone(&options.board),
-        settings: Settings::of(options),
+        board: Arc::clone(board),
+        settings: Settings::of(options, board),
         steps: Vec::new(),
         end: Time::ZERO,
         abort: None,
@@ -48,7 +53,9 @@ pub(super) fn walk<'s>(
         times_known: !diagnostics.has_errors(),
     };
     let mut walker = Walker {
-        eval: Evaluator::new(diagnostics, &options.board, sources),
+        eval: Evaluator::new(diagnostics, board, sources),
+        boards: &boards,
+        options,
         bounds: Bounds::new(options.events),
         program,
         sets: Vec::new(),
@@ -57,6 +64,8 @@ pub(super) fn walk<'s>(
         failed: None,
         on_abort: None,
         in_abort: false,
+        uses: HashMap::new(),
+        is_board_unknown: false,
     };
     walker.read_sets(&options.set);
     let mut frame = Frame { top: true, ..Frame::default() };
@@ -67,6 +76,9 @@ pub(super) fn walk<'s>(
         walker.program.times_known &= walker.eval.diagnostics.errors() == errors;
         let Some(line) = line else { break };
         walker.eval.pending.read(line);
+        if walker.is_board_unknown {
+            continue;
+        }
         walker.lines(std::iter::once(LineRef::Tree(line)), &mut frame);
     }
     walker.finish(&frame)
@@ -123,6 +135,10 @@ struct Set<'s> {
 /// Runs lines and blocks. The evaluator computes their values; the bounds limit how many are run.
 struct Walker<'s, 'd> {
     eval: Evaluator<'s, 'd>,
+    /// The boards so far: that of the options, and then that of the script.
+    #[expect(clippy::redundant_allocation, reason = "a vector of `Arc` would lend the boards themselves")]
+    boards: &'d FrozenVec<Box<Arc<Board>>>,
+    options: &'d Options,
     bounds: Bounds,
     /// What has been run. Its traces are the evaluator's until the end.
     program: Program,
@@ -135,6 +151,10 @@ struct Walker<'s, 'd> {
     /// The place of `on abort`, and whether it is being run.
     on_abort: Option<Span>,
     in_abort: bool,
+    /// How each resource was used first, and where, if its board distinguishes that.
+    uses: HashMap<ResourceId, (Text, Span)>,
+    /// Whether the line that chooses the board is wrong. Errors about the commands after it would be wrong, too.
+    is_board_unknown: bool,
 }
 
 impl<'s> Walker<'s, '_> {

@@ -1,13 +1,19 @@
 //! Settings: where they are allowed, and what they change.
 
+use std::sync::Arc;
+
 use super::super::arguments::Arguments;
 use super::super::value::not_yet;
 use super::super::words::{self, Operation, Row, Setting, Word};
 use super::super::{Settings, settings};
 use super::{Frame, Walker};
+use crate::board::Board;
 use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
-use crate::syntax::{Command, Line, Part, Statement};
+use crate::syntax::{Command, Line, Part, Statement, ValueKind};
+
+/// The settings that may come before `board`.
+const BEFORE_BOARD: [&str; 3] = ["language", "robots", "board"];
 
 impl<'s> Walker<'s, '_> {
     /// Runs a line that has a setting in it; returns whether it has one.
@@ -21,7 +27,12 @@ impl<'s> Walker<'s, '_> {
         });
         let Some((part, command, row)) = found else { return false };
         match (self.misplaced(line, part, (row, command.head.span), frame), row.does) {
-            (Some(diagnostic), _) => self.eval.push(diagnostic),
+            (Some(diagnostic), does) => {
+                self.eval.push(diagnostic);
+                // Errors about commands of the wrong board would be wrong.
+                self.is_board_unknown |= does == Operation::Set(Setting::Board);
+            }
+            (None, Operation::Set(Setting::Board)) => self.choose_board(Word::Row(row), command, frame),
             (None, Operation::Set(setting)) => self.set(setting, Word::Row(row), command, frame),
             (None, _) => {}
         }
@@ -54,9 +65,42 @@ impl<'s> Walker<'s, '_> {
             let help = "move it before the first command of the script, outside of all blocks";
             return wrong(format!("the setting `{name}` is {place}"), help);
         }
+        if row.does == Operation::Set(Setting::Board)
+            && let Some((first, _)) = frame.given.iter().find(|(given, _)| !BEFORE_BOARD.contains(given))
+        {
+            return wrong(format!("`{name}` comes after `{first}`"), "write it first: the other settings depend on it");
+        }
         let (_, first) = frame.given.iter().find(|(given, _)| *given == name && !row.repeats)?;
         let diagnostic = wrong(format!("`{name}` is set twice"), "keep one of the two")?;
         Some(diagnostic.label("again here").related(*first, "first set here"))
+    }
+
+    /// Chooses the board of the script, which everything after this line depends on.
+    fn choose_board(&mut self, word: Word<'static>, command: &Command<'s>, frame: &mut Frame) {
+        frame.given.push((word.signature().name, command.span));
+        match self.board(word, command) {
+            Some(board) => {
+                let board = self.boards.push_get(Box::new(board));
+                self.eval.board = board;
+                self.program.board = Arc::clone(board);
+                let tempo = self.program.settings.tempo;
+                self.program.settings = Settings { tempo, ..Settings::of(self.options, board) };
+            }
+            // Errors about commands of an unknown board would be wrong.
+            None => self.is_board_unknown = true,
+        }
+    }
+
+    fn board(&mut self, word: Word<'static>, command: &Command<'s>) -> Option<Arc<Board>> {
+        let mut args = Arguments::new(word, command, &mut self.eval)?;
+        let value = args.next()?;
+        if let ValueKind::Text(_) = value.kind {
+            args.finish()?;
+            return self.text_board(value);
+        }
+        let board = settings::family(value, &mut args)?;
+        args.finish()?;
+        Some(board)
     }
 
     fn set(&mut self, setting: Setting, word: Word<'static>, command: &Command<'s>, frame: &mut Frame) {

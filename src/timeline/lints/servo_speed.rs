@@ -4,19 +4,26 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::tween::{MoveTracker, StepRole};
 use super::super::{Event, Timeline};
-use crate::board::ResourceId;
+use crate::board::{Measure, ResourceId, Unit};
 use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
 use crate::program::{MAX_SERVO_SPEED, TraceId};
 use crate::source::Span;
 use crate::units::Micros;
 
-/// A servo counts as arrived if its remaining distance is below this, in µs of pulse width.
-const ARRIVED: u64 = 20;
-const MICROS: u64 = 1_000_000;
-/// Suggested speeds are multiples of this, in µs of pulse width per second.
-const STEP: u64 = 100;
+/// Positions are in millionths of the unit of the servo, so that they are exact.
+const MILLION: i64 = 1_000_000;
 /// The maximum number of attempts to find a sufficient speed.
 const TRIES: usize = 16;
+
+/// A servo counts as arrived if its remaining distance is below this, in its unit.
+fn arrived(unit: Unit) -> u64 {
+    if unit.measure == Measure::Degrees { 2 } else { 20 }
+}
+
+/// Suggested speeds are multiples of this, in the unit of the servo per second.
+fn step(unit: Unit) -> u64 {
+    arrived(unit) * 5
+}
 
 /// Reports servos that cannot reach their target before their next command, once each time that one
 /// falls behind.
@@ -37,8 +44,9 @@ pub(in super::super) fn check(timeline: &Timeline, diagnostics: &mut Diagnostics
     for paced in warnings.values() {
         if let Some((resource, late)) = paced.first() {
             let name = |resource: ResourceId| timeline.board.resource(resource).map(|found| &*found.name);
-            let limit = |(resource, _): &(ResourceId, _)| {
-                Some(format!("`limit {} speed {}us`", name(*resource)?, enough.get(*resource).copied().flatten()?))
+            let limit = |(resource, late): &(ResourceId, &Late)| {
+                let speed = enough.get(*resource).copied().flatten()?;
+                Some(format!("`limit {} speed {speed}{}`", name(*resource)?, suffix(late.unit)))
             };
             let limits: Option<Vec<String>> = paced.iter().map(limit).collect();
             let diagnostic = too_fast(late, name(*resource).unwrap_or_default(), limits.as_deref());
@@ -56,11 +64,21 @@ fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<ServoModel>>
     let mut tracker = MoveTracker::new(board, &timeline.tweens);
     for event in &timeline.events {
         let role = tracker.take(&event.command, event.kind);
+        if board.verb(event.command.verb()).is_some_and(|verb| verb.forgets) {
+            for resource in board.occupies(&event.command) {
+                if let Some(servo) = paced.get_mut(*resource).and_then(Option::as_mut) {
+                    (servo.going, servo.is_behind) = (None, false);
+                }
+            }
+            continue;
+        }
         board.each_part(&event.command, |resource, command| {
+            let axis = board.verb(command.verb()).filter(|verb| verb.moves).and_then(|verb| verb.axes.last());
             let servo = paced.get_mut(resource).and_then(Option::as_mut);
             let value = command.len().checked_sub(1).and_then(|last| command.value(last));
-            if let (Some(servo), Some(pulse)) = (servo, value) {
-                servo.take(event, pulse, &role);
+            if let (Some(servo), Some(value), Some(axis)) = (servo, value, axis) {
+                servo.unit = axis.unit;
+                servo.take(event, i64::from(value) * MILLION / i64::from(axis.scale.max(1)), &role);
             }
         });
     }
@@ -70,7 +88,7 @@ fn paced(timeline: &Timeline, speeds: &[Option<u64>]) -> Vec<Option<ServoModel>>
 /// For each late servo, a speed at which it is never late, if a script can set such a speed.
 fn enough_speeds(timeline: &Timeline, late: &[Option<ServoModel>]) -> Vec<Option<u64>> {
     let is_late = |servo: &ServoModel| !servo.late.is_empty();
-    let round_up = |servo: &ServoModel| servo.needed.max(servo.speed).div_ceil(STEP) * STEP;
+    let round_up = |servo: &ServoModel| servo.needed.max(servo.speed).div_ceil(step(servo.unit)) * step(servo.unit);
     let faster = |servo: &ServoModel| if is_late(servo) { round_up(servo) } else { servo.speed };
     let mut speeds: Vec<Option<u64>> = late.iter().map(|servo| servo.as_ref().map(faster)).collect();
     for _ in 0..TRIES {
@@ -90,7 +108,9 @@ fn enough_speeds(timeline: &Timeline, late: &[Option<ServoModel>]) -> Vec<Option
 /// A servo that turns at a constant speed.
 #[derive(Default)]
 struct ServoModel {
-    /// The speed in µs of pulse width per second.
+    /// The unit of its values.
+    unit: Unit,
+    /// The speed in this unit per second.
     speed: u64,
     going: Option<Travel>,
     /// Whether it has fallen behind and not caught up yet.
@@ -102,15 +122,14 @@ struct ServoModel {
     needed: u64,
 }
 
-/// The position and target of a servo. Pulse widths are in millionths of a µs, so that they are
-/// exact.
+/// The position and target of a servo.
 struct Travel {
     at: Micros,
-    pulse: u64,
-    target: u64,
+    position: i64,
+    target: i64,
     /// The command that started the motion: the position then, its time, and its place in the
     /// script.
-    from: u64,
+    from: i64,
     since: Micros,
     span: Span,
     trace: TraceId,
@@ -122,9 +141,10 @@ struct Travel {
 struct Late {
     span: Span,
     trace: TraceId,
-    from: u64,
-    target: u64,
-    /// The speed of the servo.
+    from: i64,
+    target: i64,
+    /// The unit and the speed of the servo.
+    unit: Unit,
     speed: u64,
     /// The time that it has.
     time: Micros,
@@ -133,13 +153,13 @@ struct Late {
 }
 
 impl ServoModel {
-    fn take(&mut self, event: &Event, pulse: i32, role: &StepRole<'_>) {
-        let target = u64::try_from(pulse).unwrap_or(0) * MICROS;
+    /// Takes a target.
+    fn take(&mut self, event: &Event, target: i64, role: &StepRole<'_>) {
         let Some(going) = &mut self.going else {
             // The position before was unknown.
             let (at, span, trace) = (event.at, event.span, event.trace);
             let from = target;
-            self.going = Some(Travel { at, pulse: target, target, from, since: at, span, trace, begins: false });
+            self.going = Some(Travel { at, position: target, target, from, since: at, span, trace, begins: false });
             return;
         };
         going.pass(self.speed, event.at);
@@ -152,7 +172,7 @@ impl ServoModel {
         let begins = going.begins || !matches!(role, StepRole::Further | StepRole::Stray);
         // Two commands at one time are reported as a clash.
         if begins && event.at > going.since {
-            let late = going.late(self.speed, event);
+            let late = going.late(self.unit, self.speed, event);
             if let Some(late) = &late {
                 self.needed = self.needed.max(late.from.abs_diff(late.target).div_ceil(late.time.0));
             }
@@ -161,7 +181,7 @@ impl ServoModel {
         }
         going.target = target;
         if begins {
-            (going.from, going.since) = (going.pulse, event.at);
+            (going.from, going.since) = (going.position, event.at);
             (going.span, going.trace, going.begins) = (event.span, event.trace, false);
         }
     }
@@ -170,38 +190,51 @@ impl ServoModel {
 impl Travel {
     /// Advances the position to a time.
     fn pass(&mut self, speed: u64, at: Micros) {
-        let way = speed.saturating_mul((at - self.at).0);
-        self.pulse = if self.pulse < self.target {
-            self.target.min(self.pulse.saturating_add(way))
+        let way = i64::try_from(speed.saturating_mul((at - self.at).0)).unwrap_or(i64::MAX);
+        self.position = if self.position < self.target {
+            self.target.min(self.position.saturating_add(way))
         } else {
-            self.target.max(self.pulse.saturating_sub(way))
+            self.target.max(self.position.saturating_sub(way))
         };
         self.at = at;
     }
 
     /// The target that is not reached before the next command. A move sends intermediate positions,
     /// and its last step is sent when its time ends, so it counts as a whole.
-    fn late(&self, speed: u64, next: &Event) -> Option<Late> {
+    fn late(&self, unit: Unit, speed: u64, next: &Event) -> Option<Late> {
         let time = next.at - self.since;
         let is_late = self.from.abs_diff(self.target) > speed.saturating_mul(time.0)
-            && self.pulse.abs_diff(self.target) > ARRIVED * MICROS;
+            && self.position.abs_diff(self.target) > arrived(unit) * MILLION.unsigned_abs();
         let Travel { span, trace, from, target, .. } = *self;
-        is_late.then_some(Late { span, trace, from, target, speed, time, next: next.span })
+        is_late.then_some(Late { span, trace, from, target, unit, speed, time, next: next.span })
+    }
+}
+
+/// The unit after a number in a script.
+fn suffix(unit: Unit) -> &'static str {
+    match unit.measure {
+        Measure::Micros => "us",
+        Measure::Degrees => "deg",
+        _ => "",
     }
 }
 
 /// `limits` are lines that would silence the warning, if there are any.
 fn too_fast(late: &Late, name: &str, limits: Option<&[String]>) -> Diagnostic {
-    let Late { from, target, speed, .. } = *late;
-    let (from, to) = (from / MICROS, target / MICROS);
+    let Late { from, target, unit, speed, .. } = *late;
+    let (from, to) = (from / MILLION, target / MILLION);
     let needed = from.abs_diff(to) * 1_000 / speed.max(1);
     let left = late.time.in_millis();
-    let message =
-        format!("{name} needs about {needed} ms from {from} to {to} µs, but its next command comes after {left:.0} ms");
+    let symbol = unit.symbol();
+    // `1500 µs`, but `90°` and `2048`.
+    let space = if unit.measure == Measure::Micros { " " } else { "" };
+    let message = format!(
+        "{name} needs about {needed} ms from {from} to {to}{space}{symbol}, but its next command comes after {left:.0} ms"
+    );
     let help = match limits {
         Some(limits) => {
             format!(
-                "allow at least {needed} ms, or, if the servo is faster than {speed} µs per second, set {}",
+                "allow at least {needed} ms, or, if the servo is faster than {speed}{space}{symbol} per second, set {}",
                 limits.join(" and ")
             )
         }

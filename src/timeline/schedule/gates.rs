@@ -68,7 +68,8 @@ impl Scheduler<'_> {
                 self.report(diagnostic, from);
             }
         }
-        if self.settings.refresh.is_none() && self.state.drives(self.board) {
+        let is_off = self.settings.refresh.iter().all(Option::is_none);
+        if is_off && self.state.restless(self.board).any(|resource| resource.drives && resource.refresh.is_some()) {
             let diagnostic = diagnostic!(GateRefresh, from.span, "with `refresh off`, the drive may not hold at a gate";
                 help: "stop it before the gate, or remove `refresh off`");
             let held = self.held.iter().flatten().next().map(|held| held.from.span);

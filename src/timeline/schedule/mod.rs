@@ -8,6 +8,7 @@ mod moves;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
 
+use super::greetings::Greetings;
 use super::lints;
 use super::{Bars, Cue, Event, Expectation, Gate, Kind, Mark, Timeline, Tween};
 use crate::board::{Board, Command, ResourceId, State};
@@ -24,10 +25,11 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
     if has_gates {
         script.gate_places = gates::places(&steps);
     }
+    board.hello.iter().for_each(|command| script.state.apply(&board, command));
     let steps = script.run(steps);
     script.warn_of_running(end);
     script.close(end);
-    script.request_reports(end);
+    script.greet(end);
     let (cues, expects) = (std::mem::take(&mut script.cues), std::mem::take(&mut script.expects));
     let places = std::mem::take(&mut script.gate_places);
     let mut gates = std::mem::take(&mut script.gates);
@@ -58,28 +60,12 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
         abort_cues,
         end: end.micros(),
         baud: settings.baud,
-        refresh: settings.refresh.map(Time::micros),
+        refresh: settings.refresh.iter().map(|refresh| refresh.map(Time::micros)).collect(),
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
         limits: settings.limits,
         speeds: settings.speeds,
     }
-}
-
-/// The requests that start and stop reports, at the start and end of a script that needs any.
-pub(super) fn report_requests(
-    board: &Board,
-    expects: &[Expectation],
-    gates: &[Gate],
-    end: Micros,
-) -> Option<[Event; 2]> {
-    let [start, stop] = board.reporting.clone()?;
-    let gates = gates.iter().filter(|gate| gate.gate.criterion().is_some());
-    let needs = gates.map(|gate| (gate.at, gate.span, gate.trace));
-    let needs = expects.iter().map(|expect| (expect.at, expect.span, expect.trace)).chain(needs);
-    let event = |at, command, (_, span, trace)| Origin { order: 0, span, trace }.event(at, command, Kind::Auto);
-    let (first, last) = (needs.clone().min_by_key(|(at, ..)| *at)?, needs.max_by_key(|(at, ..)| *at)?);
-    Some([event(Micros::ZERO, start, first), event(end, stop, last)])
 }
 
 /// A mark, after the gates at these places.
@@ -358,7 +344,8 @@ impl<'d> Scheduler<'d> {
     /// Ends a hold just before `until`, and adds its refreshes.
     fn release(&mut self, resource: ResourceId, until: Time) {
         let held = self.held.get_mut(resource).and_then(Option::take);
-        let (Some(Held { since: start, command, from, .. }), Some(interval)) = (held, self.settings.refresh) else {
+        let interval = self.settings.refresh.get(resource).copied().flatten();
+        let (Some(Held { since: start, command, from, .. }), Some(interval)) = (held, interval) else {
             return;
         };
         if start.plus(interval).micros() >= until.micros() {
@@ -417,9 +404,10 @@ impl<'d> Scheduler<'d> {
         }
     }
 
-    fn request_reports(&mut self, end: Time) {
-        let requests = report_requests(self.board, &self.expects, &self.gates, end.micros());
-        for (event, order) in requests.into_iter().flatten().zip([0, u32::MAX]) {
+    fn greet(&mut self, end: Time) {
+        let Greetings { first, last } = Greetings::of(self.board, &self.expects, &self.gates, end.micros());
+        let first = first.into_iter().map(|event| (event, 0));
+        for (event, order) in first.chain(last.into_iter().map(|event| (event, u32::MAX))) {
             self.add(event, order);
         }
     }
@@ -450,7 +438,9 @@ impl<'d> Scheduler<'d> {
         };
         let key = |item: &(Event, u32)| {
             let (event, order) = item;
-            (event.at, before(item), event.rank(board), if is_closing(event) { 0 } else { *order })
+            // The hello comes before everything else.
+            let rank = if (event.kind, *order) == (Kind::Auto, 0) { 0 } else { event.rank(board) };
+            (event.at, before(item), rank, if is_closing(event) { 0 } else { *order })
         };
         let mut plain: Vec<(Event, u32)> = steps.into_iter().filter_map(plain_event).collect();
         // Move the shorter of the two vectors.

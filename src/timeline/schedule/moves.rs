@@ -109,7 +109,7 @@ impl Scheduler<'_> {
             Ok(command) => command,
             Err(wrong) => {
                 let name = going.motion.name(board, wrong);
-                let value = values.get(wrong).copied().unwrap_or(0.0);
+                let value = going.motion.shown(board, wrong, values.get(wrong).copied().unwrap_or(0.0));
                 let diagnostic = diagnostic!(OutOfRange, from.span,
                     "during the move, the {name} reaches {value:.0}, which is out of range";
                     help: "choose an easing that does not overshoot, or a target further inside the range");
