@@ -84,6 +84,7 @@ fn a_player_in_an_unknown_session_still_has_its_guard() {
 #[test]
 fn two_hundred_killed_players_leave_two_hundred_robots_stopped() {
     let long = script("killed", DRIVING);
+    let placed = AtomicUsize::new(0);
     at_once(200, |case| {
         let far = FarEnd::new();
         let (child, mut received) = start_and_wait(&far, &["play", &long, "--port", &far.path], case % 13);
@@ -94,9 +95,12 @@ fn two_hundred_killed_players_leave_two_hundred_robots_stopped() {
         assert_stopped(&received);
         let line = closing_line(&text);
         assert!(line.starts_with("error: motionseq was killed") && line.ends_with("; stop: sent"), "{line}");
-        // The first heartbeat follows the first frame.
-        assert!(case % 13 == 0 || line.contains(&format!(" at {long}:2, 0.")), "{line}");
+        // The first heartbeat follows the first frame, unless the system lets another process run in between.
+        let has_place = line.contains(&format!(" at {long}:2, 0."));
+        assert!(has_place || line.contains("killed, 0.000 s into the run"), "{line}");
+        placed.fetch_add(usize::from(has_place), Ordering::Relaxed);
     });
+    assert!(placed.into_inner() > 150);
 }
 
 #[test]
