@@ -1,7 +1,8 @@
 //! The stop that every early end uses, as a pure function of time and inputs.
 //!
 //! Queued bytes are discarded, or the frame that has begun is completed, as the board permits. Then it sends zeros (which complete
-//! a frame that was cut off), the stop of the board, if it has one, and the script's `on abort`. Nothing skips it: signals are ignored, and a failed write is repeated.
+//! a frame that was cut off), the stop of the board, if it has one, and the script's `on abort`. Nothing skips it: signals are
+//! ignored, and a failed write is repeated.
 
 use super::messages::{Input, Order, Stop};
 use crate::board::{Board, BufferStart, Codec};
@@ -146,6 +147,8 @@ pub(super) struct Halt {
     abort_from: Nanos,
     /// How many stop frames the port accepted completely.
     whole: usize,
+    /// Whether it accepted a frame of `on abort` completely.
+    has_aborted: bool,
     failures: u32,
     /// When the next frame is due.
     next_at: Nanos,
@@ -157,7 +160,8 @@ impl Halt {
     /// A stop that starts at `now`, after queued bytes were discarded. `aborts`: whether `on abort` follows.
     pub(super) fn new(aborts: bool, now: Nanos) -> Self {
         let give_up = now.saturating_add(PATIENCE);
-        Halt { aborts, step: 0, abort_from: Nanos::ZERO, whole: 0, failures: 0, next_at: now, give_up }
+        let (step, whole, has_aborted, failures) = (0, 0, false, 0);
+        Halt { aborts, step, abort_from: Nanos::ZERO, whole, has_aborted, failures, next_at: now, give_up }
     }
 
     /// Whether the robot is stopped.
@@ -169,6 +173,11 @@ impl Halt {
         } else {
             Stop::NotSent
         }
+    }
+
+    /// Whether the port accepted a frame of `on abort` completely.
+    pub(super) fn has_aborted(&self) -> bool {
+        self.has_aborted
     }
 
     /// How many frames were written to the port.
@@ -186,13 +195,19 @@ impl Halt {
                 }
                 return Some(Order::Pause { until: now.saturating_add(RETRY) });
             }
-            Input::Failed(_) | Input::HungUp | Input::Panicked => {
+            Input::Failed(_) | Input::HungUp => {
+                self.aborts &= stops.is_lenient;
+                out.clear();
+            }
+            Input::Panicked => {
                 self.aborts &= stops.is_lenient || !out.has_begun();
                 out.clear();
             }
             Input::Wrote(count) => {
                 let is_stop = self.step.checked_sub(1).is_some_and(|at| stops.is_first(at));
-                self.whole += usize::from(out.took(count) && is_stop);
+                let is_whole = out.took(count);
+                self.whole += usize::from(is_whole && is_stop);
+                self.has_aborted |= is_whole && self.step > stops.frames.len();
             }
             _ => {}
         }

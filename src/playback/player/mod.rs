@@ -238,9 +238,8 @@ impl<'t> Player<'t> {
             Phase::Ending(halt, outcome) => match halt.poll(now, input, &self.stops, &mut self.out) {
                 Some(order) => order,
                 None => {
-                    let aborted = halt.frames() > self.stops.frames.len();
                     let (stop, extra) = (halt.stop(&self.stops), outcome.extra + halt.frames());
-                    let outcome = Outcome { stop, extra, aborted, ..*outcome };
+                    let outcome = Outcome { stop, extra, aborted: halt.has_aborted(), ..*outcome };
                     self.done(outcome)
                 }
             },
