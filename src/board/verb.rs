@@ -140,7 +140,7 @@ impl Unit {
         Unit { measure: Measure::Micros, angle }
     }
 
-    /// Its symbol in messages, after a number and a space; empty if there is none.
+    /// Its symbol in messages, after a number and a space; empty for a bare number.
     pub fn symbol(self) -> &'static str {
         match self.measure {
             Measure::Number => "",

@@ -196,10 +196,7 @@ fn verbs(last: i32) -> Vec<Verb> {
             ..hidden("\"set acceleration\"", "limits the acceleration of a channel")
         },
         Verb {
-            axes: vec![Axis {
-                takes: ValueForm::Bytes(2 + 2 * usize::from(packet::MAX_TARGETS)),
-                ..Axis::row("a byte", (0, 127))
-            }],
+            axes: vec![Axis { takes: ValueForm::Bytes(2 + 2 * packet::MAX_TARGETS), ..Axis::row("a byte", (0, 127)) }],
             sets: Sets::All(all),
             forgets: true,
             ..hidden("\"set targets\"", "sets several channels at once")

@@ -27,9 +27,9 @@ pub(super) const MINI_SSC: u8 = 0xFF;
 /// The bit that only command bytes have.
 const TOP: u8 = 0x80;
 /// The most targets in one packet: the largest board has 24 channels.
-pub(super) const MAX_TARGETS: u8 = 24;
+pub(super) const MAX_TARGETS: usize = 24;
 /// The longest packet: a device number, 24 targets and a CRC.
-pub(super) const LONGEST: usize = 3 + 2 + 2 * MAX_TARGETS as usize + 1;
+pub(super) const LONGEST: usize = 3 + 2 + 2 * MAX_TARGETS + 1;
 
 /// The parts of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,8 +53,9 @@ fn data_length(command: u8, first: Option<u8>) -> Option<usize> {
         command::PWM => Some(4),
         command::TARGETS => match first {
             None => Some(1),
-            Some(count @ 1..=MAX_TARGETS) => Some(2 + 2 * usize::from(count)),
-            Some(_) => None,
+            Some(count) => {
+                Some(usize::from(count)).filter(|count| (1..=MAX_TARGETS).contains(count)).map(|count| 2 + 2 * count)
+            }
         },
         _ => None,
     }

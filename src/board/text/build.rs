@@ -39,6 +39,13 @@ pub(super) struct VerbRow {
     pub(super) meaning: String,
 }
 
+impl VerbRow {
+    /// The name of what it sets.
+    fn sets(&self) -> &str {
+        self.resource.as_ref().unwrap_or(&self.word)
+    }
+}
+
 /// An axis as the file describes it.
 #[derive(Clone)]
 pub(super) struct AxisRow {
@@ -70,7 +77,6 @@ struct Builder<'d> {
     templates: Vec<Template>,
     /// Where each template is in the file.
     spans: Vec<Span>,
-    /// The groups of resources: their name, the range of their index, and the first of them.
     groups: Vec<Group>,
     diagnostics: &'d mut Diagnostics,
 }
@@ -158,12 +164,12 @@ impl Builder<'_> {
 
     /// The group of the resources that a verb sets.
     fn group(&mut self, verb: &VerbRow) -> Option<usize> {
-        let name = verb.resource.as_ref().unwrap_or(&verb.word);
+        let name = verb.sets();
         let index = verb.axes.first().filter(|axis| axis.is_index).map(|axis| axis.field.range);
         let found = self.groups.iter().position(|group| group.name == *name);
         let at = found.unwrap_or_else(|| {
             let first = self.board.resources.len();
-            let group = Group { name: name.clone(), index, first, rest: None, refresh: None, drives: false };
+            let group = Group { name: name.to_owned(), index, first, rest: None, refresh: None, drives: false };
             self.board.resources.extend(group.indices().into_iter().map(|index| resource(name, index)));
             self.groups.push(group);
             self.groups.len() - 1
@@ -258,23 +264,23 @@ impl Builder<'_> {
     fn compare(&mut self) -> Option<()> {
         for (at, template) in self.templates.iter().enumerate() {
             let span = self.spans.get(at).copied().unwrap_or_default();
-            if let Some(text) = template.ambiguous_string() {
+            if let Some(string) = template.ambiguous_string() {
                 let message = format!(
                     "it is unclear where the last value of {} ends, or which axis has which digits",
-                    shown(&text)
+                    shown(&string)
                 );
                 let help = "write something between two values and after the last one, such as a space and `\\n`";
                 return self.wrong(Code::BoardText, span, message, help);
             }
             let others = self.templates.iter().take(at).enumerate();
             let found = others.into_iter().find_map(|(other, earlier)| Some((other, template.common_string(earlier)?)));
-            if let Some((other, text)) = found {
+            if let Some((other, string)) = found {
                 let word = |row: usize| self.board.verbs.get(row).map(|verb| verb.word.to_string()).unwrap_or_default();
                 let message = format!(
                     "`{}` and `{}` cannot be distinguished: {} can be either",
                     word(other),
                     word(at),
-                    shown(&text)
+                    shown(&string)
                 );
                 let first = self.spans.get(other).copied().unwrap_or_default();
                 let diagnostic = Diagnostic::new(Code::BoardText, span, message, "let one of them begin differently")
@@ -290,24 +296,17 @@ impl Builder<'_> {
     fn rests(&mut self, verbs: &[VerbRow]) -> Option<()> {
         for group in std::mem::take(&mut self.groups) {
             let Some(line) = &group.rest else {
-                if let Some(verb) =
-                    verbs.iter().find(|verb| verb.holds && verb.resource.as_ref().unwrap_or(&verb.word) == &group.name)
-                {
-                    return self.wrong(
-                        Code::BoardValue,
-                        verb.span,
-                        format!("`{}` holds, but has no `rest`", verb.word),
-                        "add the string that ends it: `rest = 'M 0 0\\n'`",
-                    );
-                }
-                if group.refresh.is_some() {
-                    let verb =
-                        verbs.iter().find(|verb| verb.refresh.is_some()).map_or(Span::default(), |verb| verb.span);
-                    let message = format!("`{}` has a `refresh`, but nothing that ends it", group.name);
-                    let help = "add `holds = true` and a `rest`, or remove `refresh`: only a held command is refreshed";
-                    return self.wrong(Code::BoardValue, verb, message, help);
-                }
-                continue;
+                let mut own = verbs.iter().filter(|verb| verb.sets() == group.name);
+                let Some(verb) = own.find(|verb| verb.holds || verb.refresh.is_some()) else { continue };
+                let (message, help) = if verb.holds {
+                    ("holds, but has no `rest`", "add the string that ends it: `rest = 'M 0 0\\n'`")
+                } else {
+                    (
+                        "has a `refresh`, but no `rest`",
+                        "add `holds = true` and a `rest`: only a held command is refreshed",
+                    )
+                };
+                return self.wrong(Code::BoardValue, verb.span, format!("`{}` {message}", verb.word), help);
             };
             if group.index.is_some() && line.template.axes().next().is_none() {
                 let message = format!("the rest of `{}` is the same for all values of its index", group.name);
@@ -433,10 +432,10 @@ fn axis(row: &AxisRow) -> Axis {
     }
 }
 
-/// A text in quotation marks, with escapes.
-fn shown(text: &[u8]) -> String {
+/// A string in quotation marks, with escapes.
+fn shown(string: &[u8]) -> String {
     let inside: String =
-        text.iter().map(|byte| if *byte == b'"' { "\\\"".to_owned() } else { escaped(*byte) }).collect();
+        string.iter().map(|byte| if *byte == b'"' { "\\\"".to_owned() } else { escaped(*byte) }).collect();
     format!("\"{inside}\"")
 }
 

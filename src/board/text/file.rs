@@ -3,7 +3,7 @@
 use toml::de::{DeTable, DeValue};
 
 use super::build::{self, AxisRow, FileRows, Line, VerbRow};
-use super::reader::{Key, Reader, Rows, Value, is_name};
+use super::reader::{Key, Reader, Value, is_name};
 use super::template::{Field, Template};
 use crate::board::{Board, MAX_MOVING};
 use crate::diagnostic::{Code, Diagnostics};
@@ -27,16 +27,15 @@ pub fn read(
     diagnostics: &mut Diagnostics,
 ) -> Option<Board> {
     let errors = diagnostics.errors();
-    let base = source.base() as usize;
-    let mut reader = Reader { source, base, is_reserved, diagnostics };
+    let mut reader = Reader { source, is_reserved, diagnostics };
     if source.text().len() > MAX_FILE {
         let help = "a board is described in a few lines; is this the right file?";
-        reader.report(Code::BoardValue, Span::new(base, base), "the file of a board is at most 1 MiB", help);
+        reader.report(Code::BoardValue, reader.at(0..0), "the file of a board is at most 1 MiB", help);
         return None;
     }
     let (table, wrong) = DeTable::parse_recoverable(source.text());
     for error in &wrong {
-        let span = error.span().map_or(Span::new(base, base), |span| Span::new(base + span.start, base + span.end));
+        let span = reader.at(error.span().unwrap_or(0..0));
         let help = if error.message().contains("duplicate") {
             "each key and each table may be there once: merge the two, or rename one"
         } else {
@@ -55,7 +54,7 @@ pub fn read(
 
 impl Reader<'_> {
     fn file(&mut self, table: &DeTable<'_>) -> Option<FileRows> {
-        let start = Span::new(self.base, self.base);
+        let start = self.at(0..0);
         let rows = self.rows(table, KEYS, "the file");
         let name = self.needed(&rows, "name", ("the file", start), "name = \"My robot\"");
         let name = name.and_then(|value| {
@@ -86,7 +85,7 @@ impl Reader<'_> {
         Some(FileRows { name: name?, baud, verbs: verbs?, hello: hello?, goodbye: goodbye?, stop: stop?, span: start })
     }
 
-    /// Lines that are always the same: one text, or a list of texts.
+    /// Lines that are always the same: one string, or a list of strings.
     fn lines(&mut self, value: &Value<'_>, key: &str) -> Option<Vec<Line>> {
         let values: Vec<&Value<'_>> = match value.get_ref() {
             DeValue::Array(list) => list.iter().collect(),
@@ -105,11 +104,11 @@ impl Reader<'_> {
         match Template::read(text, fields) {
             Ok(template) => Some(Line { template, span: whole }),
             Err(error) => {
-                // In a text with escapes of TOML, the position is unknown.
+                // In a string with escapes of TOML, the position is unknown.
                 let written = self.source.slice(whole);
                 let is_literal = written.get(1..).is_some_and(|written| written.starts_with(text));
-                let start = whole.start as usize + 1;
-                let part = Span::new(start + error.at.start, start + error.at.end);
+                let start = value.span().start + 1;
+                let part = self.at(start + error.at.start..start + error.at.end);
                 let span = if is_literal { part } else { whole };
                 self.report(Code::BoardTemplate, span, error.message, error.help);
                 None
@@ -159,7 +158,8 @@ impl Reader<'_> {
             rows.get("meaning").map(|(_, value)| self.text(value, "meaning = \"the lamp\"").map(str::to_owned));
         let send = send?;
         self.check_send(&send, &axes);
-        let verb = VerbRow {
+        self.check_moves(moves, &axes, rows.get("moves").map_or(span, |(span, _)| *span));
+        Some(VerbRow {
             word: word.to_owned(),
             span,
             axes,
@@ -170,8 +170,7 @@ impl Reader<'_> {
             refresh: refresh.map_or(Some(None), |refresh| refresh.map(Some))?,
             resource: resource.map_or(Some(None), |resource| resource.map(Some))?,
             meaning: meaning.map_or(Some(String::new()), |meaning| meaning)?,
-        };
-        self.check(&verb, &rows)
+        })
     }
 
     /// A verb sends each of its axes once.
@@ -196,28 +195,16 @@ impl Reader<'_> {
         }
     }
 
-    /// What the keys of a verb need of each other.
-    fn check(&mut self, verb: &VerbRow, rows: &Rows<'_, '_>) -> Option<VerbRow> {
-        let of = |key: &str| rows.get(key).map_or(verb.span, |(span, _)| *span);
-        let moving: Vec<&AxisRow> = verb.axes.iter().filter(|axis| !axis.is_index).collect();
-        if verb.moves && (moving.is_empty() || moving.iter().any(|axis| axis.words.is_some())) {
-            return self.wrong(
-                of("moves"),
-                "only numbers can move",
-                "remove `moves`, or give the verb an axis with a `range`",
-            );
+    /// Only a few numbers can move.
+    fn check_moves(&mut self, moves: bool, axes: &[AxisRow], span: Span) {
+        let moving: Vec<&AxisRow> = axes.iter().filter(|axis| moves && !axis.is_index).collect();
+        if moves && moving.is_empty() || moving.iter().any(|axis| axis.words.is_some()) {
+            let help = "remove `moves`, or give the verb an axis with a `range`";
+            self.report(Code::BoardValue, span, "only numbers can move", help);
+        } else if moving.len() > MAX_MOVING {
+            let message = format!("at most {MAX_MOVING} values can move together");
+            self.report(Code::BoardValue, span, message, "remove `moves`");
         }
-        if verb.moves && moving.len() > MAX_MOVING {
-            return self.wrong(of("moves"), format!("at most {MAX_MOVING} values can move together"), "remove `moves`");
-        }
-        if verb.holds && moving.is_empty() && verb.rest.is_none() {
-            return self.wrong(
-                of("holds"),
-                "a verb that holds needs a `rest`",
-                "add the string that ends it: `rest = 'M 0 0\\n'`",
-            );
-        }
-        Some(verb.clone())
     }
 
     fn refresh(&mut self, value: &Value<'_>) -> Option<Micros> {

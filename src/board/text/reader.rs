@@ -1,6 +1,7 @@
 //! Reads the parts of a TOML file, and reports those that have another form.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -11,7 +12,6 @@ use crate::source::{Source, Span};
 /// Reads one file.
 pub(super) struct Reader<'r> {
     pub(super) source: &'r Source,
-    pub(super) base: usize,
     pub(super) is_reserved: &'r dyn Fn(&str) -> bool,
     pub(super) diagnostics: &'r mut Diagnostics,
 }
@@ -31,9 +31,14 @@ impl Reader<'_> {
         None
     }
 
+    /// The place of some bytes of the file.
+    pub(super) fn at(&self, bytes: Range<usize>) -> Span {
+        let (base, Span { start, end }) = (self.source.base(), Span::new(bytes.start, bytes.end));
+        Span { start: start.saturating_add(base), end: end.saturating_add(base) }
+    }
+
     pub(super) fn span<T>(&self, spanned: &Spanned<T>) -> Span {
-        let span = spanned.span();
-        Span::new(self.base + span.start, self.base + span.end)
+        self.at(spanned.span())
     }
 
     /// The known keys of a table. Others are reported.

@@ -43,7 +43,9 @@ enum Part {
 struct Number {
     /// The position of the value in the command.
     axis: usize,
-    decimals: u32,
+    /// The number of decimal places, and how many values are 1.
+    decimals: usize,
+    per_one: u32,
     /// The least number of characters; zeros fill them up.
     width: usize,
     /// Whether the value may be negative, and the most digits before the decimal point.
@@ -405,8 +407,8 @@ impl Number {
         let per_one = 10_u32.pow(field.decimals.min(9));
         let digits = (least.unsigned_abs().max(most.unsigned_abs()) / per_one).checked_ilog10().unwrap_or(0);
         let digits = usize::try_from(digits).unwrap_or(0) + 1;
-        let (decimals, is_signed) = (field.decimals, least < 0);
-        let mut number = Number { axis, decimals, width, is_signed, digits, strings: Vec::new() };
+        let decimals = usize::try_from(field.decimals).unwrap_or(0);
+        let mut number = Number { axis, decimals, per_one, width, is_signed: least < 0, digits, strings: Vec::new() };
         let string = |value: &i32| {
             let mut string = Vec::new();
             number.write(*value, &mut string);
@@ -420,7 +422,7 @@ impl Number {
 
     /// The number of characters from the decimal point on.
     fn tail(&self) -> usize {
-        if self.decimals == 0 { 0 } else { 1 + self.decimals as usize }
+        if self.decimals == 0 { 0 } else { 1 + self.decimals }
     }
 
     /// The least number of digits before the point.
@@ -433,7 +435,7 @@ impl Number {
     }
 
     fn write(&self, value: i32, out: &mut Vec<u8>) {
-        let per_one = 10_u32.pow(self.decimals.min(9));
+        let (decimals, per_one) = (self.decimals, self.per_one);
         let magnitude = value.unsigned_abs();
         let (whole, part) = (magnitude / per_one, magnitude % per_one);
         if value < 0 {
@@ -442,8 +444,7 @@ impl Number {
         let digits = self.least_digits(value < 0);
         // Writing to a vector does not fail.
         let _ = write!(out, "{whole:0digits$}");
-        if self.decimals > 0 {
-            let decimals = self.decimals as usize;
+        if decimals > 0 {
             let _ = write!(out, ".{part:0decimals$}");
         }
     }
@@ -490,9 +491,7 @@ impl Number {
                 let leads_with_zero = if state.whole == 0 { digit == 0 } else { state.leads_with_zero };
                 fits.then_some(State { whole: state.whole + 1, leads_with_zero, ..with_digit })
             }
-            (b'0'..=b'9', Some(after)) if after < self.decimals as usize => {
-                Some(State { after: Some(after + 1), ..with_digit })
-            }
+            (b'0'..=b'9', Some(after)) if after < self.decimals => Some(State { after: Some(after + 1), ..with_digit }),
             _ => None,
         }
     }
@@ -504,7 +503,7 @@ impl Number {
         }
         let has_all = match state.after {
             None => self.decimals == 0 && state.whole >= self.least_digits(state.is_negative),
-            Some(after) => after == self.decimals as usize,
+            Some(after) => after == self.decimals,
         };
         has_all && !(state.is_negative && state.is_zero)
     }

@@ -133,7 +133,7 @@ impl<'s> Walker<'s, '_> {
         None
     }
 
-    /// The path of a file that a line names; if there is none, a message and what to do.
+    /// The path of a file that a line names; if it cannot be used, a message and what to do.
     fn resolve(
         &self,
         word: &str,
