@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::Write as _;
-use std::process::Output;
 
 use crate::support::host::{Host, link};
 use crate::support::{Scratch, code, motionseq, stderr, stdout, with_motionseq};
@@ -31,14 +30,9 @@ fn demo(name: &str) -> Scratch {
     folder
 }
 
-/// Runs the program in a folder.
-fn run(folder: &Scratch, args: &[&str]) -> Output {
-    with_motionseq("motionseq", &folder.0).args(args).output().unwrap()
-}
-
-/// The same; its exit code and what it says must be these.
+/// Runs the program in a folder; its exit code and what it says must be these.
 fn says(folder: &Scratch, args: &[&str], exit: i32, words: &str) {
-    let output = run(folder, args);
+    let output = folder.run(args);
     let (out, text) = (stdout(&output), stderr(&output));
     assert!(code(&output) == exit && (out.contains(words) || text.contains(words)), "{args:?}: {out}\n{text}");
 }
@@ -60,6 +54,8 @@ fn a_wrong_family_is_refused() {
     says(&folder, &decode("broken.toml"), 1, "unknown key `bad`");
     says(&folder, &decode("broken.toml"), 1, "broken.toml:2:1");
     says(&folder, &["decode", "run.bin", "--family", "demo.toml", "--older-move"], 2, "only for the board `raspblock`");
+    let fast = ["board", "--link", "link", "--family", "maestro 6", "--baud", "250000"];
+    says(&folder, &fast, 2, "the board `maestro 6` takes at most 200000 baud, not 250000");
     for command in ["board", "record"] {
         for option in [["--battery", "11V"], ["--report-every", "1s"]] {
             let args = [&[command, "--link", "link", "--family", "demo.toml"][..], &option].concat();
@@ -91,7 +87,7 @@ fn bytes_for_a_text_board_are_decoded() {
     says(&folder, &["check", "x.motion"], 0, "x.motion");
     decode("run.bin", &["-o", "y.motion", "--baud", "19200", "--exact"], 0, "3 frames");
     assert!(text(&folder, "y.motion").contains("\nboard \"demo.toml\"\nrefresh off\nbaud 19200\n\n"));
-    assert_eq!(run(&folder, &["render", "y.motion", "--format", "bin"]).stdout, b"#1P1500\rM 100 -50\nM 0 0\n");
+    assert_eq!(folder.run(&["render", "y.motion", "--format", "bin"]).stdout, b"#1P1500\rM 100 -50\nM 0 0\n");
     // The file of the board is an input.
     decode("run.bin", &["-o", "demo.toml"], 2, "this run reads it");
     assert_eq!(text(&folder, "demo.toml"), DEMO);

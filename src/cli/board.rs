@@ -76,7 +76,7 @@ impl Board {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let family = self.reading.chosen(screen)?.board;
-        check_simulated(&family, self.battery, self.report_every, screen)?;
+        check_simulated(&family, self.baud, self.battery, self.report_every, screen)?;
         let baud = self.baud.unwrap_or(family.baud);
         let mut pty_link = PtyLink::open(&self.link, baud).map_err(|error| refused(&error, screen))?;
         let what = ("board", About::new(None));
@@ -97,13 +97,19 @@ pub(super) fn virtual_board(family: &Family) -> String {
     if is_usual { "a virtual board".to_owned() } else { format!("a virtual board ({})", escaped(&family.name)) }
 }
 
-/// Refuses options that have no effect on a virtual board of this family.
+/// Refuses a speed of the line that the board does not take, and options that have no effect on its virtual board.
 pub(super) fn check_simulated(
     family: &Family,
+    baud: Option<u32>,
     battery: Option<Hundredths>,
     report_every: Option<Micros>,
     screen: &Screen,
 ) -> Result<(), Exit> {
+    if let Some(baud) = baud.filter(|baud| *baud > family.max_baud) {
+        let (line, most) = (&family.line, family.max_baud);
+        screen.error(&format!("the board `{line}` takes at most {most} baud, not {baud}"));
+        return Err(Exit::Usage);
+    }
     let given = [(battery.is_some(), "--battery"), (report_every.is_some(), "--report-every")];
     let given = given.iter().find(|(is_given, _)| *is_given && family.simulation != Simulation::Mecanum);
     let Some((_, option)) = given else { return Ok(()) };

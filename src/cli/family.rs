@@ -16,7 +16,7 @@ use super::screen::{Screen, Warnings};
 /// How the bytes of another program are decoded.
 #[derive(Clone, Debug, Args)]
 pub(super) struct Reading {
-    /// Board: a family as a script writes it after `board`, or a file that describes a board [default: raspblock]
+    /// Choose the board: as a script writes it after `board`, or by the file that describes it [default: raspblock]
     #[arg(long, value_name = "NAME|FILE.toml", value_parser = wanted)]
     family: Option<Wanted>,
     /// Decode the direction of `move` as older versions of the vendor's driver encode it (Raspblock only)

@@ -92,9 +92,8 @@ fn try_open(request: &PortRequest<'_>) -> Result<(Serial, PathBuf), Refused> {
     }
 }
 
-/// The one port that looks like the board. A board that says by itself what it is, is there; any other is on the pins of a Raspberry
-/// Pi, or else at the only USB adapter. If the system itself uses the pins, an adapter is not the board: it may be a printer or another
-/// robot.
+/// The one port that looks like the board. A Maestro identifies itself by USB. Any other board is on the pins of a Raspberry Pi, or
+/// else at the only USB adapter. If the system itself uses the pins, an adapter is not the board: it may be a printer or another robot.
 fn choose(ports: Vec<PortInfo>, board: &Board) -> Result<PathBuf, Refused> {
     let words = |line: &str, count| line.split(' ').take(count).map(str::to_owned).collect::<Vec<_>>();
     if words(&board.line, 1) == [KNOWN_BY_USB] {

@@ -83,7 +83,7 @@ impl Record {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let chosen = self.reading.chosen(screen)?;
-        board::check_simulated(&chosen.board, self.battery, self.report_every, screen)?;
+        board::check_simulated(&chosen.board, self.baud, self.battery, self.report_every, screen)?;
         let inputs = Inputs::of(&chosen.file);
         let created = self.output.as_deref().map(|path| {
             growing_file::create(path, &inputs).map_err(|error| output::exit(Err(error), Some(path), screen))

@@ -20,6 +20,11 @@ impl Scratch {
         self.0.join(name).to_str().unwrap().to_owned()
     }
 
+    /// Runs the program in this folder.
+    pub(crate) fn run(&self, args: &[&str]) -> Output {
+        with_motionseq("motionseq", &self.0).args(args).output().unwrap()
+    }
+
     pub(crate) fn file(&self, name: &str, content: &[u8]) -> String {
         fs::write(self.0.join(name), content).unwrap();
         self.path(name)
