@@ -15,7 +15,7 @@ use proptest::prelude::*;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::support::far::FarEnd;
-use crate::support::{Scratch, code, motionseq, stderr, stdout, with_motionseq};
+use crate::support::{Scratch, code, motionseq, stderr, stdout};
 
 const ROBOT: &str = include_str!("frames/boards/robot.toml");
 
@@ -40,12 +40,11 @@ fn a_reader_of_the_page_has_a_board_that_plays() {
     folder.file("arduino.toml", toml.as_bytes());
     folder
         .file("first.motion", format!("board \"arduino.toml\"{}", block("```text\nboard \"arduino.toml\"")).as_bytes());
-    let run = |args: &[&str]| with_motionseq("motionseq", &folder.0).args(args).output().unwrap();
-    let checked = run(&["check", "first.motion"]);
+    let checked = folder.run(&["check", "first.motion"]);
     assert!(code(&checked) == 0 && !stderr(&checked).contains("warning"), "{}", stderr(&checked));
     // `S 1 1500` and a line feed, as the sketch reads it.
-    assert!(stdout(&run(&["render", "first.motion"])).contains("\t53 20 31 20 31 35 30 30 0A\tservo 1 1500\n"));
-    let played = run(&["test", "--bless", "--play", "first.motion"]);
+    assert!(stdout(&folder.run(&["render", "first.motion"])).contains("\t53 20 31 20 31 35 30 30 0A\tservo 1 1500\n"));
+    let played = folder.run(&["test", "--bless", "--play", "first.motion"]);
     assert_eq!(code(&played), 0, "{}", stdout(&played));
 }
 
@@ -67,30 +66,32 @@ fn the_page_has_every_key() {
     assert_eq!(named, rows.map(str::to_owned).collect());
 }
 
-/// After Ctrl-C, worked out from the file: the rests from the last resource to the first, and the `stop` line, three
-/// times, and `on abort`.
+/// A run that is ended in the middle of a hold, by Ctrl-C, by `kill -9`, or by a hang. Worked out from the file: the rests
+/// from the last resource to the first, and the `stop` line, three times. `on abort` follows, except from the guard.
 #[test]
-fn a_stop_sends_every_rest_and_then_the_stop_lines_three_times() {
+fn every_end_sends_every_rest_and_then_the_stop_lines_three_times() {
     let folder = Scratch::new("boards-stop");
     folder.file("robot.toml", ROBOT.as_bytes());
     let script = "board \"robot.toml\"\nservo 3 1500\ndrive 100 100 for 50s\non abort { servo 3 1000 }\n";
     let path = folder.file("a.motion", script.as_bytes());
-    let far = FarEnd::new();
-    let mut child = motionseq(&["play", &path, "--port", &far.path]).stderr(Stdio::piped()).spawn().unwrap();
-    let mut got = far.first();
-    while !got.ends_with(b"M 100 100\n") {
-        got.extend(far.first());
+    for (signal, on_abort) in [(Signal::INT, "#3P1000\r"), (Signal::KILL, ""), (Signal::STOP, "")] {
+        let far = FarEnd::new();
+        let mut child = motionseq(&["play", &path, "--port", &far.path]).stderr(Stdio::piped()).spawn().unwrap();
+        let mut got = far.first();
+        while !got.ends_with(b"M 100 100\n") {
+            got.extend(far.first());
+        }
+        kill_process(Pid::from_child(&child), signal).unwrap();
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert!(!child.wait().unwrap().success());
+        assert!(said.ends_with("; stop: sent\n"), "{said}");
+        got.extend(far.rest().into_iter().flat_map(|(_, bytes)| bytes));
+        let once = "G2 0\nG1 0\nM 0 0\nX\n";
+        let sent = String::from_utf8(got).unwrap();
+        assert!(sent.starts_with("V\nE1\n#3P1500\rM 100 100\n"), "{sent}");
+        assert!(sent.ends_with(&format!("M 100 100\n{once}{once}{once}{on_abort}")), "{signal:?}: {sent}");
     }
-    kill_process(Pid::from_child(&child), Signal::INT).unwrap();
-    let mut said = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert!(said.ends_with("; stop: sent\n"), "{said}");
-    got.extend(far.rest().into_iter().flat_map(|(_, bytes)| bytes));
-    let once = "G2 0\nG1 0\nM 0 0\nX\n";
-    let text = String::from_utf8(got).unwrap();
-    assert!(text.starts_with("V\nE1\n#3P1500\rM 100 100\n"), "{text}");
-    assert!(text.ends_with(&format!("M 100 100\n{once}{once}{once}#3P1000\r")), "{text}");
 }
 
 #[test]
@@ -99,16 +100,15 @@ fn a_run_that_ends_by_itself_says_goodbye_and_one_that_is_ended_does_not() {
     folder.file("robot.toml", ROBOT.as_bytes());
     folder.file("a.motion", b"board \"robot.toml\"\nservo 1 1500\nwait 100ms\n");
     folder.file("b.motion", b"board \"robot.toml\"\nservo 1 1500\ndrive 9 9 for 9s\n");
-    let run = |args: &[&str]| with_motionseq("motionseq", &folder.0).args(args).output().unwrap();
-    assert_eq!(code(&run(&["play", "a.motion", "--record", "a.bin", "--max-late", "5s"])), 0);
+    assert_eq!(code(&folder.run(&["play", "a.motion", "--record", "a.bin", "--max-late", "5s"])), 0);
     let sent = |name: &str| String::from_utf8(fs::read(folder.0.join(name)).unwrap()).unwrap();
     assert_eq!(sent("a.bin"), "V\nE1\n#1P1500\rE0\n");
-    let ended = run(&["play", "b.motion", "--record", "b.bin", "--fault", "stall@300ms", "--max-late", "60ms"]);
+    let ended = folder.run(&["play", "b.motion", "--record", "b.bin", "--fault", "stall@300ms", "--max-late", "60ms"]);
     assert_ne!(code(&ended), 0);
     let sent = sent("b.bin");
     assert!(sent.starts_with("V\nE1\n#1P1500\rM 9 9\nM 9 9\n") && !sent.contains("E0\n"), "{sent}");
     // In passes, only the first begins with a hello, and only the last ends with a goodbye.
-    assert_eq!(code(&run(&["play", "a.motion", "--record", "c.bin", "--loop", "3", "--max-late", "5s"])), 0);
+    assert_eq!(code(&folder.run(&["play", "a.motion", "--record", "c.bin", "--loop", "3", "--max-late", "5s"])), 0);
     assert_eq!(
         String::from_utf8(fs::read(folder.0.join("c.bin")).unwrap()).unwrap(),
         "V\nE1\n#1P1500\r#1P1500\r#1P1500\rE0\n"
@@ -121,7 +121,7 @@ fn a_file_outside_of_the_folder_of_the_script_is_refused() {
     folder.file("robot.toml", ROBOT.as_bytes());
     fs::create_dir_all(folder.0.join("inner")).unwrap();
     folder.file("inner/a.motion", b"board \"../robot.toml\"\nservo 1 1500\n");
-    let checked = with_motionseq("motionseq", &folder.0).args(["check", "inner/a.motion"]).output().unwrap();
+    let checked = folder.run(&["check", "inner/a.motion"]);
     let said = stderr(&checked).replace("\n  │ ", " ");
     assert!(code(&checked) == 1 && said.contains("board-file") && said.contains("outside of"), "{said}");
 }
@@ -163,7 +163,7 @@ fn files_that_are_hard_to_compare_are_read_or_refused_at_once() {
     assert_eq!(read(&stop).1, "all rests and the `stop` lines together are longer than 8192 bytes");
 }
 
-/// The rest of each index is a command of its own, if it is none of the verb.
+/// If no command of the verb sends the rest, it is a command of its own, for each index.
 #[test]
 fn a_rest_that_is_no_command_of_its_verb_is_a_command_itself() {
     let text = "name = \"R\"\nbaud = 9600\n[verb.servo]\naxes = [{ name = \"n\", range = \"1..2\", index = true }, { name = \"us\", range = \"500..2500\" }]\nholds = true\nrest = '#{n}L\\n'\nsend = '#{n}P{us}\\n'\n";
@@ -186,15 +186,14 @@ fn a_recording_of_a_run_compiles_and_sends_the_same() {
         "a.motion",
         b"board \"robot.toml\"\nservo 1 1500\nled 2 blink\nwait 50ms\ndrive 9 9 for 250ms\ngripper 1 5 for 100ms\n",
     );
-    let run = |args: &[&str]| with_motionseq("motionseq", &folder.0).args(args).output().unwrap();
-    let listing = stdout(&run(&["render", "a.motion"]));
+    let listing = stdout(&folder.run(&["render", "a.motion"]));
     folder.file("a.txt", listing.as_bytes());
     for exact in [&[][..], &["--exact"]] {
         let args = [&["decode", "a.txt", "--family", "robot.toml", "-o", "b.motion"][..], exact].concat();
-        assert_eq!(code(&run(&args)), 0);
-        let checked = run(&["check", "b.motion"]);
+        assert_eq!(code(&folder.run(&args)), 0);
+        let checked = folder.run(&["check", "b.motion"]);
         assert_eq!(code(&checked), 0, "{}", stderr(&checked));
-        let bytes = |name: &str| run(&["render", name, "--format", "bin"]).stdout;
+        let bytes = |name: &str| folder.run(&["render", name, "--format", "bin"]).stdout;
         assert_eq!(bytes("a.motion"), bytes("b.motion"), "{exact:?}");
         fs::remove_file(folder.0.join("b.motion")).unwrap();
     }
