@@ -68,7 +68,11 @@ fn described(board: &Board, received: &Received) -> String {
                 let words = format!("{} at {} {}", resource.name, axis.shown(*value), axis.unit.symbol());
                 words.trim_end().to_owned()
             }
-            _ => format!("{}: {}", resource.name, board.show(last)),
+            _ => {
+                let shown = board.show(last).to_string();
+                let begins_with_name = shown.starts_with(&*resource.name);
+                if begins_with_name { shown } else { format!("{}: {shown}", resource.name) }
+            }
         });
     }
     if words.is_empty() { "all outputs are off or unknown".to_owned() } else { words.join(", ") }
