@@ -199,6 +199,7 @@ fn lamps() -> Arc<Board> {
         simulation: Simulation::State,
         codec: Arc::new(Angled),
         replies: Replies::None,
+        feedback: None,
     };
     let off = board.command_named("fan", &[0]).unwrap();
     let mut board = Board { stop: vec![off.clone()], ..board };

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::family::{Family, OptionValue};
 use super::table::Board;
-use super::{maestro, raspblock};
+use super::{maestro, raspblock, sts};
 
 /// All families, the default first.
-pub const FAMILIES: &[Family] = &[raspblock::FAMILY, maestro::FAMILY];
+pub const FAMILIES: &[Family] = &[raspblock::FAMILY, maestro::FAMILY, sts::FAMILY];
 
 impl Family {
     /// The family with this word.

@@ -25,6 +25,7 @@ mod rows;
 mod rules;
 mod state;
 mod table;
+pub mod sts;
 pub mod text;
 mod verb;
 
@@ -33,15 +34,15 @@ pub use decoder::{Decoder, Frame, Item, OwnedItem};
 pub use families::FAMILIES;
 pub use family::{Family, FamilyNumber, FamilyOption, OptionValue};
 pub use frame::{BufferStart, FrameError, Hex, Skip};
-pub use quantity::{Answers, Change, Hundredths, MAX_VALUES, Quantity, Replies, Report, ReportItem, ReportLine};
+pub use quantity::{Answer, Answers, Change, Hundredths, MAX_VALUES, Quantity, Replies, Report, ReportItem, ReportLine};
 pub use reply_decoder::ReportDecoder;
 pub use rules::Notation;
 pub use state::State;
 pub use table::{
-    Ambiguity, Board, Codec, DefaultLimit, Lane, LaneKind, Limited, MAX_BAUD, NotACommand, OutOfRange, Picture,
-    Resource, Shown, Simulation,
+    Ambiguity, Board, Codec, DefaultLimit, Feedback, Lane, LaneKind, Limited, MAX_BAUD, NotACommand, OutOfRange, Picture,
+    Preparation, Resource, Shown, Simulation,
 };
-pub use verb::{Activity, AngleScale, Axis, Measure, Needs, Part, ResourceId, Sets, Unit, ValueForm, Verb};
+pub use verb::{Activity, AngleScale, Axis, Forbidden, Measure, Needs, Part, ResourceId, Sets, Unit, ValueForm, Verb};
 
 /// A string of a table: static in a built-in family, owned in one that was read from a file.
 pub type Text = std::borrow::Cow<'static, str>;

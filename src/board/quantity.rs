@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::Text;
 use super::command::Command;
+use crate::units::Nanos;
 
 /// The most values in one report.
 pub const MAX_VALUES: usize = 4;
@@ -126,22 +127,37 @@ pub enum Replies {
     None,
     /// With reports as lines, which it sends by itself.
     Lines(ReportLine),
-    /// With a fixed number of bytes for each request.
+    /// With answers to requests.
     Answers(Answers),
 }
 
-/// How a board answers requests. Answers have no header, so that only the request says what an
-/// answer is.
+/// How a board answers requests.
 #[derive(Clone, Copy, Debug)]
 pub struct Answers {
-    /// The number of bytes of the answer to a command, at most 8; 0 if it has none.
-    pub length: fn(&Command) -> usize,
-    /// Reads the answer to a command.
-    pub read: fn(&Command, &[u8]) -> ReportItem,
+    /// Whether a command has an answer.
+    pub has_answer: fn(&Command) -> bool,
+    /// Finds the answer to a command at the start of what the board has sent, at most 64 bytes.
+    pub read: fn(&Command, &[u8]) -> Answer,
+    /// The most bytes of a request and its answer.
+    pub length: u64,
+    /// How long an answer may take.
+    pub patience: Nanos,
     /// What the error bits of an answer mean.
     pub errors: fn(u16) -> String,
     /// Why a board may not answer.
     pub hint: &'static str,
+}
+
+/// What the first bytes of a board's replies are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Answer {
+    /// An answer may have begun.
+    Incomplete,
+    /// This number of bytes is not an answer.
+    Skip(usize),
+    /// All these bytes are the answer, with the error bits in it.
+    Complete(ReportItem, u16),
 }
 
 /// The lines that carry reports.
@@ -163,6 +179,10 @@ pub enum ReportItem {
     Report(Report),
     /// The error bits of the board; 0 for no error.
     Errors(u16),
+    /// The error bits of one servo, by its index; not 0. What it was asked for follows.
+    Flags(i32, u16),
+    /// What was asked for, if it is no quantity.
+    Values([i32; 2]),
     /// Bytes that are not a report.
     Malformed,
 }

@@ -4,7 +4,7 @@
 //! skipped as a whole.
 
 use super::command::Command;
-use super::quantity::{Answers, Replies, ReportItem, ReportLine};
+use super::quantity::{Answer, Answers, Replies, ReportItem, ReportLine};
 use super::table::Board;
 
 /// The longest report in bytes: four fields of ten digits with signs and separators, and some spare
@@ -23,19 +23,21 @@ pub struct ReportDecoder {
     inside: bool,
     /// The request that the next bytes answer.
     asked: Option<Command>,
+    /// What follows the error bits of an answer.
+    held: Option<ReportItem>,
 }
 
 impl ReportDecoder {
     /// A decoder at the start of the replies of a board.
     pub fn new(board: &Board) -> Self {
-        ReportDecoder { form: board.replies, line: [0; MAX_REPORT], length: 0, inside: false, asked: None }
+        ReportDecoder { form: board.replies, line: [0; MAX_REPORT], length: 0, inside: false, asked: None, held: None }
     }
 
     /// The next bytes answer this command, if it has an answer. What is missing of the answer to
     /// the one before will not come.
     pub fn ask(&mut self, command: &Command) {
         if let Replies::Answers(answers) = self.form
-            && (answers.length)(command) > 0
+            && (answers.has_answer)(command)
         {
             self.asked = Some(command.clone());
             self.length = 0;
@@ -44,7 +46,7 @@ impl ReportDecoder {
 
     /// Whether a command has an answer.
     pub fn has_answer(&self, command: &Command) -> bool {
-        matches!(self.form, Replies::Answers(answers) if (answers.length)(command) > 0)
+        matches!(self.form, Replies::Answers(answers) if (answers.has_answer)(command))
     }
 
     /// Whether an answer is missing.
@@ -66,6 +68,9 @@ impl ReportDecoder {
 
     /// Reads up to the next complete item, and removes what it read from `bytes`; `None` once all is read.
     pub fn next(&mut self, bytes: &mut &[u8]) -> Option<ReportItem> {
+        if let Some(item) = self.held.take() {
+            return Some(item);
+        }
         let form = self.form;
         while let [byte, rest @ ..] = *bytes {
             *bytes = rest;
@@ -104,9 +109,20 @@ impl ReportDecoder {
         // Nothing asked for it.
         let Some(asked) = self.asked.take() else { return Some(ReportItem::Malformed) };
         self.keep(byte);
-        let answer = self.line.get(..self.length).unwrap_or_default();
-        if answer.len() >= (form.length)(&asked) {
-            return Some((form.read)(&asked, answer));
+        loop {
+            match (form.read)(&asked, self.line.get(..self.length).unwrap_or_default()) {
+                Answer::Complete(item, 0) => return Some(item),
+                Answer::Complete(item, errors) => {
+                    self.held = Some(item);
+                    return Some(ReportItem::Flags(asked.value(0).unwrap_or_default(), errors));
+                }
+                Answer::Skip(count) if self.length > 0 => {
+                    let count = count.clamp(1, self.length);
+                    self.line.copy_within(count..self.length, 0);
+                    self.length -= count;
+                }
+                Answer::Skip(_) | Answer::Incomplete => break,
+            }
         }
         self.asked = Some(asked);
         None

@@ -70,6 +70,8 @@ impl Verb {
             holds: false,
             moves: false,
             needs: None,
+            forbidden: None,
+            each: None,
             frames: Text::default(),
             is: None,
             alias: None,

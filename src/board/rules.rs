@@ -379,6 +379,11 @@ impl fmt::Display for Notation<'_> {
         if let Some(alias) = alias.filter(|alias| alias.is.as_ref() == Some(command)) {
             return f.write_str(&alias.word);
         }
+        let in_script = if verb.is_in_scripts() { Vec::new() } else { board.codec.in_script(board, command) };
+        if let Some((last, others)) = in_script.split_last() {
+            others.iter().try_for_each(|command| write!(f, "{}; ", board.show(command)))?;
+            return board.show(last).fmt(f);
+        }
         f.write_str(&verb.word)?;
         let mut values = command.values().into_iter();
         for axis in &verb.axes {

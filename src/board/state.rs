@@ -28,13 +28,21 @@ impl State {
 
     /// Applies one command.
     pub fn apply(&mut self, board: &Board, command: &Command) {
+        let verb = board.verb(command.verb());
+        if verb.is_some_and(|verb| !verb.is_in_scripts()) {
+            let in_script = board.codec.in_script(board, command);
+            if !in_script.is_empty() {
+                in_script.iter().for_each(|command| self.apply(board, command));
+                return;
+            }
+        }
         if board.is_opaque(command) {
             for resource in board.touches(command) {
                 self.set(board, *resource, LastCommand { command: None, is_unclear: true });
             }
             return;
         }
-        if board.verb(command.verb()).is_some_and(|verb| verb.forgets) {
+        if verb.is_some_and(|verb| verb.forgets) {
             for resource in board.occupies(command) {
                 self.set(board, *resource, LastCommand::default());
             }

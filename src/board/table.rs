@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Text;
 use super::command::{Command, VerbId};
 use super::frame::{BufferStart, FrameError};
-use super::quantity::{Change, Quantity, Replies};
+use super::quantity::{Change, Hundredths, Quantity, Replies};
 use super::verb::{Axis, Verb};
 use crate::units::Micros;
 
@@ -64,6 +64,39 @@ pub struct Board {
     pub codec: Arc<dyn Codec>,
     /// How the board answers.
     pub replies: Replies,
+    /// How its servos are prepared before a script and held at a stop, if it reports their positions.
+    pub feedback: Option<Feedback>,
+}
+
+/// How the servos of a board that reports their positions are prepared before a script, and held at a stop.
+#[derive(Clone, Debug)]
+pub struct Feedback {
+    /// The verb that sets the position of a servo, which its index selects.
+    pub verb: VerbId,
+    /// The verb with the same index that asks for this position.
+    pub position: VerbId,
+    /// The value of `verb` for a reported position; `None` if no value means that position.
+    pub value: fn(Hundredths) -> Option<i32>,
+    /// What must be read and sent before the first command of a script; `None` for nothing.
+    pub preparation: Option<Preparation>,
+    /// Whether a stop reads the positions of servos on their way, and makes them their targets.
+    pub holds: bool,
+}
+
+/// What must be read and sent for each servo before the first command of a script. The position becomes the target before the servo
+/// gets torque, so that it does not move.
+#[derive(Clone, Debug)]
+pub struct Preparation {
+    /// The verb that asks for the mode of a servo, which must be 0.
+    pub mode: VerbId,
+    /// What another mode means, to follow the name of the servo.
+    pub mode_words: fn(i32) -> String,
+    /// The verb that asks for settings that a servo keeps, and the verbs that set them.
+    pub settings: (VerbId, [VerbId; 2]),
+    /// The verb that switches the torque of a servo on, with the value 1.
+    pub enable: VerbId,
+    /// How long a soft start takes, unless a script sets it.
+    pub soft: Micros,
 }
 
 /// A part of a robot that does one thing at a time.
@@ -136,6 +169,8 @@ pub enum Simulation {
     Mecanum,
     /// It answers for its channels, and an error sends them home.
     Channels,
+    /// Each servo answers for itself, on a line of one wire.
+    Servos,
 }
 
 /// How a family is drawn.
@@ -240,6 +275,11 @@ pub trait Codec: fmt::Debug + Send + Sync {
     /// Another command with the same frame as the one that [`decode`](Self::decode) returns.
     fn other_reading(&self, board: &Board, frame: &[u8]) -> Option<Command> {
         self.raw(board, frame)
+    }
+
+    /// The commands of a script that together do the same as one that no script contains; none if there are no such commands.
+    fn in_script(&self, _board: &Board, _command: &Command) -> Vec<Command> {
+        Vec::new()
     }
 
     /// Classifies the first bytes of a stream; `in_zeros` says whether zeros came just before them.

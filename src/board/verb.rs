@@ -32,6 +32,10 @@ pub struct Verb {
     pub moves: bool,
     /// Its precondition.
     pub needs: Option<Needs>,
+    /// The command of its resource after which it is an error.
+    pub forbidden: Option<Forbidden>,
+    /// The verb that is sent instead, once for each servo that the script uses.
+    pub each: Option<VerbId>,
     /// The name of the lane of its frames, if it sets several resources or none.
     pub frames: Text,
     /// The command that this word is a synonym of.
@@ -205,6 +209,19 @@ pub struct Needs {
     /// The command that sets it, in short.
     pub what: Text,
     /// A line that sets it.
+    pub line: Text,
+}
+
+/// A command after which another one for the same resource is an error.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Forbidden {
+    /// Its verb, which has an index.
+    pub after: VerbId,
+    /// Its value.
+    pub value: i32,
+    /// The message, with `{}` for the index.
+    pub message: Text,
+    /// A line that permits the command again.
     pub line: Text,
 }
 

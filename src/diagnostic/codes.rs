@@ -411,6 +411,11 @@ nod()
         "move x=100\n"
         "pid position speed=200,150 position=20,0,20 yaw=12,2,5\nmove x=100\n"
 
+    TorqueOff "torque-off" Error "A servo without torque gets a position."
+        "After `torque N off`, a servo is limp, and its goal is not where it is. `torque N on` makes it hold where it is; \
+         only then it can be moved."
+        "board sts\nservo 1 2048\nwait 1s\ntorque 1 off\nwait 1s\nservo 1 2100\n"
+        "board sts\nservo 1 2048\nwait 1s\ntorque 1 off\nwait 1s\ntorque 1 on\nservo 1 2048 -> 2100 over 1s\n"
     TooManyEvents "too-many-events" Error "The script sends too many frames."
         "A robot gets at most 10,000,000 frames from one script, unless `--max-events` allows more. Refreshes and the steps of \
         moves that are sent count, too."

@@ -10,6 +10,7 @@ mod cost;
 mod duration;
 mod ease;
 mod evaluator;
+mod every;
 mod expect;
 mod functions;
 mod gate;
@@ -317,5 +318,9 @@ pub(crate) fn program<'s>(
     options: &Options,
     diagnostics: &mut Diagnostics,
 ) -> Program {
-    syntax::read_ahead(script, |lines| walker::walk(lines, sources, options, diagnostics))
+    syntax::read_ahead(script, |lines| {
+        let mut program = walker::walk(lines, sources, options, diagnostics);
+        every::expand(&mut program, options.events, diagnostics);
+        program
+    })
 }

@@ -52,6 +52,7 @@ pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagno
     // last command.
     let mut busy: Vec<Option<Occupied>> = vec![None; board.resources.len()];
     let mut first_values: Vec<Option<i32>> = vec![None; board.resources.len()];
+    let mut forbidden = Forbidden::new(board);
     let mut gates = 0;
     for step in steps {
         gates += usize::from(matches!(step.action, Action::Gate(_)));
@@ -66,6 +67,9 @@ pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagno
                     *first = command.value(0);
                 }
             }
+        }
+        if let Some(diagnostic) = forbidden.check(step, resources) {
+            diagnostics.push(traces.attach(diagnostic, step.trace));
         }
         let lasting = match &step.action {
             Action::Hold(held) => Some(held.1),
@@ -139,6 +143,42 @@ pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut 
 fn exclusive<'b>(board: &'b Board, resources: &'b [ResourceId]) -> impl Iterator<Item = ResourceId> {
     let is_exclusive = |resource: &ResourceId| board.resource(*resource).is_some_and(|found| found.is_exclusive);
     resources.iter().copied().filter(is_exclusive)
+}
+
+/// The commands after which others for the same resource are errors: for each resource, the last one and its place.
+struct Forbidden<'b> {
+    board: &'b Board,
+    /// Empty if the board has no such commands.
+    after: Vec<Option<Span>>,
+}
+
+impl<'b> Forbidden<'b> {
+    fn new(board: &'b Board) -> Self {
+        let has_any = board.verbs.iter().any(|verb| verb.forbidden.is_some());
+        Forbidden { board, after: vec![None; if has_any { board.resources.len() } else { 0 }] }
+    }
+
+    /// Reports a step that is an error after an earlier one.
+    fn check(&mut self, step: &Step, resources: &[ResourceId]) -> Option<Diagnostic> {
+        let resource = *resources.first().filter(|_| !self.after.is_empty())?;
+        let place = self.after.get_mut(resource)?;
+        let (verb, index, value) = match &step.action {
+            Action::Send(command) => (command.verb(), command.value(0), command.value(1)),
+            Action::Hold(held) => (held.0.verb(), held.0.value(0), None),
+            Action::Go(going) => (going.motion.verb, going.motion.index, None),
+            Action::Say(_) | Action::Expect(_) | Action::Gate(_) => return None,
+        };
+        if let Some(forbidden) = &self.board.verb(verb)?.forbidden {
+            let first = (*place)?;
+            let filled = |text: &str| text.replace("{}", &index.unwrap_or_default().to_string());
+            let (message, line) = (filled(&forbidden.message), filled(&forbidden.line));
+            let diagnostic = diagnostic!(TorqueOff, step.span, "{message}"; help: "add this line before it: `{line}`");
+            return Some(diagnostic.related(first, "switched off here"));
+        }
+        let mut all = self.board.verbs.iter().filter_map(|verb| verb.forbidden.as_ref());
+        *place = all.any(|forbidden| (forbidden.after, Some(forbidden.value)) == (verb, value)).then_some(step.span);
+        None
+    }
 }
 
 fn missing(needs: &Needs, span: Span) -> Diagnostic {

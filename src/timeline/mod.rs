@@ -239,7 +239,9 @@ pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagno
 /// Sorts a program by time and reports clashes. The program may have other errors, but its times
 /// are right.
 pub(crate) fn order(program: &mut Program, sources: &Sources, diagnostics: &mut Diagnostics) {
-    let key = |step: &Step| (step.at.micros(), step.order);
+    // One step may have become several, for several parts.
+    let index = |step: &Step| if let Action::Send(command) = &step.action { command.value(0) } else { None };
+    let key = |step: &Step| (step.at.micros(), step.order, index(step));
     let sort = |steps: &mut [Step]| {
         // Most scripts are already in the order of time.
         if !steps.is_sorted_by_key(key) {

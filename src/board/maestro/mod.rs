@@ -9,7 +9,7 @@ mod reply;
 use std::sync::Arc;
 
 use super::family::{Family, FamilyNumber, FamilyOption, OptionValue};
-use super::table::{Board, DefaultLimit, Limited, Resource, Simulation};
+use super::table::{Board, DefaultLimit, Feedback, Limited, Resource, Simulation};
 use super::verb::{Axis, ResourceId, Sets, ValueForm, Verb};
 use super::{Command, Hundredths, Quantity, Replies, Text};
 pub use codec::{Reaction, reaction};
@@ -94,11 +94,17 @@ fn make(channels: Option<i32>, options: &[Option<i32>]) -> Arc<Board> {
         simulation: Simulation::Channels,
         codec: Arc::new(codec::Packets { device, has_crc }),
         replies: Replies::Answers(reply::ANSWERS),
+        feedback: Some(Feedback { verb: verb::SERVO, position: verb::POSITION, value: quarters, preparation: None, holds: false }),
     })
 }
 
 fn text(text: &'static str) -> Text {
     Text::Borrowed(text)
+}
+
+/// A reported position as a target; a channel without pulses has no position.
+fn quarters(position: Hundredths) -> Option<i32> {
+    Some(position.0 / 25).filter(|quarters| *quarters != 0)
 }
 
 fn channel(number: i32) -> Resource {

@@ -1,9 +1,10 @@
 //! What the Maestro answers: two bytes of a position or of errors, one byte that says whether a servo moves.
 
 use super::{MOVING_ROW, verb};
-use crate::board::{Answers, Command, Hundredths, Report, ReportItem};
+use crate::units::Nanos;
+use crate::board::{Answer, Answers, Command, Hundredths, Report, ReportItem};
 
-pub(super) const ANSWERS: Answers = Answers { length, read, errors, hint: HINT };
+pub(super) const ANSWERS: Answers = Answers { has_answer, read, length: 8, patience: Nanos::from_millis(50), errors, hint: HINT };
 
 const HINT: &str = "a new Maestro ignores its Command Port until its serial mode is \"USB Dual Port\" or \"USB Chained\" \
     (Maestro Control Center, Serial Settings); a board with only its RX wired cannot answer";
@@ -21,6 +22,19 @@ const ERRORS: [&str; 9] = [
     "an error of the program counter of its script",
 ];
 
+fn has_answer(request: &Command) -> bool {
+    length(request) > 0
+}
+
+/// Answers have no header, so that only the request says what they are.
+fn read(request: &Command, bytes: &[u8]) -> Answer {
+    let length = length(request);
+    if length == 0 {
+        return Answer::Skip(bytes.len());
+    }
+    bytes.get(..length).map_or(Answer::Incomplete, |answer| Answer::Complete(item(request, answer), 0))
+}
+
 fn length(request: &Command) -> usize {
     match request.verb() {
         verb::POSITION | verb::ERRORS | verb::HELLO => 2,
@@ -29,7 +43,7 @@ fn length(request: &Command) -> usize {
     }
 }
 
-fn read(request: &Command, answer: &[u8]) -> ReportItem {
+fn item(request: &Command, answer: &[u8]) -> ReportItem {
     match (request.verb(), answer) {
         (verb::POSITION, &[low, high]) => {
             let channel = request.value(0).and_then(|channel| u16::try_from(channel).ok());

@@ -205,6 +205,7 @@ fn table(older: bool) -> Board {
         simulation: Simulation::Mecanum,
         codec: Arc::new(codec::Frames { older }),
         replies: Replies::Lines(report::LINE),
+        feedback: None,
     }
 }
 

@@ -127,6 +127,7 @@ pub(super) fn board(rows: &FileRows, name: &str, diagnostics: &mut Diagnostics) 
         simulation: Simulation::State,
         codec: Arc::new(Templates { verbs: Vec::new(), longest: 1 }),
         replies: Replies::None,
+        feedback: None,
     };
     let mut builder = Builder { board, templates: Vec::new(), spans: Vec::new(), groups: Vec::new(), diagnostics };
     let groups: Option<Vec<usize>> = rows.verbs.iter().map(|verb| builder.group(verb)).collect();

@@ -107,7 +107,7 @@ impl Player<'_> {
             match item {
                 ReportItem::Report(report) => self.hear(now, report, notices),
                 ReportItem::Errors(bits) => notices(Notice::Errors(bits)),
-                ReportItem::Malformed => continue,
+                _ => continue,
             }
             self.reads.is_first &= self.reads.decoder.is_waiting();
             self.reads.has_news = true;
