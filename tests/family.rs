@@ -106,6 +106,8 @@ fn verb(word: &str, usage: &str, axes: Vec<Axis>, sets: Sets) -> Verb {
         holds: false,
         moves: false,
         needs: None,
+        forbidden: None,
+        each: None,
         frames: owned("the chimes"),
         is: None,
         alias: None,

@@ -3,6 +3,7 @@
 use smallvec::SmallVec;
 
 use super::command::{Command, MAX_MOVING, VerbId};
+use super::servo_set::ServoSet;
 use super::table::{Board, Resource};
 use super::verb::{Axis, Part, ResourceId, Sets};
 
@@ -122,6 +123,13 @@ impl State {
         let last = || board.resources.iter().zip(&self.last).filter(|(resource, _)| resource.rest.is_some());
         let passes = |last: &LastCommand| last.command.as_ref().is_some_and(|command| board.is_passing(command));
         self.at_rest(board) && !last().any(|(_, last)| last.is_unclear || passes(last))
+    }
+
+    /// The servos that a stop of the board holds, because a target was their last command.
+    pub fn held(&self, board: &Board) -> ServoSet {
+        let verb = board.feedback.as_ref().filter(|feedback| feedback.holds).map(|feedback| feedback.verb);
+        let last = self.last.iter().filter_map(|last| last.command.as_ref());
+        last.filter(|last| Some(last.verb()) == verb).filter_map(|last| last.value(0)).collect()
     }
 
     /// Whether no resource is active: nothing moves, nothing sounds.

@@ -59,8 +59,8 @@ impl Guard {
                     }
                     _ => "motionseq was killed".to_owned(),
                 };
-                let words = stop_words(guarded.stop, &guarded.without_stop);
-                let robot = if self.with_board { "the virtual board ended too" } else { words };
+                let words = stop_words(guarded.stop, guarded.missing, &guarded.without_stop);
+                let robot = if self.with_board { "the virtual board ended too" } else { &words };
                 let line = closing_line(&cause, guarded.place, guarded.at, robot);
                 if Screen::never_wait().is_ok() {
                     screen.late_error(&line);

@@ -22,6 +22,7 @@ use super::guard;
 use super::log::{About, Log};
 use super::output::{self, Inputs};
 use super::port_opening::{self, PortRequest, doubt};
+use super::run_summary::stop_words;
 use super::screen::{PATIENCE, Screen, plural};
 use super::tape::{Kept, Tape};
 use super::watcher::Watcher;
@@ -132,7 +133,7 @@ impl Record {
         Ok(tape.map(Tape::end).map_or(exit, |kept| self.summary(&kept, exit, screen)))
     }
 
-    fn guard(&self, port: &Serial, family: &Family, screen: &Screen) -> io::Result<Option<Guard>> {
+    fn guard(&self, port: &Serial, family: &Arc<Family>, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
             screen.note("no guard: if this program is killed or hangs, nothing stops the robot");
             return Ok(None);
@@ -179,7 +180,7 @@ fn between(
     let mut server = Server::of_port(pty_link, board, port, guard, signals);
     let ended = server.run(&mut |now, happened, board| watcher.watch(now, happened, board));
     // The program can no longer stop the robot through this port.
-    let Some((TapEnd { stop, undelivered }, guard)) = server.stop() else {
+    let Some((TapEnd { stop, missing, undelivered }, guard)) = server.stop() else {
         return watcher.end(Exit::Failed, "motionseq failed; this is a bug");
     };
     let (exit, cause) = match ended {
@@ -196,13 +197,12 @@ fn between(
         screen.note(&format!("{bytes} of the program did not reach the board"));
     }
     let robot = match stop {
-        Stop::NotNeeded => "the program left the robot at rest",
-        Stop::Sent => "the program did not stop the robot; stop: sent",
-        Stop::NotDefined => &*without_stop,
-        _ => "the program did not stop the robot; stop: NOT SENT - cut the power",
+        Stop::NotNeeded => "the program left the robot at rest".to_owned(),
+        Stop::NotDefined | Stop::Held | Stop::NotHeld => stop_words(stop, missing, &without_stop),
+        _ => format!("the program did not stop the robot; {}", stop_words(stop, missing, &without_stop)),
     };
-    let words = cause.as_ref().map_or_else(|| robot.to_owned(), |cause| format!("{cause}; {robot}"));
-    if cause.is_some() || stop == Stop::NotSent {
+    let words = cause.as_ref().map_or_else(|| robot.clone(), |cause| format!("{cause}; {robot}"));
+    if cause.is_some() || matches!(stop, Stop::NotSent | Stop::NotHeld) {
         screen.error(&words);
     } else {
         screen.note(&words);

@@ -1,7 +1,7 @@
 //! The messages at the end of a run, for `play`, its guard and `board`.
 
-use motionseq::board::{Board, ON_SILENCE, Simulation, ValueForm, Verb};
-use motionseq::playback::{GateEnd, Passage, Stop};
+use motionseq::board::{Board, ON_SILENCE, ServoSet, Simulation, ValueForm, Verb};
+use motionseq::playback::{GateEnd, Notice, Passage, Stop};
 use motionseq::sim::Received;
 use motionseq::timeline::Gate;
 use motionseq::units::Micros;
@@ -78,12 +78,39 @@ fn described(board: &Board, received: &Received) -> String {
     if words.is_empty() { "all outputs are off or unknown".to_owned() } else { words.join(", ") }
 }
 
-/// Whether the robot was stopped, for the end of a closing line; `without_stop` is what a robot does whose board has no stop.
-pub(super) fn stop_words(stop: Stop, without_stop: &str) -> &str {
+/// Whether the robot was stopped, for the end of a closing line; `without_stop` is what a robot does whose board has no stop frame.
+pub(super) fn stop_words(stop: Stop, missing: ServoSet, without_stop: &str) -> String {
     match stop {
-        Stop::NotDefined => without_stop,
-        Stop::Sent | Stop::NotNeeded => "stop: sent",
-        _ => "stop: NOT SENT - cut the power",
+        Stop::NotDefined | Stop::Held => without_stop.to_owned(),
+        Stop::NotHeld => {
+            let missing: Vec<String> = missing.iter().map(|servo| servo.to_string()).collect();
+            let servos = if missing.len() == 1 { "servo" } else { "servos" };
+            format!(
+                "{servos} {} did not say where it is and may still be moving; otherwise {without_stop}",
+                missing.join(", ")
+            )
+        }
+        Stop::Sent | Stop::NotNeeded => "stop: sent".to_owned(),
+        _ => "stop: NOT SENT - cut the power".to_owned(),
+    }
+}
+
+/// What happens to servos before and during a script; `None` for other notices.
+pub(super) fn servo_words(board: &Board, notice: Notice) -> Option<String> {
+    match notice {
+        Notice::Kept { servo, values } => {
+            let verbs = board.feedback.as_ref()?.preparation.as_ref()?.settings.1;
+            let kept = verbs.iter().zip(values);
+            let kept = kept.filter_map(|(verb, value)| Some(format!("{} {}", board.verb(*verb)?.word, value?)));
+            Some(format!("servo {servo} keeps {}", kept.collect::<Vec<_>>().join(" and ")))
+        }
+        Notice::SoftStart { servos, takes, is_longer } => {
+            let (servos, takes) = (plural(servos, "servo"), takes.micros());
+            let why = if is_longer { ", longer than asked because of the speed of a servo" } else { "" };
+            Some(format!("soft start: {servos} to the first positions of the script in {takes:.3} s{why}"))
+        }
+        Notice::Flags { servo, bits } => Some(format!("servo {servo} reports an error: {}", board.errors(bits))),
+        _ => None,
     }
 }
 

@@ -34,6 +34,12 @@ pub(super) struct Selection<L: Args = Loop> {
     /// Time for the servos to move to their positions at `--from`
     #[arg(long, value_name = "TIME", value_parser = lead_in, default_value = "1s", help_heading = "Part and speed")]
     lead_in: Micros,
+    /// Time for the servos to move from where they are to their first positions, on boards that report positions [default: `soft` of the script; 2s on the STS bus]
+    #[arg(long, value_name = "TIME", value_parser = soft, conflicts_with = "no_soft", help_heading = "Part and speed")]
+    soft: Option<Micros>,
+    /// Send the first positions at once
+    #[arg(long, help_heading = "Part and speed")]
+    no_soft: bool,
 }
 
 /// The number of passes, or forever.
@@ -91,6 +97,12 @@ fn lead_in(text: &str) -> Result<Micros, NotATime> {
     if time <= Micros::DAY { Ok(time) } else { Err(NotATime::TooLong) }
 }
 
+fn soft(text: &str) -> Result<Micros, String> {
+    let time: Micros = text.parse().map_err(|error: NotATime| error.to_string())?;
+    let range = Micros::from_millis(100)..=Micros::from_millis(60_000);
+    Some(time).filter(|time| range.contains(time)).ok_or_else(|| "write a time from 100ms to 60s".to_owned())
+}
+
 /// How many frames of an endless run are checked together.
 const MANY: usize = 200_000;
 
@@ -141,7 +153,8 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         let sources = Sources::new(read(file, screen)?, Disk);
         let config = options.config.of_script(sources.main().path(), screen)?;
         let compiled = options.compile_at(&sources, screen, (self.speed, warnings), &config);
-        let whole = compiled.timeline.ok_or(Exit::Script)?;
+        let mut whole = compiled.timeline.ok_or(Exit::Script)?;
+        self.set_soft(&mut whole, screen)?;
         let mut diagnostics = compiled.diagnostics.clone();
         match self.select(&whole, options.max_events, &mut diagnostics) {
             Ok((timeline, again, first_pass)) => {
@@ -165,6 +178,22 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
                 Err(Exit::Usage)
             }
         }
+    }
+
+    /// Sets how softly the script starts.
+    fn set_soft(&self, whole: &mut Timeline, screen: &Screen) -> Result<(), Exit> {
+        if self.soft.is_none() && !self.no_soft {
+            return Ok(());
+        }
+        if whole.board.feedback.is_none() {
+            let (option, board) = (if self.no_soft { "--no-soft" } else { "--soft" }, &whole.board.name);
+            screen.error(&format!(
+                "`{option}` is only for boards that report the positions of their servos; this script is for {board}"
+            ));
+            return Err(Exit::Usage);
+        }
+        whole.soft = self.soft;
+        Ok(())
     }
 
     /// The selection, for a report.

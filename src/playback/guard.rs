@@ -10,14 +10,16 @@ use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::UnixStream;
 use std::process::{Child, Command};
+use std::sync::Arc;
 use std::time::Duration;
 
-use super::halt::{Outbox, Stops};
+use super::halt::Stops;
 use super::messages::Stop;
 use super::os::{self, Process, Ready};
+use super::outbox::Outbox;
 use super::stop::stop_robot;
 use super::watchdog::{Decision, PlayerFailure, PlayerMessage, Watchdog};
-use crate::board::{Board, Hex};
+use crate::board::{Board, Family, Hex, ServoSet};
 use crate::clock;
 use crate::link::Serial;
 use crate::source::Place;
@@ -43,8 +45,9 @@ const LENIENCE: Nanos = Nanos::from_millis(25);
 struct Record([u8; RECORD]);
 
 const RECORD: usize = 128;
-/// Kind, length of the name, whether the robot was stopped, whether the player reads single keys, line, time.
-const HEAD: usize = 16;
+/// Kind, length of the name, whether the robot was stopped, whether the player reads single keys, line, time, servos.
+const HEAD: usize = SERVOS_AT + ServoSet::BYTES;
+const SERVOS_AT: usize = 16;
 const STOP_AT: usize = 2;
 const KEYS_AT: usize = 3;
 /// The message of the guard when it watches, and when it has closed the port.
@@ -78,6 +81,18 @@ impl Record {
         self
     }
 
+    /// The servos that may be on their way.
+    fn with_servos(mut self, servos: ServoSet) -> Self {
+        if let Some(place) = self.0.get_mut(SERVOS_AT..HEAD) {
+            place.copy_from_slice(&servos.bytes());
+        }
+        self
+    }
+
+    fn servos(&self) -> ServoSet {
+        ServoSet::from_bytes(self.0.get(SERVOS_AT..HEAD).unwrap_or_default())
+    }
+
     fn has_keys(&self) -> bool {
         self.0.get(KEYS_AT) == Some(&1)
     }
@@ -90,6 +105,8 @@ impl Record {
                 Stop::NotNeeded => b'n',
                 Stop::Sent => b's',
                 Stop::NotDefined => b'd',
+                Stop::Held => b'h',
+                Stop::NotHeld => b'l',
                 Stop::NotSent => 0,
             };
         }
@@ -101,6 +118,8 @@ impl Record {
             Some(b'n') => Stop::NotNeeded,
             Some(b's') => Stop::Sent,
             Some(b'd') => Stop::NotDefined,
+            Some(b'h') => Stop::Held,
+            Some(b'l') => Stop::NotHeld,
             _ => Stop::NotSent,
         }
     }
@@ -116,7 +135,7 @@ impl Record {
 
     fn at(&self) -> Micros {
         self.0
-            .get(8..HEAD)
+            .get(8..SERVOS_AT)
             .and_then(|bytes| bytes.try_into().ok())
             .map_or(Micros::ZERO, |bytes| Micros(u64::from_le_bytes(bytes)))
     }
@@ -143,6 +162,8 @@ pub struct GuardConfig {
     pub stop: Vec<Vec<u8>>,
     /// What the robot does if the board has no stop.
     pub without_stop: String,
+    /// The family of a board whose stop holds servos, as a script chooses it; empty for others.
+    pub holds: String,
 }
 
 impl GuardConfig {
@@ -153,10 +174,12 @@ impl GuardConfig {
     }
 
     /// For any program on a board.
-    pub fn of_board(board: &Board) -> Self {
-        let stop = Stops::of(board, &[]).frames;
+    pub fn of_board(board: &Arc<Board>) -> Self {
+        let Stops { frames: stop, hold, .. } = Stops::of(board, &[]);
         let without_stop = board.without_stop.to_string();
-        GuardConfig { max_late: Nanos::from_millis(50), zeros: board.most_zeros(), realtime: false, stop, without_stop }
+        let holds = if hold.is_some() { board.line.to_string() } else { String::new() };
+        let (max_late, zeros) = (Nanos::from_millis(50), board.most_zeros());
+        GuardConfig { max_late, zeros, realtime: false, stop, without_stop, holds }
     }
 
     /// The lateness that the guard tolerates.
@@ -165,18 +188,31 @@ impl GuardConfig {
     }
 
     /// As process arguments.
-    fn arguments(&self) -> [String; 5] {
+    fn arguments(&self) -> [String; 6] {
         let (max_late, zeros) = (self.patience().0.to_string(), self.zeros.to_string());
-        [max_late, zeros, self.realtime.to_string(), hex(&self.stop), self.without_stop.clone()]
+        [max_late, zeros, self.realtime.to_string(), hex(&self.stop), self.without_stop.clone(), self.holds.clone()]
     }
 
     /// Reads process arguments; `None` if they are invalid.
     fn read(arguments: &[String]) -> Option<Self> {
-        let [max_late, zeros, realtime, stop, without_stop] = arguments else { return None };
+        let [max_late, zeros, realtime, stop, without_stop, holds] = arguments else { return None };
         let (max_late, zeros, realtime) = (max_late.parse().ok()?, zeros.parse().ok()?, realtime.parse().ok()?);
-        let without_stop = without_stop.clone();
-        Some(GuardConfig { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)?, without_stop })
+        let (without_stop, holds) = (without_stop.clone(), holds.clone());
+        Some(GuardConfig { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)?, without_stop, holds })
     }
+}
+
+/// What a heartbeat tells the guard.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Heartbeat<'p> {
+    /// The time of the script.
+    pub(crate) at: Micros,
+    /// The place in the script.
+    pub(crate) place: Option<Place<'p>>,
+    /// Whether the player reads single keys.
+    pub(crate) keys: bool,
+    /// The servos that may be on their way.
+    pub(crate) moving: ServoSet,
 }
 
 /// A player's guard, as the player sees it.
@@ -204,7 +240,7 @@ enum Watching {
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the six arguments that are added
+    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the seven arguments that are added
     /// to it to [`guard`]: the process, and the fields of [`GuardConfig`].
     pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &GuardConfig) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
@@ -252,11 +288,12 @@ impl Guard {
         self.watching == Watching::Watched && now >= if has_time { self.soon } else { self.deadline }
     }
 
-    /// Sends a heartbeat with the position of the player, and whether it reads single keys.
-    pub(crate) fn beat(&mut self, now: Nanos, at: Micros, place: Option<Place<'_>>, keys: bool) {
+    /// Sends a heartbeat.
+    pub(crate) fn beat(&mut self, now: Nanos, heartbeat: Heartbeat<'_>) {
+        let Heartbeat { at, place, keys, moving } = heartbeat;
         self.soon = now.saturating_add(SOON.min(Nanos(self.interval.0 / 2)));
         self.deadline = now.saturating_add(self.interval);
-        self.send_or_lose(Record::new(BEAT, at, place).with_keys(keys));
+        self.send_or_lose(Record::new(BEAT, at, place).with_keys(keys).with_servos(moving));
     }
 
     /// Reports that the robot is stopped, and that no heartbeats will come until the next one.
@@ -282,8 +319,8 @@ impl Guard {
 
     /// Reports the end of the run, and waits until the guard has closed the port. If this process is killed before it reports the
     /// end itself and says [`Guard::goodbye`], the guard reports it.
-    pub fn ended(&mut self, at: Micros, place: Option<Place<'_>>, stop: Stop) {
-        let sent = self.send(Record::ended(at, place, stop));
+    pub fn ended(&mut self, at: Micros, place: Option<Place<'_>>, stop: Stop, missing: ServoSet) {
+        let sent = self.send(Record::ended(at, place, stop).with_servos(missing));
         if sent.and_then(|()| self.hear(END)).is_err() {
             self.lose();
             let _ = self.child.kill();
@@ -344,6 +381,8 @@ pub struct Guarded {
     pub place: Option<String>,
     /// Whether the robot was stopped.
     pub stop: Stop,
+    /// The servos that may still be on their way.
+    pub missing: ServoSet,
     /// What the robot does if the board has no stop.
     pub without_stop: String,
 }
@@ -378,7 +417,8 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
     os::become_guard(ward.realtime);
     // The process number is unambiguous only while the player is the parent of this process.
     let player = Process::parent(player)?;
-    let (stops, without_stop) = (Stops::only(ward.stop), ward.without_stop);
+    let without_stop = ward.without_stop;
+    let mut stops = Family::board(&ward.holds).map_or_else(|| Stops::only(ward.stop), |board| Stops::of(&board, &[]));
     let mut out = Outbox::new(ward.zeros, stops.frames.iter().map(Vec::len).max().unwrap_or_default());
     // Before the first heartbeat, the player may have changed the terminal.
     let mut last = Record::new(BEAT, Micros::ZERO, None).with_keys(true);
@@ -401,8 +441,8 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
             Decision::Done => return Ok(None),
         }
     };
-    let stop = match port {
-        None => last.stop(),
+    let (stop, missing) = match port {
+        None => (last.stop(), last.servos()),
         Some(mut port) => {
             // Even if it seems dead: nothing may be sent after the stop.
             player.kill();
@@ -410,15 +450,17 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
             if last.has_keys() {
                 terminal.restore();
             }
-            let mut stop = stop_robot(&mut port, &stops, &mut out, || {});
+            stops.begin(last.servos());
+            let mut stop = stop_robot(&mut port, &mut stops, &mut out, || {});
             if !has_ended && player.has_ended(LATE_DEATH) {
-                stop = stop_robot(&mut port, &stops, &mut out, || {});
+                stops.begin(last.servos());
+                stop = stop_robot(&mut port, &mut stops, &mut out, || {});
             }
             release(Some(port));
-            stop
+            (stop, stops.missing())
         }
     };
-    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop, without_stop }))
+    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop, missing, without_stop }))
 }
 
 /// Closes the port, which is also standard input, so that the next player need not wait for the report.

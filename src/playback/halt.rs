@@ -4,8 +4,12 @@
 //! a frame that was cut off), the stop of the board, if it has one, and the script's `on abort`. Nothing skips it: signals are
 //! ignored, and a failed write is repeated.
 
+use std::sync::Arc;
+
+use super::hold::Hold;
 use super::messages::{Input, Order, Stop};
-use crate::board::{Board, BufferStart, Codec};
+use super::outbox::Outbox;
+use crate::board::{Board, ServoSet};
 use crate::timeline::Event;
 use crate::units::{Micros, Nanos};
 
@@ -16,11 +20,8 @@ const PATIENCE: Nanos = Nanos::from_millis(500);
 /// How long after a failed write it is repeated, and how many writes may fail in all.
 const RETRY: Nanos = Nanos::from_millis(5);
 const MAX_FAILURES: u32 = 10;
-/// The most bytes written to the port at once.
-const BATCH: usize = 16 * 1024;
-
-/// The frames of a stop and of the following `on abort`, as bytes: the guard does not depend on a board family.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+/// The frames of a stop and of the following `on abort`, as bytes, and how servos are held.
+#[derive(Debug, Default)]
 pub struct Stops {
     /// The frames of a stop. The first frame and its repeats are sent at intervals.
     pub frames: Vec<Vec<u8>>,
@@ -28,19 +29,45 @@ pub struct Stops {
     is_lenient: bool,
     /// The frames of `on abort`, with their times from the first of them.
     abort: Vec<(Micros, Vec<u8>)>,
+    /// For a board whose stop holds its servos.
+    pub(crate) hold: Option<Hold>,
 }
 
 impl Stops {
     /// The stop of a board, and what a script sends after it.
-    pub fn of(board: &Board, abort: &[Event]) -> Self {
+    pub fn of(board: &Arc<Board>, abort: &[Event]) -> Self {
         let frames = board.stop.iter().map(|command| board.to_frame(command)).collect();
         let abort = abort.iter().map(|event| (event.at, board.to_frame(&event.command))).collect();
-        Stops { frames, is_lenient: board.flushes, abort }
+        Stops { frames, is_lenient: board.flushes, abort, hold: Hold::of(board) }
     }
 
     /// A stop without `on abort`.
     pub fn only(frames: Vec<Vec<u8>>) -> Self {
-        Stops { is_lenient: !frames.is_empty(), frames, abort: Vec::new() }
+        Stops { is_lenient: !frames.is_empty(), frames, ..Stops::default() }
+    }
+
+    /// A stop begins, with these servos on their way.
+    pub(crate) fn begin(&mut self, moving: ServoSet) {
+        if let Some(hold) = &mut self.hold {
+            hold.begin(moving);
+        }
+    }
+
+    /// Takes bytes of the board during a stop.
+    pub(crate) fn hear(&mut self, bytes: &[u8]) {
+        if let Some(hold) = &mut self.hold {
+            hold.hear(bytes);
+        }
+    }
+
+    /// Whether an answer of the board has come that a stop waits for.
+    pub(super) fn has_news(&self) -> bool {
+        self.hold.as_ref().is_some_and(Hold::has_news)
+    }
+
+    /// The servos that may still be on their way after a stop.
+    pub(crate) fn missing(&self) -> ServoSet {
+        self.hold.as_ref().map(Hold::missing).unwrap_or_default()
     }
 
     /// Whether a frame is the first one or a repeat of it.
@@ -54,88 +81,6 @@ impl Stops {
     }
 }
 
-/// Bytes for the port, and how many of them it has accepted. Its capacity never grows.
-#[derive(Debug)]
-pub(crate) struct Outbox {
-    bytes: Vec<u8>,
-    taken: usize,
-    /// How many zeros are sent after a flush.
-    zeros: usize,
-}
-
-impl Outbox {
-    /// An empty outbox, for frames of at most `longest` bytes. `zeros` bytes of zeros synchronize the receiver after a flush.
-    pub(crate) fn new(zeros: usize, longest: usize) -> Self {
-        Outbox { bytes: Vec::with_capacity(BATCH + longest), taken: 0, zeros }
-    }
-
-    /// Raises the number of zeros, for a receiver that needs more from now on.
-    pub(super) fn needs_zeros(&mut self, zeros: usize) {
-        self.zeros = self.zeros.max(zeros);
-    }
-
-    /// The bytes that the port has not accepted.
-    pub(super) fn rest(&self) -> &[u8] {
-        self.bytes.get(self.taken..).unwrap_or_default()
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.rest().is_empty()
-    }
-
-    /// Whether the port has accepted a part of the bytes.
-    fn has_begun(&self) -> bool {
-        self.taken > 0 && !self.is_empty()
-    }
-
-    /// Whether no further frame should be added.
-    pub(super) fn is_full(&self) -> bool {
-        self.bytes.len() >= BATCH
-    }
-
-    /// Appends a frame, which `write` writes.
-    pub(crate) fn push(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
-        write(&mut self.bytes);
-    }
-
-    fn push_zeros(&mut self) {
-        self.bytes.resize(self.bytes.len() + self.zeros.min(BATCH), 0);
-    }
-
-    /// The port accepted `count` bytes. Returns whether the outbox is empty now.
-    pub(super) fn took(&mut self, count: usize) -> bool {
-        self.taken = self.taken.saturating_add(count).min(self.bytes.len());
-        let all = self.is_empty();
-        if all {
-            self.clear();
-        }
-        all
-    }
-
-    /// Writes everything again from the start.
-    fn rewind(&mut self) {
-        self.taken = 0;
-    }
-
-    /// Keeps only the rest of the frame that the port has begun to accept.
-    pub(super) fn keep_begun(&mut self, codec: &dyn Codec) {
-        let mut end = 0;
-        while end < self.taken {
-            match codec.front(self.bytes.get(end..).unwrap_or_default(), false) {
-                BufferStart::Frame(length) | BufferStart::Skip(length, _) => end += length.max(1),
-                BufferStart::NeedMore => end = self.bytes.len(),
-            }
-        }
-        self.bytes.truncate(end);
-        self.took(0);
-    }
-
-    pub(super) fn clear(&mut self) {
-        self.bytes.clear();
-        self.taken = 0;
-    }
-}
-
 /// A stop under way.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halt {
@@ -143,6 +88,8 @@ pub(super) struct Halt {
     aborts: bool,
     /// How many frames of the stop and then of `on abort` were processed.
     step: usize,
+    /// How many frames were sent to hold servos.
+    held: usize,
     /// When `abort` began.
     abort_from: Nanos,
     /// How many stop frames the port accepted completely.
@@ -160,13 +107,15 @@ impl Halt {
     /// A stop that starts at `now`, after queued bytes were discarded. `aborts`: whether `on abort` follows.
     pub(super) fn new(aborts: bool, now: Nanos) -> Self {
         let give_up = now.saturating_add(PATIENCE);
-        let (step, whole, has_aborted, failures) = (0, 0, false, 0);
-        Halt { aborts, step, abort_from: Nanos::ZERO, whole, has_aborted, failures, next_at: now, give_up }
+        let (step, held, whole, has_aborted, failures) = (0, 0, 0, false, 0);
+        Halt { aborts, step, held, abort_from: Nanos::ZERO, whole, has_aborted, failures, next_at: now, give_up }
     }
 
     /// Whether the robot is stopped.
     pub(super) fn stop(&self, stops: &Stops) -> Stop {
-        if stops.frames.is_empty() {
+        if let Some(hold) = &stops.hold {
+            hold.stop()
+        } else if stops.frames.is_empty() {
             Stop::NotDefined
         } else if self.whole >= stops.needed() {
             Stop::Sent
@@ -182,11 +131,11 @@ impl Halt {
 
     /// How many frames were written to the port.
     pub(super) fn frames(&self) -> usize {
-        self.step
+        self.step + self.held
     }
 
     /// What to do next; `None` once it is over.
-    pub(super) fn poll(&mut self, now: Nanos, input: Input, stops: &Stops, out: &mut Outbox) -> Option<Order> {
+    pub(super) fn poll(&mut self, now: Nanos, input: Input, stops: &mut Stops, out: &mut Outbox) -> Option<Order> {
         match input {
             Input::Failed(_) if self.failures < MAX_FAILURES => {
                 self.failures += 1;
@@ -198,6 +147,9 @@ impl Halt {
             Input::Failed(_) | Input::HungUp => {
                 self.aborts &= stops.is_lenient;
                 out.clear();
+                if stops.hold.is_some() {
+                    return None;
+                }
             }
             Input::Panicked => {
                 self.aborts &= stops.is_lenient || !out.has_begun();
@@ -219,6 +171,10 @@ impl Halt {
             })
         } else if now < self.next_at {
             Some(Order::Pause { until: self.next_at })
+        } else if let Some(order) = stops.hold.as_mut().and_then(|hold| hold.poll(now, out)) {
+            self.give_up = now.saturating_add(PATIENCE);
+            self.held += usize::from(order == Order::Write);
+            Some(order)
         } else {
             let is_first = self.step == 0;
             let frame = self.next_frame(now, stops)?;

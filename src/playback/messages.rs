@@ -4,7 +4,7 @@ use std::io;
 
 use super::gate::Passage;
 use super::judge::Verdict;
-use crate::board::{Hundredths, Report};
+use crate::board::{Board, Command, Hundredths, Report, ServoSet, VerbId};
 use crate::source::Span;
 use crate::units::{Micros, Nanos};
 
@@ -181,6 +181,39 @@ pub enum Notice {
         /// Its row in the table of the board.
         quantity: usize,
     },
+    /// This frame was sent because of the world, and not because of the script.
+    Unscripted {
+        /// Why.
+        why: Why,
+        /// Its command.
+        command: ShortCommand,
+    },
+    /// A servo keeps these settings, which the script does not set; in the order of
+    /// [`Preparation::settings`](crate::board::Preparation::settings).
+    Kept {
+        /// The servo.
+        servo: i32,
+        /// Their values; `None` for those that the script sets.
+        values: [Option<i32>; 2],
+    },
+    /// The servos begin to move to their first positions.
+    SoftStart {
+        /// How many of them.
+        servos: usize,
+        /// How long it takes.
+        takes: Nanos,
+        /// Whether that is longer than asked, because of a limit of a servo's speed.
+        is_longer: bool,
+    },
+    /// The servos are ready: this is time 0 of the script.
+    Began,
+    /// A servo answered with these error bits.
+    Flags {
+        /// The servo.
+        servo: i32,
+        /// The bits.
+        bits: u16,
+    },
     /// The board answered the first frame with its error bits; 0 for no error.
     Errors(u16),
     /// The board did not answer the first frame.
@@ -205,6 +238,43 @@ pub enum Notice {
         /// The time of the script.
         at: Micros,
     },
+}
+
+/// Why a frame was sent that is not of the script.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Why {
+    /// It prepares a servo before the script.
+    Start,
+    /// It belongs to the soft start.
+    Soft,
+    /// It belongs to switching the torque of a servo on.
+    Torque,
+}
+
+/// A command with at most two values, without heap memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ShortCommand {
+    verb: VerbId,
+    values: [i32; 2],
+    count: u8,
+}
+
+impl ShortCommand {
+    /// The same command with its first two values.
+    pub(super) fn of(command: &Command) -> Self {
+        let mut short = ShortCommand { verb: command.verb(), values: [0; 2], count: 0 };
+        for (place, value) in short.values.iter_mut().zip(command.values()) {
+            *place = value;
+            short.count += 1;
+        }
+        short
+    }
+
+    /// The command.
+    pub fn command(&self) -> Command {
+        Command::new(self.verb, self.values.get(..usize::from(self.count)).unwrap_or_default())
+    }
 }
 
 /// Bytes that a port accepted, at most as many as the longest frame has.
@@ -250,6 +320,55 @@ pub enum Stop {
     /// The board has no stop, so that nothing was sent. [`Board::without_stop`](crate::board::Board::without_stop) says
     /// what the robot does.
     NotDefined,
+    /// Every servo holds its position: those that were on their way got the target where they were.
+    Held,
+    /// Some servos did not say where they are, so that they may still be on their way.
+    NotHeld,
+}
+
+/// What is wrong with a servo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServoFault {
+    /// The servo.
+    pub servo: i32,
+    /// What is wrong with it.
+    pub kind: ServoFaultKind,
+}
+
+impl ServoFault {
+    /// In words.
+    pub fn words(&self, board: &Board) -> String {
+        let feedback = board.feedback.as_ref();
+        let resource = feedback.and_then(|feedback| board.occupied(feedback.verb, Some(self.servo)).first());
+        let name = resource.and_then(|resource| board.resource(*resource)).map_or("a servo", |resource| &resource.name);
+        match self.kind {
+            ServoFaultKind::Silent => format!("{name} does not answer; {}", board.silence_hint()),
+            ServoFaultKind::Mode(mode) => {
+                let words = feedback.and_then(|feedback| Some((feedback.preparation.as_ref()?.mode_words)(mode)));
+                format!("{name} {}", words.unwrap_or_default())
+            }
+            ServoFaultKind::Position(position) => {
+                let axis = feedback.and_then(|feedback| board.verb(feedback.verb)?.moving().first());
+                let (least, most) = axis.map_or((0, 0), |axis| axis.range);
+                format!("{name} reports the position {}, which is not from {least} to {most}", position.number())
+            }
+            ServoFaultKind::Flags(bits) => format!("{name} reports an error: {}", board.errors(bits)),
+        }
+    }
+}
+
+/// What may be wrong with a servo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ServoFaultKind {
+    /// It does not answer.
+    Silent,
+    /// It is in this mode, which is not the one for positions.
+    Mode(i32),
+    /// It reports this position, which is not a valid one.
+    Position(Hundredths),
+    /// It answers with these error bits.
+    Flags(u16),
 }
 
 /// Why a run ended.
@@ -274,6 +393,8 @@ pub enum Cause {
     Gate(Passage),
     /// The board did not answer, and the script needs its answers.
     Unanswered,
+    /// Something is wrong with a servo.
+    Servo(ServoFault),
     /// The guard was lost.
     Unguarded,
     /// The program failed.
@@ -291,6 +412,8 @@ pub struct Outcome {
     pub place: Option<Span>,
     /// Whether the robot was stopped.
     pub stop: Stop,
+    /// The servos that may still be on their way.
+    pub missing: ServoSet,
     /// Frames of the timeline that the port accepted completely.
     pub sent: usize,
     /// Frames of the timeline that were dropped.

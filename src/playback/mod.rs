@@ -6,8 +6,10 @@
 
 mod gate;
 mod halt;
+mod hold;
 mod judge;
 mod messages;
+mod outbox;
 mod player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
@@ -28,16 +30,17 @@ mod watchdog;
 pub use gate::{GateEnd, Passage, Seen};
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
-pub use messages::{Cause, Input, Notice, Order, Outcome, Piece, Stop};
+pub use messages::{Cause, Input, Notice, Order, Outcome, Piece, ServoFault, ServoFaultKind, ShortCommand, Stop, Why};
 pub use player::Player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod real {
     pub use super::go_lines::GoLines;
+    pub(crate) use super::guard::Heartbeat;
     pub use super::guard::{Guard, GuardConfig, Guarded, guard};
-    pub(crate) use super::halt::Outbox;
     pub use super::latency::lateness;
     pub use super::os::{Keys, Realtime, Signals, is_in_foreground};
+    pub(crate) use super::outbox::Outbox;
     pub use super::session::Session;
     pub(crate) use super::stop::stop_robot;
     pub use super::watchdog::PlayerFailure;

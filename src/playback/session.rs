@@ -7,10 +7,11 @@ use std::os::fd::AsFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::go_lines::GoLines;
-use super::guard::Guard;
+use super::guard::{Guard, Heartbeat};
 use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Stop};
 use super::os::{self, Keys, Ready, Signals};
 use super::player::Player;
+use crate::board::ServoSet;
 use crate::clock;
 use crate::link::Link;
 use crate::source::Lines;
@@ -51,6 +52,8 @@ pub struct Session<'s, L> {
     pub realtime: bool,
     /// The gate that waited for the operator after the last order.
     waited_for_go: Option<usize>,
+    /// The servos that may be on their way, as the guard was told.
+    told: ServoSet,
     /// Time 0 of the run, on the clock of [`now`](super::now).
     start: Nanos,
 }
@@ -68,6 +71,7 @@ impl<'s, L: Link> Session<'s, L> {
             lines,
             realtime: false,
             waited_for_go: None,
+            told: ServoSet::default(),
             start: Nanos::ZERO,
         }
     }
@@ -87,7 +91,7 @@ impl<'s, L: Link> Session<'s, L> {
             drop(self.guard.take());
         }
         if let Some(guard) = &mut self.guard {
-            guard.ended(outcome.at, outcome.place.map(|span| self.lines.place(span)), outcome.stop);
+            guard.ended(outcome.at, outcome.place.map(|span| self.lines.place(span)), outcome.stop, outcome.missing);
         }
         if outcome.stop == Stop::NotSent {
             // Bytes that the port never sent must not delay its closing.
@@ -142,7 +146,10 @@ impl<'s, L: Link> Session<'s, L> {
                 // Signals are checked before every write.
                 Order::Write => match self.signals.pending() {
                     Some(signal) => self.meaning(signal),
-                    None => self.write(notices),
+                    None => {
+                        self.tell_moving();
+                        self.write(notices)
+                    }
                 },
                 Order::Halt { discards } => {
                     if discards {
@@ -212,10 +219,25 @@ impl<'s, L: Link> Session<'s, L> {
     /// Sends a heartbeat to the guard, if it is due or if there is time for it.
     fn beat(&mut self, has_time: bool) {
         let now = clock::now();
-        if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, has_time)) {
+        if self.guard.as_ref().is_some_and(|guard| guard.wants_beat(now, has_time)) {
+            self.send_beat(now);
+        }
+    }
+
+    /// Tells the guard which servos may be on their way, before a frame is sent that changes that.
+    fn tell_moving(&mut self) {
+        if self.player.moving() != self.told {
+            self.send_beat(clock::now());
+        }
+    }
+
+    fn send_beat(&mut self, now: Nanos) {
+        self.told = self.player.moving();
+        if let Some(guard) = self.guard.as_mut().filter(|guard| guard.descriptor().is_some()) {
             let place = self.player.place().map(|span| self.lines.place(span));
             let keys = self.keys.as_ref().is_some_and(Keys::is_single);
-            guard.beat(now, self.player.run_time(now - self.start).micros(), place, keys);
+            let at = self.player.run_time(now - self.start).micros();
+            guard.beat(now, Heartbeat { at, place, keys, moving: self.told });
         }
     }
 

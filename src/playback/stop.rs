@@ -1,8 +1,9 @@
 //! Stops the robot, for a guard and for a tap that ends.
 
-use super::halt::{Halt, Outbox, Stops};
+use super::halt::{Halt, Stops};
 use super::messages::{Input, Order, Stop};
 use super::os::{self, Ready};
+use super::outbox::Outbox;
 use crate::clock;
 use crate::link::Link;
 use crate::units::Nanos;
@@ -12,7 +13,7 @@ const BEAT: Nanos = Nanos::from_millis(20);
 
 /// Stops the robot: discards queued bytes and sends the stop frames. For a board without a stop, it only completes the frame in
 /// `out`. Calls `beat` regularly, for a guard that watches.
-pub(crate) fn stop_robot(port: &mut impl Link, stops: &Stops, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
+pub(crate) fn stop_robot(port: &mut impl Link, stops: &mut Stops, out: &mut Outbox, mut beat: impl FnMut()) -> Stop {
     if !stops.frames.is_empty() {
         let _ = port.discard();
         out.clear();
@@ -23,10 +24,17 @@ pub(crate) fn stop_robot(port: &mut impl Link, stops: &Stops, out: &mut Outbox, 
         beat();
         input = match order {
             Order::Write => Input::of_write(port.write(out.rest())),
-            Order::Wait { until, .. } => {
+            Order::Wait { until, writable } => {
                 let left = until.saturating_sub(clock::now()).min(BEAT);
-                match os::wait([(Some(port.descriptor()), Ready::OUT)], Some(left)) {
+                let watched = if writable { Ready::OUT } else { Ready::IN };
+                match os::wait([(Some(port.descriptor()), watched)], Some(left)) {
                     Ok([ready]) if os::is_gone(ready) => Input::HungUp,
+                    Ok([ready]) if ready.contains(Ready::IN) => {
+                        let mut buffer = [0; 256];
+                        let count = port.read(&mut buffer).unwrap_or(0);
+                        stops.hear(buffer.get(..count).unwrap_or_default());
+                        Input::Tick
+                    }
                     _ => Input::Tick,
                 }
             }

@@ -250,6 +250,8 @@ pub(crate) struct Settings {
     pub has_tempo: bool,
     /// Which random numbers there are.
     pub seed: u64,
+    /// How long a soft start takes; `None` for no soft start.
+    pub soft: Option<Micros>,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
     /// Ranges that the project limits, and where.
@@ -271,6 +273,7 @@ impl Settings {
             tempo: Tempo::default(),
             has_tempo: false,
             seed: 0,
+            soft: board.feedback.as_ref().and_then(|feedback| Some(feedback.preparation.as_ref()?.soft)),
             limits: Limit::proper(board),
             project_limits: options.limits.iter().filter_map(|limit| limit.on(board)).collect(),
             speeds: board.resources.iter().map(|resource| resource.speed).collect(),

@@ -16,6 +16,10 @@ use crate::board::{
 };
 use crate::diagnostic::{bail, diagnostic};
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
+use crate::units::Micros;
+
+/// The times that a soft start may take.
+const SOFT: std::ops::RangeInclusive<Micros> = Micros::from_millis(100)..=Micros::from_millis(60_000);
 
 /// Reads the arguments of a setting; `None` if they are wrong, which is reported.
 pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
@@ -29,6 +33,7 @@ pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settin
         Setting::Refresh => refresh(args, settings),
         Setting::Baud => baud(args, settings),
         Setting::Seed => seed(args, settings),
+        Setting::Soft => soft(args, settings),
         Setting::Limit => limit(args, settings),
     }
 }
@@ -191,6 +196,21 @@ fn seed(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option
     let value = args.next()?;
     let seed = args.integer(value, "a seed", (0, i32::MAX))?;
     settings.seed = u64::try_from(seed).ok()?;
+    Some(())
+}
+
+fn soft(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+    let value = args.next()?;
+    let takes = arguments::time(value, args.eval)?;
+    if args.eval.board.feedback.is_none() {
+        bail!(args.eval, WrongBoard, args.command.span, "{} reports no positions, so that nothing is known to start softly from",
+            args.eval.board.name; help: "remove the line");
+    }
+    if !SOFT.contains(&takes.micros()) || takes < Time::ZERO {
+        bail!(args.eval, OutOfRange, value.span, "the time of a soft start is out of range (100ms to 60s)";
+            help: "write a time such as `soft 2s`");
+    }
+    settings.soft = Some(takes.micros());
     Some(())
 }
 

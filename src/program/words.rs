@@ -76,6 +76,7 @@ pub(super) enum Setting {
     Refresh,
     Baud,
     Seed,
+    Soft,
     Limit,
 }
 
@@ -322,6 +323,14 @@ pub const SETTINGS: &[Row] = &[
         "which random numbers there are, a whole number; 0 where it is not given",
         Operation::Set(Setting::Seed),
     ),
+    Row::new(
+        "soft",
+        "soft TIME",
+        "soft 2s",
+        "how long the servos take from where they are to their first positions, before the script begins; for boards that report positions",
+        Operation::Set(Setting::Soft),
+    )
+    .may_be_a_name(),
     Row::new(
         "limit",
         "limit servo N MIN..MAX",

@@ -34,7 +34,8 @@ pub struct Run {
     pub file: Option<String>,
     /// The line on which it ended early.
     pub line: Option<usize>,
-    /// Whether the robot was stopped: `not needed`, `sent` or `not sent`.
+    /// Whether the robot was stopped: `not needed`, `sent`, `not sent`, `not defined` (the board has no stop), `held` (every servo
+    /// holds its position) or `not held` (a servo did not say where it is).
     pub stop: &'static str,
     /// The last pass, counted from 1.
     pub passes: u64,
@@ -156,7 +157,8 @@ pub struct Gate {
 /// One frame that was sent once or repeatedly because of the world.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unscripted {
-    /// Why: `gate` for a refresh at a closed gate, `read` for a request.
+    /// Why: `gate` for a refresh at a closed gate, `read` for a request, `start` before the script, `soft` for the soft start, and
+    /// `torque` before the torque of a servo is switched on.
     pub reason: &'static str,
     /// The number of frames of the script before it.
     pub after: u64,
@@ -166,7 +168,7 @@ pub struct Unscripted {
     pub frame: String,
     /// Its command.
     pub command: String,
-    /// The file of the script; `None` for a request.
+    /// The file of the script; `None` unless it is a refresh.
     pub file: Option<String>,
     /// The line of the script.
     pub line: Option<usize>,

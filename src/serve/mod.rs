@@ -13,7 +13,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::Duration;
 
-use crate::board::Board;
+use crate::board::{Board, ServoSet};
 use crate::clock;
 use crate::faults::{Faulty, Stall};
 use crate::link::{LineSettings, PortEvent, Pty, PtyLink, Serial};
@@ -65,6 +65,8 @@ pub enum ServeError {
 pub struct TapEnd {
     /// Whether the robot was stopped at the end; not needed if the last command of the board is known to be rest.
     pub stop: Stop,
+    /// The servos that may still be on their way.
+    pub missing: ServoSet,
     /// How many bytes of the program were not sent to the board.
     pub undelivered: u64,
 }

@@ -5,11 +5,11 @@ use std::os::fd::BorrowedFd;
 use std::sync::Arc;
 
 use super::{TapEnd, is_nothing};
-use crate::board::{Board, Decoder, Item, State};
+use crate::board::{Board, Decoder, Item, ServoSet, State};
 use crate::clock;
 use crate::link::{Link, Serial};
 use crate::playback::os::{self, Ready};
-use crate::playback::{Guard, Outbox, Stop, Stops, stop_robot};
+use crate::playback::{Guard, Heartbeat, Outbox, Stop, Stops, stop_robot};
 use crate::units::Micros;
 
 /// The most bytes taken at once.
@@ -48,9 +48,9 @@ impl PortEnd {
 
     /// Sends the guard a sign of life.
     pub(super) fn beat(&mut self, time: Micros) {
-        let now = clock::now();
+        let (now, moving) = (clock::now(), self.state.held(&self.board));
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
-            guard.beat(now, time, None, false);
+            guard.beat(now, Heartbeat { at: time, moving, ..Heartbeat::default() });
         }
         self.is_unguarded |= self.guard.as_mut().is_some_and(Guard::is_newly_lost);
     }
@@ -148,17 +148,23 @@ impl PortEnd {
         if !self.board.flushes {
             self.complete_frame();
         }
+        let moving = self.state.held(&self.board);
         let PortEnd { board, port, out, guard, .. } = self;
         let beat = || {
             let now = clock::now();
             if let Some(guard) = guard.as_mut().filter(|guard| guard.wants_beat(now, true)) {
-                guard.beat(now, time, None, false);
+                guard.beat(now, Heartbeat { at: time, moving, ..Heartbeat::default() });
             }
         };
+        let mut missing = ServoSet::default();
         let stop = if rests && !board.stop.is_empty() {
             Stop::NotNeeded
         } else {
-            stop_robot(port, &Stops::of(board, &[]), out, beat)
+            let mut stops = Stops::of(board, &[]);
+            stops.begin(moving);
+            let stop = stop_robot(port, &mut stops, out, beat);
+            missing = stops.missing();
+            stop
         };
         if stop == Stop::NotSent {
             // Bytes that the port never took must not delay its closing.
@@ -166,8 +172,8 @@ impl PortEnd {
         }
         let mut guard = self.guard.take();
         if let Some(guard) = &mut guard {
-            guard.ended(time, None, stop);
+            guard.ended(time, None, stop, missing);
         }
-        (TapEnd { stop, undelivered }, guard)
+        (TapEnd { stop, missing, undelivered }, guard)
     }
 }

@@ -59,7 +59,8 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     let at_once = part(&timeline.events, start.events, first_gate).iter().take_while(|event| event.at == from.at);
     let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
     let is_start = from == Position::default();
-    let lead = if is_start { Micros::ZERO } else { cut.lead_in(clip.lead_in, before, &at_once) };
+    let unknown = if timeline.soft.is_some() { Micros::ZERO } else { clip.lead_in };
+    let lead = if is_start { Micros::ZERO } else { cut.lead_in((clip.lead_in, unknown), before, &at_once) };
     let lead_events = cut.events.len();
     let shifted = |at: Micros| at - from.at + lead;
     for event in part(&timeline.events, start.events, stop.events).iter().filter(|event| is_scripted(event)) {
@@ -191,8 +192,9 @@ impl Cutting<'_> {
     }
 
     /// Restores the state at the start, and returns how long that takes. Values move smoothly, or
-    /// are sent once if the current value is unknown; active commands follow afterwards.
-    fn lead_in(&mut self, lead_in: Micros, before: &State, at_once: &[&Command]) -> Micros {
+    /// are sent once if the current value is unknown, for which there is another time; active
+    /// commands follow afterwards.
+    fn lead_in(&mut self, (known, unknown): (Micros, Micros), before: &State, at_once: &[&Command]) -> Micros {
         let (board, state) = (self.board, self.state.clone());
         let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
         let mut takes = Micros::ZERO;
@@ -206,10 +208,10 @@ impl Cutting<'_> {
             } else if !board.verb(command.verb()).is_some_and(|verb| verb.moves) {
                 self.push(Micros::ZERO, command.clone(), Kind::Auto);
             } else if before != Some(command) {
-                takes = lead_in;
+                takes = takes.max(if before.is_some() { known } else { unknown });
                 match before {
-                    Some(before) => self.glide(before, command, lead_in),
-                    // The servo has the whole lead-in to get there.
+                    Some(before) => self.glide(before, command, known),
+                    // The servo has all the time to get there, or a soft start has brought it there.
                     None => self.push(Micros::ZERO, command.clone(), Kind::Auto),
                 }
             }

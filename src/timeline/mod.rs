@@ -57,6 +57,9 @@ pub struct Timeline {
     pub end: Micros,
     /// The speed of the line in bits per second.
     pub baud: u32,
+    /// How long the servos take from where they are to their first positions, before time 0; `None`
+    /// for no soft start.
+    pub soft: Option<Micros>,
     /// How often the command of each resource is sent again while it holds, also at a closed gate;
     /// `None` for never.
     pub refresh: Vec<Option<Micros>>,

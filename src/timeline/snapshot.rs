@@ -121,6 +121,7 @@ impl Snapshot {
             abort_cues: Vec::new(),
             end: more.map_or(end, |more| more.end),
             baud: more.map_or(self.board.baud, |more| more.baud),
+            soft: None,
             refresh: Vec::new(),
             traces: Traces::default(),
             limits: Vec::new(),

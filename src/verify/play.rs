@@ -90,6 +90,7 @@ impl Job {
             }
             Cause::Lost(_) => format!("the port was lost at {at:.6} s; {}", frames(timeline, rehearsal)),
             Cause::Stalled => format!("the port stopped accepting bytes at {at:.6} s; {}", frames(timeline, rehearsal)),
+            Cause::Servo(fault) => fault.words(&timeline.board),
             Cause::Unanswered => {
                 format!("the board did not answer, and the script needs its answers; {}", frames(timeline, rehearsal))
             }

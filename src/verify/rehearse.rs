@@ -64,6 +64,7 @@ pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers
             Notice::Refreshed { event } => {
                 unscripted.extend(timeline.events.get(event).map(|event| event.command.clone()));
             }
+            Notice::Unscripted { command, .. } => unscripted.push(command.command()),
             Notice::Asked { quantity } => {
                 unscripted
                     .extend(timeline.board.quantities.get(quantity).and_then(|quantity| quantity.request.clone()));

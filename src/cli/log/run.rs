@@ -1,5 +1,6 @@
 //! The log of a run.
 
+use std::collections::HashSet;
 use std::sync::mpsc::Receiver;
 
 use motionseq::playback::{Notice, Passage, Verdict};
@@ -8,7 +9,7 @@ use motionseq::source::{Lines, Span};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
-use super::super::run_summary::passage_words;
+use super::super::run_summary::{passage_words, servo_words};
 use super::{Entry, Level, Log, Spot};
 
 /// Logs a run, with the commands and places of its timeline.
@@ -19,13 +20,15 @@ pub(in super::super) struct TimelineLog {
     begin: Nanos,
     /// Whether the script is paused. A step then reaches its marks at another time.
     is_paused: bool,
+    /// What was said of servos.
+    said: HashSet<String>,
     /// The poses of the robot of a virtual board, with their times since time 0.
     poses: Option<Receiver<(Micros, Pose)>>,
 }
 
 impl TimelineLog {
     pub(in super::super) fn new(log: Log, poses: Option<Receiver<(Micros, Pose)>>) -> Self {
-        TimelineLog { log, begin: Nanos::ZERO, is_paused: false, poses }
+        TimelineLog { log, begin: Nanos::ZERO, is_paused: false, said: HashSet::new(), poses }
     }
 
     /// Logs the poses that have come.
@@ -52,6 +55,12 @@ impl TimelineLog {
                     self.line(at, Level::Info, gate.gate.to_string(), spot(gate.span));
                 }
             }
+            Notice::Kept { .. } | Notice::SoftStart { .. } | Notice::Flags { .. } => {
+                let words = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone()));
+                let level = if matches!(notice, Notice::Flags { .. }) { Level::Warning } else { Level::Info };
+                words.into_iter().for_each(|words| self.line(at, level, words, None));
+            }
+            Notice::Began => self.begin = at,
             Notice::Passed(passage) => self.passed(timeline, lines, at, passage),
             Notice::Marked { mark } => {
                 if let Some(mark) = timeline.marks.get(mark) {

@@ -1,5 +1,6 @@
 //! What a run shows while it plays: the progress line, `say` lines, pauses.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,7 +11,7 @@ use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
 use super::super::progress_bar::bar;
-use super::super::run_summary::passage_words;
+use super::super::run_summary::{passage_words, servo_words};
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};
@@ -94,6 +95,8 @@ pub(super) struct Display {
     pass: u64,
     clock: Clock,
     waiting: Option<Waiting>,
+    /// What was said of servos.
+    said: HashSet<String>,
     /// The pass and the time in the last plain line, and when it was written.
     shown: (u64, Micros),
     shown_at: Instant,
@@ -136,6 +139,8 @@ impl Observer for Display {
                 self.frame(timeline, "not sent while paused: ", event);
             }
             Notice::Errors(_) | Notice::Unanswered => self.first_answer(timeline, notice),
+            Notice::Kept { .. } | Notice::SoftStart { .. } | Notice::Flags { .. } => self.servo(timeline, notice),
+            Notice::Began => self.clock = Clock::Runs(at),
             Notice::Dropped { event } => {
                 self.dropped += 1;
                 self.frame(timeline, "dropped: ", event);
@@ -198,6 +203,7 @@ impl Display {
             inputs,
             script,
             has_shown_keys: false,
+            said: HashSet::new(),
             state: State::default(),
             worst_late: Nanos::ZERO,
             dropped: 0,
@@ -286,6 +292,18 @@ impl Display {
             Notice::Errors(0) => {}
             Notice::Errors(bits) => self.screen.warning(&format!("the board reports {}", board.errors(bits))),
             _ => self.screen.warning(&format!("the board does not answer: {}", board.silence_hint())),
+        }
+    }
+
+    /// Shows what happens to servos, each once.
+    fn servo(&mut self, timeline: &Timeline, notice: Notice) {
+        let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) else {
+            return;
+        };
+        if matches!(notice, Notice::Flags { .. }) {
+            self.screen.warning(&words);
+        } else {
+            self.screen.note(&words);
         }
     }
 

@@ -50,7 +50,7 @@ impl Finish<'_> {
         }
         match (run.outcome.cause, run.outcome.stop) {
             (Cause::Finished, _) => {}
-            (Cause::Quit, Stop::Sent | Stop::NotDefined) => screen.note(&line),
+            (Cause::Quit, Stop::Sent | Stop::NotDefined | Stop::Held) => screen.note(&line),
             _ => screen.error(&line),
         }
         // If standard error is blocked, the guard gets no goodbye and writes the closing line itself.
@@ -79,7 +79,7 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
             plural(usize::try_from(counted.not_noted).unwrap_or(usize::MAX), "line")
         ));
     }
-    if matches!(stop, Stop::Sent | Stop::NotDefined) {
+    if run.outcome.aborted || matches!(stop, Stop::Sent | Stop::NotDefined) {
         let report = counted.report.filter(|(came, _)| now() - *came <= FRESH).map(|(_, report)| report);
         for cue in &timeline.abort_cues {
             screen.note(&format!("on abort: {}", cue.text.with(report.as_ref())));
@@ -93,7 +93,8 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
         0 => String::new(),
         count => {
             let requests = if counted.has_asked { "requests, " } else { "" };
-            format!(", plus {} for {requests}stops, pauses, gates and `on abort`", plural(count, "frame"))
+            let start = if counted.has_prepared { "the start, " } else { "" };
+            format!(", plus {} for {start}{requests}stops, pauses, gates and `on abort`", plural(count, "frame"))
         }
     };
     let gates = match counted.waited {

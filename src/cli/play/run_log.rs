@@ -7,7 +7,7 @@ use std::time::SystemTime;
 use hdrhistogram::Histogram;
 use motionseq::board::{Hex, Report};
 use motionseq::diagnostic::Diagnostics;
-use motionseq::playback::{Cause, Notice, Outcome, Passage, Stop, Verdict};
+use motionseq::playback::{Cause, Notice, Outcome, Passage, ShortCommand, Stop, Verdict, Why};
 use motionseq::report::{self, Asked, Dropped, Expected, Frames, Lateness};
 use motionseq::source::{Lines, Sources, Span};
 use motionseq::timeline::wire::load;
@@ -32,6 +32,8 @@ enum Extra {
     Refresh(usize),
     /// A request: the row of the quantity.
     Read(usize),
+    /// A frame before the script, or before the torque of a servo is switched on.
+    Servo(Why, ShortCommand),
 }
 
 /// Counters of a run. Frames and expectations refer to the timeline that was playing.
@@ -47,6 +49,8 @@ pub(super) struct RunLog {
     unscripted: Vec<(Arc<Timeline>, Extra, u64, u64)>,
     /// Whether the board was asked for a quantity.
     pub(super) has_asked: bool,
+    /// Whether servos were prepared.
+    pub(super) has_prepared: bool,
     /// The frames of the script so far.
     sent: u64,
     passes: u64,
@@ -72,6 +76,7 @@ impl RunLog {
             waited: Nanos::ZERO,
             unscripted: Vec::new(),
             has_asked: false,
+            has_prepared: false,
             sent: 0,
             passes: 1,
             pauses: 0,
@@ -97,6 +102,10 @@ impl Observer for RunLog {
             Notice::Asked { quantity } => {
                 self.has_asked = true;
                 self.note_unscripted(timeline, Extra::Read(quantity));
+            }
+            Notice::Unscripted { why, command } => {
+                self.has_prepared = true;
+                self.note_unscripted(timeline, Extra::Servo(why, command));
             }
             Notice::Sent { late, .. } => {
                 self.sent += 1;
@@ -147,16 +156,19 @@ impl RunLog {
             let (reason, command, place) = match *extra {
                 Extra::Refresh(event) => {
                     let event = timeline.events.get(event)?;
-                    ("gate", &event.command, Some(lines.place(event.span)))
+                    ("gate", event.command.clone(), Some(lines.place(event.span)))
                 }
-                Extra::Read(quantity) => ("read", board.quantities.get(quantity)?.request.as_ref()?, None),
+                Extra::Read(quantity) => ("read", board.quantities.get(quantity)?.request.clone()?, None),
+                Extra::Servo(Why::Soft, command) => ("soft", command.command(), None),
+                Extra::Servo(Why::Torque, command) => ("torque", command.command(), None),
+                Extra::Servo(_, command) => ("start", command.command(), None),
             };
             Some(report::Unscripted {
                 reason,
                 after: *after,
                 count: *count,
-                frame: Hex(&board.to_frame(command)).to_string(),
-                command: board.show(command).to_string(),
+                frame: Hex(&board.to_frame(&command)).to_string(),
+                command: board.show(&command).to_string(),
                 file: place.as_ref().map(|place| place.file.to_owned()),
                 line: place.map(|place| place.line),
             })
@@ -192,10 +204,10 @@ impl Run<'_> {
     pub(super) fn exit(&self) -> Exit {
         match self.outcome.cause {
             // A quit that could not stop the robot is an error.
-            Cause::Quit if self.outcome.stop == Stop::NotSent => Exit::Port,
+            Cause::Quit if matches!(self.outcome.stop, Stop::NotSent | Stop::NotHeld) => Exit::Port,
             Cause::Finished | Cause::Quit => Exit::Ok,
             Cause::Signal(signal) => Exit::Signal(signal),
-            Cause::Lost(_) | Cause::Unanswered => Exit::Port,
+            Cause::Lost(_) | Cause::Unanswered | Cause::Servo(_) => Exit::Port,
             Cause::Stalled => Exit::Stalled,
             Cause::Late(_) => Exit::Late,
             Cause::Expect(_) | Cause::Gate(_) => Exit::Expect,
@@ -221,6 +233,7 @@ impl Run<'_> {
             Cause::Expect(verdict) => self.timeline.verdict_words(verdict.expect, &verdict.found.to_string()),
             Cause::Gate(passage) => self.timeline.gate_words(passage.gate, |unit| passage.end.words(unit)),
             Cause::Unanswered => "the board does not answer, and the script needs its answers".into(),
+            Cause::Servo(fault) => fault.words(&self.timeline.board),
             Cause::Unguarded => "the guard of this run was lost".into(),
             _ => "motionseq failed; this is a bug".into(),
         }
@@ -232,15 +245,20 @@ impl Run<'_> {
 
     /// The closing line: the cause and, of an early end, the place, the time and whether the robot was stopped.
     pub(super) fn closing_line(&self) -> String {
-        let Outcome { at, stop, aborted, .. } = self.outcome;
+        let Outcome { at, stop, missing, aborted, .. } = self.outcome;
         match self.place() {
             _ if !self.is_early() => self.cause(),
             place => {
                 let place = place.map(|span| self.sources.place(span).to_string());
                 let without_stop = &self.timeline.board.without_stop;
                 let robot = match stop {
-                    Stop::NotDefined if aborted => format!("`on abort` was sent, otherwise {without_stop}"),
-                    stop => stop_words(stop, without_stop).to_owned(),
+                    Stop::NotDefined | Stop::Held if aborted => {
+                        format!("`on abort` was sent, otherwise {without_stop}")
+                    }
+                    Stop::NotHeld if aborted => {
+                        format!("`on abort` was sent; {}", stop_words(stop, missing, without_stop))
+                    }
+                    stop => stop_words(stop, missing, without_stop),
                 };
                 closing_line(&self.cause(), place, at, &robot)
             }
@@ -310,7 +328,7 @@ impl Run<'_> {
                 Cause::Finished => "finished",
                 Cause::Quit => "quit",
                 Cause::Signal(_) => "signal",
-                Cause::Lost(_) | Cause::Unanswered => "port",
+                Cause::Lost(_) | Cause::Unanswered | Cause::Servo(_) => "port",
                 Cause::Stalled => "stalled",
                 Cause::Late(_) => "late",
                 Cause::Expect(_) => "expect",
@@ -332,6 +350,8 @@ impl Run<'_> {
                 Stop::NotNeeded => "not needed",
                 Stop::Sent => "sent",
                 Stop::NotDefined => "not defined",
+                Stop::Held => "held",
+                Stop::NotHeld => "not held",
                 _ => "not sent",
             },
             passes: log.passes.max(self.pass()),

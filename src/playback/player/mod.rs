@@ -6,16 +6,21 @@
 mod gates;
 mod pauses;
 mod reads;
+mod start;
+mod torque;
 
 use super::gate::Closed;
-use super::halt::{Halt, Outbox, Stops};
+use super::halt::{Halt, Stops};
 use super::judge::Judge;
 use super::messages::{Cause, Input, Notice, Order, Outcome, Stop};
-use crate::board::{Board, Report, State};
+use super::outbox::Outbox;
+use crate::board::{Board, Report, ServoSet, State};
 use crate::source::Span;
 use crate::timeline::{Cue, Cut, Event, Gate, Kind, Mark, Timeline};
 use crate::units::{Micros, Nanos};
 use reads::Reads;
+use start::Start;
+use torque::Enabling;
 
 /// Plays one timeline.
 #[derive(Debug)]
@@ -28,6 +33,12 @@ pub struct Player<'t> {
     gates: &'t [Gate],
     judge: Judge<'t>,
     reads: Reads,
+    start: Start<'t>,
+    /// The servo whose torque is being switched on.
+    enabling: Option<Enabling>,
+    /// The servos whose last command was instant, so that they may be on their way.
+    moving: ServoSet,
+    timeline: &'t Timeline,
     /// How often the command of each resource is sent again at a closed gate.
     refresh: &'t [Option<Micros>],
     /// The repeated pass of an endless run.
@@ -97,12 +108,16 @@ impl<'t> Player<'t> {
         Player {
             board,
             events: &timeline.events,
-            stops: Stops::of(board, &timeline.abort),
+            stops: Stops::of(&timeline.board, &timeline.abort),
             cues: &timeline.cues,
             marks: &timeline.marks,
             gates: &timeline.gates,
             judge: Judge::new(&timeline.expects, board.quantities.len()),
             reads: Reads::of(timeline),
+            start: Start::of(timeline, None),
+            enabling: None,
+            moving: ServoSet::default(),
+            timeline,
             refresh: &timeline.refresh,
             again: None,
             state: State::new(board),
@@ -137,6 +152,7 @@ impl<'t> Player<'t> {
         self.judge.make_room(again.expects.len());
         let commands = again.events.iter().map(|event| &event.command);
         self.out.needs_zeros(self.board.zeros_after_flush(commands));
+        self.start = Start::of(self.timeline, Some(again));
         self.again = Some(again).filter(|again| again.end > Micros::ZERO || !again.gates.is_empty());
         self
     }
@@ -184,6 +200,7 @@ impl<'t> Player<'t> {
     pub fn script_time(&self, now: Nanos) -> Nanos {
         match self.phase {
             Phase::Pausing(_, at, ..) | Phase::Paused(at) | Phase::Stepping(at) => at,
+            Phase::Playing if self.start.is_pending() => Nanos::ZERO,
             _ => self.gate_time().unwrap_or_else(|| self.since_origin(now)),
         }
     }
@@ -214,7 +231,7 @@ impl<'t> Player<'t> {
     pub fn judges_at(&self, now: Nanos) -> bool {
         let time = self.since_origin(now);
         let judges = self.judge.next_due(self.limit.expects).is_some_and(|due| due <= time);
-        matches!(self.phase, Phase::Playing) && (judges || self.closes_at(time))
+        matches!(self.phase, Phase::Playing) && !self.start.is_pending() && (judges || self.closes_at(time))
     }
 
     /// The time of a running script at `now`.
@@ -235,11 +252,12 @@ impl<'t> Player<'t> {
     fn act(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         match &mut self.phase {
             Phase::Playing => self.play(now, input, notices),
-            Phase::Ending(halt, outcome) => match halt.poll(now, input, &self.stops, &mut self.out) {
+            Phase::Ending(halt, outcome) => match halt.poll(now, input, &mut self.stops, &mut self.out) {
                 Some(order) => order,
                 None => {
                     let (stop, extra) = (halt.stop(&self.stops), outcome.extra + halt.frames());
-                    let outcome = Outcome { stop, extra, aborted: halt.has_aborted(), ..*outcome };
+                    let missing = self.stops.missing();
+                    let outcome = Outcome { stop, missing, extra, aborted: halt.has_aborted(), ..*outcome };
                     self.done(outcome)
                 }
             },
@@ -248,10 +266,13 @@ impl<'t> Player<'t> {
                     return self.end_early(cause, now);
                 }
                 let (at, outcome, sleeps) = (*at, *outcome, *sleeps);
-                match (halt.poll(now, input, &self.stops, &mut self.out), halt.stop(&self.stops)) {
+                match (halt.poll(now, input, &mut self.stops, &mut self.out), halt.stop(&self.stops)) {
                     (Some(order), _) => order,
                     // End the run, because the robot may still be moving.
-                    (None, Stop::NotSent) => self.done(outcome),
+                    (None, stop @ (Stop::NotSent | Stop::NotHeld)) => {
+                        let missing = self.stops.missing();
+                        self.done(Outcome { stop, missing, ..outcome })
+                    }
                     (None, _) => {
                         self.extra += halt.frames();
                         self.phase = Phase::Paused(at);
@@ -265,7 +286,7 @@ impl<'t> Player<'t> {
             }
             Phase::Stepping(at) => {
                 let at = *at;
-                self.stepping(at, now, input)
+                self.stepping(at, now, input, notices)
             }
             Phase::Done(_) => Order::Done,
         }
@@ -294,7 +315,10 @@ impl<'t> Player<'t> {
         if self.reads.holds_start() {
             return self.wait_for_first(now, notices);
         }
-        let time = self.begin(time, now);
+        if let Some(order) = self.prepare(now, notices).or_else(|| self.enable(now, notices)) {
+            return order;
+        }
+        let time = self.begin(time, now, notices);
         self.say(time, now, notices);
         // Judged before frames that are due at the same time are sent.
         let mut judged = |verdict| notices(Notice::Judged(verdict));
@@ -434,14 +458,16 @@ impl<'t> Player<'t> {
                 notices(Notice::Dropped { event: index });
                 continue;
             }
+            if self.out.is_full() || self.must_wait_for_torque(&event.command, now, notices) {
+                break;
+            }
             if self.out.is_empty() {
                 self.due = self.run_clock(due(event));
-            } else if self.out.is_full() {
-                break;
             }
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.take(event);
             self.note_drive(event, index, now);
+            self.note_servo(event);
             if event.kind == Kind::Auto {
                 self.reads.note_sent(&event.command, now);
             }
@@ -478,6 +504,7 @@ impl<'t> Player<'t> {
             at: (self.passed + time).micros(),
             place: self.closed_span().or(self.span(place)),
             stop: Stop::NotSent,
+            missing: ServoSet::default(),
             sent: self.sent,
             dropped: self.dropped,
             extra: self.extra,
@@ -493,12 +520,15 @@ impl<'t> Player<'t> {
 
     fn end_early(&mut self, cause: Cause, now: Nanos) -> Order {
         let outcome = self.outcome_at(cause, self.script_time(now));
-        self.halt(Phase::Ending(Halt::new(true, now), outcome))
+        self.halt(Phase::Ending(Halt::new(self.start.has_sent(), now), outcome))
     }
 
     fn halt(&mut self, phase: Phase) -> Order {
         self.phase = phase;
         self.pending = 0;
+        self.start.restart();
+        self.enabling = None;
+        self.stops.begin(self.moving);
         if !self.board.flushes {
             // Bytes after a truncated frame would be an error of the board.
             self.out.keep_begun(&*self.board.codec);

@@ -38,6 +38,12 @@ impl Player<'_> {
 
     /// Plays the next step: all commands of the next time that has any, except drive commands, which apply when the run continues.
     fn step(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
+        if self.start.is_pending() {
+            // What happens before time 0 is the first step.
+            self.start.pauses = true;
+            self.phase = Phase::Playing;
+            return self.play(now, Input::Tick, notices);
+        }
         if let Some(order) = self.step_through_gate(now, notices) {
             return order;
         }
@@ -55,7 +61,12 @@ impl Player<'_> {
                 notices(Notice::Withheld { event: index });
                 continue;
             }
+            if self.must_wait_for_torque(&event.command, now, notices) {
+                self.next -= 1;
+                break;
+            }
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
+            self.note_servo(event);
             if event.kind == Kind::Auto {
                 self.reads.note_sent(&event.command, now);
             }
@@ -71,15 +82,21 @@ impl Player<'_> {
             // Its time does not count. The next step opens it.
             self.closed.iter_mut().for_each(|closed| closed.pause(now));
         }
-        self.stepping(at, now, Input::Tick)
+        self.stepping(at, now, Input::Tick, notices)
     }
 
-    pub(super) fn stepping(&mut self, at: Nanos, now: Nanos, input: Input) -> Order {
+    pub(super) fn stepping(&mut self, at: Nanos, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         if let Some(cause) = input.end() {
             return self.end_early(cause, now);
         }
         if let Some(order) = self.write(now, input) {
             return order;
+        }
+        if let Some(order) = self.enable(now, notices) {
+            return order;
+        }
+        if self.enabling.is_some() {
+            return self.step(now, notices);
         }
         self.phase = Phase::Paused(at);
         Order::Stay
@@ -97,6 +114,7 @@ impl Player<'_> {
         for command in self.state.commands(self.board) {
             self.out.push(|bytes| self.board.encode(command, bytes));
             self.extra += 1;
+            Self::note_instant(self.board, &mut self.moving, command, true);
         }
         for (_, sent) in &mut self.driven {
             *sent = now;

@@ -1,8 +1,8 @@
 //! Reads: what a board answers only when it is asked. Requests fill the gaps between frames, one at a time.
 
 use super::super::messages::{Cause, Notice, Order};
-use super::Player;
-use crate::board::{Board, Command, ReportDecoder, ReportItem};
+use super::{Phase, Player};
+use crate::board::{Board, Command, Replies, ReportDecoder, ReportItem};
 use crate::timeline::Timeline;
 use crate::units::{Nanos, byte_time};
 
@@ -12,11 +12,8 @@ const EVERY: Nanos = Nanos::from_millis(100);
 const APART: Nanos = Nanos::from_millis(5);
 /// How long before the next frame the line must be free again.
 const GAP: Nanos = Nanos::from_millis(3);
-/// How long an answer may take, and how long nothing is asked after a lost one, so that a late answer is not taken for another.
-const PATIENCE: Nanos = Nanos::from_millis(50);
+/// How long nothing is asked after a lost answer, so that a late one is not taken for another.
 const QUIET: Nanos = Nanos::from_millis(200);
-/// The most bytes of a request and its answer.
-const LONGEST: u64 = 8;
 /// How long the first answer of the board may take.
 const FIRST: Nanos = Nanos::from_millis(250);
 
@@ -32,12 +29,16 @@ pub(super) struct Reads {
     lost_at: Nanos,
     /// How long the line carries a request and its answer.
     takes: Nanos,
+    /// How long the answer may take otherwise.
+    patience: Nanos,
     /// Whether the missing answer is that to the hello of the board.
     is_first: bool,
     /// Whether something came since the last look.
     has_news: bool,
     /// Whether the clock of the script has waited for the first answer.
     holds_clock: bool,
+    /// Whether something else than `rows` needs answers.
+    is_needed: bool,
 }
 
 impl Reads {
@@ -51,16 +52,19 @@ impl Reads {
         let mut rows: Vec<usize> = expects.chain(gates).chain(cues).filter(is_asked).collect();
         rows.sort_unstable();
         rows.dedup();
+        let answers = if let Replies::Answers(answers) = board.replies { Some(answers) } else { None };
         Reads {
             decoder: ReportDecoder::new(board),
             rows,
             turn: 0,
             next_at: Nanos::ZERO,
             lost_at: Nanos::ZERO,
-            takes: byte_time(timeline.baud) * LONGEST,
+            takes: byte_time(timeline.baud) * answers.map_or(0, |answers| answers.length),
+            patience: answers.map_or(Nanos::ZERO, |answers| answers.patience),
             is_first: false,
             has_news: false,
             holds_clock: false,
+            is_needed: timeline.soft.is_some() && !timeline.servos().is_empty(),
         }
     }
 
@@ -76,7 +80,32 @@ impl Reads {
 
     /// Whether the clock of the script waits for the first answer: a script that needs answers moves nothing without one.
     pub(super) fn holds_start(&self) -> bool {
-        self.is_first && self.decoder.is_waiting() && !self.rows.is_empty()
+        self.is_first && self.decoder.is_waiting() && self.needs_answers()
+    }
+
+    /// Whether the script needs answers of the board.
+    fn needs_answers(&self) -> bool {
+        self.is_needed || !self.rows.is_empty()
+    }
+
+    /// Whether an answer is missing.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.decoder.is_waiting()
+    }
+
+    /// Forgets what has come.
+    pub(super) fn forget_news(&mut self) {
+        self.has_news = false;
+    }
+
+    /// The next answer belongs to this request.
+    pub(super) fn ask_for(&mut self, request: &Command) {
+        self.decoder.ask(request);
+    }
+
+    /// Time 0 of the script is now.
+    pub(super) fn begin_clock(&mut self) {
+        self.holds_clock = true;
     }
 
     /// Whether the answer to the hello of the board is missing.
@@ -103,10 +132,18 @@ impl Reads {
 impl Player<'_> {
     /// Takes bytes of the board, received at `now` from the start.
     pub fn receive(&mut self, now: Nanos, mut bytes: &[u8], notices: &mut impl FnMut(Notice)) {
+        if matches!(self.phase, Phase::Ending(..) | Phase::Pausing(..)) && self.holds() {
+            self.stops.hear(bytes);
+            return;
+        }
         while let Some(item) = self.reads.decoder.next(&mut bytes) {
             match item {
+                ReportItem::Malformed => continue,
+                _ if self.start.is_pending() && !self.reads.is_first => self.start.take(item, notices),
+                ReportItem::Report(report) if self.enabling.is_some() => self.take_goal(&report),
                 ReportItem::Report(report) => self.hear(now, report, notices),
                 ReportItem::Errors(bits) => notices(Notice::Errors(bits)),
+                ReportItem::Flags(servo, bits) => notices(Notice::Flags { servo, bits }),
                 _ => continue,
             }
             self.reads.is_first &= self.reads.decoder.is_waiting();
@@ -117,7 +154,8 @@ impl Player<'_> {
     /// Whether something has happened that the player must see at once.
     pub fn has_news(&self) -> bool {
         self.is_gate_ending()
-            || self.reads.has_news && !self.reads.rows.is_empty()
+            || self.stops.has_news()
+            || self.reads.has_news && (self.reads.needs_answers() || self.start.is_pending() || self.enabling.is_some())
             || self.reads.has_news && self.is_over()
     }
 
@@ -131,11 +169,12 @@ impl Player<'_> {
     }
 
     /// The time of the script, which begins once the first answer has come.
-    pub(super) fn begin(&mut self, time: Nanos, now: Nanos) -> Nanos {
+    pub(super) fn begin(&mut self, time: Nanos, now: Nanos, notices: &mut impl FnMut(Notice)) -> Nanos {
         if !std::mem::take(&mut self.reads.holds_clock) {
             return time;
         }
         self.set_clock(Nanos::ZERO, now);
+        notices(Notice::Began);
         Nanos::ZERO
     }
 
@@ -151,7 +190,7 @@ impl Player<'_> {
             return None;
         }
         notices(Notice::Unanswered);
-        (!self.reads.rows.is_empty()).then_some(Cause::Unanswered)
+        self.reads.needs_answers().then_some(Cause::Unanswered)
     }
 
     /// Asks for the next quantity, if no frame is due soon. Returns whether there is something to write.
@@ -163,7 +202,7 @@ impl Player<'_> {
         let count = u64::try_from(self.reads.rows.len()).unwrap_or(u64::MAX).max(1);
         self.reads.turn = (self.reads.turn + 1) % self.reads.rows.len().max(1);
         self.reads.next_at = now.saturating_add(Nanos(EVERY.0 / count).max(APART));
-        self.reads.lost_at = now.saturating_add(PATIENCE + self.reads.takes);
+        self.reads.lost_at = now.saturating_add(self.reads.patience + self.reads.takes);
         self.reads.decoder.ask(&request);
         notices(Notice::Asked { quantity });
         true

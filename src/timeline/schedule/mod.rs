@@ -60,6 +60,7 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
         abort_cues,
         end: end.micros(),
         baud: settings.baud,
+        soft: settings.soft,
         refresh: settings.refresh.iter().map(|refresh| refresh.map(Time::micros)).collect(),
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
