@@ -2,6 +2,10 @@
 //! nanoseconds.
 //!
 //!     lateness [--frames N] [--step-us N] [--realtime] [--no-guard]
+//!     lateness --arm|--raspblock [--frames N] [--realtime]
+//!
+//! `--arm` moves six bus servos at 50 Hz and reads them; `--raspblock` moves four servos at 50 Hz and
+//! gets reports. Both play on a virtual board, and print the lateness that the player notes.
 //!
 //! `benches/playback.py` compares it with its peers. Its own link takes a timestamp at the start of
 //! each write.
@@ -11,12 +15,17 @@ use std::fmt::Write as _;
 use std::io;
 use std::os::fd::BorrowedFd;
 use std::process::Command;
+use std::sync::Arc;
 use std::thread;
 
+use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Guard, GuardConfig, Player, Realtime, Session, Signals, guard, now};
+use motionseq::playback::{Guard, GuardConfig, Notice, Player, Realtime, Session, Signals, guard, now};
 use motionseq::program::Options;
+use motionseq::serve::BoardThread;
+use motionseq::sim::{Device, Settings};
 use motionseq::source::{Lines, Source, Sources};
+use motionseq::timeline::Timeline;
 use motionseq::units::Nanos;
 
 /// The argument that makes this program the guard.
@@ -51,6 +60,62 @@ impl Link for Stamped {
     }
 }
 
+fn start_guard(timeline: &Timeline, port: BorrowedFd<'_>, realtime: bool) -> Guard {
+    let mut program = Command::new("/proc/self/exe");
+    program.arg(GUARD);
+    let mut ward = GuardConfig::of(timeline);
+    (ward.max_late, ward.realtime) = (MAX_LATE, realtime);
+    Guard::start(program, port, &ward).unwrap()
+}
+
+/// Moves all servos of a board back and forth at 50 Hz, while an `expect` waits for reports.
+fn servos(is_arm: bool, frames: u64, realtime: bool) {
+    let (board, last, ends) = if is_arm { ("sts", 6, ["1500", "2500"]) } else { ("raspblock", 4, ["900", "1700"]) };
+    let quantity = if is_arm { "position 1" } else { "yaw" };
+    let mut text = format!("board {board}\n");
+    for servo in 1..=last {
+        writeln!(text, "limit servo {servo} {}..{}\nat 0s servo {servo} {}", ends[0], ends[1], ends[0]).unwrap();
+    }
+    // All settings come first.
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines.sort_by_key(|line| line.starts_with("at "));
+    let mut text = lines.join("\n") + "\n";
+    let steps = frames / last;
+    for step in 0..steps {
+        for servo in 1..=last {
+            let value = if step % 2 == 0 { ends[1] } else { ends[0] };
+            writeln!(text, "at {}ms servo {servo} {value}", 500 + step * 20).unwrap();
+        }
+    }
+    // Never true, so that reports are needed until the end.
+    writeln!(text, "at 500ms expect {quantity} > 20000 within {}ms", steps * 20).unwrap();
+    let sources = Sources::from(Source::new("lateness", text));
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let pty = Pty::open().unwrap();
+    let port = Serial::open(pty.path(), timeline.baud).unwrap();
+    let device = Device::new(Arc::clone(&timeline.board), Settings::default());
+    let far = BoardThread::start(Faulty::new(device, Faults::default()), pty, timeline.baud, |_, _| {}).unwrap();
+    let guard = start_guard(&timeline, port.descriptor(), realtime);
+    let realtime = realtime && Realtime::ask().priority.is_ok();
+    let mut session = Session::new(Player::new(&timeline, MAX_LATE), port, Signals::catch().unwrap(), Lines::of(&sources));
+    (session.guard, session.realtime) = (Some(guard), realtime);
+    let mut late = Vec::with_capacity(timeline.events.len());
+    let mut reports = 0_u64;
+    let start = now();
+    far.begin(start);
+    session.play(start, |notice| match notice {
+        Notice::Sent { late: one, .. } => late.push(one.0),
+        Notice::Report(_) => reports += 1,
+        _ => {}
+    });
+    let Session { link, guard, .. } = session;
+    guard.into_iter().for_each(Guard::goodbye);
+    drop(link);
+    assert!(reports > 0 && late.len() as u64 > steps * (last - 1), "{reports} reports, {} frames", late.len());
+    let last = late.last().copied().unwrap();
+    print(late, last);
+}
+
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     if args.first().is_some_and(|word| word == GUARD) {
@@ -62,6 +127,9 @@ fn main() {
         at.map_or(default, |at| args[at + 1].parse().unwrap())
     };
     let has = |name: &str| args.iter().any(|arg| arg == name);
+    if has("--arm") || has("--raspblock") {
+        return servos(has("--arm"), number("--frames", 3_000), has("--realtime"));
+    }
     let (frames, step_us) = (number("--frames", 5_000), number("--step-us", 5_000));
 
     let mut text = String::new();
@@ -76,13 +144,7 @@ fn main() {
         let mut buffer = [0; 4096];
         while pty.read(&mut buffer).is_ok_and(|count| count > 0) {}
     });
-    let guard = (!has("--no-guard")).then(|| {
-        let mut program = Command::new("/proc/self/exe");
-        program.arg(GUARD);
-        let mut ward = GuardConfig::of(&timeline);
-        (ward.max_late, ward.realtime) = (MAX_LATE, has("--realtime"));
-        Guard::start(program, port.descriptor(), &ward).unwrap()
-    });
+    let guard = (!has("--no-guard")).then(|| start_guard(&timeline, port.descriptor(), has("--realtime")));
     let realtime = has("--realtime") && Realtime::ask().priority.is_ok();
     let link = Stamped { port, stamps: Vec::with_capacity(timeline.events.len()) };
     let player = Player::new(&timeline, MAX_LATE);
@@ -102,6 +164,11 @@ fn main() {
         stamps.iter().zip(due).map(|(stamp, due)| stamp.0.checked_sub(due.0).expect("no frame is early")).collect();
     assert_eq!(late.len(), timeline.events.len());
     let last = late.last().copied().unwrap();
+    print(late, last);
+}
+
+/// Prints percentiles, and that of the last frame.
+fn print(mut late: Vec<u64>, last: u64) {
     late.sort_unstable();
     let percentile = |per_mille: usize| late[(late.len() - 1) * per_mille / 1_000];
     println!(

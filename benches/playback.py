@@ -131,6 +131,19 @@ def exactness():
     figure("best p99 / cyclictest's best", min(loaded["ours"]) / min(loaded["cyclictest"]), "", 1.5)
 
 
+def arm():
+    program = bench()
+    kinds = ("--raspblock", "--arm")
+    results = {kind: [] for kind in kinds}
+    for _ in range(RUNS):
+        for kind in kinds:
+            results[kind].append(lateness(program, kind, frames=1200 if SHORT else 6000))
+    print(f"servos at 50 Hz with reports, as the player notes it, medians of {RUNS} runs in turns, us:")
+    for kind, runs in results.items():
+        print(f"  {kind[2:]:38} p50 {middle(runs, 'p50'):8.2f}  p99 {middle(runs, 'p99'):8.1f}")
+    figure("p50 of six bus servos / that of a Raspblock", middle(results["--arm"], "p50") / middle(results["--raspblock"], "p50"), "", 1.25)
+
+
 class Port:
     """A pty whose far end records when bytes arrive."""
 
@@ -339,6 +352,7 @@ if __name__ == "__main__":
         guard()
         gates()
         exactness()
+        arm()
         drift(1000 if SHORT else 5000)
     finally:
         shutil.rmtree(FOLDER)

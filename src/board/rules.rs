@@ -166,6 +166,13 @@ impl Board {
         self.verbs.iter().filter_map(|verb| verb.needs.as_ref()).any(|needs| sets.contains(&needs.resource))
     }
 
+    /// Whether the position of a servo must be read before a command is sent: it switches the torque on.
+    pub fn reads_first(&self, command: &Command) -> bool {
+        let preparation = self.feedback.as_ref().and_then(|feedback| feedback.preparation.as_ref());
+        let verb = self.verb(command.verb()).and_then(|verb| verb.each).unwrap_or(command.verb());
+        preparation.is_some_and(|preparation| preparation.enable == verb) && command.value(1) == Some(1)
+    }
+
     /// Whether `newer` replaces `older` completely: it can change every resource that `older` can.
     pub fn supersedes(&self, newer: &Command, older: &Command) -> bool {
         let (newer, older) = (self.touches(newer), self.touches(older));

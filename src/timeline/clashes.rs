@@ -8,7 +8,7 @@
 //! the instant is written first.
 
 use super::{Event, Timeline, occupied};
-use crate::board::{Board, Needs, ResourceId};
+use crate::board::{self, Board, Needs, ResourceId, ServoSet};
 use crate::diagnostic::{Diagnostic, Diagnostics, diagnostic};
 use crate::program::{Action, Program, Step, TraceId, Traces};
 use crate::source::{Sources, Span};
@@ -107,6 +107,7 @@ pub(super) fn check(program: &Program, steps: &[Step], sources: &Sources, diagno
 /// Reports commands for one resource at the end of one pass and at the start of the next, as in a
 /// `repeat`.
 pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut Diagnostics) {
+    forbidden_after(before, after, diagnostics);
     // A gate separates what is before it from what is after it.
     let passed = before.gates.last().map_or(0, |gate| gate.next.events);
     let last = before.events.get(passed..).unwrap_or_default().iter().rev();
@@ -137,6 +138,34 @@ pub(super) fn check_seam(before: &Timeline, after: &Timeline, diagnostics: &mut 
                 .push(before.traces.attach(clash(board, resource, occupied(first), occupied(second)), first.trace));
         }
     }
+}
+
+/// Reports commands of the next pass that are errors after what the last pass leaves.
+fn forbidden_after(before: &Timeline, after: &Timeline, diagnostics: &mut Diagnostics) {
+    let board = &before.board;
+    for forbidden in board.verbs.iter().filter_map(|verb| verb.forbidden.as_ref()) {
+        let is_after =
+            |event: &&Event| (event.command.verb(), event.command.value(1)) == (forbidden.after, Some(forbidden.value));
+        let servos: ServoSet = before.events.iter().filter(is_after).filter_map(|event| event.command.value(0)).collect();
+        for index in servos.iter() {
+            let Some(resource) = board.occupied(forbidden.after, Some(index)).first() else { continue };
+            let sets = |event: &&Event| board.occupies(&event.command).contains(resource);
+            let Some(last) = before.events.iter().rfind(sets).filter(is_after) else { continue };
+            let next = after.events.iter().find(sets);
+            let is_forbidden =
+                |event: &&Event| board.verb(event.command.verb()).is_some_and(|verb| verb.forbidden.is_some());
+            if let Some(next) = next.filter(is_forbidden) {
+                let diagnostic = torque_off(forbidden, index, next.span).related(last.span, "switched off here, in the pass before");
+                diagnostics.push(before.traces.attach(diagnostic, next.trace));
+            }
+        }
+    }
+}
+
+fn torque_off(forbidden: &board::Forbidden, index: i32, span: Span) -> Diagnostic {
+    let filled = |text: &str| text.replace("{}", &index.to_string());
+    let (message, line) = (filled(&forbidden.message), filled(&forbidden.line));
+    diagnostic!(TorqueOff, span, "{message}"; help: "add this line before it: `{line}`")
 }
 
 /// The resources that accept only one command at a time.
@@ -170,9 +199,7 @@ impl<'b> Forbidden<'b> {
         };
         if let Some(forbidden) = &self.board.verb(verb)?.forbidden {
             let first = (*place)?;
-            let filled = |text: &str| text.replace("{}", &index.unwrap_or_default().to_string());
-            let (message, line) = (filled(&forbidden.message), filled(&forbidden.line));
-            let diagnostic = diagnostic!(TorqueOff, step.span, "{message}"; help: "add this line before it: `{line}`");
+            let diagnostic = torque_off(forbidden, index.unwrap_or_default(), step.span);
             return Some(diagnostic.related(first, "switched off here"));
         }
         let mut all = self.board.verbs.iter().filter_map(|verb| verb.forbidden.as_ref());

@@ -300,6 +300,9 @@ impl Display {
         let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) else {
             return;
         };
+        if matches!(notice, Notice::SoftStart { .. }) {
+            self.clock = Clock::Paused(Micros::ZERO);
+        }
         if matches!(notice, Notice::Flags { .. }) {
             self.screen.warning(&words);
         } else {

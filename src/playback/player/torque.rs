@@ -56,9 +56,7 @@ impl Player<'_> {
         now: Nanos,
         notices: &mut impl FnMut(Notice),
     ) -> bool {
-        let preparation = self.board.feedback.as_ref().and_then(|feedback| feedback.preparation.as_ref());
-        let enables = preparation.is_some_and(|preparation| preparation.enable == command.verb());
-        let (true, Some(servo), Some(1)) = (enables, command.value(0), command.value(1)) else { return false };
+        let (true, Some(servo)) = (self.board.reads_first(command), command.value(0)) else { return false };
         let Some(verb) = self.board.feedback.as_ref().map(|feedback| feedback.verb) else { return false };
         if let Some(Enabling { goal: Some(goal), .. }) = self.enabling.take_if(|asked| asked.servo == servo) {
             self.send_unscripted(&Command::new(verb, &[servo, goal]), Why::Torque, now, notices);

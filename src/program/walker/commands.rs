@@ -232,6 +232,11 @@ impl<'s, 'd> Walker<'s, 'd> {
             self.drive_in_abort(span);
             return;
         }
+        if self.in_abort && board.reads_first(&command) {
+            report!(self.eval, Abort, span, "`{}` is not allowed in `on abort`", board.show(&command);
+                help: "remove it: it reads where the servo is, and nothing is read then");
+            return;
+        }
         // A stop is never refused.
         if let Some(diagnostic) = limits::broken(board, &self.program.settings, &command, span)
             && !board.is_rest(&command)
