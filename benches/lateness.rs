@@ -71,7 +71,7 @@ fn start_guard(timeline: &Timeline, port: BorrowedFd<'_>, realtime: bool) -> Gua
 /// Moves all servos of a board back and forth at 50 Hz, while an `expect` waits for reports.
 fn servos(is_arm: bool, frames: u64, realtime: bool) {
     let (board, last, ends) = if is_arm { ("sts", 6, ["1500", "2500"]) } else { ("raspblock", 4, ["900", "1700"]) };
-    let quantity = if is_arm { "position 1" } else { "yaw" };
+    let never = if is_arm { "position 1 > 20000" } else { "voltage > 99V" };
     let mut text = format!("board {board}\n");
     for servo in 1..=last {
         writeln!(text, "limit servo {servo} {}..{}\nat 0s servo {servo} {}", ends[0], ends[1], ends[0]).unwrap();
@@ -88,7 +88,7 @@ fn servos(is_arm: bool, frames: u64, realtime: bool) {
         }
     }
     // Never true, so that reports are needed until the end.
-    writeln!(text, "at 500ms expect {quantity} > 20000 within {}ms", steps * 20).unwrap();
+    writeln!(text, "at 500ms expect {never} within {}ms", steps * 20).unwrap();
     let sources = Sources::from(Source::new("lateness", text));
     let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
     let pty = Pty::open().unwrap();
@@ -97,7 +97,8 @@ fn servos(is_arm: bool, frames: u64, realtime: bool) {
     let far = BoardThread::start(Faulty::new(device, Faults::default()), pty, timeline.baud, |_, _| {}).unwrap();
     let guard = start_guard(&timeline, port.descriptor(), realtime);
     let realtime = realtime && Realtime::ask().priority.is_ok();
-    let mut session = Session::new(Player::new(&timeline, MAX_LATE), port, Signals::catch().unwrap(), Lines::of(&sources));
+    let mut session =
+        Session::new(Player::new(&timeline, MAX_LATE), port, Signals::catch().unwrap(), Lines::of(&sources));
     (session.guard, session.realtime) = (Some(guard), realtime);
     let mut late = Vec::with_capacity(timeline.events.len());
     let mut reports = 0_u64;
@@ -160,7 +161,7 @@ fn main() {
 
     assert_eq!(outcome.sent, timeline.events.len(), "{outcome:?}");
     let due = timeline.events.iter().map(|event| start + event.at.nanos());
-    let mut late: Vec<u64> =
+    let late: Vec<u64> =
         stamps.iter().zip(due).map(|(stamp, due)| stamp.0.checked_sub(due.0).expect("no frame is early")).collect();
     assert_eq!(late.len(), timeline.events.len());
     let last = late.last().copied().unwrap();

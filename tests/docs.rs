@@ -356,7 +356,11 @@ fn the_example_of_every_word_works() {
         .chain(SETTINGS.iter().map(Row::signature))
         .filter(|row| !row.usage.is_empty() && row.name != "use")
     {
-        let mode = if row.name == "move" { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
+        let mode = match row.name {
+            "move" => "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n",
+            "soft" => "board sts\n",
+            _ => "",
+        };
         let example = row.example.replace('…', "servo 1 1500");
         let source = Source::new("example", format!("{mode}{example}\nwait 1s\n"));
         let compiled = motionseq::compile(&source.into(), &Options::default());

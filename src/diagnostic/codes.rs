@@ -521,7 +521,7 @@ nod()
     ConfigKey "config-key" Error "motionseq.toml contains an unknown key."
         "A key that has no effect is most likely misspelled, and a limit that is silently ignored protects nothing. `motionseq config` shows every \
         key with its value. Settings that change what a script sends, such as `rate`, `tempo` and `seed`, belong in the script."
-        "[limits]\nservo-99 = \"900..1700\"\n"
+        "[limits]\nservo-300 = \"900..1700\"\n"
         "[limits]\nservo-2 = \"900..1700\"\n"
 
     ConfigValue "config-value" Error "motionseq.toml contains an invalid value."

@@ -52,7 +52,7 @@ pub struct Session<'s, L> {
     pub realtime: bool,
     /// The gate that waited for the operator after the last order.
     waited_for_go: Option<usize>,
-    /// The servos that may be on their way, as the guard was told.
+    /// The servos that may be on their way, as in the last heartbeat.
     told: ServoSet,
     /// Time 0 of the run, on the clock of [`now`](super::now).
     start: Nanos,
@@ -224,7 +224,7 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
-    /// Tells the guard which servos may be on their way, before a frame is sent that changes that.
+    /// Sends the guard a heartbeat before a frame that changes which servos may be on their way.
     fn tell_moving(&mut self) {
         if self.player.moving() != self.told {
             self.send_beat(clock::now());

@@ -146,7 +146,8 @@ fn forbidden_after(before: &Timeline, after: &Timeline, diagnostics: &mut Diagno
     for forbidden in board.verbs.iter().filter_map(|verb| verb.forbidden.as_ref()) {
         let is_after =
             |event: &&Event| (event.command.verb(), event.command.value(1)) == (forbidden.after, Some(forbidden.value));
-        let servos: ServoSet = before.events.iter().filter(is_after).filter_map(|event| event.command.value(0)).collect();
+        let servos: ServoSet =
+            before.events.iter().filter(is_after).filter_map(|event| event.command.value(0)).collect();
         for index in servos.iter() {
             let Some(resource) = board.occupied(forbidden.after, Some(index)).first() else { continue };
             let sets = |event: &&Event| board.occupies(&event.command).contains(resource);
@@ -155,7 +156,8 @@ fn forbidden_after(before: &Timeline, after: &Timeline, diagnostics: &mut Diagno
             let is_forbidden =
                 |event: &&Event| board.verb(event.command.verb()).is_some_and(|verb| verb.forbidden.is_some());
             if let Some(next) = next.filter(is_forbidden) {
-                let diagnostic = torque_off(forbidden, index, next.span).related(last.span, "switched off here, in the pass before");
+                let diagnostic =
+                    torque_off(forbidden, index, next.span).related(last.span, "switched off here, in the pass before");
                 diagnostics.push(before.traces.attach(diagnostic, next.trace));
             }
         }

@@ -139,7 +139,12 @@ impl Player<'_> {
         while let Some(item) = self.reads.decoder.next(&mut bytes) {
             match item {
                 ReportItem::Malformed => continue,
-                _ if self.start.is_pending() && !self.reads.is_first => self.start.take(item, notices),
+                _ if self.start.is_pending() && !self.reads.is_first => {
+                    if let ReportItem::Report(report) = item {
+                        self.judge.note(now, report);
+                    }
+                    self.start.take(item, notices);
+                }
                 ReportItem::Report(report) if self.enabling.is_some() => self.take_goal(&report),
                 ReportItem::Report(report) => self.hear(now, report, notices),
                 ReportItem::Errors(bits) => notices(Notice::Errors(bits)),

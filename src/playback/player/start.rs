@@ -164,7 +164,7 @@ impl<'t> Start<'t> {
         Some(Command::new(verb, &[servo.index]))
     }
 
-    /// Goes on to the next question, or to the next servo.
+    /// Continues with the next question, or with the next servo.
     fn advance(&mut self) {
         self.tries = 0;
         self.stage = match self.stage {
