@@ -5,13 +5,14 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
+use super::joints::Joint;
 use super::pending::Pending;
 use super::scope::Scope;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
-use crate::board::Board;
+use crate::board::{Board, VerbId};
 use crate::diagnostic::{Diagnostic, Diagnostics, bail, report};
 use crate::random::SplitMix;
 use crate::source::{Sources, Span};
@@ -25,6 +26,8 @@ pub(super) struct Evaluator<'s, 'd> {
     /// The board that the script is for.
     pub(super) board: &'d Arc<Board>,
     pub(super) scope: Scope<'s>,
+    /// The joints so far.
+    pub(super) joints: Vec<Joint>,
     pub(super) tempo: Tempo,
     pub(super) random: SplitMix,
     /// Whether a value since this was reset came from a random number or from the tempo.
@@ -53,6 +56,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             diagnostics,
             board,
             scope: Scope::new(),
+            joints: Vec::new(),
             tempo: Tempo::default(),
             random: SplitMix::default(),
             varies: false,
@@ -143,6 +147,11 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.push(*diagnostic)).ok()
     }
 
+    /// The joint of the servo that a verb moves, by its number among the joints.
+    pub(super) fn joint_of(&self, verb: VerbId, index: i32) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.limited.verb == verb && joint.limited.index == Some(index))
+    }
+
     /// Whether a name may have been lost with something that could not be read.
     pub(super) fn may_exist(&self, name: &str) -> bool {
         self.lost.may_hold(name) || self.pending.lost.may_hold(name)
@@ -188,6 +197,11 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     fn mismatch<T>(&mut self, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<T> {
         let operator = self.written(at.span).split('(').next().unwrap_or_default();
         let message = format!("`{operator}` cannot combine {} and {}", left.kind(), right.kind());
+        if let (Quantity::Joint(joint), _) | (_, Quantity::Joint(joint)) = (left, right) {
+            let example = self.joints.get(joint).map(|joint| joint.example(self.board)).unwrap_or_default();
+            bail!(self, Unit, at.span, "{message}";
+                help: "a joint is not a number: write it where the number of its servo may be written, as in `{example}`");
+        }
         // `1500 + 200us`: the unit of the one is what the other lacks.
         if let [.., a, b, _] = at.nodes
             && let Some((number, other)) = lacking((left, a), (right, b)).or_else(|| lacking((right, b), (left, a)))

@@ -1,6 +1,7 @@
 //! `limit`: ranges that a script sets for itself, those that hold where it sets none, and those of its project.
 
 use super::Settings;
+use super::joints::Joint;
 use crate::board::{Board, Command, Limited};
 use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
@@ -50,6 +51,25 @@ pub(crate) fn broken(board: &Board, settings: &Settings, command: &Command, span
     // The script cannot widen a limit of the project, so that one is reported first.
     broken_of_project(board, &settings.project_limits, command, span)
         .or_else(|| settings.limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span))))
+        .or_else(|| settings.joints.iter().find_map(|joint| broken_of_joint(board, joint, command, span)))
+}
+
+/// What is wrong with a command that is outside of the range of a joint.
+fn broken_of_joint(board: &Board, joint: &Joint, command: &Command, span: Span) -> Option<Diagnostic> {
+    let (low, high) = joint.range?;
+    let value = board.outside(joint.limited, (low, high), command)?;
+    let unit = board.axis(joint.limited)?.unit;
+    let [value, low, high] = [value.into(), low, high].map(|value| shown(board, joint.limited, value));
+    let name = &joint.name;
+    let message = match (joint.degrees(value, unit), joint.angles(low, high, unit)) {
+        (Some(angle), Some((least, most))) => {
+            let angle = libm::round(angle * 100.0) / 100.0;
+            format!("{value} ({angle}deg) is outside of the range {low}..{high} ({least}deg..{most}deg) of the joint `{name}`")
+        }
+        _ => format!("{value} is outside of the range {low}..{high} of the joint `{name}`"),
+    };
+    let diagnostic = diagnostic!(Limit, span, "{message}"; help: "stay inside, or widen the range of the joint");
+    Some(diagnostic.label("outside the range").related(joint.span, "its joint"))
 }
 
 /// What is wrong with a command that is outside of a limit of the project.

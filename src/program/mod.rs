@@ -13,6 +13,8 @@ mod evaluator;
 mod expect;
 mod functions;
 mod gate;
+mod joint_setting;
+mod joints;
 mod limits;
 mod lints;
 mod motion;
@@ -49,6 +51,8 @@ pub use trace::{TraceId, Traces};
 pub use words::{COMMANDS, Row, SETTINGS, Signature, signatures};
 
 use std::sync::Arc;
+
+use joints::Joint;
 
 use crate::board::{self, Board};
 use crate::diagnostic::Diagnostics;
@@ -251,6 +255,8 @@ pub(crate) struct Settings {
     pub seed: u64,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
+    /// Servos with names.
+    pub joints: Vec<Joint>,
     /// Ranges that the project limits, and where.
     pub project_limits: Vec<(Limit, String)>,
     /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
@@ -271,6 +277,7 @@ impl Settings {
             has_tempo: false,
             seed: 0,
             limits: Limit::proper(board),
+            joints: Vec::new(),
             project_limits: options.limits.iter().filter_map(|limit| limit.on(board)).collect(),
             speeds: board.resources.iter().map(|resource| resource.speed).collect(),
         }

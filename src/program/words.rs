@@ -77,6 +77,7 @@ pub(super) enum Setting {
     Baud,
     Seed,
     Limit,
+    Joint,
 }
 
 /// How a line looks that starts with a word.
@@ -329,6 +330,13 @@ pub const SETTINGS: &[Row] = &[
         "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
         Operation::Set(Setting::Limit),
     ).repeats(),
+    Row::new(
+        "joint",
+        "joint NAME servo N [zero P] [reversed] [A..B]",
+        "joint elbow servo 1 zero 1400us reversed -60deg..70deg",
+        "names a servo: the name may be written wherever its number may; its degrees count from `zero`, or from 1500us, in the other direction with `reversed`; A..B, in degrees or in the unit of the servo, narrows its range; one for each servo",
+        Operation::Set(Setting::Joint),
+    ).repeats().may_be_a_name(),
     Row::reserved("robots", Operation::Later),
 ];
 

@@ -125,6 +125,7 @@ fn moving() -> Quantity {
         range: Some((Hundredths(0), Hundredths(100))),
         step: None,
         request: Some(Command::new(verb::MOVING, &[])),
+        measures: None,
     }
 }
 
@@ -137,6 +138,7 @@ fn position(channel: i32) -> Quantity {
         range: Some((Hundredths(0), Hundredths(409_575))),
         step: None,
         request: Some(Command::new(verb::POSITION, &[channel])),
+        measures: Some((verb::SERVO, channel)),
     }
 }
 
