@@ -175,7 +175,11 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {
-        quantity.negated().or_else(|| self.kinds(span, &format!("{} cannot be negative", quantity.kind())))
+        let message = || format!("{} cannot be negative", quantity.kind());
+        match quantity {
+            Quantity::Joint(joint) => self.no_number(joint, span, &message()),
+            _ => quantity.negated().or_else(|| self.kinds(span, &message())),
+        }
     }
 
     /// A condition.
@@ -194,13 +198,18 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             help: "`+`, `-`, `%` and comparisons need two values of one kind; `*` takes at most one unit, and `/` the same kind twice or a divisor without a unit")
     }
 
+    /// Refuses a calculation with a joint.
+    fn no_number<T>(&mut self, joint: usize, span: Span, message: &str) -> Option<T> {
+        let example = self.joints.get(joint).map(|joint| joint.example(self.board)).unwrap_or_default();
+        bail!(self, Unit, span, "{message}";
+            help: "a joint is a servo, not a number: write its name where the number of the servo may be, as in `{example}`")
+    }
+
     fn mismatch<T>(&mut self, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<T> {
         let operator = self.written(at.span).split('(').next().unwrap_or_default();
         let message = format!("`{operator}` cannot combine {} and {}", left.kind(), right.kind());
         if let (Quantity::Joint(joint), _) | (_, Quantity::Joint(joint)) = (left, right) {
-            let example = self.joints.get(joint).map(|joint| joint.example(self.board)).unwrap_or_default();
-            bail!(self, Unit, at.span, "{message}";
-                help: "a joint is not a number: write it where the number of its servo may be written, as in `{example}`");
+            return self.no_number(joint, at.span, &message);
         }
         // `1500 + 200us`: the unit of the one is what the other lacks.
         if let [.., a, b, _] = at.nodes
@@ -415,6 +424,9 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             }
             Compute::Nth => {
                 let chosen = match first {
+                    Quantity::Joint(joint) => {
+                        return self.no_number(joint, span, "the index of `nth` cannot be a joint");
+                    }
                     Quantity::Number(index) if libm::floor(index) == index && index >= 0.0 => value::round(index),
                     _ => None,
                 };

@@ -293,8 +293,8 @@ fn measured(args: &mut Arguments<'_, '_, '_, '_>, all: &[Measured]) -> Option<Me
     args.next_argument();
     let index = match args.eval.value(index)? {
         Quantity::Joint(joint) => {
-            let verbs = all.iter().filter(|measured| measured.name().split(' ').next() == Some(word));
-            match verbs.filter_map(|measured| measured.quantity.measures).next() {
+            let mut verbs = all.iter().filter(|measured| measured.name().split(' ').next() == Some(word));
+            match verbs.find_map(|measured| measured.quantity.measures) {
                 Some((verb, _)) => args.index_of(joint, verb, index.span)?,
                 None => args.eval.joints.get(joint)?.limited.index?,
             }

@@ -27,6 +27,11 @@ pub(super) fn joint(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Setting
         bail!(args.eval, InvalidArgument, argument.span, "the name of a joint starts with a letter";
             help: "{}", args.row().how());
     };
+    if movable(args.eval.board).any(|(_, verb)| verb.word == name.text) {
+        let line = args.eval.rewritten(args.command.span, &[(name.span, format!("elbow {}", name.text))]);
+        bail!(args.eval, MissingArgument, name.span, "the name of the joint is missing";
+            help: "write the name first, such as `{line}`");
+    }
     args.eval.is_free(name)?;
     let read = servo(args, name, settings).and_then(|servo| options(args, name, &servo));
     if read.is_none() {
@@ -66,8 +71,8 @@ fn servo(args: &mut Arguments<'_, '_, '_, '_>, name: Name<'_>, settings: &Settin
         args.eval.push(diagnostic.label("again here").related(first, "first joint"));
         return None;
     }
-    let limits = settings.limits.iter().filter(|limit| limit.limited == limited);
-    if let Some(limit) = limits.filter_map(|limit| limit.span).next() {
+    let mut limits = settings.limits.iter().filter(|limit| limit.limited == limited);
+    if let Some(limit) = limits.find_map(|limit| limit.span) {
         let diagnostic = diagnostic!(SettingPlace, args.command.span, "the joint `{}` comes after the limit of `{word} {index}`",
             name.text; help: "move the `joint` line up: the angles of the limit depend on it");
         args.eval.push(diagnostic.related(limit, "limited here"));
@@ -116,8 +121,8 @@ fn options<'s>(args: &mut Arguments<'_, '_, 's, '_>, name: Name<'s>, servo: &Ser
     args.eval.joints.push(Joint { name: text, span, limited, resource, zero, is_reversed, range: None });
     args.eval.scope.bind(name, Quantity::Joint(number), Kind::Joint);
     if let Some((argument, ends)) = range {
-        let bound = Bound { what: "the range of a joint", joint: Some(number), ..bound };
-        let range = args.range(ends, argument.span, bound)?;
+        let bound = Bound { joint: Some(number), ..bound };
+        let range = args.range(ends, argument.span, (bound, "the range of a joint"))?;
         args.eval.joints.get_mut(number)?.range = Some(range);
     }
     Some(())

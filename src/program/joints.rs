@@ -35,12 +35,10 @@ impl Joint {
         Some(self.direction() * (value - self.zero) * width / values)
     }
 
-    /// The angles of two values, the smaller angle first, without those that are only almost inside.
+    /// The angles of two values, the smaller angle first.
     pub(super) fn angles(&self, least: f64, most: f64, unit: Unit) -> Option<(f64, f64)> {
         let (a, b) = (self.degrees(least, unit)?, self.degrees(most, unit)?);
-        // What is almost a hundredth is one.
-        let hundredths = |angle: f64| libm::round(angle * 1e6) / 1e4;
-        Some((libm::ceil(hundredths(a.min(b))) / 100.0, libm::floor(hundredths(a.max(b))) / 100.0))
+        Some((a.min(b), a.max(b)))
     }
 
     fn direction(&self) -> f64 {
@@ -88,7 +86,7 @@ pub(super) fn usual_zero(axis: &Axis) -> f64 {
     let (degrees, values) = scale.map_or(((least, most), (least, most)), |scale| (scale.degrees, scale.values));
     let has_zero = scale.is_some() || axis.unit.measure == Measure::Degrees;
     if has_zero && degrees.0 < 0.0 && 0.0 < degrees.1 {
-        values.0 - degrees.0 / (degrees.1 - degrees.0) * (values.1 - values.0)
+        values.0 - degrees.0 * (values.1 - values.0) / (degrees.1 - degrees.0)
     } else {
         f64::midpoint(values.0, values.1)
     }

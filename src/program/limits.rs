@@ -38,6 +38,20 @@ impl Limit {
     }
 }
 
+/// The limits of a script, and the ranges of its joints, for pictures.
+pub(crate) fn of_pictures(settings: &Settings) -> Vec<Limit> {
+    let mut limits = settings.limits.clone();
+    for joint in &settings.joints {
+        let Some((low, high)) = joint.range else { continue };
+        let limited = joint.limited;
+        match limits.iter_mut().find(|limit| limit.limited == limited && limit.span.is_some()) {
+            Some(limit) => (limit.low, limit.high) = (limit.low.max(low), limit.high.min(high)),
+            None => limits.push(Limit { limited, low, high, span: Some(joint.span) }),
+        }
+    }
+    limits
+}
+
 /// A value of the board as a script writes it.
 fn shown(board: &Board, limited: Limited, value: f64) -> f64 {
     value / f64::from(board.axis(limited).map_or(1, |axis| axis.scale))
@@ -63,8 +77,10 @@ fn broken_of_joint(board: &Board, joint: &Joint, command: &Command, span: Span) 
     let name = &joint.name;
     let message = match (joint.degrees(value, unit), joint.angles(low, high, unit)) {
         (Some(angle), Some((least, most))) => {
-            let angle = libm::round(angle * 100.0) / 100.0;
-            format!("{value} ({angle}deg) is outside of the range {low}..{high} ({least}deg..{most}deg) of the joint `{name}`")
+            let [angle, least, most] = [angle, least, most].map(|angle| libm::round(angle * 10.0) / 10.0);
+            format!(
+                "{value} ({angle}deg) is outside of the range {low}..{high} ({least}deg..{most}deg) of the joint `{name}`"
+            )
         }
         _ => format!("{value} is outside of the range {low}..{high} of the joint `{name}`"),
     };

@@ -40,7 +40,7 @@ pub use expect::{Condition, Criterion, Expect, Measured};
 pub use functions::{FUNCTIONS, Function};
 pub use gate::{Awaited, Gate};
 pub use limits::Limit;
-pub(crate) use limits::broken as broken_limit;
+pub(crate) use limits::{broken as broken_limit, of_pictures as limits_of_pictures};
 pub(crate) use motion::{Motion, Move};
 pub use project_limits::{ProjectLimit, limit_items};
 pub use say::SayText;
@@ -48,7 +48,7 @@ pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};
-pub use words::{COMMANDS, Row, SETTINGS, Signature, signatures};
+pub use words::{COMMANDS, Row, SETTINGS, Signature, name_from, signatures};
 
 use std::sync::Arc;
 

@@ -281,7 +281,7 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
             help: "write the smallest and the largest value with `..` between them: `limit {} {}..{}`",
                 board.limited_name(limited), axis.shown(axis.range.0), axis.shown(axis.range.1));
     };
-    let (low, high) = args.range(ends, argument.span, Bound { what: "a limit", joint, ..axis.into() })?;
+    let (low, high) = args.range(ends, argument.span, (Bound { joint, ..axis.into() }, "a limit"))?;
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
     if let Some(first) = first {

@@ -191,7 +191,11 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     }
 
     /// The ends of a range as values of the board, in the order of their angles if both are angles.
-    pub(in crate::program) fn ends(&mut self, ends: &'a (Value<'s>, Value<'s>), bound: Bound<'_>) -> Option<(f64, f64)> {
+    pub(in crate::program) fn ends(
+        &mut self,
+        ends: &'a (Value<'s>, Value<'s>),
+        bound: Bound<'_>,
+    ) -> Option<(f64, f64)> {
         let (low, high) = (self.eval.value(&ends.0)?, self.eval.value(&ends.1)?);
         let mut end = |quantity: Quantity, span| {
             let value = self.converted(quantity, span, bound)? * f64::from(bound.scale);
@@ -204,15 +208,14 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         Some(if is_turned { (high, low) } else { (low, high) })
     }
 
-    /// A range within the one of the board, as values of the board.
+    /// A range within the one of the board, as values of the board; `what` names it in messages.
     pub(in crate::program) fn range(
         &mut self,
         ends: &'a (Value<'s>, Value<'s>),
         span: Span,
-        bound: Bound<'_>,
+        (bound, what): (Bound<'_>, &str),
     ) -> Option<(f64, f64)> {
         let (low, high) = self.ends(ends, bound)?;
-        let what = bound.what;
         if low > high {
             let (written_low, written_high) = (self.eval.written(ends.0.span), self.eval.written(ends.1.span));
             bail!(self.eval, OutOfRange, span, "the smaller value of {what} comes first";
@@ -279,6 +282,9 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             return Some(value);
         }
         let (least, most) = joint.angles(f64::from(least) / scale, f64::from(most) / scale, bound.unit)?;
+        // Tenths of a degree inside of the range; what is almost a tenth is one.
+        let tenths = |angle: f64| libm::round(angle * 1e6) / 1e5;
+        let (least, most) = (libm::ceil(tenths(least)) / 10.0, libm::floor(tenths(most)) / 10.0);
         let diagnostic = diagnostic!(OutOfRange, span,
             "angle {degrees}deg is out of range ({least}deg to {most}deg from the zero of `{}`)", joint.name;
             help: "write an angle from `{least}deg` to `{most}deg`");
