@@ -205,3 +205,67 @@ fn what_a_program_sends_to_a_text_board_is_recorded() {
     let output = motionseq(&["check", &script]).output().unwrap();
     assert_eq!(code(&output), 0, "{}", stderr(&output));
 }
+
+/// The calibration of an arm.
+const CALIBRATION: &str = r#"{
+  "Wrist Roll": {"id": 5, "drive_mode": 0, "homing_offset": 0, "range_min": 0, "range_max": 4095},
+  "shoulder_pan": {"id": 1, "drive_mode": 1, "homing_offset": -12, "range_min": 700, "range_max": 3400},
+  "3rd": {"id": 2, "drive_mode": 0, "homing_offset": 100, "range_min": 900, "range_max": 901},
+  "stop": {"id": 253, "drive_mode": 0, "homing_offset": 0, "range_min": 10, "range_max": 20}
+}"#;
+
+#[test]
+fn a_calibration_becomes_joints() {
+    let folder = demo("joints");
+    folder.file("arm.json", CALIBRATION.as_bytes());
+    let output = folder.run(&["joints", "arm.json"]);
+    let lines = "joint shoulder_pan servo 1 zero 2050 reversed 700..3400\n\
+        joint _3rd servo 2 zero 900.5 900..901\n\
+        joint wrist_roll servo 5 zero 2047.5 0..4095\n\
+        joint stop_ servo 253 zero 15 10..20\n";
+    assert_eq!((stdout(&output), stderr(&output), code(&output)), (lines.to_owned(), String::new(), 0));
+    let mut child = motionseq(&["joints", "-"]).stdin(std::process::Stdio::piped()).spawn().unwrap();
+    child.stdin.take().unwrap().write_all(CALIBRATION.as_bytes()).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn a_wrong_calibration_prints_nothing() {
+    let folder = demo("joints-wrong");
+    let entry = r#"{"id": 1, "drive_mode": 0, "homing_offset": 0, "range_min": 700, "range_max": 3400}"#;
+    let with = |old: &str, new: &str| format!("{{\"elbow\": {}}}", entry.replace(old, new));
+    let cases = [
+        ("{".to_owned(), "this is not JSON: EOF while parsing"),
+        (format!("{{\"elbow\": {entry}}} more"), "this is not JSON: trailing characters at line 1"),
+        ("[]".to_owned(), "is a JSON object with one entry for each motor"),
+        ("{}".to_owned(), "contains no motor"),
+        ("{\"elbow\": 3}".to_owned(), "`elbow` is not an object with `id`"),
+        (format!("{{\"-\": {entry}}}"), "the name `-` has no letter or digit"),
+        (with("\"id\": 1, ", ""), "`elbow` has no `id`"),
+        (with("\"id\": 1", "\"id\": 254"), "`id` of `elbow` is 254, and must be from 0 to 253"),
+        (with("\"id\": 1", "\"id\": -1"), "`id` of `elbow` is -1"),
+        (with("\"id\": 1", "\"id\": 1.5"), "`id` of `elbow` is not a whole number"),
+        (with("\"id\": 1", "\"id\": \"1\""), "`id` of `elbow` is not a whole number"),
+        (with("\"drive_mode\": 0", "\"drive_mode\": 2"), "`drive_mode` of `elbow` is 2, and must be from 0 to 1"),
+        (with("\"drive_mode\": 0", "\"drive_mode\": false"), "`drive_mode` of `elbow` is not a whole number"),
+        (with("\"homing_offset\": 0", "\"homing_offset\": null"), "`homing_offset` of `elbow` is not a whole number"),
+        (with("3400", "4096"), "`range_max` of `elbow` is 4096, and must be from 0 to 4095"),
+        (with("3400", "600"), "`range_min` of `elbow` is 700, and must be less than `range_max`, 600"),
+        (with("3400", "700"), "must be less than `range_max`, 700"),
+        (format!("{{\"b\": {entry}, \"a\": {entry}}}"), "have the same `id`, 1"),
+        (
+            format!("{{\"a b\": {entry}, \"A-B\": {}}}", entry.replace("\"id\": 1", "\"id\": 2")),
+            "would have the same name in a script, `a_b`",
+        ),
+    ];
+    for (text, words) in cases {
+        folder.file("arm.json", text.as_bytes());
+        let output = folder.run(&["joints", "arm.json"]);
+        let (out, error) = (stdout(&output), stderr(&output));
+        assert!(out.is_empty() && code(&output) == 1 && error.contains(words), "{text}: {out}\n{error}");
+        assert!(error.contains("arm.json: "), "{error}");
+    }
+    says(&folder, &["joints", "nosuch.json"], 1, "cannot read nosuch.json");
+    says(&folder, &["joints"], 2, "<FILE>");
+    says(&folder, &["joints", "arm.json", "more"], 2, "unexpected argument");
+}

@@ -187,6 +187,7 @@ fn lamps() -> Arc<Board> {
             range: None,
             step: None,
             request: None,
+            measures: None,
         })],
         changes: Vec::new(),
         reporting: None,

@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::Text;
-use super::command::Command;
+use super::command::{Command, VerbId};
 use crate::units::Nanos;
 
 /// The most values in one report.
@@ -27,6 +27,9 @@ pub struct Quantity {
     pub step: Option<Hundredths>,
     /// The command that requests it, if the board reports only what is requested.
     pub request: Option<Command>,
+    /// The verb whose value it is, with the index: a `position 3` can be the value of `servo 3`, in
+    /// the unit in which a script writes that. `None` for anything else.
+    pub measures: Option<(VerbId, i32)>,
 }
 
 /// The change of a quantity since a moment, such as the angle that a robot has turned.

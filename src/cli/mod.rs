@@ -16,6 +16,7 @@ mod family;
 mod fixes;
 mod fmt;
 mod init;
+mod joints;
 mod man;
 #[cfg_attr(not(feature = "mcap"), path = "mcap_frames_absent.rs")]
 mod mcap_frames;
@@ -124,6 +125,7 @@ enum Command {
     Config(config::Config),
     Explain(explain::Explain),
     Decode(decode::Decode),
+    Joints(joints::Joints),
     Board(board::Board),
     Record(record::Record),
     Ports(ports::Ports),
@@ -249,6 +251,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Config(config) => config.run(&screen),
         Command::Explain(explain) => explain.run(&screen),
         Command::Decode(decode) => decode.run(&screen),
+        Command::Joints(joints) => joints.run(&screen),
         Command::Board(board) => board.run(&screen),
         Command::Record(record) => record.run(&screen),
         Command::Latency(latency) => latency.run(&screen),

@@ -5,13 +5,14 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::functions::{self, Compute, below};
+use super::joints::Joint;
 use super::pending::Pending;
 use super::scope::Scope;
 use super::suggest::{list, suggest};
 use super::tempo::Tempo;
 use super::trace::Traces;
 use super::value::{self, Quantity};
-use crate::board::Board;
+use crate::board::{Board, VerbId};
 use crate::diagnostic::{Diagnostic, Diagnostics, bail, report};
 use crate::random::SplitMix;
 use crate::source::{Sources, Span};
@@ -25,6 +26,8 @@ pub(super) struct Evaluator<'s, 'd> {
     /// The board that the script is for.
     pub(super) board: &'d Arc<Board>,
     pub(super) scope: Scope<'s>,
+    /// The joints so far.
+    pub(super) joints: Vec<Joint>,
     pub(super) tempo: Tempo,
     pub(super) random: SplitMix,
     /// Whether a value since this was reset came from a random number or from the tempo.
@@ -53,6 +56,7 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             diagnostics,
             board,
             scope: Scope::new(),
+            joints: Vec::new(),
             tempo: Tempo::default(),
             random: SplitMix::default(),
             varies: false,
@@ -143,6 +147,11 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         value::number(shape, text, span, self.tempo).map_err(|diagnostic| self.push(*diagnostic)).ok()
     }
 
+    /// The joint of the servo that a verb moves, by its number among the joints.
+    pub(super) fn joint_of(&self, verb: VerbId, index: i32) -> Option<usize> {
+        self.joints.iter().position(|joint| joint.limited.verb == verb && joint.limited.index == Some(index))
+    }
+
     /// Whether a name may have been lost with something that could not be read.
     pub(super) fn may_exist(&self, name: &str) -> bool {
         self.lost.may_hold(name) || self.pending.lost.may_hold(name)
@@ -166,7 +175,11 @@ impl<'s, 'd> Evaluator<'s, 'd> {
     }
 
     fn negate(&mut self, quantity: Quantity, span: Span) -> Option<Quantity> {
-        quantity.negated().or_else(|| self.kinds(span, &format!("{} cannot be negative", quantity.kind())))
+        let message = || format!("{} cannot be negative", quantity.kind());
+        match quantity {
+            Quantity::Joint(joint) => self.no_number(joint, span, &message()),
+            _ => quantity.negated().or_else(|| self.kinds(span, &message())),
+        }
     }
 
     /// A condition.
@@ -185,9 +198,19 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             help: "`+`, `-`, `%` and comparisons need two values of one kind; `*` takes at most one unit, and `/` the same kind twice or a divisor without a unit")
     }
 
+    /// Refuses a calculation with a joint.
+    fn no_number<T>(&mut self, joint: usize, span: Span, message: &str) -> Option<T> {
+        let example = self.joints.get(joint).map(|joint| joint.example(self.board)).unwrap_or_default();
+        bail!(self, Unit, span, "{message}";
+            help: "a joint is a servo, not a number: write its name where the number of the servo may be, as in `{example}`")
+    }
+
     fn mismatch<T>(&mut self, left: Quantity, right: Quantity, at: Operands<'_, 's>) -> Option<T> {
         let operator = self.written(at.span).split('(').next().unwrap_or_default();
         let message = format!("`{operator}` cannot combine {} and {}", left.kind(), right.kind());
+        if let (Quantity::Joint(joint), _) | (_, Quantity::Joint(joint)) = (left, right) {
+            return self.no_number(joint, at.span, &message);
+        }
         // `1500 + 200us`: the unit of the one is what the other lacks.
         if let [.., a, b, _] = at.nodes
             && let Some((number, other)) = lacking((left, a), (right, b)).or_else(|| lacking((right, b), (left, a)))
@@ -401,6 +424,9 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             }
             Compute::Nth => {
                 let chosen = match first {
+                    Quantity::Joint(joint) => {
+                        return self.no_number(joint, span, "the index of `nth` cannot be a joint");
+                    }
                     Quantity::Number(index) if libm::floor(index) == index && index >= 0.0 => value::round(index),
                     _ => None,
                 };

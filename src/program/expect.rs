@@ -3,11 +3,12 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::arguments::{self, Arguments};
+use super::arguments::{self, Arguments, Bound};
+use super::joints;
 use super::suggest::list;
 use super::time::Time;
 use super::value::Quantity;
-use crate::board::{self, Hundredths, Report};
+use crate::board::{self, Hundredths, Limited, Report};
 use crate::diagnostic::{bail, report};
 use crate::syntax::{Item, Value, ValueKind};
 
@@ -238,12 +239,12 @@ pub(super) fn criterion(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Criterio
     let wanted = match &operator.item {
         Item::Comparison(sign) => {
             let value = args.next()?;
-            let bound = bound(args, value, &measured)?;
-            match sign.text {
-                "<" => Condition::Less(bound),
-                "<=" => Condition::AtMost(bound),
-                ">" => Condition::Greater(bound),
-                ">=" => Condition::AtLeast(bound),
+            let (bound, is_turned) = bound(args, value, &measured)?;
+            match (sign.text, is_turned) {
+                ("<", false) | (">", true) => Condition::Less(bound),
+                ("<=", false) | (">=", true) => Condition::AtMost(bound),
+                (">", false) | ("<", true) => Condition::Greater(bound),
+                (">=", false) | ("<=", true) => Condition::AtLeast(bound),
                 _ => Condition::Equal(bound),
             }
         }
@@ -253,7 +254,9 @@ pub(super) fn criterion(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Criterio
                 bail!(args.eval, Comparison, range.span, "`in` needs a range";
                     help: "write both ends, with `..` between them: `{command} {name} in {}`", measured.sample().1);
             };
-            let (low, high) = (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
+            let ((low, is_turned), (high, is_turned_too)) =
+                (bound(args, &ends.0, &measured)?, bound(args, &ends.1, &measured)?);
+            let (low, high) = if is_turned && is_turned_too { (high, low) } else { (low, high) };
             if low > high {
                 bail!(args.eval, OutOfRange, range.span, "this range is empty";
                     help: "write the smaller value first");
@@ -288,7 +291,16 @@ fn measured(args: &mut Arguments<'_, '_, '_, '_>, all: &[Measured]) -> Option<Me
             help: "write one from {least} to {most}: `{line}`");
     };
     args.next_argument();
-    let index = args.integer(index, &format!("a {word} number"), (least, most))?;
+    let index = match args.eval.value(index)? {
+        Quantity::Joint(joint) => {
+            let mut verbs = all.iter().filter(|measured| measured.name().split(' ').next() == Some(word));
+            match verbs.find_map(|measured| measured.quantity.measures) {
+                Some((verb, _)) => args.index_of(joint, verb, index.span)?,
+                None => args.eval.joints.get(joint)?.limited.index?,
+            }
+        }
+        other => args.whole_of(other, index.span, &format!("a {word} number"), (least, most))?,
+    };
     named(&format!("{word} {index}"))
 }
 
@@ -327,13 +339,28 @@ pub(super) fn within(args: &mut Arguments<'_, '_, '_, '_>) -> Result<Option<Time
     Ok(Some(time))
 }
 
-/// A value in the unit of the measured value.
-fn bound<'a, 's>(args: &mut Arguments<'_, 'a, 's, '_>, value: &'a Value<'s>, measured: &Measured) -> Option<f64> {
-    match (args.eval.value(value)?, measured.unit()) {
+/// A value in the unit of the measured value, and whether larger angles are smaller values.
+fn bound<'a, 's>(
+    args: &mut Arguments<'_, 'a, 's, '_>,
+    value: &'a Value<'s>,
+    measured: &Measured,
+) -> Option<(f64, bool)> {
+    let (quantity, unit) = (args.eval.value(value)?, measured.unit());
+    if let (Quantity::Degrees(_), Some((verb, index))) = (quantity, measured.quantity.measures)
+        && let Some(axis) = args.eval.board.axis(Limited { verb, index: Some(index), axis: None })
+        && (unit != "deg" && joints::slope(axis.unit).is_some())
+    {
+        let joint = args.eval.joint_of(verb, index);
+        let bound = args.converted(quantity, value.span, Bound { joint, ..axis.into() })?;
+        // The value that a command with this angle sends.
+        let scale = f64::from(axis.scale);
+        return Some((libm::round(bound * scale) / scale, args.is_reversed(joint)));
+    }
+    match (quantity, unit) {
         (Quantity::Volts(bound), "V") | (Quantity::Degrees(bound), "deg") | (Quantity::Number(bound), "") => {
-            Some(bound)
+            Some((bound, false))
         }
-        (Quantity::Time(time), "us") => Some(time.in_micros()),
+        (Quantity::Time(time), "us") => Some((time.in_micros(), false)),
         (other, unit) => {
             let (name, (what, _)) = (measured.name(), measured.sample());
             let help = match other {

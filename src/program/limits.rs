@@ -1,6 +1,7 @@
 //! `limit`: ranges that a script sets for itself, those that hold where it sets none, and those of its project.
 
 use super::Settings;
+use super::joints::Joint;
 use crate::board::{Board, Command, Limited};
 use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
@@ -37,6 +38,20 @@ impl Limit {
     }
 }
 
+/// The limits of a script, and the ranges of its joints, for pictures.
+pub(crate) fn of_pictures(settings: &Settings) -> Vec<Limit> {
+    let mut limits = settings.limits.clone();
+    for joint in &settings.joints {
+        let Some((low, high)) = joint.range else { continue };
+        let limited = joint.limited;
+        match limits.iter_mut().find(|limit| limit.limited == limited && limit.span.is_some()) {
+            Some(limit) => (limit.low, limit.high) = (limit.low.max(low), limit.high.min(high)),
+            None => limits.push(Limit { limited, low, high, span: Some(joint.span) }),
+        }
+    }
+    limits
+}
+
 /// A value of the board as a script writes it.
 fn shown(board: &Board, limited: Limited, value: f64) -> f64 {
     value / f64::from(board.axis(limited).map_or(1, |axis| axis.scale))
@@ -50,6 +65,27 @@ pub(crate) fn broken(board: &Board, settings: &Settings, command: &Command, span
     // The script cannot widen a limit of the project, so that one is reported first.
     broken_of_project(board, &settings.project_limits, command, span)
         .or_else(|| settings.limits.iter().find_map(|limit| Some(diagnostic(board, limit, value(limit)?, span))))
+        .or_else(|| settings.joints.iter().find_map(|joint| broken_of_joint(board, joint, command, span)))
+}
+
+/// What is wrong with a command that is outside of the range of a joint.
+fn broken_of_joint(board: &Board, joint: &Joint, command: &Command, span: Span) -> Option<Diagnostic> {
+    let (low, high) = joint.range?;
+    let value = board.outside(joint.limited, (low, high), command)?;
+    let unit = board.axis(joint.limited)?.unit;
+    let [value, low, high] = [value.into(), low, high].map(|value| shown(board, joint.limited, value));
+    let name = &joint.name;
+    let message = match (joint.degrees(value, unit), joint.angles(low, high, unit)) {
+        (Some(angle), Some((least, most))) => {
+            let [angle, least, most] = [angle, least, most].map(|angle| libm::round(angle * 10.0) / 10.0);
+            format!(
+                "{value} ({angle}deg) is outside of the range {low}..{high} ({least}deg..{most}deg) of the joint `{name}`"
+            )
+        }
+        _ => format!("{value} is outside of the range {low}..{high} of the joint `{name}`"),
+    };
+    let diagnostic = diagnostic!(Limit, span, "{message}"; help: "stay inside, or widen the range of the joint");
+    Some(diagnostic.label("outside the range").related(joint.span, "its joint"))
 }
 
 /// What is wrong with a command that is outside of a limit of the project.

@@ -14,6 +14,8 @@ mod every;
 mod expect;
 mod functions;
 mod gate;
+mod joint_setting;
+mod joints;
 mod limits;
 mod lints;
 mod motion;
@@ -39,7 +41,7 @@ pub use expect::{Condition, Criterion, Expect, Measured};
 pub use functions::{FUNCTIONS, Function};
 pub use gate::{Awaited, Gate};
 pub use limits::Limit;
-pub(crate) use limits::broken as broken_limit;
+pub(crate) use limits::{broken as broken_limit, of_pictures as limits_of_pictures};
 pub(crate) use motion::{Motion, Move};
 pub use project_limits::{ProjectLimit, limit_items};
 pub use say::SayText;
@@ -47,9 +49,11 @@ pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};
-pub use words::{COMMANDS, Row, SETTINGS, Signature, signatures};
+pub use words::{COMMANDS, Row, SETTINGS, Signature, name_from, signatures};
 
 use std::sync::Arc;
+
+use joints::Joint;
 
 use crate::board::{self, Board};
 use crate::diagnostic::Diagnostics;
@@ -254,6 +258,8 @@ pub(crate) struct Settings {
     pub soft: Option<Micros>,
     /// Ranges that the script limits, and those that are limited where it says nothing.
     pub limits: Vec<Limit>,
+    /// Servos with names.
+    pub joints: Vec<Joint>,
     /// Ranges that the project limits, and where.
     pub project_limits: Vec<(Limit, String)>,
     /// How fast each resource of the board is taken to go, in the unit of its value a second; `None` for at once.
@@ -275,6 +281,7 @@ impl Settings {
             seed: 0,
             soft: board.feedback.as_ref().and_then(|feedback| Some(feedback.preparation.as_ref()?.soft)),
             limits: Limit::proper(board),
+            joints: Vec::new(),
             project_limits: options.limits.iter().filter_map(|limit| limit.on(board)).collect(),
             speeds: board.resources.iter().map(|resource| resource.speed).collect(),
         }

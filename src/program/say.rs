@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::evaluator::Evaluator;
 use super::expect::Measured;
 use super::template::{Piece, pieces};
+use super::value::Quantity;
 use crate::board::Report;
 use crate::diagnostic::bail;
 use crate::source::Span;
@@ -73,6 +74,9 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
                     help: "write `\\\\` for a backslash");
             }
             Piece::Name(name) => match (eval.scope.value(name), Measured::reported(eval.board, name)) {
+                (Some(Quantity::Joint(joint)), _) => {
+                    said.text.push_str(eval.joints.get(joint).map_or(name, |joint| &joint.name));
+                }
                 (Some(found), _) => said.text.push_str(&found.to_string()),
                 (None, Some(measured)) => {
                     let start = said.text.len();

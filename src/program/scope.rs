@@ -36,6 +36,8 @@ pub(super) enum Kind {
     Counter,
     /// A `mark`.
     Mark,
+    /// A `joint`.
+    Joint,
 }
 
 /// A `def`, with what it sees.

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::Settings;
-use super::arguments::{self, Arguments, text_of};
+use super::arguments::{self, Arguments, Bound, text_of};
+use super::joint_setting;
+use super::joints;
 use super::limits::Limit;
 use super::lints;
 use super::suggest::list;
@@ -35,6 +37,7 @@ pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settin
         Setting::Seed => seed(args, settings),
         Setting::Soft => soft(args, settings),
         Setting::Limit => limit(args, settings),
+        Setting::Joint => joint_setting::joint(args, settings),
     }
 }
 
@@ -239,7 +242,7 @@ fn limited(args: &mut Arguments<'_, '_, '_, '_>) -> Option<Limited> {
                 help: "write `limit {word} {} {range}`", axis.range.0);
         }
         let index = args.next()?;
-        limited.index = Some(args.integer(index, &axis.what, axis.range)?);
+        limited.index = Some(args.index_or_joint(index, id, axis)?);
     }
     let names: Vec<&str> = verb.moving().iter().map(|axis| verb.label(axis)).filter(|name| !name.is_empty()).collect();
     if names.is_empty() {
@@ -288,28 +291,17 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
     let resource = board.occupied(limited.verb, limited.index).first().copied();
     let resource = resource.filter(|resource| board.resource(*resource).is_some_and(|found| found.speed.is_some()));
     if let (Some(resource), Item::One(Value { kind: ValueKind::Word("speed"), .. })) = (resource, &argument.item) {
-        return speed(resource, args, settings);
+        return speed(resource, board.axis(limited)?, args, settings);
     }
     let axis = board.axis(limited)?;
+    let joint = limited.index.filter(|_| limited.axis.unwrap_or(0) == 0);
+    let joint = joint.and_then(|index| args.eval.joint_of(limited.verb, index));
     let Item::Range(ends) = &argument.item else {
         bail!(args.eval, InvalidArgument, argument.span, "a range is needed here";
             help: "write the smallest and the largest value with `..` between them: `limit {} {}..{}`",
                 board.limited_name(limited), axis.shown(axis.range.0), axis.shown(axis.range.1));
     };
-    let (min, max) = axis.range;
-    let mut bound = |value| Some(axis.value(args.in_unit(value, &axis.what, axis.unit)?));
-    let (low, high) = (bound(&ends.0)?, bound(&ends.1)?);
-    if low > high {
-        let (written_low, written_high) = (args.eval.written(ends.0.span), args.eval.written(ends.1.span));
-        bail!(args.eval, OutOfRange, argument.span, "the smaller value of a limit comes first";
-            write: argument.span => "{written_high}..{written_low}");
-    }
-    if !(f64::from(min) <= low && high <= f64::from(max)) {
-        let (min, max) = (axis.shown(min), axis.shown(max));
-        bail!(args.eval, OutOfRange, argument.span,
-            "a limit must be within the range of the board, {min}..{max}";
-            help: "narrow the range");
-    }
+    let (low, high) = args.range(ends, argument.span, (Bound { joint, ..axis.into() }, "a limit"))?;
     let limit = Limit { limited, low, high, span: Some(args.command.span) };
     let first = settings.limits.iter().find(|other| other.limited == limited).and_then(|first| first.span);
     if let Some(first) = first {
@@ -323,15 +315,32 @@ fn limit(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Optio
     Some(())
 }
 
-/// `limit servo N speed PULSE`: how far a servo turns in a second.
-fn speed(resource: ResourceId, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
+/// `limit servo N speed SPEED`: how far a servo turns in a second, in its unit or in degrees.
+fn speed(
+    resource: ResourceId,
+    axis: &Axis,
+    args: &mut Arguments<'_, '_, '_, '_>,
+    settings: &mut Settings,
+) -> Option<()> {
     let value = args.next()?;
-    let speed = args.in_unit(value, "a speed", Unit { measure: Measure::Micros, angle: None })?;
-    let range = 100.0..=100_000.0;
+    let speed = match (args.eval.value(value)?, joints::slope(axis.unit)) {
+        (Quantity::Degrees(degrees), Some((values, width))) => degrees * values / width,
+        (other, _) => {
+            let unit = Unit { angle: None, ..axis.unit };
+            args.converted(other, value.span, Bound { what: "a speed", unit, ..axis.into() })?
+        }
+    };
+    let is_pulse = axis.unit.measure == Measure::Micros;
+    let range = if is_pulse { 100 } else { 1 }..=100_000;
     let whole = super::value::round(speed).and_then(|speed| u32::try_from(speed).ok());
-    let Some(speed) = whole.filter(|_| range.contains(&speed)) else {
-        bail!(args.eval, OutOfRange, value.span, "the speed is out of range (100 to 100000 µs of pulse width per second)";
-            help: "60° in 0.12 s is 5500: `limit servo 2 speed 5500us`");
+    let Some(speed) = whole.filter(|speed| range.contains(speed)) else {
+        if is_pulse {
+            bail!(args.eval, OutOfRange, value.span, "the speed is out of range (100 to 100000 µs of pulse width per second)";
+                help: "60° in 0.12 s is 5500: `limit servo 2 speed 5500us`");
+        }
+        let symbol = axis.unit.symbol();
+        bail!(args.eval, OutOfRange, value.span, "the speed is out of range (1 to 100000{symbol} per second)";
+            help: "write how far the servo turns in a second");
     };
     *settings.speeds.get_mut(resource)? = Some(speed);
     Some(())

@@ -31,6 +31,8 @@ pub(super) enum Quantity {
     Moment(Time),
     /// True or false.
     Truth(bool),
+    /// A joint, by its number among the joints of the script.
+    Joint(usize),
 }
 
 /// As a `say` shows it.
@@ -44,6 +46,7 @@ impl fmt::Display for Quantity {
             Quantity::Tempo(number) => write!(f, "{number}bpm"),
             Quantity::Hertz(number) => write!(f, "{number}hz"),
             Quantity::Truth(truth) => write!(f, "{truth}"),
+            Quantity::Joint(_) => f.write_str(self.kind()),
         }
     }
 }
@@ -60,6 +63,7 @@ impl Quantity {
             Quantity::Hertz(_) => "a frequency",
             Quantity::Moment(_) => "a moment",
             Quantity::Truth(_) => "true or false",
+            Quantity::Joint(_) => "a joint",
         }
     }
 
@@ -72,7 +76,7 @@ impl Quantity {
             Quantity::Volts(x) => Quantity::Volts(-x),
             Quantity::Tempo(x) => Quantity::Tempo(-x),
             Quantity::Hertz(x) => Quantity::Hertz(-x),
-            Quantity::Moment(_) | Quantity::Truth(_) => return None,
+            Quantity::Moment(_) | Quantity::Truth(_) | Quantity::Joint(_) => return None,
         })
     }
 
@@ -85,7 +89,7 @@ impl Quantity {
             Quantity::Volts(x) => (x, Quantity::Volts),
             Quantity::Tempo(x) => (x, Quantity::Tempo),
             Quantity::Hertz(x) => (x, Quantity::Hertz),
-            Quantity::Time(_) | Quantity::Moment(_) | Quantity::Truth(_) => return None,
+            Quantity::Time(_) | Quantity::Moment(_) | Quantity::Truth(_) | Quantity::Joint(_) => return None,
         })
     }
 }

@@ -3,9 +3,10 @@
 use smallvec::SmallVec;
 
 use super::arguments::{Arguments, Bound};
+use super::evaluator::Evaluator;
 use super::lints;
 use super::motion::{Glide, Motion};
-use crate::board::{Axis, Command, ValueForm, Values, Verb, VerbId};
+use crate::board::{Axis, Command, Sets, ValueForm, Values, Verb, VerbId};
 use crate::diagnostic::{bail, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Item, Value, ValueKind};
@@ -31,8 +32,12 @@ pub(super) fn read(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb
     }
     let mut values = Values::new();
     let mut is_whole = true;
-    for axis in &verb.axes {
-        is_whole &= one(args, axis, &mut values).is_some();
+    for (at, axis) in verb.axes.iter().enumerate() {
+        let joint = joint(args.eval, (id, verb), at, values.first().copied());
+        is_whole &= one(args, (axis, joint), &mut values).is_some();
+        if !is_whole && is_angle_unknown(args, verb) {
+            return None;
+        }
     }
     has_axis(args, verb)?;
     if !is_whole {
@@ -48,14 +53,19 @@ fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Opti
     if let Some(axis) = verb.axes.first().filter(|_| verb.is_indexed()) {
         let value = args.next()?;
         index = Some(args.index(value, axis));
+        if index == Some(None) && is_angle_unknown(args, verb) {
+            return None;
+        }
     }
+    let first = index.flatten();
     let mut glides: SmallVec<[Glide; 1]> = SmallVec::new();
-    for axis in verb.moving() {
+    for (at, axis) in verb.moving().iter().enumerate() {
+        let joint = joint(args.eval, (id, verb), at + usize::from(verb.is_indexed()), first);
         let argument = if axis.name.is_empty() { Some(args.next_argument()?) } else { args.named(&axis.name) };
         match argument {
             // One with a name may be left out.
             None => glides.push(Glide::default()),
-            Some(argument) => glides.extend(args.glide(argument, axis.into())),
+            Some(argument) => glides.extend(args.glide(argument, Bound { joint, ..axis.into() })),
         }
     }
     has_axis(args, verb)?;
@@ -69,9 +79,28 @@ fn motion(args: &mut Arguments<'_, '_, '_, '_>, id: VerbId, verb: &Verb) -> Opti
     Some(Motion::new(id, index, glides))
 }
 
-/// The values of one axis of a verb that does not move.
-fn one(args: &mut Arguments<'_, '_, '_, '_>, axis: &Axis, values: &mut Values) -> Option<()> {
-    let bound = Bound::from(axis);
+/// The joint that the angles of a value belong to, by its number: the first value after an index, or the value of a part.
+fn joint(eval: &Evaluator<'_, '_>, (id, verb): (VerbId, &Verb), at: usize, index: Option<i32>) -> Option<usize> {
+    match &verb.sets {
+        _ if eval.joints.is_empty() => None,
+        Sets::Indexed(_) if at == 1 => eval.joint_of(id, index?),
+        Sets::Parts(parts, _) => parts.get(at).and_then(|part| eval.joint_of(part.verb, part.index)),
+        _ => None,
+    }
+}
+
+/// Whether angles may belong to a joint that is unknown after a wrong index. Then the values are not read.
+fn is_angle_unknown(args: &mut Arguments<'_, '_, '_, '_>, verb: &Verb) -> bool {
+    let is_unknown = verb.is_indexed() && !args.eval.joints.is_empty();
+    if is_unknown {
+        args.skip();
+    }
+    is_unknown
+}
+
+/// The values of one axis of a verb that does not move, with the joint that its angles belong to.
+fn one(args: &mut Arguments<'_, '_, '_, '_>, (axis, joint): (&Axis, Option<usize>), values: &mut Values) -> Option<()> {
+    let bound = Bound { joint, ..axis.into() };
     let value = match &axis.takes {
         ValueForm::List(what, letters) => {
             values.extend(list(args, axis, what, letters)?);

@@ -3,7 +3,7 @@
 //! `settings.rs` for a setting.
 
 use super::functions;
-use crate::board::{Board, Verb, VerbId};
+use crate::board::{Board, FAMILIES, Verb, VerbId};
 use crate::syntax::{Argument, Command};
 use crate::units::Unit;
 
@@ -78,6 +78,7 @@ pub(super) enum Setting {
     Seed,
     Soft,
     Limit,
+    Joint,
 }
 
 /// How a line looks that starts with a word.
@@ -338,6 +339,13 @@ pub const SETTINGS: &[Row] = &[
         "limits a range, for servo 2 in place of 500..1950: also `limit rocker x -12..12`, `yawhold`, `wheels`; breaking it is an error; `limit servo 2 speed 3000us` says how many µs of pulse width a servo goes in a second, for the warning `servo-speed`",
         Operation::Set(Setting::Limit),
     ).repeats(),
+    Row::new(
+        "joint",
+        "joint NAME servo N [zero P] [reversed] [A..B]",
+        "joint elbow servo 1 zero 1400us reversed -60deg..70deg",
+        "names a servo: the name may be written wherever its number may; its degrees count from `zero`, or from 1500us, in the other direction with `reversed`; A..B, in degrees or in the unit of the servo, narrows its range; one for each servo",
+        Operation::Set(Setting::Joint),
+    ).repeats().may_be_a_name(),
     Row::reserved("robots", Operation::Later),
 ];
 
@@ -366,6 +374,28 @@ pub(super) fn is_modifier(word: &str) -> bool {
 /// Whether a word may be a name by its letters.
 pub(super) fn is_name(word: &str) -> bool {
     word.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_')
+}
+
+/// The name that a script can give to something with a name of another program: small letters and digits stay, everything else
+/// becomes `_`. It is no word of the language or of a family of boards. `None` without letters and digits.
+pub fn name_from(text: &str) -> Option<String> {
+    let mut name = String::new();
+    for c in text.chars().map(|c| c.to_ascii_lowercase()) {
+        let is_kept = c.is_ascii_lowercase() || c.is_ascii_digit();
+        if is_kept || !name.ends_with('_') {
+            name.push(if is_kept { c } else { '_' });
+        }
+    }
+    if !name.bytes().any(|byte| byte != b'_') {
+        return None;
+    }
+    if name.starts_with(|c: char| c.is_ascii_digit()) {
+        name.insert(0, '_');
+    }
+    if is_of_language(&name) || FAMILIES.iter().any(|family| family.usual().find(&name).is_some()) {
+        name.push('_');
+    }
+    Some(name)
 }
 
 /// Whether a word belongs to the language or is a command of the board.

@@ -137,6 +137,7 @@ fn moving() -> Quantity {
         range: Some((Hundredths(0), Hundredths(100))),
         step: None,
         request: Some(Command::new(verb::MOVING, &[])),
+        measures: None,
     }
 }
 
@@ -149,6 +150,7 @@ fn position(channel: i32) -> Quantity {
         range: Some((Hundredths(0), Hundredths(409_575))),
         step: None,
         request: Some(Command::new(verb::POSITION, &[channel])),
+        measures: Some((verb::SERVO, channel)),
     }
 }
 

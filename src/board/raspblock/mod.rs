@@ -214,7 +214,7 @@ const YAW: usize = 3;
 
 fn quantity(name: &'static str, key: &'static str, unit: &'static str, shown: &'static str) -> Quantity {
     let [name, key, unit, shown] = [name, key, unit, shown].map(text);
-    Quantity { name, key, unit, shown, range: None, step: None, request: None }
+    Quantity { name, key, unit, shown, range: None, step: None, request: None, measures: None }
 }
 
 fn angle(name: &'static str, key: &'static str, shown: &'static str) -> Quantity {

@@ -169,6 +169,7 @@ fn position(id: i32) -> Quantity {
         range: Some((Hundredths(-3_276_700), Hundredths(3_276_700))),
         step: None,
         request: Some(Command::new(verb::POSITION, &[id])),
+        measures: Some((verb::SERVO, id)),
     }
 }
 
@@ -181,6 +182,7 @@ fn voltage(id: i32) -> Quantity {
         range: Some((Hundredths(0), Hundredths(2_550))),
         step: None,
         request: Some(Command::new(verb::VOLTAGE, &[id])),
+        measures: None,
     }
 }
 

@@ -228,6 +228,12 @@ impl<'r, 'a, 's, 'd> Arguments<'r, 'a, 's, 'd> {
         self.eval.push(diagnostic);
     }
 
+    /// Leaves out all other values of a command with a mistake.
+    pub(super) fn skip(&mut self) {
+        self.positional = SmallVec::new().into_iter();
+        self.named.clear();
+    }
+
     /// Whether arguments without a name are left.
     pub(super) fn more(&self) -> bool {
         !self.positional.as_slice().is_empty()

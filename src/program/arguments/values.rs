@@ -1,14 +1,13 @@
 //! Arguments as values: numbers in range, pulse widths, words.
 
-use smallvec::SmallVec;
-
+use super::super::joints;
 use super::super::motion::Glide;
 use super::super::suggest::{list, suggest};
 use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::words::Word;
 use super::Arguments;
-use crate::board::{Axis, Measure, ResourceId, Sets, Unit, Verb};
+use crate::board::{Axis, Measure, ResourceId, Sets, Unit, Verb, VerbId};
 use crate::diagnostic::{Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
@@ -24,11 +23,13 @@ pub(in crate::program) struct Bound<'t> {
     pub(in crate::program) scale: i32,
     /// Why the range ends there; empty if that is obvious.
     pub(in crate::program) why: &'t str,
+    /// The joint that angles belong to, by its number.
+    pub(in crate::program) joint: Option<usize>,
 }
 
 impl<'t> From<&'t Axis> for Bound<'t> {
     fn from(axis: &'t Axis) -> Self {
-        Bound { what: &axis.what, range: axis.range, unit: axis.unit, scale: axis.scale, why: &axis.why }
+        Bound { what: &axis.what, range: axis.range, unit: axis.unit, scale: axis.scale, why: &axis.why, joint: None }
     }
 }
 
@@ -39,16 +40,18 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             Item::Arrow(ends) => (Some(&ends.0), &ends.1),
             _ => (None, self.one(argument)?),
         };
-        let mut checked = |value: &'a Value<'s>| {
-            let number = self.measure(value, bound)?;
-            self.in_range(number, value.span, bound)?;
-            Some(number)
-        };
         let from = match from {
             None => None,
-            Some(from) => Some(checked(from)?),
+            Some(from) => Some(self.checked(from, bound)?),
         };
-        Some(Glide { from, to: checked(to)? })
+        Some(Glide { from, to: self.checked(to, bound)? })
+    }
+
+    /// A number as a value of the board, which is not rounded, but in range when it is.
+    pub(in crate::program) fn checked(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<f64> {
+        let number = self.measure(value, bound)?;
+        self.in_range(number, value.span, bound)?;
+        Some(number)
     }
 
     /// A number in its unit, rounded to a whole one.
@@ -59,12 +62,13 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
 
     /// A number as a value of the board, which is not rounded.
     fn measure(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<f64> {
-        Some(self.in_unit(value, bound.what, bound.unit)? * f64::from(bound.scale))
+        let quantity = self.eval.value(value)?;
+        Some(self.converted(quantity, value.span, bound)? * f64::from(bound.scale))
     }
 
     /// A whole number: an index, a count or a byte is never rounded. `what` names it in messages.
     pub(in crate::program) fn integer(&mut self, value: &'a Value<'s>, what: &str, range: (i32, i32)) -> Option<i32> {
-        self.whole(value, Bound { what, range, unit: Unit::default(), scale: 1, why: "" })
+        self.whole(value, Bound { what, range, unit: Unit::default(), scale: 1, why: "", joint: None })
     }
 
     /// An index, such as the number of a servo.
@@ -75,14 +79,43 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             self.eval.push(help);
             return None;
         }
-        let number = self.number(value, &axis.what)?;
+        let number = match (self.eval.value(value)?, self.word) {
+            (Quantity::Joint(joint), Word::Verb(id, _)) => return self.index_of(joint, id, value.span),
+            (other, _) => self.bare(other, value.span, &axis.what)?,
+        };
         let is_in_range = (f64::from(axis.range.0)..=f64::from(axis.range.1)).contains(&number);
         if !is_in_range && let Some(diagnostic) = self.swapped(value, axis) {
             self.eval.push(diagnostic);
-            self.positional = SmallVec::new().into_iter();
+            self.skip();
             return None;
         }
         self.whole_number(number, value.span, axis.into())
+    }
+
+    /// The index of a verb in a line that is not a command of this verb.
+    pub(in crate::program) fn index_or_joint(&mut self, value: &'a Value<'s>, id: VerbId, axis: &Axis) -> Option<i32> {
+        match self.eval.value(value)? {
+            Quantity::Joint(joint) => self.index_of(joint, id, value.span),
+            other => {
+                let number = self.bare(other, value.span, &axis.what)?;
+                self.whole_number(number, value.span, Bound { why: "", ..axis.into() })
+            }
+        }
+    }
+
+    /// The index of a joint for a verb; `None` if it is a joint of another, which is reported.
+    pub(in crate::program) fn index_of(&mut self, joint: usize, id: VerbId, span: Span) -> Option<i32> {
+        let board = self.eval.board;
+        let (joint, verb) = (self.eval.joints.get(joint)?, board.verb(id)?);
+        if joint.fits(board, id, verb) {
+            return joint.limited.index;
+        }
+        let own = board.verb(joint.limited.verb).map_or("", |verb| &verb.word);
+        let diagnostic = diagnostic!(InvalidArgument, span, "`{}` is a joint of `{own}`, not of `{}`", joint.name, verb.word;
+            help: "write a number, or a joint of `{}`", verb.word);
+        let diagnostic = diagnostic.related(joint.span, "its joint");
+        self.eval.push(diagnostic);
+        None
     }
 
     /// What is said of a name as an index: a name of a resource, or the number of a pass, which is 0 in the first.
@@ -130,6 +163,18 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
             help: "write `{line}`"; fix: whole => "{second} {first}"))
     }
 
+    /// The same of a value that has been computed.
+    pub(in crate::program) fn whole_of(
+        &mut self,
+        quantity: Quantity,
+        span: Span,
+        what: &str,
+        range: (i32, i32),
+    ) -> Option<i32> {
+        let number = self.bare(quantity, span, what)?;
+        self.whole_number(number, span, Bound { what, range, unit: Unit::default(), scale: 1, why: "", joint: None })
+    }
+
     /// The same, with a reason for the range.
     pub(in crate::program) fn whole(&mut self, value: &'a Value<'s>, bound: Bound<'_>) -> Option<i32> {
         let number = self.number(value, bound.what)?;
@@ -145,9 +190,58 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         self.in_range(number, span, bound)
     }
 
-    /// A number in a unit: a bare one, a time if the unit is microseconds, or an angle if the unit says what that is.
-    pub(in crate::program) fn in_unit(&mut self, value: &'a Value<'s>, what: &str, unit: Unit) -> Option<f64> {
-        match (self.eval.value(value)?, unit) {
+    /// The ends of a range as values of the board, in the order of their angles if both are angles.
+    pub(in crate::program) fn ends(
+        &mut self,
+        ends: &'a (Value<'s>, Value<'s>),
+        bound: Bound<'_>,
+    ) -> Option<(f64, f64)> {
+        let (low, high) = (self.eval.value(&ends.0)?, self.eval.value(&ends.1)?);
+        let mut end = |quantity: Quantity, span| {
+            let value = self.converted(quantity, span, bound)? * f64::from(bound.scale);
+            let is_angle = matches!(quantity, Quantity::Degrees(_));
+            // A command with this angle sends the rounded value.
+            Some((if is_angle { libm::round(value) } else { value }, is_angle))
+        };
+        let ((low, is_angle), (high, is_angle_too)) = (end(low, ends.0.span)?, end(high, ends.1.span)?);
+        let is_turned = is_angle && is_angle_too && self.is_reversed(bound.joint);
+        Some(if is_turned { (high, low) } else { (low, high) })
+    }
+
+    /// A range within the one of the board, as values of the board; `what` names it in messages.
+    pub(in crate::program) fn range(
+        &mut self,
+        ends: &'a (Value<'s>, Value<'s>),
+        span: Span,
+        (bound, what): (Bound<'_>, &str),
+    ) -> Option<(f64, f64)> {
+        let (low, high) = self.ends(ends, bound)?;
+        if low > high {
+            let (written_low, written_high) = (self.eval.written(ends.0.span), self.eval.written(ends.1.span));
+            bail!(self.eval, OutOfRange, span, "the smaller value of {what} comes first";
+                write: span => "{written_high}..{written_low}");
+        }
+        let (min, max) = (f64::from(bound.range.0), f64::from(bound.range.1));
+        if !(min <= low && high <= max) {
+            let [min, max] = [min, max].map(|value| value / f64::from(bound.scale));
+            bail!(self.eval, OutOfRange, span, "{what} must be within the range of the board, {min}..{max}";
+                help: "narrow the range");
+        }
+        Some((low, high))
+    }
+
+    /// Whether larger angles of a joint are smaller values.
+    pub(in crate::program) fn is_reversed(&self, joint: Option<usize>) -> bool {
+        joint.and_then(|joint| self.eval.joints.get(joint)).is_some_and(|joint| joint.is_reversed)
+    }
+
+    /// A number in a unit: a bare one, a time if the unit is microseconds, or an angle if the unit or the joint says what that is.
+    pub(in crate::program) fn converted(&mut self, quantity: Quantity, span: Span, bound: Bound<'_>) -> Option<f64> {
+        let unit = bound.unit;
+        match (quantity, unit) {
+            (Quantity::Degrees(degrees), _) if bound.joint.is_some() && joints::slope(unit).is_some() => {
+                self.angle_of_joint(degrees, span, bound)
+            }
             (Quantity::Number(number), _) => Some(number),
             (Quantity::Time(time), Unit { measure: Measure::Micros, .. }) => Some(time.in_micros()),
             (Quantity::Degrees(degrees), Unit { angle: Some(scale), .. }) => {
@@ -156,7 +250,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
                     let (least, most) = scale.degrees;
                     let other =
                         if unit.measure == Measure::Micros { ", or a pulse width such as `1500us`" } else { "" };
-                    report!(self.eval, OutOfRange, value.span,
+                    report!(self.eval, OutOfRange, span,
                         "angle {degrees}deg is out of range ({least}deg to {most}deg)";
                         help: "write an angle from `{least}deg` to `{most}deg`{other}");
                 }
@@ -172,10 +266,31 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
                     (Measure::Degrees, _) | (_, Some(_)) => "write the bare number, or degrees, such as `90deg`",
                     (Measure::Number, None) => "write the bare number",
                 };
-                self.wrong_unit(value.span, what, other, help);
+                self.wrong_unit(span, bound.what, other, help);
                 None
             }
         }
+    }
+
+    /// The value of an angle of a joint, within the range of the board.
+    fn angle_of_joint(&mut self, degrees: f64, span: Span, bound: Bound<'_>) -> Option<f64> {
+        let joint = self.eval.joints.get(bound.joint?)?;
+        let value = joint.value(degrees, bound.unit)?;
+        let (least, most) = bound.range;
+        let scale = f64::from(bound.scale);
+        if value::round(value * scale).is_some_and(|value| (least..=most).contains(&value)) {
+            return Some(value);
+        }
+        let (least, most) = joint.angles(f64::from(least) / scale, f64::from(most) / scale, bound.unit)?;
+        // Tenths of a degree inside of the range; what is almost a tenth is one.
+        let tenths = |angle: f64| libm::round(angle * 1e6) / 1e5;
+        let (least, most) = (libm::ceil(tenths(least)) / 10.0, libm::floor(tenths(most)) / 10.0);
+        let diagnostic = diagnostic!(OutOfRange, span,
+            "angle {degrees}deg is out of range ({least}deg to {most}deg from the zero of `{}`)", joint.name;
+            help: "write an angle from `{least}deg` to `{most}deg`");
+        let diagnostic = diagnostic.related(joint.span, "its joint");
+        self.eval.push(diagnostic);
+        None
     }
 
     /// One of these words.
@@ -203,10 +318,16 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
 
     /// A bare number.
     pub(in crate::program) fn number(&mut self, value: &'a Value<'s>, what: &str) -> Option<f64> {
-        match self.eval.value(value)? {
+        let quantity = self.eval.value(value)?;
+        self.bare(quantity, value.span, what)
+    }
+
+    /// The same of a value that has been computed.
+    fn bare(&mut self, quantity: Quantity, span: Span, what: &str) -> Option<f64> {
+        match quantity {
             Quantity::Number(number) => Some(number),
             other => {
-                self.wrong_unit(value.span, what, other, "write the bare number");
+                self.wrong_unit(span, what, other, "write the bare number");
                 None
             }
         }
@@ -217,7 +338,7 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     }
 
     fn in_range(&mut self, number: f64, span: Span, bound: Bound<'_>) -> Option<i32> {
-        let Bound { what, range: (least, most), unit, scale, why } = bound;
+        let Bound { what, range: (least, most), unit, scale, why, .. } = bound;
         let checked = value::round(number).filter(|number| (least..=most).contains(number));
         if checked.is_none() {
             let shown = |value: f64| value / f64::from(scale);

@@ -112,6 +112,12 @@ impl<'s> Walker<'s, '_> {
                 args.finish();
             }
         }
+        if setting == Setting::Joint
+            && let Some(joint) = settings.joints.last()
+            && let Some(verb) = self.eval.board.verb(joint.limited.verb).filter(|verb| !verb.uses_as.is_empty())
+        {
+            self.uses.entry(joint.resource).or_insert_with(|| (verb.uses_as.clone(), joint.span));
+        }
         self.eval.tempo = settings.tempo;
         if frame.top {
             self.eval.random.0 = settings.seed;

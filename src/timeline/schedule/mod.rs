@@ -64,7 +64,7 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
         refresh: settings.refresh.iter().map(|refresh| refresh.map(Time::micros)).collect(),
         traces,
         bars: settings.has_tempo.then_some(Bars { tempo: settings.tempo, first_us: 0 }),
-        limits: settings.limits,
+        limits: program::limits_of_pictures(&settings),
         speeds: settings.speeds,
     }
 }
