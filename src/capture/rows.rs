@@ -77,6 +77,8 @@ enum Effect {
     Value(Channel, Axes, Option<(Micros, Axes)>, bool),
     /// All earlier values become unknown.
     Break,
+    /// The values of the resources of this command end.
+    Ends(Command),
     Other,
 }
 
@@ -183,6 +185,9 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
     if board.verb(command.verb()).is_some_and(|verb| !verb.is_in_scripts()) {
         return hidden(state, command, exact, comment);
     }
+    if let Some(why) = forbidden(state, command) {
+        return (comment(format!("left out, {}: {why}", board.show(command))), Effect::Other);
+    }
     if let Some((channel, axes)) = Channel::of(&board, command) {
         let before = state.value(channel);
         let repeats = !exact && state.repeats(channel, axes);
@@ -215,7 +220,17 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
         return (None, Effect::Other);
     }
     state.set(at, command);
-    (Some(line(command)), Effect::Other)
+    (Some(line(command)), Effect::Ends(command.clone()))
+}
+
+/// Why the last command of its resource does not permit a command.
+fn forbidden(state: &ScriptState, command: &Command) -> Option<String> {
+    let board = &state.board;
+    let forbidden = board.verb(command.verb())?.forbidden.as_ref()?;
+    let is_after = |last: &Command| (last.verb(), last.value(1)) == (forbidden.after, Some(forbidden.value));
+    let is_forbidden = board.occupies(command).iter().any(|resource| state.command(*resource).is_some_and(is_after));
+    let index = command.value(0).map(|index| index.to_string()).unwrap_or_default();
+    is_forbidden.then(|| forbidden.message.replace("{}", &index))
 }
 
 /// The row of a command that no script contains.
@@ -231,7 +246,8 @@ fn hidden(
     }
     // The script of the recording sends its own hello, and asks by itself.
     let requests = board.quantities.iter().filter_map(|quantity| quantity.request.as_ref());
-    let by_itself = board.hello.iter().chain(&board.goodbye).chain(requests).any(|other| other == command);
+    let asks = board.verb(command.verb()).is_some_and(|verb| verb.asks);
+    let by_itself = asks || board.hello.iter().chain(&board.goodbye).chain(requests).any(|other| other == command);
     let words = format!("left out, {}: {}", Hex(&board.to_frame(command)), board.show(command));
     let effect = if board.occupies(command).is_empty() { Effect::Other } else { Effect::Break };
     (comment(words).filter(|_| exact || !by_itself), effect)
@@ -253,6 +269,19 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     for (place, Row { at, effect, .. }) in rows.iter().enumerate() {
         let (channel, axes, before, repeats) = match effect {
             Effect::Other => continue,
+            Effect::Ends(command) => {
+                let taken = board.occupies(command);
+                let is_free = |channel: &Channel| !channel.resources(board).iter().any(|resource| taken.contains(resource));
+                open.retain(|channel, run| {
+                    let stays = is_free(channel);
+                    if !stays {
+                        end(&mut runs, *run, *at);
+                    }
+                    stays
+                });
+                repeats_of.retain(|channel, _| is_free(channel));
+                continue;
+            }
             Effect::Break => {
                 for run in std::mem::take(&mut open).into_values() {
                     end(&mut runs, run, *at);
@@ -302,9 +331,10 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     runs
 }
 
-pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Received {
+/// What a script contains for a frame, which may be several commands.
+pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Vec<Received> {
     match board.decode(frame.bytes()) {
-        Ok(command) => Received::Command(command),
-        Err(why) => Received::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why),
+        Ok(command) => board.in_script(command).into_iter().map(Received::Command).collect(),
+        Err(why) => vec![Received::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why)],
     }
 }

@@ -186,12 +186,13 @@ impl ScriptWriter {
         match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let received = of_frame(&self.state.board, frame);
-                if let Received::Command(command) = &received {
-                    self.widen(command);
-                }
                 let at = self.clock.frame(at, frame.bytes());
-                self.push(at, received);
+                for received in of_frame(&self.state.board, frame) {
+                    if let Received::Command(command) = &received {
+                        self.widen(command);
+                    }
+                    self.push(at, received);
+                }
             }
             // They are part of a stop and have no meaning on their own.
             Item::Skipped { why, .. } if !why.is_wrong() => {}
