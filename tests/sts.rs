@@ -8,7 +8,9 @@ use std::process::{Command as Process, Output};
 use std::sync::Arc;
 
 use motionseq::board::sts::{self, Packet, instruction};
-use motionseq::board::{Board, BufferStart, Command, Decoder, Family, Frame, Hundredths, Item, Report, ReportDecoder, ReportItem, Verb};
+use motionseq::board::{
+    Board, BufferStart, Command, Decoder, Family, Frame, Hundredths, Item, Report, ReportDecoder, ReportItem, Verb,
+};
 use motionseq::faults::{Faults, Faulty};
 use motionseq::sim::{Device, ServoSetup, Settings};
 use motionseq::units::Micros;
@@ -306,7 +308,7 @@ impl Bus {
 
     /// Lets microseconds pass; gives what was answered.
     fn wait(&mut self, time: u64) -> Vec<u8> {
-        self.now = self.now + Micros(time);
+        self.now += Micros(time);
         self.board.poll(self.now);
         self.board.replies()
     }
@@ -553,7 +555,7 @@ fn the_sdk_of_the_maker_drives_the_virtual_bus() {
 
 #[test]
 fn lerobot_drives_the_virtual_bus_and_its_recording_moves_it_again() {
-    if !has("lerobot") {
+    if !has("lerobot") || !has("deepdiff") || !has("scservo_sdk") {
         return;
     }
     let folder = Scratch::new("sts-lerobot");
@@ -570,9 +572,10 @@ fn lerobot_drives_the_virtual_bus_and_its_recording_moves_it_again() {
     for id in 1..=6 {
         assert!(text.contains(&format!("torque {id} on")) && text.contains(&format!("torque {id} off")), "{text}");
         let goals = rendered.lines().filter_map(|line| line.split(&format!("\tservo {id} ")).nth(1));
-        let goals: Vec<i32> = goals.map(|goal| goal.trim().parse().unwrap()).collect();
+        let goals: Vec<i32> = goals.map(|goal| goal.split_whitespace().next().unwrap().parse().unwrap()).collect();
         assert_eq!((goals.first(), goals.last()), (Some(&2_048), Some(&2_448)), "{text}");
-        assert!(goals.len() >= 10 && goals.is_sorted(), "{text}");
+        // A move may begin on the other side of its start.
+        assert!(goals.len() >= 10 && goals.windows(2).all(|pair| pair[1] >= pair[0] - 8), "{text}");
     }
     assert!(text.contains("over ") && !text.contains("read\""), "{text}");
 }
@@ -609,12 +612,24 @@ fn a_recording_has_the_commands_in_packets_for_several_servos() {
         (7_100, goals(1_101, 1_201)),
         (9_000, answer(2, instruction::WRITE, &[41, 50, 0xB0, 0x04, 0, 0, 0, 0])),
         (20_000, answer(1, instruction::WRITE, &[42, 0xFF, 0x7F])),
+        // Torque and a target in one packet, and one servo twice.
+        (25_000, answer(2, instruction::WRITE, &[40, 1, 60, 0, 4])),
+        (27_000, answer(254, instruction::SYNC_WRITE, &[42, 2, 2, 1, 4, 2, 2, 4])),
         (30_000, answer(254, instruction::WRITE, &[40, 0])),
         (40_000, answer(1, instruction::WRITE, &[40, 128])),
     ];
     for more in [&[][..], &["--exact"]] {
         let text = decoded("sts-decoded", &stream, more);
-        for line in ["torque 1 off", "torque 1 on", "servo 1 1100", "servo 2 1200", "servo 1 1101", "accel 2 50"] {
+        for line in [
+            "torque 1 off",
+            "torque 1 on",
+            "servo 1 1100",
+            "servo 2 1200",
+            "servo 1 1101",
+            "accel 2 50",
+            "servo 2 1024",
+            "servo 2 1026",
+        ] {
             assert!(text.contains(line), "{line}: {text}");
         }
         assert!(text.contains("left out, servo 1 1000: servo 1 has no torque"), "{text}");

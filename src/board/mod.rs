@@ -24,8 +24,8 @@ mod reply_decoder;
 mod rows;
 mod rules;
 mod state;
-mod table;
 pub mod sts;
+mod table;
 pub mod text;
 mod verb;
 
@@ -34,13 +34,15 @@ pub use decoder::{Decoder, Frame, Item, OwnedItem};
 pub use families::FAMILIES;
 pub use family::{Family, FamilyNumber, FamilyOption, OptionValue};
 pub use frame::{BufferStart, FrameError, Hex, Skip};
-pub use quantity::{Answer, Answers, Change, Hundredths, MAX_VALUES, Quantity, Replies, Report, ReportItem, ReportLine};
+pub use quantity::{
+    Answer, Answers, Change, Hundredths, MAX_VALUES, Quantity, Replies, Report, ReportItem, ReportLine,
+};
 pub use reply_decoder::ReportDecoder;
 pub use rules::Notation;
 pub use state::State;
 pub use table::{
-    Ambiguity, Board, Codec, DefaultLimit, Feedback, Lane, LaneKind, Limited, MAX_BAUD, NotACommand, OutOfRange, Picture,
-    Preparation, Resource, Shown, Simulation,
+    Ambiguity, Board, Codec, DefaultLimit, Feedback, Lane, LaneKind, Limited, MAX_BAUD, NotACommand, OutOfRange,
+    Picture, Preparation, Resource, Shown, Simulation,
 };
 pub use verb::{Activity, AngleScale, Axis, Forbidden, Measure, Needs, Part, ResourceId, Sets, Unit, ValueForm, Verb};
 

@@ -43,6 +43,16 @@ pub(super) struct Skipped {
     is_uniform: bool,
 }
 
+impl Received {
+    /// What is sent.
+    pub(super) fn command(&self) -> Option<&Command> {
+        match self {
+            Received::Command(command) | Received::Unknown(_, Some(command), _) => Some(command),
+            _ => None,
+        }
+    }
+}
+
 impl Skipped {
     pub(super) fn new(bytes: &[u8], why: Skip) -> Self {
         let mut skipped = Skipped { first: Vec::new(), count: 0, why, is_uniform: true };
@@ -260,6 +270,17 @@ fn end(runs: &mut [Run], run: usize, at: Micros) {
     }
 }
 
+/// Ends the runs of the channels that do not stay.
+fn end_runs(open: &mut BTreeMap<Channel, usize>, runs: &mut [Run], at: Micros, stays: impl Fn(&Channel) -> bool) {
+    open.retain(|channel, run| {
+        let stays = stays(channel);
+        if !stays {
+            end(runs, *run, at);
+        }
+        stays
+    });
+}
+
 /// Finds the runs of values in rows.
 pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
@@ -271,34 +292,22 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
             Effect::Other => continue,
             Effect::Ends(command) => {
                 let taken = board.occupies(command);
-                let is_free = |channel: &Channel| !channel.resources(board).iter().any(|resource| taken.contains(resource));
-                open.retain(|channel, run| {
-                    let stays = is_free(channel);
-                    if !stays {
-                        end(&mut runs, *run, *at);
-                    }
-                    stays
-                });
+                let is_free =
+                    |channel: &Channel| !channel.resources(board).iter().any(|resource| taken.contains(resource));
+                end_runs(&mut open, &mut runs, *at, is_free);
                 repeats_of.retain(|channel, _| is_free(channel));
                 continue;
             }
             Effect::Break => {
-                for run in std::mem::take(&mut open).into_values() {
-                    end(&mut runs, run, *at);
-                }
+                end_runs(&mut open, &mut runs, *at, |_| false);
                 repeats_of.clear();
                 continue;
             }
             Effect::Value(channel, axes, before, repeats) => (*channel, *axes, *before, *repeats),
         };
-        open.retain(|other, run| {
-            let stays = *other == channel || !other.meets(board, channel);
-            if !stays {
-                end(&mut runs, *run, *at);
-            }
-            stays
-        });
-        repeats_of.retain(|other, _| *other == channel || !other.meets(board, channel));
+        let stays = |other: &Channel| *other == channel || !other.meets(board, channel);
+        end_runs(&mut open, &mut runs, *at, stays);
+        repeats_of.retain(|other, _| stays(other));
         let point = Point { at: *at, axes, repeats };
         let run = open.get(&channel).and_then(|run| runs.get_mut(*run));
         let continues = |run: &&mut Run| *at <= run.changed + STILL;

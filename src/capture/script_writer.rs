@@ -186,11 +186,12 @@ impl ScriptWriter {
         match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let at = self.clock.frame(at, frame.bytes());
+                let mut length = frame.bytes().len();
                 for received in of_frame(&self.state.board, frame) {
                     if let Received::Command(command) = &received {
                         self.widen(command);
                     }
+                    let at = self.clock.frame(at, received.command(), std::mem::take(&mut length));
                     self.push(at, received);
                 }
             }

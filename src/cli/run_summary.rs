@@ -33,7 +33,7 @@ pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received)
         });
     }
     if let [servos @ .., last] = received.fell.as_slice() {
-        let others: String = servos.iter().map(|servo| format!("{servo}, ")).collect();
+        let others = servos.iter().fold(String::new(), |others, servo| format!("{others}{servo}, "));
         screen.note(&match servos {
             [] => format!("servo {last} fell when its torque went off"),
             _ => format!("servos {others}{last} fell when their torque went off"),

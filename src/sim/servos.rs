@@ -65,7 +65,7 @@ pub fn servo_fault(text: &str) -> Option<(u8, ServoFault)> {
 /// The servos, and their answers on the line.
 #[derive(Clone, Debug)]
 pub(super) struct Servos {
-    servos: Vec<Servo>,
+    on_bus: Vec<Servo>,
     answers: Vec<LineAnswer>,
     byte_time: Nanos,
 }
@@ -94,13 +94,13 @@ struct Servo {
 
 impl Servos {
     pub(super) fn new(setups: impl IntoIterator<Item = ServoSetup>, baud: u32) -> Self {
-        let servos = setups.into_iter().map(Servo::new).collect();
-        Servos { servos, answers: Vec::new(), byte_time: byte_time(baud) }
+        let on_bus = setups.into_iter().map(Servo::new).collect();
+        Servos { on_bus, answers: Vec::new(), byte_time: byte_time(baud) }
     }
 
     /// Gives a servo a fault, if it is on the bus.
     pub(super) fn set_fault(&mut self, id: u8, fault: ServoFault) {
-        for servo in self.servos.iter_mut().filter(|servo| servo.id() == id) {
+        for servo in self.on_bus.iter_mut().filter(|servo| servo.id() == id) {
             match fault {
                 ServoFault::Wheel => servo.set(register::MODE, &[1]),
                 ServoFault::At(position) => servo.position = position.into(),
@@ -111,7 +111,7 @@ impl Servos {
 
     /// Advances the time.
     pub(super) fn pass(&mut self, seconds: f64) {
-        self.servos.iter_mut().for_each(|servo| servo.pass(seconds));
+        self.on_bus.iter_mut().for_each(|servo| servo.pass(seconds));
     }
 
     /// Whether an answer is on the line, so that nothing else arrives.
@@ -137,20 +137,20 @@ impl Servos {
         match (instruction, parameters) {
             (instruction::SYNC_READ, [address, count, ids @ ..]) => {
                 for id in ids {
-                    let found = self.servos.iter().find(|servo| servo.id() == *id);
+                    let found = self.on_bus.iter().find(|servo| servo.id() == *id);
                     let said = found.map(|servo| (servo.answers(*id, &servo.read(*address, *count)), servo.delay()));
                     begins = said.map_or(begins, |(said, delay)| self.say(begins + delay, said));
                 }
             }
             (instruction::SYNC_WRITE, [address, size, all @ ..]) => {
                 for (id, data) in all.chunks(usize::from(*size) + 1).filter_map(<[u8]>::split_first) {
-                    let found = self.servos.iter_mut().filter(|servo| servo.id() == *id);
+                    let found = self.on_bus.iter_mut().filter(|servo| servo.id() == *id);
                     found.for_each(|servo| servo.write(*address, data, fell));
                 }
             }
             _ => {
-                for at in 0..self.servos.len() {
-                    let Some(servo) = self.servos.get_mut(at) else { break };
+                for at in 0..self.on_bus.len() {
+                    let Some(servo) = self.on_bus.get_mut(at) else { break };
                     // A servo that gets another number answers with the old one.
                     let own = servo.id();
                     if own != id && id != BROADCAST {
@@ -189,7 +189,9 @@ impl Servo {
             later: None,
             faults: Vec::new(),
         };
-        DEFAULTS.iter().for_each(|(address, bytes)| servo.set(*address, bytes));
+        for (address, bytes) in DEFAULTS {
+            servo.set(address, bytes);
+        }
         servo.set(ID, &[id]);
         servo.set(register::MODE, &[mode]);
         servo
@@ -257,7 +259,8 @@ impl Servo {
     fn pass(&mut self, seconds: f64) {
         let (goal, speed) = self.way();
         let way = goal - self.position;
-        self.position = if way.abs() <= speed * seconds { goal } else { self.position + (speed * seconds).copysign(way) };
+        self.position =
+            if way.abs() <= speed * seconds { goal } else { self.position + (speed * seconds).copysign(way) };
         if goal.is_infinite() {
             self.position -= TURN * libm::floor(self.position / TURN);
         }

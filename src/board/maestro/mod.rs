@@ -94,7 +94,13 @@ fn make(channels: Option<i32>, options: &[Option<i32>]) -> Arc<Board> {
         simulation: Simulation::Channels,
         codec: Arc::new(codec::Packets { device, has_crc }),
         replies: Replies::Answers(reply::ANSWERS),
-        feedback: Some(Feedback { verb: verb::SERVO, position: verb::POSITION, value: quarters, preparation: None, holds: false }),
+        feedback: Some(Feedback {
+            verb: verb::SERVO,
+            position: verb::POSITION,
+            value: quarters,
+            preparation: None,
+            holds: false,
+        }),
     })
 }
 

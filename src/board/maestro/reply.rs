@@ -1,10 +1,11 @@
 //! What the Maestro answers: two bytes of a position or of errors, one byte that says whether a servo moves.
 
 use super::{MOVING_ROW, verb};
-use crate::units::Nanos;
 use crate::board::{Answer, Answers, Command, Hundredths, Report, ReportItem};
+use crate::units::Nanos;
 
-pub(super) const ANSWERS: Answers = Answers { has_answer, read, length: 8, patience: Nanos::from_millis(50), errors, hint: HINT };
+pub(super) const ANSWERS: Answers =
+    Answers { has_answer, read, length: 8, patience: Nanos::from_millis(50), errors, hint: HINT };
 
 const HINT: &str = "a new Maestro ignores its Command Port until its serial mode is \"USB Dual Port\" or \"USB Chained\" \
     (Maestro Control Center, Serial Settings); a board with only its RX wired cannot answer";

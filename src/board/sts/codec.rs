@@ -54,8 +54,10 @@ fn byte(value: i32) -> u8 {
 
 /// The command of a script that writes these bytes to a register of a servo, if there is one.
 fn written(board: &Board, id: u8, address: u8, data: &[u8]) -> Result<Command, NotACommand> {
-    let (verb, _, _) =
-        WRITES.iter().find(|(_, at, size)| *at == address && usize::from(*size) == data.len()).ok_or(NotACommand::Unknown)?;
+    let (verb, _, _) = WRITES
+        .iter()
+        .find(|(_, at, size)| *at == address && usize::from(*size) == data.len())
+        .ok_or(NotACommand::Unknown)?;
     let value = match *data {
         [value] => value.into(),
         [low, high] => u16::from_le_bytes([low, high]).into(),
@@ -81,7 +83,8 @@ impl Codec for Packets {
         let values = command.values();
         let id = values.first().copied().map_or(0, byte);
         if let Some((_, address, size)) = WRITES.iter().find(|(verb, ..)| *verb == command.verb()) {
-            let [low, high] = u16::try_from(values.get(1).copied().unwrap_or_default()).unwrap_or_default().to_le_bytes();
+            let [low, high] =
+                u16::try_from(values.get(1).copied().unwrap_or_default()).unwrap_or_default().to_le_bytes();
             let all = [*address, *size, id, low, high];
             // Packets for all servos are not answered, so that no answer collides with the next frame.
             let parameters = all.get(..3 + usize::from(*size)).unwrap_or_default();
@@ -115,7 +118,9 @@ impl Codec for Packets {
     fn decode(&self, board: &Board, frame: &[u8]) -> Result<Command, NotACommand> {
         let Packet { id, instruction, parameters } = packet(frame).ok_or(NotACommand::Unknown)?;
         let only = match (instruction, parameters) {
-            (instruction::SYNC_WRITE, [address, _, id, data @ ..]) if parameters.get(1).is_some_and(|size| usize::from(*size) == data.len()) => {
+            (instruction::SYNC_WRITE, [address, _, id, data @ ..])
+                if parameters.get(1).is_some_and(|size| usize::from(*size) == data.len()) =>
+            {
                 written(board, *id, *address, data).ok()
             }
             (instruction::READ, [address, count]) => {

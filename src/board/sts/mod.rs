@@ -216,7 +216,12 @@ fn verbs() -> Vec<Verb> {
                 message: text("servo {} has no torque"),
                 line: text("torque {} on"),
             }),
-            ..Verb::row("servo", "servo N POSITION", "servo 1 2048", "a servo to a position, 0 to 4095 steps or an angle")
+            ..Verb::row(
+                "servo",
+                "servo N POSITION",
+                "servo 1 2048",
+                "a servo to a position, 0 to 4095 steps or an angle",
+            )
         },
         Verb {
             axes: vec![index(), on_or_off()],
@@ -233,7 +238,12 @@ fn verbs() -> Vec<Verb> {
             sets: Sets::All(resources(0)),
             forgets: true,
             each: Some(verb::TORQUE),
-            ..Verb::row("torque", "torque all on|off", "torque all off", "the same for every servo that the script uses")
+            ..Verb::row(
+                "torque",
+                "torque all on|off",
+                "torque all off",
+                "the same for every servo that the script uses",
+            )
         },
         Verb {
             axes: vec![
@@ -244,7 +254,12 @@ fn verbs() -> Vec<Verb> {
                 },
             ],
             sets: Sets::Indexed(resources(1)),
-            ..Verb::row("speed", "speed N SPEED", "speed 1 1000", "the speed of a servo on its way, 1 to 3400 steps per second")
+            ..Verb::row(
+                "speed",
+                "speed N SPEED",
+                "speed 1 1000",
+                "the speed of a servo on its way, 1 to 3400 steps per second",
+            )
         },
         Verb {
             axes: vec![index(), Axis::row("an acceleration", (0, 254))],

@@ -49,7 +49,8 @@ fn may_have(instruction: u8, count: usize, known: &[u8]) -> bool {
         instruction::WRITE | instruction::LATER => count >= 2,
         instruction::SYNC_READ => count >= 3,
         instruction::SYNC_WRITE => {
-            count >= 4 && known.get(1).is_none_or(|size| *size > 0 && (count - 2).is_multiple_of(usize::from(*size) + 1))
+            count >= 4
+                && known.get(1).is_none_or(|size| *size > 0 && (count - 2).is_multiple_of(usize::from(*size) + 1))
         }
         _ => false,
     }

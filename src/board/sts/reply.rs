@@ -2,13 +2,14 @@
 
 use super::codec::READS;
 use super::{packet, quantity_row, verb};
-use crate::units::Nanos;
 use crate::board::{Answer, Answers, Command, Hundredths, Report, ReportItem};
+use crate::units::Nanos;
 
 pub(super) const ANSWERS: Answers =
     Answers { has_answer, read, errors, hint: HINT, length: 8 + 6 + 7, patience: Nanos::from_millis(20) };
 
-const HINT: &str = "check the power of the servos, the jumper of the adapter, the number of the servo and the speed of the bus";
+const HINT: &str =
+    "check the power of the servos, the jumper of the adapter, the number of the servo and the speed of the bus";
 
 /// The meanings of the error bits, the lowest first.
 const ERRORS: [(u16, &str); 5] = [
@@ -25,7 +26,9 @@ fn has_answer(request: &Command) -> bool {
 
 /// Finds the answer of the servo that was asked. Everything else is skipped: answers of other servos, noise, and wrong sums.
 fn read(request: &Command, bytes: &[u8]) -> Answer {
-    let Some((_, _, count)) = READS.iter().find(|(verb, ..)| *verb == request.verb()) else { return Answer::Skip(bytes.len()) };
+    let Some((_, _, count)) = READS.iter().find(|(verb, ..)| *verb == request.verb()) else {
+        return Answer::Skip(bytes.len());
+    };
     let id = request.value(0).and_then(|id| u8::try_from(id).ok()).unwrap_or_default();
     let head = [packet::HEADER, packet::HEADER, id, count + 2];
     if !bytes.iter().zip(head).all(|(byte, expected)| *byte == expected) {

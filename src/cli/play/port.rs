@@ -43,7 +43,10 @@ impl Port {
     ) -> Result<Self, Exit> {
         let Timeline { board, baud, .. } = timeline;
         if !faults.servos.is_empty() && board.simulation != Simulation::Servos {
-            screen.error(&format!("the servos of the board `{}` do not answer, so `--fault servo=` has no effect", board.line));
+            screen.error(&format!(
+                "the servos of the board `{}` do not answer, so `--fault servo=` has no effect",
+                board.line
+            ));
             return Err(Exit::Usage);
         }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
