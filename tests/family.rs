@@ -108,6 +108,7 @@ fn verb(word: &str, usage: &str, axes: Vec<Axis>, sets: Sets) -> Verb {
         needs: None,
         forbidden: None,
         each: None,
+        asks: false,
         frames: owned("the chimes"),
         is: None,
         alias: None,

@@ -54,6 +54,7 @@ mod review;
 mod selection;
 mod shell;
 mod sim;
+mod sts;
 mod tap;
 mod text_boards;
 mod trees;

@@ -28,7 +28,7 @@ fn items(board: &Board, bytes: &[u8], cut: usize) -> Vec<ReportItem> {
 
 fuzz_target!(|input: (u16, Vec<u8>)| {
     let (cut, bytes) = input;
-    for board in [raspblock::board(), Family::board("maestro 24").unwrap()] {
+    for board in [raspblock::board(), Family::board("maestro 24").unwrap(), Family::board("sts").unwrap()] {
         let whole = items(&board, &bytes, 0);
         assert_eq!(items(&board, &bytes, usize::from(cut).min(bytes.len())), whole);
         let reports = whole.iter().filter_map(|item| match item {

@@ -72,6 +72,7 @@ impl Verb {
             needs: None,
             forbidden: None,
             each: None,
+            asks: false,
             frames: Text::default(),
             is: None,
             alias: None,

@@ -53,6 +53,13 @@ impl Board {
         Ok(Command::new(verb, values))
     }
 
+    /// The commands of a script that together do the same as a command; itself, if there are no others.
+    pub fn in_script(&self, command: Command) -> Vec<Command> {
+        let is_in_scripts = self.verb(command.verb()).is_some_and(Verb::is_in_scripts);
+        let others = if is_in_scripts { Vec::new() } else { self.codec.in_script(self, &command) };
+        if others.is_empty() { vec![command] } else { others }
+    }
+
     /// Makes a command from a word and its values, an index first: `command_named("servo", &[1,
     /// 1500])`.
     ///

@@ -33,7 +33,9 @@ impl State {
         if verb.is_some_and(|verb| !verb.is_in_scripts()) {
             let in_script = board.codec.in_script(board, command);
             if !in_script.is_empty() {
-                in_script.iter().for_each(|command| self.apply(board, command));
+                for command in &in_script {
+                    self.apply(board, command);
+                }
                 return;
             }
         }

@@ -36,6 +36,8 @@ pub struct Verb {
     pub forbidden: Option<Forbidden>,
     /// The verb that is sent instead, once for each servo that the script uses.
     pub each: Option<VerbId>,
+    /// Whether it only asks the board for something.
+    pub asks: bool,
     /// The name of the lane of its frames, if it sets several resources or none.
     pub frames: Text,
     /// The command that this word is a synonym of.

@@ -43,6 +43,16 @@ pub(super) struct Skipped {
     is_uniform: bool,
 }
 
+impl Received {
+    /// What is sent.
+    pub(super) fn command(&self) -> Option<&Command> {
+        match self {
+            Received::Command(command) | Received::Unknown(_, Some(command), _) => Some(command),
+            _ => None,
+        }
+    }
+}
+
 impl Skipped {
     pub(super) fn new(bytes: &[u8], why: Skip) -> Self {
         let mut skipped = Skipped { first: Vec::new(), count: 0, why, is_uniform: true };
@@ -77,6 +87,8 @@ enum Effect {
     Value(Channel, Axes, Option<(Micros, Axes)>, bool),
     /// All earlier values become unknown.
     Break,
+    /// The values of the resources of this command end.
+    Ends(Command),
     Other,
 }
 
@@ -183,6 +195,9 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
     if board.verb(command.verb()).is_some_and(|verb| !verb.is_in_scripts()) {
         return hidden(state, command, exact, comment);
     }
+    if let Some(why) = forbidden(state, command) {
+        return (comment(format!("left out, {}: {why}", board.show(command))), Effect::Other);
+    }
     if let Some((channel, axes)) = Channel::of(&board, command) {
         let before = state.value(channel);
         let repeats = !exact && state.repeats(channel, axes);
@@ -215,7 +230,17 @@ fn row(state: &mut ScriptState, received: &Received, exact: bool, at: Micros) ->
         return (None, Effect::Other);
     }
     state.set(at, command);
-    (Some(line(command)), Effect::Other)
+    (Some(line(command)), Effect::Ends(command.clone()))
+}
+
+/// Why the last command of its resource does not permit a command.
+fn forbidden(state: &ScriptState, command: &Command) -> Option<String> {
+    let board = &state.board;
+    let forbidden = board.verb(command.verb())?.forbidden.as_ref()?;
+    let is_after = |last: &Command| (last.verb(), last.value(1)) == (forbidden.after, Some(forbidden.value));
+    let is_forbidden = board.occupies(command).iter().any(|resource| state.command(*resource).is_some_and(is_after));
+    let index = command.value(0).map(|index| index.to_string()).unwrap_or_default();
+    is_forbidden.then(|| forbidden.message.replace("{}", &index))
 }
 
 /// The row of a command that no script contains.
@@ -231,7 +256,8 @@ fn hidden(
     }
     // The script of the recording sends its own hello, and asks by itself.
     let requests = board.quantities.iter().filter_map(|quantity| quantity.request.as_ref());
-    let by_itself = board.hello.iter().chain(&board.goodbye).chain(requests).any(|other| other == command);
+    let asks = board.verb(command.verb()).is_some_and(|verb| verb.asks);
+    let by_itself = asks || board.hello.iter().chain(&board.goodbye).chain(requests).any(|other| other == command);
     let words = format!("left out, {}: {}", Hex(&board.to_frame(command)), board.show(command));
     let effect = if board.occupies(command).is_empty() { Effect::Other } else { Effect::Break };
     (comment(words).filter(|_| exact || !by_itself), effect)
@@ -244,6 +270,17 @@ fn end(runs: &mut [Run], run: usize, at: Micros) {
     }
 }
 
+/// Ends the runs of the channels that do not stay.
+fn end_runs(open: &mut BTreeMap<Channel, usize>, runs: &mut [Run], at: Micros, stays: impl Fn(&Channel) -> bool) {
+    open.retain(|channel, run| {
+        let stays = stays(channel);
+        if !stays {
+            end(runs, *run, at);
+        }
+        stays
+    });
+}
+
 /// Finds the runs of values in rows.
 pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
@@ -253,23 +290,24 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     for (place, Row { at, effect, .. }) in rows.iter().enumerate() {
         let (channel, axes, before, repeats) = match effect {
             Effect::Other => continue,
+            Effect::Ends(command) => {
+                let taken = board.occupies(command);
+                let is_free =
+                    |channel: &Channel| !channel.resources(board).iter().any(|resource| taken.contains(resource));
+                end_runs(&mut open, &mut runs, *at, is_free);
+                repeats_of.retain(|channel, _| is_free(channel));
+                continue;
+            }
             Effect::Break => {
-                for run in std::mem::take(&mut open).into_values() {
-                    end(&mut runs, run, *at);
-                }
+                end_runs(&mut open, &mut runs, *at, |_| false);
                 repeats_of.clear();
                 continue;
             }
             Effect::Value(channel, axes, before, repeats) => (*channel, *axes, *before, *repeats),
         };
-        open.retain(|other, run| {
-            let stays = *other == channel || !other.meets(board, channel);
-            if !stays {
-                end(&mut runs, *run, *at);
-            }
-            stays
-        });
-        repeats_of.retain(|other, _| *other == channel || !other.meets(board, channel));
+        let stays = |other: &Channel| *other == channel || !other.meets(board, channel);
+        end_runs(&mut open, &mut runs, *at, stays);
+        repeats_of.retain(|other, _| stays(other));
         let point = Point { at: *at, axes, repeats };
         let run = open.get(&channel).and_then(|run| runs.get_mut(*run));
         let continues = |run: &&mut Run| *at <= run.changed + STILL;
@@ -302,9 +340,10 @@ pub(super) fn runs(board: &Board, rows: &[Row]) -> Vec<Run> {
     runs
 }
 
-pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Received {
+/// What a script contains for a frame, which may be several commands.
+pub(super) fn of_frame(board: &Board, frame: Frame<'_>) -> Vec<Received> {
     match board.decode(frame.bytes()) {
-        Ok(command) => Received::Command(command),
-        Err(why) => Received::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why),
+        Ok(command) => board.in_script(command).into_iter().map(Received::Command).collect(),
+        Err(why) => vec![Received::Unknown(frame.bytes().to_vec(), board.raw(frame.bytes()), why)],
     }
 }

@@ -41,13 +41,12 @@ impl ScriptClock {
         self.begin.map_or(Micros::ZERO, |begin| self.rounded(at - begin)).max(self.now)
     }
 
-    /// The time of a frame that began on the line at a time.
-    pub(super) fn frame(&mut self, at: Micros, frame: &[u8]) -> Micros {
+    /// The time of a command whose frame began on the line at a time, and has this length; 0 if it is part of the frame before.
+    pub(super) fn frame(&mut self, at: Micros, command: Option<&Command>, length: usize) -> Micros {
         let exact = at - *self.begin.get_or_insert(at);
-        let command = self.board.decode_or_raw(frame);
         let board = &self.board;
         let clashes = |one: &Command, other: &Command| board.supersedes(one, other) || board.supersedes(other, one);
-        let is_busy = command.as_ref().is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
+        let is_busy = command.is_some_and(|command| self.sent.iter().any(|sent| clashes(sent, command)));
         let is_burst = exact <= self.free + SLACK && exact <= self.burst + BURST && !is_busy;
         let mut time = self.rounded(exact).max(self.now);
         if is_burst && !self.exact && !self.sent.is_empty() {
@@ -63,8 +62,10 @@ impl ScriptClock {
             self.sent.clear();
         }
         self.now = time;
-        self.sent.extend(command);
-        self.free = (exact.nanos() + self.byte_time * u64::try_from(frame.len()).unwrap_or(u64::MAX)).micros();
+        self.sent.extend(command.cloned());
+        if length > 0 {
+            self.free = (exact.nanos() + self.byte_time * u64::try_from(length).unwrap_or(u64::MAX)).micros();
+        }
         time
     }
 

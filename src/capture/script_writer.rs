@@ -186,12 +186,14 @@ impl ScriptWriter {
         match item {
             Item::Frame(frame) => {
                 self.frames += 1;
-                let received = of_frame(&self.state.board, frame);
-                if let Received::Command(command) = &received {
-                    self.widen(command);
+                let mut length = frame.bytes().len();
+                for received in of_frame(&self.state.board, frame) {
+                    if let Received::Command(command) = &received {
+                        self.widen(command);
+                    }
+                    let at = self.clock.frame(at, received.command(), std::mem::take(&mut length));
+                    self.push(at, received);
                 }
-                let at = self.clock.frame(at, frame.bytes());
-                self.push(at, received);
             }
             // They are part of a stop and have no meaning on their own.
             Item::Skipped { why, .. } if !why.is_wrong() => {}

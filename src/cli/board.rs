@@ -11,7 +11,7 @@ use motionseq::faults::{Faults, Faulty, volts};
 use motionseq::link::{PtyLink, PtyLinkError};
 use motionseq::playback::Signals;
 use motionseq::serve::{End, ServeError, Server};
-use motionseq::sim::{Device, Settings};
+use motionseq::sim::{Device, ServoSetup, Settings};
 use motionseq::units::{Micros, NotATime};
 
 use super::display::Format;
@@ -38,15 +38,8 @@ pub(super) struct Board {
     /// Set the bit rate of the line [default: that of the board, 115200 for the Raspblock]
     #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: Option<u32>,
-    /// Set the battery voltage at rest, 0V to 100V [default: 12V]
-    #[arg(long, value_name = "VOLTS", value_parser = battery)]
-    battery: Option<Hundredths>,
-    /// Simulate faults: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7; times count from the start
-    #[arg(long, value_name = "FAULTS")]
-    fault: Option<Faults>,
-    /// Once a program has requested reports, send one every TIME (10ms to 10s) [default: 100ms]
-    #[arg(long, value_name = "TIME", value_parser = report_every)]
-    report_every: Option<Micros>,
+    #[command(flatten)]
+    simulated: Simulated,
     /// Write an MCAP log of frames, state, pose and telemetry for Foxglove to FILE, or to a new file in a folder
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -54,13 +47,57 @@ pub(super) struct Board {
     reading: Reading,
 }
 
+/// The properties of a virtual board.
+#[derive(Debug, Args)]
+pub(super) struct Simulated {
+    /// Set the battery voltage of the virtual board at rest, 0V to 100V [default: 12V]
+    #[arg(long, value_name = "VOLTS", value_parser = battery)]
+    battery: Option<Hundredths>,
+    /// Simulate faults: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7, servo=3:silent (or twice, other, sum, late,
+    /// wheel, lost, error, slow, a position); times count from the start
+    #[arg(long, value_name = "FAULTS")]
+    fault: Option<Faults>,
+    /// Once the program has requested reports, send one every TIME from the virtual board (10ms to 10s) [default: 100ms]
+    #[arg(long, value_name = "TIME", value_parser = report_every)]
+    report_every: Option<Micros>,
+    /// Choose the servos on the virtual bus: numbers from 0 to 253 and ranges, separated by commas [default: 1..6]
+    #[arg(long, value_name = "NUMBERS", value_parser = servos)]
+    servos: Option<ServoNumbers>,
+}
+
+/// The numbers of servos.
+#[derive(Clone, Debug)]
+struct ServoNumbers(Vec<u8>);
+
+impl Default for ServoNumbers {
+    /// Those of an arm.
+    fn default() -> Self {
+        ServoNumbers((1..=6).collect())
+    }
+}
+
+/// Reads the numbers of servos: `1..6`, `1,2,5`.
+fn servos(text: &str) -> Result<ServoNumbers, String> {
+    let number = |text: &str| text.trim().parse::<u8>().ok().filter(|number| *number <= 253);
+    let range = |part: &str| {
+        let (first, last) = part.split_once("..").unwrap_or((part, part));
+        Some(number(first)?..=number(last)?).filter(|range| !range.is_empty())
+    };
+    let ranges: Option<Vec<_>> = text.split(',').map(range).collect();
+    let mut numbers: Vec<u8> = ranges.into_iter().flatten().flatten().collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let found = (!numbers.is_empty()).then_some(ServoNumbers(numbers));
+    found.ok_or_else(|| "write numbers from 0 to 253, such as 1..6 or 1,2,5".to_owned())
+}
+
 /// Reads the voltage of a battery.
-pub(super) fn battery(text: &str) -> Result<Hundredths, String> {
+fn battery(text: &str) -> Result<Hundredths, String> {
     volts(text.strip_suffix('V').unwrap_or(text)).ok_or_else(|| "write volts from 0V to 100V, such as 11.4V".to_owned())
 }
 
 /// Reads the time between two reports.
-pub(super) fn report_every(text: &str) -> Result<Micros, String> {
+fn report_every(text: &str) -> Result<Micros, String> {
     let time: Micros = text.parse().map_err(|error: NotATime| error.to_string())?;
     let is_fine = (Micros::from_millis(10)..=Micros::from_millis(10_000)).contains(&time);
     is_fine.then_some(time).ok_or_else(|| "write a time from 10ms to 10s, such as 100ms".to_owned())
@@ -76,7 +113,7 @@ impl Board {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let family = self.reading.chosen(screen)?.board;
-        check_simulated(&family, self.baud, self.battery, self.report_every, screen)?;
+        self.simulated.check(&family, self.baud, screen)?;
         let baud = self.baud.unwrap_or(family.baud);
         let mut pty_link = PtyLink::open(&self.link, baud).map_err(|error| refused(&error, screen))?;
         let what = ("board", About::new(None));
@@ -85,7 +122,7 @@ impl Board {
         let link = self.link.display();
         screen.note(&format!("{link} leads to {} with {baud} baud; Ctrl-C ends it", virtual_board(&family)));
         let watcher = Watcher::start(*screen, Some(self.format), baud, Arc::clone(&family), false);
-        let board = board_with(family, self.battery, self.report_every, self.fault.clone());
+        let board = self.simulated.board(family, baud);
         let watcher = watcher.map_err(|error| failed(screen, &error))?.keeping(None, log);
         Ok(serve_board(&mut pty_link, board, baud, &signals, watcher, screen).0)
     }
@@ -97,40 +134,39 @@ pub(super) fn virtual_board(family: &Family) -> String {
     if is_usual { "a virtual board".to_owned() } else { format!("a virtual board ({})", escaped(&family.name)) }
 }
 
-/// Refuses a speed of the line that the board does not take, and options that have no effect on its virtual board.
-pub(super) fn check_simulated(
-    family: &Family,
-    baud: Option<u32>,
-    battery: Option<Hundredths>,
-    report_every: Option<Micros>,
-    screen: &Screen,
-) -> Result<(), Exit> {
-    if let Some(baud) = baud.filter(|baud| *baud > family.max_baud) {
-        let (line, most) = (&family.line, family.max_baud);
-        screen.error(&format!("the board `{line}` takes at most {most} baud, not {baud}"));
-        return Err(Exit::Usage);
+impl Simulated {
+    /// Refuses a speed of the line that the board does not take, and options that have no effect on its virtual board.
+    pub(super) fn check(&self, family: &Family, baud: Option<u32>, screen: &Screen) -> Result<(), Exit> {
+        let line = &family.line;
+        if let Some(baud) = baud.filter(|baud| *baud > family.max_baud) {
+            screen.error(&format!("the board `{line}` takes at most {} baud, not {baud}", family.max_baud));
+            return Err(Exit::Usage);
+        }
+        let (reports, is_bus) = (family.simulation == Simulation::Mecanum, family.simulation == Simulation::Servos);
+        let without_reports = "has no battery, and sends no reports by itself";
+        let without_bus = "has no servos that answer for themselves";
+        let has_servo_fault = self.fault.as_ref().is_some_and(|faults| !faults.servos.is_empty());
+        let given = [
+            (self.battery.is_some() && !reports, "--battery", without_reports),
+            (self.report_every.is_some() && !reports, "--report-every", without_reports),
+            (self.servos.is_some() && !is_bus, "--servos", without_bus),
+            (has_servo_fault && !is_bus, "--fault servo=", without_bus),
+        ];
+        let Some((_, option, why)) = given.iter().find(|(is_useless, ..)| *is_useless) else { return Ok(()) };
+        screen.error(&format!("`{option}` has no effect: the virtual board `{line}` {why}; remove it"));
+        Err(Exit::Usage)
     }
-    let given = [(battery.is_some(), "--battery"), (report_every.is_some(), "--report-every")];
-    let given = given.iter().find(|(is_given, _)| *is_given && family.simulation != Simulation::Mecanum);
-    let Some((_, option)) = given else { return Ok(()) };
-    screen.error(&format!(
-        "`{option}` has no effect: the virtual board `{}` has no battery, and sends no reports by itself; remove it",
-        family.line
-    ));
-    Err(Exit::Usage)
-}
 
-/// A virtual board, switched on now.
-pub(super) fn board_with(
-    of: Arc<Family>,
-    battery: Option<Hundredths>,
-    report_every: Option<Micros>,
-    faults: Option<Faults>,
-) -> Faulty {
-    let mut settings = Settings::default();
-    settings.battery = battery.unwrap_or(settings.battery);
-    settings.report_every = report_every.unwrap_or(settings.report_every);
-    Faulty::new(Device::new(of, settings), faults.unwrap_or_default())
+    /// A virtual board, switched on now.
+    pub(super) fn board(&self, of: Arc<Family>, baud: u32) -> Faulty {
+        let mut settings = Settings::default();
+        settings.battery = self.battery.unwrap_or(settings.battery);
+        settings.report_every = self.report_every.unwrap_or(settings.report_every);
+        let ServoNumbers(servos) = self.servos.clone().unwrap_or_default();
+        settings.servos = Some(servos.into_iter().map(ServoSetup::new).collect());
+        settings.baud = Some(baud);
+        Faulty::new(Device::new(of, settings), self.fault.clone().unwrap_or_default())
+    }
 }
 
 /// Catches signals, and lets nothing wait for the screen: from here on a signal always ends the server.

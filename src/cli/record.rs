@@ -6,14 +6,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::board::{Board as Family, Hundredths};
-use motionseq::faults::Faults;
+use motionseq::board::Board as Family;
 use motionseq::link::{Link as _, PtyLink, Serial};
 use motionseq::playback::{Guard, GuardConfig, Signals, Stop};
 use motionseq::serve::{End, ServeError, Server, TapEnd};
 use motionseq::units::{Micros, Nanos};
 
-use super::board::{self, battery, report_every, serve_board};
+use super::board::{self, Simulated, serve_board};
 use super::display::Format;
 use super::exit::Exit;
 use super::family::Reading;
@@ -37,7 +36,7 @@ pub(super) struct Record {
     #[arg(long, value_name = "PATH")]
     link: PathBuf,
     /// Pass bytes between the program and the board at this serial port (or `auto`), both ways and unchanged
-    #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every"])]
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["battery", "fault", "report_every", "servos"])]
     port: Option<PathBuf>,
     /// If the port cannot be opened yet, wait for it up to TIME
     #[arg(long, value_name = "TIME", requires = "port", value_parser = port_opening::wait)]
@@ -54,15 +53,8 @@ pub(super) struct Record {
     /// Set the bit rate of the line [default: that of the board, 115200 for the Raspblock]
     #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(1_200..=4_000_000))]
     baud: Option<u32>,
-    /// Set the battery voltage of the virtual board at rest, 0V to 100V [default: 12V]
-    #[arg(long, value_name = "VOLTS", value_parser = battery)]
-    battery: Option<Hundredths>,
-    /// Simulate faults on the virtual board, as in `board`
-    #[arg(long, value_name = "FAULTS")]
-    fault: Option<Faults>,
-    /// Once the program has requested reports, send one every TIME from the virtual board (10ms to 10s) [default: 100ms]
-    #[arg(long, value_name = "TIME", value_parser = report_every)]
-    report_every: Option<Micros>,
+    #[command(flatten)]
+    simulated: Simulated,
     /// Write an MCAP log of frames, state and telemetry for Foxglove to FILE, or to a new file in a folder
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -84,7 +76,7 @@ impl Record {
 
     fn try_run(&self, screen: &Screen) -> Result<Exit, Exit> {
         let chosen = self.reading.chosen(screen)?;
-        board::check_simulated(&chosen.board, self.baud, self.battery, self.report_every, screen)?;
+        self.simulated.check(&chosen.board, self.baud, screen)?;
         let inputs = Inputs::of(&chosen.file);
         let created = self.output.as_deref().map(|path| {
             growing_file::create(path, &inputs).map_err(|error| output::exit(Err(error), Some(path), screen))
@@ -117,7 +109,7 @@ impl Record {
         };
         let (exit, tape) = match port {
             None => {
-                let board = board::board_with(Arc::clone(family), self.battery, self.report_every, self.fault.clone());
+                let board = self.simulated.board(Arc::clone(family), baud);
                 begun(&board::virtual_board(family));
                 serve_board(&mut pty_link, board, baud, &signals, watcher, screen)
             }

@@ -27,7 +27,17 @@ pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received)
     }
     if received.lost > 0 {
         let lost = plural(usize::try_from(received.lost).unwrap_or(usize::MAX), "frame");
-        screen.note(&format!("--fault: {lost} did not reach the board"));
+        screen.note(&match board.simulation {
+            Simulation::Servos => format!("{lost} did not reach the servos: an answer was on the line, or --fault"),
+            _ => format!("--fault: {lost} did not reach the board"),
+        });
+    }
+    if let [servos @ .., last] = received.fell.as_slice() {
+        let others = servos.iter().fold(String::new(), |others, servo| format!("{others}{servo}, "));
+        screen.note(&match servos {
+            [] => format!("servo {last} fell when its torque went off"),
+            _ => format!("servos {others}{last} fell when their torque went off"),
+        });
     }
     if let Some((at, fault)) = received.first_fault {
         let count = |count, word| plural(usize::try_from(count).unwrap_or(usize::MAX), word);

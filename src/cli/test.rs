@@ -47,7 +47,7 @@ pub(super) struct Test {
     /// Also play each script on a virtual board, under a simulated clock, and check each `expect`
     #[arg(long)]
     play: bool,
-    /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
+    /// Simulate faults while playing: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7, servo=3:silent
     #[arg(long, value_name = "FAULTS", requires = "play")]
     fault: Option<Faults>,
     #[command(flatten)]

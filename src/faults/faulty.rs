@@ -27,7 +27,8 @@ pub struct Faulty {
 
 impl Faulty {
     /// A device that is switched on now, at time 0 of its faults.
-    pub fn new(device: Device, faults: Faults) -> Self {
+    pub fn new(mut device: Device, faults: Faults) -> Self {
+        faults.servos.iter().for_each(|(servo, fault)| device.set_fault(*servo, *fault));
         let mut board = Faulty {
             decoder: Decoder::new(device.family()),
             dice: [0, 1].map(|stream| RandomEvents::new(faults.seed.wrapping_add(stream << 32))),

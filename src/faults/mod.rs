@@ -9,11 +9,15 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::board::Hundredths;
+use crate::sim::{ServoFault, servo_fault};
 use crate::units::Micros;
 
 pub use faulty::{Faulty, Stall};
 #[cfg(all(feature = "player", target_os = "linux"))]
 pub use stalling::Stalling;
+
+/// The start of a fault of one servo.
+const SERVO: &str = "servo=";
 
 /// Faults of a rehearsal, as `--fault` and `# rehearse:` name them: `drop=5%,unplug@4s`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,6 +34,8 @@ pub struct Faults {
     pub stall: Option<Micros>,
     /// Whether the board sends no reports.
     pub silent: bool,
+    /// What is wrong with single servos of a bus, by their numbers.
+    pub servos: Vec<(u8, ServoFault)>,
     /// The seed of the random numbers.
     pub seed: u64,
     /// As they were written.
@@ -39,7 +45,9 @@ pub struct Faults {
 /// Why a string is not a list of faults.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "unknown fault `{0}`; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, each at most once, separated by commas"
+    "unknown fault `{0}`; write drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent or seed=7, each at most once, \
+     and for a servo of a bus servo=3:silent, twice, other, sum, late, wheel, lost, error, slow or a position at the start, \
+     each at most once for a servo; separated by commas"
 )]
 pub struct NotAFault(String);
 
@@ -58,8 +66,7 @@ impl FromStr for Faults {
 impl Faults {
     fn add(&mut self, word: &str) -> Option<()> {
         // Each kind may be given once.
-        let name = word.split(['=', '@']).next().unwrap_or_default();
-        let named = self.words.split(',').filter(|other| other.trim().split(['=', '@']).next() == Some(name));
+        let named = self.words.split(',').filter(|other| kind(other.trim()) == kind(word));
         if named.count() > 1 {
             return None;
         }
@@ -75,6 +82,8 @@ impl Faults {
             self.drop = part(percent)?;
         } else if let Some(percent) = word.strip_prefix("garble=") {
             self.garble = part(percent)?;
+        } else if let Some(servo) = word.strip_prefix(SERVO) {
+            self.servos.push(servo_fault(servo)?);
         } else if let Some(seed) = word.strip_prefix("seed=") {
             self.seed = seed.parse().ok()?;
         } else {
@@ -100,6 +109,14 @@ impl Faults {
 impl fmt::Display for Faults {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.words)
+    }
+}
+
+/// The kind of a fault: what comes before its value.
+fn kind(word: &str) -> &str {
+    match word.strip_prefix(SERVO) {
+        Some(_) => word.trim_end_matches(|letter: char| letter.is_ascii_digit()),
+        None => word.split(['=', '@']).next().unwrap_or_default(),
     }
 }
 

@@ -4,8 +4,10 @@ use std::sync::Arc;
 
 use super::channels::Channels;
 use super::motion::Body;
-use super::{Fault, Received, Settings};
+use super::servos::Servos;
+use super::{Fault, Received, ServoFault, ServoSetup, Settings};
 use crate::board::raspblock::{self, Asked};
+use crate::board::sts::BROADCAST;
 use crate::board::{Board, Command, Frame, Hundredths, Item, Report, Simulation, Skip, State};
 use crate::units::Micros;
 
@@ -14,7 +16,7 @@ const SAG: f64 = 0.45;
 const DRAIN: f64 = 0.000_5;
 
 /// A board without faults.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Device {
     board: Arc<Board>,
     settings: Settings,
@@ -24,6 +26,7 @@ pub struct Device {
     replies: Vec<Vec<u8>>,
     body: Body,
     channels: Channels,
+    servos: Servos,
     /// The time since it was switched on.
     now: Micros,
     /// When the last drive frame came.
@@ -39,7 +42,13 @@ impl Device {
     pub fn new(of: Arc<Board>, mut settings: Settings) -> Self {
         settings.report_every = settings.report_every.max(Micros(1));
         let channels = if of.simulation == Simulation::Channels { of.resources.len() } else { 0 };
+        let servos = match (of.simulation, settings.servos.take()) {
+            (Simulation::Servos, Some(servos)) => servos,
+            (Simulation::Servos, None) => (0..BROADCAST).map(ServoSetup::new).collect(),
+            _ => Vec::new(),
+        };
         Device {
+            servos: Servos::new(servos, settings.baud.unwrap_or(of.baud)),
             board: of,
             received: Received::default(),
             replies: Vec::new(),
@@ -63,6 +72,11 @@ impl Device {
         self.settings.battery = at_rest;
     }
 
+    /// Gives a servo of a bus a fault.
+    pub fn set_fault(&mut self, servo: u8, fault: ServoFault) {
+        self.servos.set_fault(servo, fault);
+    }
+
     /// Advances the time, which never decreases.
     pub fn poll(&mut self, now: Micros) {
         while self.now < now {
@@ -79,6 +93,7 @@ impl Device {
                 break;
             }
         }
+        self.replies.extend(self.servos.said(self.now));
     }
 
     fn pass(&mut self, to: Micros) {
@@ -87,13 +102,14 @@ impl Device {
         self.drained += DRAIN * self.body.load() * seconds;
         self.body.pass(seconds);
         self.channels.pass(seconds);
+        self.servos.pass(seconds);
         self.now = to;
         self.received.pose = self.body.pose();
     }
 
     /// When it next has something to do, since it was switched on.
     pub fn next_due(&self) -> Option<Micros> {
-        self.next_report
+        [self.next_report, self.servos.next_due()].into_iter().flatten().min()
     }
 
     /// Its report now.
@@ -132,6 +148,8 @@ impl Device {
     /// Takes an item of the line.
     pub fn take(&mut self, item: Item<'_>) {
         match item {
+            // A line of one wire carries one thing at a time.
+            Item::Frame(frame) if self.servos.is_talking(self.now) => self.miss(frame),
             Item::Frame(frame) => {
                 let at = self.received.bytes;
                 self.received.bytes += frame.bytes().len() as u64;
@@ -170,6 +188,9 @@ impl Device {
         if self.board.simulation == Simulation::Channels {
             let answer = self.channels.take(command);
             self.replies.extend(Some(answer).filter(|answer| !answer.is_empty()));
+        }
+        if self.board.simulation == Simulation::Servos {
+            self.servos.take(self.now, &self.board.to_frame(command), &mut self.received.fell);
         }
         if self.board.simulation == Simulation::Mecanum {
             self.body.take(command, raspblock::is_in_position_mode(&self.received.state));

@@ -47,7 +47,8 @@ struct Line<'t> {
 }
 
 /// Plays a timeline on a board with these settings and faults. Gates open by these answers, or as the board reports.
-pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers: &Answers) -> Rehearsal {
+pub fn rehearse(timeline: &Timeline, mut settings: Settings, faults: Faults, answers: &Answers) -> Rehearsal {
+    settings.baud.get_or_insert(timeline.baud);
     let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
     let mut stall = board.stall();
     let mut line = Line::new(board, timeline);

@@ -14,7 +14,7 @@ use super::verb::{AngleScale, Axis, Forbidden, Measure, ResourceId, Sets, Unit, 
 use super::{Command, Hundredths, Quantity, Replies, Text};
 use crate::units::Micros;
 pub use codec::{emit_answer, packet};
-pub use packet::Packet;
+pub use packet::{BROADCAST, Packet, instruction};
 
 /// The rows of the verbs.
 mod verb {
@@ -195,7 +195,7 @@ fn verbs() -> Vec<Verb> {
     let resources = |kind: usize| -> Vec<ResourceId> { (kind * count..(kind + 1) * count).collect() };
     let hidden =
         |word: &'static str, meaning: &'static str| Verb { frames: text(word), ..Verb::row(word, word, word, meaning) };
-    let read = |word, meaning| Verb { axes: vec![index()], ..hidden(word, meaning) };
+    let read = |word, meaning| Verb { axes: vec![index()], asks: true, ..hidden(word, meaning) };
     let bytes = |word, meaning| Verb {
         axes: vec![Axis { takes: ValueForm::Bytes(MOST_BYTES), ..Axis::row("a byte", (0, 255)) }],
         ..hidden(word, meaning)
@@ -277,13 +277,13 @@ fn verbs() -> Vec<Verb> {
         read("\"get voltage\"", "asks for the voltage of a servo"),
         read("\"get mode\"", "asks for the mode of a servo"),
         read("\"get settings\"", "asks for the speed and the acceleration of a servo"),
-        bytes("\"ping\"", "asks whether a servo is there"),
-        bytes("\"read\"", "asks for registers of a servo"),
+        Verb { asks: true, ..bytes("\"ping\"", "asks whether a servo is there") },
+        Verb { asks: true, ..bytes("\"read\"", "asks for registers of a servo") },
         bytes("\"write\"", "writes registers of a servo"),
         bytes("\"write later\"", "writes registers of a servo at the next action"),
         bytes("\"action\"", "carries out what was written for later"),
         bytes("\"reset\"", "restores the settings of a new servo"),
-        bytes("\"sync read\"", "asks several servos for registers"),
+        Verb { asks: true, ..bytes("\"sync read\"", "asks several servos for registers") },
         bytes("\"sync write\"", "writes registers of several servos"),
     ]
 }

@@ -6,20 +6,28 @@ use crate::board::frame::{BufferStart, Skip};
 /// Both bytes at the start of a packet.
 pub(super) const HEADER: u8 = 0xFF;
 /// The identifier that addresses all servos.
-pub(super) const BROADCAST: u8 = 0xFE;
+pub const BROADCAST: u8 = 0xFE;
 /// The longest packet: a length byte of 255.
 pub(super) const LONGEST: usize = 4 + 255;
 
 /// The instructions.
-pub(super) mod instruction {
-    pub(in crate::board::sts) const PING: u8 = 0x01;
-    pub(in crate::board::sts) const READ: u8 = 0x02;
-    pub(in crate::board::sts) const WRITE: u8 = 0x03;
-    pub(in crate::board::sts) const LATER: u8 = 0x04;
-    pub(in crate::board::sts) const ACTION: u8 = 0x05;
-    pub(in crate::board::sts) const RESET: u8 = 0x06;
-    pub(in crate::board::sts) const SYNC_READ: u8 = 0x82;
-    pub(in crate::board::sts) const SYNC_WRITE: u8 = 0x83;
+pub mod instruction {
+    /// Asks whether a servo is there.
+    pub const PING: u8 = 0x01;
+    /// Asks for registers: the first address, and the number of bytes.
+    pub const READ: u8 = 0x02;
+    /// Writes registers: the first address, and the bytes.
+    pub const WRITE: u8 = 0x03;
+    /// The same at the next action.
+    pub const LATER: u8 = 0x04;
+    /// Carries out what was written for later.
+    pub const ACTION: u8 = 0x05;
+    /// Restores the settings of a new servo.
+    pub const RESET: u8 = 0x06;
+    /// Asks several servos for registers: the first address, the number of bytes, and the servos.
+    pub const SYNC_READ: u8 = 0x82;
+    /// Writes registers of several servos: the first address, the number of bytes, and for each servo its number and the bytes.
+    pub const SYNC_WRITE: u8 = 0x83;
 }
 
 /// The parts of a packet.

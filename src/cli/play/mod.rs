@@ -60,7 +60,7 @@ pub(super) struct Play {
     /// Do not start the guard: then nothing stops the robot if `play` is killed or hangs
     #[arg(long)]
     no_guard: bool,
-    /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7
+    /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7, servo=3:silent
     #[arg(long, value_name = "FAULTS")]
     fault: Option<Faults>,
     /// Choose how progress is shown

@@ -1,15 +1,16 @@
 //! The port that a run is played on: a real one, or that of the built-in virtual board.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver};
 
-use motionseq::board::Simulation;
+use motionseq::board::{Command, Simulation, Verb};
 use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{Pty, Serial};
 use motionseq::serve::BoardThread;
-use motionseq::sim::{Device, Pose, Settings};
+use motionseq::sim::{Device, Pose, ServoSetup, Settings};
 use motionseq::timeline::Timeline;
 use motionseq::units::Micros;
 
@@ -41,6 +42,13 @@ impl Port {
         screen: &Screen,
     ) -> Result<Self, Exit> {
         let Timeline { board, baud, .. } = timeline;
+        if !faults.servos.is_empty() && board.simulation != Simulation::Servos {
+            screen.error(&format!(
+                "the servos of the board `{}` do not answer, so `--fault servo=` has no effect",
+                board.line
+            ));
+            return Err(Exit::Usage);
+        }
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
         // Opened by its path, like a real port.
         let link = Serial::open(pty.path(), *baud).map_err(|error| system(screen, &io::Error::other(error)))?;
@@ -48,7 +56,10 @@ impl Port {
             ValueSource::Default => "no --port: playing on the built-in virtual board".to_owned(),
             _ => format!("playing on the built-in virtual board{}", chosen.origin()),
         });
-        let board = Faulty::new(Device::new(Arc::clone(board), Settings::default()), faults);
+        let mut settings = Settings::default();
+        settings.servos = Some(servos(timeline));
+        settings.baud = Some(*baud);
+        let board = Faulty::new(Device::new(Arc::clone(board), settings), faults);
         let (tell, poses) = mpsc::sync_channel(POSES);
         let mut due = Micros(1);
         let watch = move |time: Micros, board: &Device| {
@@ -69,6 +80,21 @@ impl Port {
         doubt(&path, screen);
         Port { link, path: Some(path), board: None, poses: None }
     }
+}
+
+/// The servos that a script uses: those that it commands, and those that it reads.
+fn servos(timeline: &Timeline) -> Vec<ServoSetup> {
+    let board = &timeline.board;
+    let row = |row: usize| board.quantities.get(row).and_then(|quantity| quantity.request.clone());
+    let expects = timeline.expects.iter().map(|expect| expect.expect.criterion.measured.row());
+    let gates = timeline.gates.iter().filter_map(|gate| Some(gate.gate.criterion()?.measured.row()));
+    let cues = timeline.cues.iter().flat_map(|cue| cue.text.rows());
+    let asked = expects.chain(gates).chain(cues).filter_map(row).filter_map(|request| request.value(0));
+    let is_indexed = |command: &&Command| board.verb(command.verb()).is_some_and(Verb::is_indexed);
+    let sent = timeline.events.iter().chain(&timeline.abort).map(|event| &event.command).filter(is_indexed);
+    let all: BTreeSet<u8> =
+        sent.filter_map(|command| command.value(0)).chain(asked).filter_map(|id| id.try_into().ok()).collect();
+    all.into_iter().map(ServoSetup::new).collect()
 }
 
 /// Reports that the system refused something that a run needs.
