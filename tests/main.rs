@@ -16,6 +16,7 @@
 
 mod support;
 
+mod arms;
 mod board;
 mod bounds;
 mod capture;

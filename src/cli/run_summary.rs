@@ -105,15 +105,18 @@ pub(super) fn stop_words(stop: Stop, missing: ServoSet, without_stop: &str) -> S
     }
 }
 
+/// The settings that a servo keeps: `speed 0 and accel 50`.
+pub(super) fn kept_words(board: &Board, values: [Option<i32>; 2]) -> Option<String> {
+    let verbs = board.feedback.as_ref()?.preparation.as_ref()?.settings.1;
+    let kept = verbs.iter().zip(values);
+    let kept = kept.filter_map(|(verb, value)| Some(format!("{} {}", board.verb(*verb)?.word, value?)));
+    Some(kept.collect::<Vec<_>>().join(" and "))
+}
+
 /// What happens to servos before and during a script; `None` for other notices.
 pub(super) fn servo_words(board: &Board, notice: Notice) -> Option<String> {
     match notice {
-        Notice::Kept { servo, values } => {
-            let verbs = board.feedback.as_ref()?.preparation.as_ref()?.settings.1;
-            let kept = verbs.iter().zip(values);
-            let kept = kept.filter_map(|(verb, value)| Some(format!("{} {}", board.verb(*verb)?.word, value?)));
-            Some(format!("servo {servo} keeps {}", kept.collect::<Vec<_>>().join(" and ")))
-        }
+        Notice::Kept { servo, values } => Some(format!("servo {servo} keeps {}", kept_words(board, values)?)),
         Notice::SoftStart { servos, takes, is_longer } => {
             let (servos, takes) = (plural(servos, "servo"), takes.micros());
             let why = if is_longer { ", longer than asked because of the speed of a servo" } else { "" };

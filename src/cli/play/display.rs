@@ -1,6 +1,6 @@
 //! What a run shows while it plays: the progress line, `say` lines, pauses.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
 use super::super::progress_bar::bar;
-use super::super::run_summary::{passage_words, servo_words};
+use super::super::run_summary::{kept_words, passage_words, servo_words};
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
 use super::super::state_line::{AT_REST, active_words, drive_words};
@@ -97,6 +97,8 @@ pub(super) struct Display {
     waiting: Option<Waiting>,
     /// What was said of servos.
     said: HashSet<String>,
+    /// The servos that keep settings, by these settings, until they are shown.
+    kept: BTreeMap<String, Vec<i32>>,
     /// The pass and the time in the last plain line, and when it was written.
     shown: (u64, Micros),
     shown_at: Instant,
@@ -139,8 +141,21 @@ impl Observer for Display {
                 self.frame(timeline, "not sent while paused: ", event);
             }
             Notice::Errors(_) | Notice::Unanswered => self.first_answer(timeline, notice),
-            Notice::Kept { .. } | Notice::SoftStart { .. } | Notice::Flags { .. } => self.servo(timeline, notice),
-            Notice::Began => self.clock = Clock::Runs(at),
+            Notice::Kept { servo, values } => {
+                if let Some(kept) = kept_words(&timeline.board, values) {
+                    self.kept.entry(kept).or_default().push(servo);
+                }
+            }
+            Notice::SoftStart { .. } => {
+                self.show_kept();
+                self.clock = Clock::Paused(Micros::ZERO);
+                self.servo(timeline, notice);
+            }
+            Notice::Flags { .. } => self.servo(timeline, notice),
+            Notice::Began => {
+                self.show_kept();
+                self.clock = Clock::Runs(at);
+            }
             Notice::Dropped { event } => {
                 self.dropped += 1;
                 self.frame(timeline, "dropped: ", event);
@@ -204,6 +219,7 @@ impl Display {
             script,
             has_shown_keys: false,
             said: HashSet::new(),
+            kept: BTreeMap::new(),
             state: State::default(),
             worst_late: Nanos::ZERO,
             dropped: 0,
@@ -295,14 +311,20 @@ impl Display {
         }
     }
 
+    /// Shows the settings that servos keep: equal ones together.
+    fn show_kept(&mut self) {
+        for (kept, servos) in std::mem::take(&mut self.kept) {
+            let numbers: Vec<String> = servos.iter().map(ToString::to_string).collect();
+            let (servo, keep) = if servos.len() == 1 { ("servo", "keeps") } else { ("servos", "keep") };
+            self.screen.note(&format!("{servo} {} {keep} {kept}", numbers.join(", ")));
+        }
+    }
+
     /// Shows what happens to servos, each once.
     fn servo(&mut self, timeline: &Timeline, notice: Notice) {
         let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) else {
             return;
         };
-        if matches!(notice, Notice::SoftStart { .. }) {
-            self.clock = Clock::Paused(Micros::ZERO);
-        }
         if matches!(notice, Notice::Flags { .. }) {
             self.screen.warning(&words);
         } else {

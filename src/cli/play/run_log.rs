@@ -252,6 +252,7 @@ impl Run<'_> {
                 let place = place.map(|span| self.sources.place(span).to_string());
                 let without_stop = &self.timeline.board.without_stop;
                 let robot = match stop {
+                    Stop::NotNeeded => "nothing has moved".to_owned(),
                     Stop::NotDefined | Stop::Held if aborted => {
                         format!("`on abort` was sent, otherwise {without_stop}")
                     }

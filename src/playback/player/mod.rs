@@ -77,6 +77,8 @@ pub struct Player<'t> {
     sent: usize,
     dropped: usize,
     extra: usize,
+    /// Whether a servo got a command when the run ended.
+    has_moved: bool,
     worst_late: Nanos,
 }
 
@@ -142,6 +144,7 @@ impl<'t> Player<'t> {
             sent: 0,
             dropped: 0,
             extra: 0,
+            has_moved: false,
             worst_late: Nanos::ZERO,
         }
     }
@@ -257,6 +260,12 @@ impl<'t> Player<'t> {
                 None => {
                     let (stop, extra) = (halt.stop(&self.stops), outcome.extra + halt.frames());
                     let missing = self.stops.missing();
+                    // What is found before the first command of a run needs no stop.
+                    let stop = if matches!(outcome.cause, Cause::Servo(_)) && !self.has_moved {
+                        Stop::NotNeeded
+                    } else {
+                        stop
+                    };
                     let outcome = Outcome { stop, missing, extra, aborted: halt.has_aborted(), ..*outcome };
                     self.done(outcome)
                 }
@@ -520,7 +529,9 @@ impl<'t> Player<'t> {
 
     fn end_early(&mut self, cause: Cause, now: Nanos) -> Order {
         let outcome = self.outcome_at(cause, self.script_time(now));
-        self.halt(Phase::Ending(Halt::new(self.start.has_sent(), now), outcome))
+        let has_sent = self.start.has_sent();
+        self.has_moved |= has_sent;
+        self.halt(Phase::Ending(Halt::new(has_sent, now), outcome))
     }
 
     fn halt(&mut self, phase: Phase) -> Order {

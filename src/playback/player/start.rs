@@ -260,7 +260,8 @@ impl<'t> Start<'t> {
 impl<'t> Player<'t> {
     /// The next step before time 0; `None` once time 0 has come.
     pub(super) fn prepare(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Order> {
-        if !self.start.is_pending() || self.next < self.board.hello.len() {
+        let is_done = !self.start.is_pending() && !self.start.pauses;
+        if is_done || self.next < self.board.hello.len() {
             return None;
         }
         self.reads.forget_news();
