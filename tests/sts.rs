@@ -11,9 +11,13 @@ use motionseq::board::sts::{self, Packet, instruction};
 use motionseq::board::{
     Board, BufferStart, Command, Decoder, Family, Frame, Hundredths, Item, Report, ReportDecoder, ReportItem, Verb,
 };
+use motionseq::capture::{Reading, to_script};
 use motionseq::faults::{Faults, Faulty};
+use motionseq::program::Options;
 use motionseq::sim::{Device, ServoSetup, Settings};
+use motionseq::source::Source;
 use motionseq::units::Micros;
+use proptest::prelude::*;
 
 use crate::support::host::{Host, frames, has, link};
 use crate::support::{Scratch, code, run, script, stderr, stdout};
@@ -653,6 +657,42 @@ fn a_move_of_a_recording_does_not_cross_a_loss_of_torque() {
     stream.extend((20..40).map(|step| goal(step * 20_000)));
     let text = decoded("sts-torque", &stream, &[]);
     assert_eq!(text.matches(" over ").count(), 2, "{text}");
+}
+
+/// A packet that writes somewhere around the registers of scripts.
+fn packets() -> impl Strategy<Value = Vec<u8>> {
+    let data = prop_oneof![Just(0_u8), Just(1), Just(2), Just(8), Just(128), any::<u8>()];
+    let ids = prop::collection::vec(1_u8..4, 1..4);
+    (38_u8..48, 1_usize..9, ids, prop::collection::vec(data, 24), any::<bool>()).prop_map(
+        |(address, size, ids, data, is_for_several)| {
+            if !is_for_several {
+                return answer(ids[0], instruction::WRITE, &[&[address], &data[..size]].concat());
+            }
+            let mut all = vec![address, u8::try_from(size).unwrap()];
+            for (id, data) in ids.iter().zip(data.chunks(8)) {
+                all.push(*id);
+                all.extend(&data[..size]);
+            }
+            answer(254, instruction::SYNC_WRITE, &all)
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn every_recording_compiles(stream in prop::collection::vec((0_u64..4_000, packets()), 1..40), exact: bool) {
+        let mut at = 0;
+        let mut listing = String::new();
+        for (later, frame) in &stream {
+            at += later;
+            listing += &format!("{:.6}\t{}\t\n", at as f64 / 1e6, motionseq::board::Hex(frame));
+        }
+        let mut script = Vec::new();
+        to_script(listing.as_bytes(), Reading::default().with_board(board()), exact, &mut script).unwrap();
+        let script = String::from_utf8(script).unwrap();
+        let compiled = motionseq::compile(&Source::new("x.motion", script.as_str()).into(), &Options::default());
+        prop_assert!(compiled.timeline.is_some(), "{:?}\n{script}", compiled.diagnostics);
+    }
 }
 
 #[test]
