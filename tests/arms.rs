@@ -123,7 +123,7 @@ impl Bus {
     }
 
     fn wait(&mut self, time: Nanos) {
-        self.now = self.now + time;
+        self.now += time;
         self.board.poll(self.now.micros());
     }
 
@@ -241,8 +241,7 @@ fn from_any_pose_no_step_is_above_the_speed_limit_of_its_joint() {
         for servo in 1..=6 {
             let targets = bus.targets(&timeline, servo);
             assert_eq!(targets[0].1, i32::from(place(servo)), "it holds first");
-            for pair in targets.windows(2) {
-                let [(before, from), (now, to)] = *pair else { unreachable!() };
+            for ((before, from), (now, to)) in targets.iter().copied().zip(targets.iter().copied().skip(1)) {
                 // Rounded values, at least 20 ms apart.
                 let seconds = ((now - before).0 as f64 / 1e9).max(0.02);
                 let step = f64::from((to - from).abs());
@@ -451,18 +450,18 @@ fn ended_by(name: &str, end: impl FnOnce(Pid)) -> (String, String) {
         .stderr(fs::File::create(format!("{long}.log")).unwrap())
         .spawn()
         .unwrap();
-    let log = || fs::read_to_string(format!("{long}.log")).unwrap();
-    while !log().contains("servo 1 100") {
+    let printed = || fs::read_to_string(format!("{long}.log")).unwrap();
+    while !printed().contains("servo 1 100") {
         thread::sleep(Duration::from_millis(5));
     }
     end(Pid::from_child(&child));
     let mut child = child;
     child.wait().unwrap();
-    while !log().contains("s into the run") {
+    while !printed().contains("s into the run") {
         thread::sleep(Duration::from_millis(5));
     }
     let (listing, _) = board.end();
-    (listing, log())
+    (listing, printed())
 }
 
 #[test]

@@ -74,7 +74,7 @@ impl Hold {
 
     /// The next frame, in `out`, which must be empty; `None` once every servo is held or did not answer.
     pub(super) fn poll(&mut self, now: Nanos, out: &mut Outbox) -> Option<Order> {
-        let Some(Feedback { verb, .. }) = self.board.feedback else { return None };
+        let verb = self.board.feedback.as_ref()?.verb;
         loop {
             let Some((servo, tries, until)) = self.asked else {
                 let next = self.left.iter().next();

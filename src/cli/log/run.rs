@@ -55,12 +55,6 @@ impl TimelineLog {
                     self.line(at, Level::Info, gate.gate.to_string(), spot(gate.span));
                 }
             }
-            Notice::Kept { .. } | Notice::SoftStart { .. } | Notice::Flags { .. } => {
-                let words = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone()));
-                let level = if matches!(notice, Notice::Flags { .. }) { Level::Warning } else { Level::Info };
-                words.into_iter().for_each(|words| self.line(at, level, words, None));
-            }
-            Notice::Began => self.begin = at,
             Notice::Passed(passage) => self.passed(timeline, lines, at, passage),
             Notice::Marked { mark } => {
                 if let Some(mark) = timeline.marks.get(mark) {
@@ -103,7 +97,7 @@ impl TimelineLog {
                     self.log.begin(at);
                 }
             }
-            _ => {}
+            _ => self.servo(timeline, at, notice),
         }
     }
 
@@ -113,6 +107,17 @@ impl TimelineLog {
         let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
         let words = format!("expect {}: {}", due.expect, verdict.found);
         self.line(at, level, words, Some((place.file.to_owned(), place.line)));
+    }
+
+    /// Logs what happens to servos, each once.
+    fn servo(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) {
+        if notice == Notice::Began {
+            self.begin = at;
+        }
+        let level = if matches!(notice, Notice::Flags { .. }) { Level::Warning } else { Level::Info };
+        if let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) {
+            self.line(at, level, words, None);
+        }
     }
 
     fn passed(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, passage: Passage) {

@@ -141,21 +141,6 @@ impl Observer for Display {
                 self.frame(timeline, "not sent while paused: ", event);
             }
             Notice::Errors(_) | Notice::Unanswered => self.first_answer(timeline, notice),
-            Notice::Kept { servo, values } => {
-                if let Some(kept) = kept_words(&timeline.board, values) {
-                    self.kept.entry(kept).or_default().push(servo);
-                }
-            }
-            Notice::SoftStart { .. } => {
-                self.show_kept();
-                self.clock = Clock::Paused(Micros::ZERO);
-                self.servo(timeline, notice);
-            }
-            Notice::Flags { .. } => self.servo(timeline, notice),
-            Notice::Began => {
-                self.show_kept();
-                self.clock = Clock::Runs(at);
-            }
             Notice::Dropped { event } => {
                 self.dropped += 1;
                 self.frame(timeline, "dropped: ", event);
@@ -188,7 +173,7 @@ impl Observer for Display {
                 self.clock = Clock::Runs(at - script.nanos());
                 self.screen.note(&format!("{script:.3} s: continued"));
             }
-            _ => {}
+            _ => self.servo(timeline, at, notice),
         }
     }
 
@@ -321,7 +306,22 @@ impl Display {
     }
 
     /// Shows what happens to servos, each once.
-    fn servo(&mut self, timeline: &Timeline, notice: Notice) {
+    fn servo(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) {
+        match notice {
+            Notice::Kept { servo, values } => {
+                let kept = kept_words(&timeline.board, values);
+                return kept.into_iter().for_each(|kept| self.kept.entry(kept).or_default().push(servo));
+            }
+            Notice::SoftStart { .. } => {
+                self.show_kept();
+                self.clock = Clock::Paused(Micros::ZERO);
+            }
+            Notice::Began => {
+                self.show_kept();
+                self.clock = Clock::Runs(at);
+            }
+            _ => {}
+        }
         let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) else {
             return;
         };

@@ -257,7 +257,7 @@ impl<'t> Start<'t> {
     }
 }
 
-impl<'t> Player<'t> {
+impl Player<'_> {
     /// The next step before time 0; `None` once time 0 has come.
     pub(super) fn prepare(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Order> {
         let is_done = !self.start.is_pending() && !self.start.pauses;
