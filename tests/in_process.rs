@@ -8,14 +8,19 @@ use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 use std::process::Command;
+use std::sync::Arc;
 use std::sync::{Mutex, PoisonError};
 use std::thread;
+use std::time::Duration;
 
+use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{Link, Pty, Serial};
-use motionseq::playback::{Cause, Guard, GuardConfig, Notice, Player, Session, Signals, Stop, now};
+use motionseq::playback::{Cause, Guard, GuardConfig, Notice, Player, Session, Signals, Stop, Why, now};
 use motionseq::program::Options;
+use motionseq::serve::BoardThread;
+use motionseq::sim::{Device, Settings};
 use motionseq::source::{Lines, Source, Sources};
-use motionseq::units::Nanos;
+use motionseq::units::{Micros, Nanos};
 use rustix::process::{Signal, getpid, kill_process};
 use support::far::{assert_stopped, commands};
 
@@ -92,6 +97,59 @@ fn the_thread_that_sends_allocates_nothing() {
     assert_eq!(counted.count_total, 0, "{counted:?}");
     // The counter works.
     assert_eq!(allocation_counter::measure(|| drop(std::hint::black_box(Box::new(1)))).count_total, 1);
+}
+
+/// A script that reads servos before it begins, while it runs and when it ends.
+const ARM: &str = "board sts
+soft 200ms
+servo 1 1500; servo 2 2500
+wait 50ms
+torque 2 off
+wait 20ms
+torque 2 on
+expect position 1 > 3000 within 10s
+servo 1 2500 over 300ms
+servo 1 1000
+wait 10s
+on abort { torque all off }
+";
+
+#[test]
+fn nor_does_it_for_the_servos_of_a_bus() {
+    let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
+    let sources = Sources::from(Source::new("test", ARM.replace("expect", "at 100ms expect")));
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let pty = Pty::open().unwrap();
+    let port = Serial::open(pty.path(), timeline.baud).unwrap();
+    let device = Device::new(Arc::clone(&timeline.board), Settings::default());
+    let mut has_ended = false;
+    let watch = move |time: Micros, _: &Device| {
+        if time > Micros::from_millis(1_500) && !std::mem::replace(&mut has_ended, true) {
+            kill_process(getpid(), Signal::TERM).unwrap();
+        }
+    };
+    let far = BoardThread::start(Faulty::new(device, Faults::default()), pty, timeline.baud, watch).unwrap();
+    let player = Player::new(&timeline, Nanos::from_millis(5_000));
+    let (mut notices, mut heard) = rtrb::RingBuffer::new(64 * 1024);
+    let mut session = Session::new(player, port, Signals::catch().unwrap(), Lines::of(&sources));
+    let mut outcome = None;
+    far.begin(now());
+    let counted = allocation_counter::measure(|| {
+        outcome = Some(session.play(now(), |notice| {
+            let _ = notices.push(notice);
+        }));
+    });
+    drop(session);
+    let outcome = outcome.unwrap();
+    assert_eq!((outcome.cause, outcome.stop, outcome.aborted), (Cause::Signal(15), Stop::Held, true));
+    let heard: Vec<Notice> = heard.read_chunk(heard.slots()).unwrap().into_iter().collect();
+    let count = |is: fn(&Notice) -> bool| heard.iter().filter(|notice| is(notice)).count();
+    assert!(count(|notice| matches!(notice, Notice::Report(_))) > 5, "it reads while it moves");
+    assert!(count(|notice| matches!(notice, Notice::Unscripted { why: Why::Soft, .. })) > 5);
+    assert!(count(|notice| matches!(notice, Notice::Unscripted { why: Why::Torque, .. })) >= 2);
+    let received = far.join(Duration::from_secs(5)).unwrap().unwrap();
+    assert_eq!(received.first_fault, None);
+    assert_eq!(counted.count_total, 0, "{counted:?}");
 }
 
 /// A port whose third write panics.
