@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Text;
 use super::command::{Command, VerbId};
-use super::quantity::{Quantity, Replies, Report};
+use super::quantity::{Hundredths, Quantity, Replies, Report};
 use super::table::{Board, DefaultLimit, Limited, NotACommand, OutOfRange, Resource};
 use super::verb::{Activity, Axis, Needs, Part, ResourceId, Sets, ValueForm, Verb};
 
@@ -171,6 +171,15 @@ impl Board {
     pub fn is_needed(&self, verb: VerbId) -> bool {
         let sets = self.occupied(verb, None);
         self.verbs.iter().filter_map(|verb| verb.needs.as_ref()).any(|needs| sets.contains(&needs.resource))
+    }
+
+    /// A reported position of a servo as a target, and whether it is one; otherwise, it is the nearest
+    /// one.
+    pub fn target(&self, position: Hundredths) -> Option<(i32, bool)> {
+        let feedback = self.feedback.as_ref()?;
+        let value = (feedback.value)(position)?;
+        let (least, most) = self.verb(feedback.verb)?.moving().first()?.range;
+        Some((value.clamp(least, most), (least..=most).contains(&value)))
     }
 
     /// Whether the position of a servo must be read before a command is sent: it switches the torque on.

@@ -129,7 +129,7 @@ impl State {
 
     /// The servos that a stop of the board holds, because a target was their last command.
     pub fn held(&self, board: &Board) -> ServoSet {
-        let verb = board.feedback.as_ref().filter(|feedback| feedback.holds).map(|feedback| feedback.verb);
+        let verb = board.feedback.as_ref().filter(|feedback| feedback.holds.is_some()).map(|feedback| feedback.verb);
         let last = self.last.iter().filter_map(|last| last.command.as_ref());
         last.filter(|last| Some(last.verb()) == verb).filter_map(|last| last.value(0)).collect()
     }

@@ -75,12 +75,14 @@ pub struct Feedback {
     pub verb: VerbId,
     /// The verb with the same index that asks for this position.
     pub position: VerbId,
-    /// The value of `verb` for a reported position; `None` if no value means that position.
+    /// A reported position in the unit of `verb`, perhaps outside of its range; `None` if the servo has no
+    /// position.
     pub value: fn(Hundredths) -> Option<i32>,
     /// What must be read and sent before the first command of a script; `None` for nothing.
     pub preparation: Option<Preparation>,
-    /// Whether a stop reads the positions of servos on their way, and makes them their targets.
-    pub holds: bool,
+    /// Whether a stop reads the positions of servos, and makes them their targets, unless a move has
+    /// brought a servo as near to its target as this.
+    pub holds: Option<i32>,
 }
 
 /// What must be read and sent for each servo before the first command of a script. The position becomes the target before the servo

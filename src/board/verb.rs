@@ -223,8 +223,10 @@ pub struct Forbidden {
     pub value: i32,
     /// The message, with `{}` for the index.
     pub message: Text,
-    /// A line that permits the command again.
-    pub line: Text,
+    /// What to write instead, with `{}` for the index.
+    pub help: Text,
+    /// What the other command does, in a few words.
+    pub label: Text,
 }
 
 impl Axis {

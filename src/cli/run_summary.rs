@@ -75,7 +75,10 @@ fn described(board: &Board, received: &Received) -> String {
         let moving = board.verb(last.verb()).map(Verb::moving).unwrap_or_default();
         words.push(match (moving, last.values().last()) {
             ([axis], Some(value)) if axis.takes == ValueForm::Number => {
-                let words = format!("{} at {} {}", resource.name, axis.shown(*value), axis.unit.symbol());
+                // A servo may be on its way to its target.
+                let at =
+                    if board.feedback.as_ref().is_some_and(|found| found.holds.is_some()) { "set to" } else { "at" };
+                let words = format!("{} {at} {} {}", resource.name, axis.shown(*value), axis.unit.symbol());
                 words.trim_end().to_owned()
             }
             _ => {
@@ -95,10 +98,7 @@ pub(super) fn stop_words(stop: Stop, missing: ServoSet, without_stop: &str) -> S
         Stop::NotHeld => {
             let missing: Vec<String> = missing.iter().map(|servo| servo.to_string()).collect();
             let servos = if missing.len() == 1 { "servo" } else { "servos" };
-            format!(
-                "{servos} {} did not say where it is and may still be moving; otherwise {without_stop}",
-                missing.join(", ")
-            )
+            format!("{servos} {} did not answer and may still be moving; otherwise, {without_stop}", missing.join(", "))
         }
         Stop::Sent | Stop::NotNeeded => "stop: sent".to_owned(),
         _ => "stop: NOT SENT - cut the power".to_owned(),

@@ -412,8 +412,8 @@ nod()
         "pid position speed=200,150 position=20,0,20 yaw=12,2,5\nmove x=100\n"
 
     TorqueOff "torque-off" Error "A servo without torque gets a position."
-        "After `torque N off`, a servo is limp, and its goal is not where it is. `torque N on` makes it hold where it is; \
-         only then it can be moved."
+        "After `torque N off`, a servo is limp, and its target may differ from its position. `torque N on` makes it hold where it \
+         is. Only then can it be moved."
         "board sts\nservo 1 2048\nwait 1s\ntorque 1 off\nwait 1s\nservo 1 2100\n"
         "board sts\nservo 1 2048\nwait 1s\ntorque 1 off\nwait 1s\ntorque 1 on\nservo 1 2048 -> 2100 over 1s\n"
     TooManyEvents "too-many-events" Error "The script sends too many frames."

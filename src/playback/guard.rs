@@ -450,10 +450,10 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
             if last.has_keys() {
                 terminal.restore();
             }
-            stops.begin(last.servos());
+            stops.begin(last.servos(), |_| None);
             let mut stop = stop_robot(&mut port, &mut stops, &mut out, || {});
             if !has_ended && player.has_ended(LATE_DEATH) {
-                stops.begin(last.servos());
+                stops.begin(last.servos(), |_| None);
                 stop = stop_robot(&mut port, &mut stops, &mut out, || {});
             }
             release(Some(port));

@@ -46,10 +46,10 @@ impl Stops {
         Stops { is_lenient: !frames.is_empty(), frames, ..Stops::default() }
     }
 
-    /// A stop begins, with these servos on their way.
-    pub(crate) fn begin(&mut self, moving: ServoSet) {
+    /// A stop begins, with these servos to hold; `goal` is the target of a servo that has followed a move.
+    pub(crate) fn begin(&mut self, servos: ServoSet, goal: impl Fn(i32) -> Option<i32>) {
         if let Some(hold) = &mut self.hold {
-            hold.begin(moving);
+            hold.begin(servos, goal);
         }
     }
 
@@ -154,6 +154,7 @@ impl Halt {
             Input::Panicked => {
                 self.aborts &= stops.is_lenient || !out.has_begun();
                 out.clear();
+                stops.hold.iter_mut().for_each(Hold::ask_again);
             }
             Input::Wrote(count) => {
                 let is_stop = self.step.checked_sub(1).is_some_and(|at| stops.is_first(at));

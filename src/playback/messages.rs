@@ -342,7 +342,7 @@ impl ServoFault {
         let resource = feedback.and_then(|feedback| board.occupied(feedback.verb, Some(self.servo)).first());
         let name = resource.and_then(|resource| board.resource(*resource)).map_or("a servo", |resource| &resource.name);
         match self.kind {
-            ServoFaultKind::Silent => format!("{name} does not answer; {}", board.silence_hint()),
+            ServoFaultKind::Silent => format!("{name} does not answer"),
             ServoFaultKind::Mode(mode) => {
                 let words = feedback.and_then(|feedback| Some((feedback.preparation.as_ref()?.mode_words)(mode)));
                 format!("{name} {}", words.unwrap_or_default())

@@ -156,6 +156,8 @@ impl<'s, L: Link> Session<'s, L> {
                         // If the port is gone, the stop reports it.
                         let _ = self.link.discard();
                     }
+                    // An answer from before must not be taken for one of the stop.
+                    self.read(MAX_READS, notices);
                     Input::Tick
                 }
                 Order::Wait { until, writable } => self.wait(self.start.saturating_add(until), writable, notices),
@@ -226,13 +228,13 @@ impl<'s, L: Link> Session<'s, L> {
 
     /// Sends the guard a heartbeat before a frame that changes which servos may be on their way.
     fn tell_moving(&mut self) {
-        if self.player.moving() != self.told {
+        if self.player.held() != self.told {
             self.send_beat(clock::now());
         }
     }
 
     fn send_beat(&mut self, now: Nanos) {
-        self.told = self.player.moving();
+        self.told = self.player.held();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.descriptor().is_some()) {
             let place = self.player.place().map(|span| self.lines.place(span));
             let keys = self.keys.as_ref().is_some_and(Keys::is_single);

@@ -10,6 +10,8 @@ use crate::units::Nanos;
 
 /// The longest time between two heartbeats.
 const BEAT: Nanos = Nanos::from_millis(20);
+/// The most reads of old bytes: more than a port buffers.
+const MAX_READS: usize = 64;
 
 /// Stops the robot: discards queued bytes and sends the stop frames. For a board without a stop, it only completes the frame in
 /// `out`. Calls `beat` regularly, for a guard that watches.
@@ -17,6 +19,13 @@ pub(crate) fn stop_robot(port: &mut impl Link, stops: &mut Stops, out: &mut Outb
     if !stops.frames.is_empty() {
         let _ = port.discard();
         out.clear();
+    }
+    // An answer from before would be taken for that of the stop.
+    let mut buffer = [0; 256];
+    for _ in 0..MAX_READS {
+        if !matches!(port.read(&mut buffer), Ok(1..)) {
+            break;
+        }
     }
     let mut halt = Halt::new(false, clock::now());
     let mut input = Input::Tick;
@@ -30,7 +39,6 @@ pub(crate) fn stop_robot(port: &mut impl Link, stops: &mut Stops, out: &mut Outb
                 match os::wait([(Some(port.descriptor()), watched)], Some(left)) {
                     Ok([ready]) if os::is_gone(ready) => Input::HungUp,
                     Ok([ready]) if ready.contains(Ready::IN) => {
-                        let mut buffer = [0; 256];
                         let count = port.read(&mut buffer).unwrap_or(0);
                         stops.hear(buffer.get(..count).unwrap_or_default());
                         Input::Tick

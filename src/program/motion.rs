@@ -80,7 +80,7 @@ impl Motion {
         let usual = |axis: &Axis, to: f64| {
             let (least, most) = (axis.shown(axis.range.0), axis.shown(axis.range.1));
             if least <= 0.0 && most >= 0.0 {
-                return 0.0;
+                return axis.unit.angle.and_then(|scale| scale.value(0.0)).map_or(0.0, libm::round);
             }
             let (from, until) = axis.unit.angle.map_or((least, most), |scale| scale.values);
             let far = if to < f64::midpoint(from, until) { 0.75 } else { 0.25 };
@@ -89,7 +89,7 @@ impl Motion {
         let value = |(at, glide): (usize, &Glide)| {
             let axis = self.axis(board, at);
             let shown = |value: f64| self.shown(board, at, value);
-            let to = shown(glide.to);
+            let to = shown(libm::round(glide.to));
             let from = glide.from.map_or_else(|| axis.map_or(0.0, |axis| usual(axis, to)), shown);
             let name = axis.map(|axis| &axis.name).filter(|name| !name.is_empty());
             let name = name.map(|name| format!("{name}=")).unwrap_or_default();

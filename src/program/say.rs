@@ -73,7 +73,7 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
                 bail!(eval, InvalidArgument, value.span, "a `\\` in a string must precede `\"` or `\\`";
                     help: "write `\\\\` for a backslash");
             }
-            Piece::Name(name) => match (eval.scope.value(name), Measured::reported(eval.board, name)) {
+            Piece::Name(name) => match (eval.scope.value(name), reported(name, eval)) {
                 (Some(Quantity::Joint(joint)), _) => {
                     said.text.push_str(eval.joints.get(joint).map_or(name, |joint| &joint.name));
                 }
@@ -91,6 +91,15 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
         }
     }
     Some(said)
+}
+
+/// The quantity with a name, which may contain a joint in place of a number: `position elbow`.
+fn reported(name: &str, eval: &mut Evaluator<'_, '_>) -> Option<Measured> {
+    let joint = name.split_once(' ').and_then(|(quantity, joint)| {
+        let Some(Quantity::Joint(joint)) = eval.scope.value(joint) else { return None };
+        Some(format!("{quantity} {}", eval.joints.get(joint)?.limited.index?))
+    });
+    Measured::reported(eval.board, joint.as_deref().unwrap_or(name))
 }
 
 fn unknown<T>(message: &str, span: Span, eval: &mut Evaluator<'_, '_>) -> Option<T> {

@@ -35,7 +35,7 @@ pub struct Run {
     /// The line on which it ended early.
     pub line: Option<usize>,
     /// Whether the robot was stopped: `not needed`, `sent`, `not sent`, `not defined` (the board has no stop), `held` (every servo
-    /// holds its position) or `not held` (a servo did not say where it is).
+    /// with torque holds its position) or `not held` (a servo did not answer).
     pub stop: &'static str,
     /// The last pass, counted from 1.
     pub passes: u64,

@@ -161,7 +161,7 @@ impl PortEnd {
             Stop::NotNeeded
         } else {
             let mut stops = Stops::of(board, &[]);
-            stops.begin(moving);
+            stops.begin(moving, |_| None);
             let stop = stop_robot(port, &mut stops, out, beat);
             missing = stops.missing();
             stop

@@ -156,18 +156,18 @@ fn forbidden_after(before: &Timeline, after: &Timeline, diagnostics: &mut Diagno
             let is_forbidden =
                 |event: &&Event| board.verb(event.command.verb()).is_some_and(|verb| verb.forbidden.is_some());
             if let Some(next) = next.filter(is_forbidden) {
-                let diagnostic =
-                    torque_off(forbidden, index, next.span).related(last.span, "switched off here, in the pass before");
+                let diagnostic = forbidden_here(forbidden, index, next.span)
+                    .related(last.span, format!("{}, in the pass before", forbidden.label));
                 diagnostics.push(before.traces.attach(diagnostic, next.trace));
             }
         }
     }
 }
 
-fn torque_off(forbidden: &board::Forbidden, index: i32, span: Span) -> Diagnostic {
+fn forbidden_here(forbidden: &board::Forbidden, index: i32, span: Span) -> Diagnostic {
     let filled = |text: &str| text.replace("{}", &index.to_string());
-    let (message, line) = (filled(&forbidden.message), filled(&forbidden.line));
-    diagnostic!(TorqueOff, span, "{message}"; help: "add this line before it: `{line}`")
+    let (message, help) = (filled(&forbidden.message), filled(&forbidden.help));
+    diagnostic!(TorqueOff, span, "{message}"; help: "{help}")
 }
 
 /// The resources that accept only one command at a time.
@@ -201,8 +201,8 @@ impl<'b> Forbidden<'b> {
         };
         if let Some(forbidden) = &self.board.verb(verb)?.forbidden {
             let first = (*place)?;
-            let diagnostic = torque_off(forbidden, index.unwrap_or_default(), step.span);
-            return Some(diagnostic.related(first, "switched off here"));
+            let diagnostic = forbidden_here(forbidden, index.unwrap_or_default(), step.span);
+            return Some(diagnostic.related(first, forbidden.label.clone()));
         }
         let mut all = self.board.verbs.iter().filter_map(|verb| verb.forbidden.as_ref());
         *place = all.any(|forbidden| (forbidden.after, Some(forbidden.value)) == (verb, value)).then_some(step.span);

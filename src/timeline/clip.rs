@@ -200,7 +200,9 @@ impl Cutting<'_> {
         let mut takes = Micros::ZERO;
         for command in state.commands(board) {
             let resources = board.occupies(command);
+            // A servo that was switched on, for example, has no known value.
             let before = resources.first().and_then(|resource| before.last(*resource));
+            let before = before.filter(|before| before.verb() == command.verb());
             if board.is_active(command) {
                 if !resources.iter().any(is_told) {
                     self.push(takes, command.clone(), Kind::Auto);

@@ -99,7 +99,7 @@ fn make(channels: Option<i32>, options: &[Option<i32>]) -> Arc<Board> {
             position: verb::POSITION,
             value: quarters,
             preparation: None,
-            holds: false,
+            holds: None,
         }),
     })
 }

@@ -68,6 +68,8 @@ const ANGLES: (f64, f64) = (-180.0, 179.912_109_375);
 const SERVO_SPEED: u32 = 3_000;
 /// How long a soft start takes unless a script sets it.
 const SOFT: Micros = Micros::from_millis(2_000);
+/// How near a servo is to its target that has followed a move: 5°, with a load.
+const NEAR: i32 = 57;
 /// The most bytes of a packet that only other programs send.
 const MOST_BYTES: usize = 254;
 
@@ -106,7 +108,7 @@ fn board() -> Arc<Board> {
         hello: Vec::new(),
         goodbye: Vec::new(),
         stop: Vec::new(),
-        without_stop: text("servos hold their position"),
+        without_stop: text("servos with torque hold their position"),
         flushes: false,
         ambiguity: None,
         foreign: vec![(text("goal"), text("servo 1 2048")), (text("move"), text("servo 1 2048 over 2s"))],
@@ -125,7 +127,7 @@ fn board() -> Arc<Board> {
                 enable: verb::TORQUE,
                 soft: SOFT,
             }),
-            holds: true,
+            holds: Some(NEAR),
         }),
     })
 }
@@ -134,9 +136,9 @@ fn text(text: &'static str) -> Text {
     Text::Borrowed(text)
 }
 
-/// A reported position as a target.
+/// A reported position in steps.
 fn step(position: Hundredths) -> Option<i32> {
-    Some(position.0 / 100).filter(|step| (0..=LAST_STEP).contains(step))
+    Some(position.0 / 100)
 }
 
 /// What a mode other than 0 means.
@@ -216,7 +218,11 @@ fn verbs() -> Vec<Verb> {
                 after: verb::TORQUE,
                 value: 0,
                 message: text("servo {} has no torque"),
-                line: text("torque {} on"),
+                help: text(
+                    "write `torque {} on` and `wait 1s` before it; where the servo is then is unknown, so begin with a \
+                     start: `servo {} 2048 -> 2100 over 1s`",
+                ),
+                label: text("switched off here"),
             }),
             ..Verb::row(
                 "servo",

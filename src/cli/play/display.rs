@@ -110,6 +110,8 @@ enum Clock {
     Runs(Nanos),
     /// Paused at a time of the script.
     Paused(Micros),
+    /// The servos move to their first positions, since a time on the clock, in this time.
+    Starts(Nanos, Nanos),
 }
 
 impl Observer for Display {
@@ -312,9 +314,10 @@ impl Display {
                 let kept = kept_words(&timeline.board, values);
                 return kept.into_iter().for_each(|kept| self.kept.entry(kept).or_default().push(servo));
             }
-            Notice::SoftStart { .. } => {
+            Notice::SoftStart { takes, .. } => {
                 self.show_kept();
-                self.clock = Clock::Paused(Micros::ZERO);
+                self.clock = Clock::Starts(at, takes);
+                self.said.clear();
             }
             Notice::Began => {
                 self.show_kept();
@@ -365,6 +368,7 @@ impl Display {
         match self.clock {
             Clock::Runs(begin) => gate.map_or_else(|| (now() - begin).micros().min(timeline.end), |gate| gate.at),
             Clock::Paused(at) => at,
+            Clock::Starts(..) => Micros::ZERO,
         }
     }
 
@@ -373,6 +377,11 @@ impl Display {
         let mut parts = Vec::new();
         if matches!(self.clock, Clock::Paused(_)) {
             parts.push(PAUSED.to_owned());
+        }
+        if let Clock::Starts(began, takes) = self.clock {
+            let left = (began + takes).saturating_sub(motionseq::playback::now()).micros();
+            parts.push(format!("soft start, {left:.1} s left"));
+            return parts;
         }
         parts.extend(self.waiting_words(timeline).into_iter().flatten());
         if self.dropped > 0 {

@@ -2,7 +2,7 @@
 
 use motionseq::board::Board;
 use motionseq::diagnostic::Diagnostics;
-use motionseq::playback::{Cause, Guard, Outcome, Stop, now};
+use motionseq::playback::{Cause, Guard, Outcome, ServoFault, ServoFaultKind, Stop, now};
 use motionseq::serve::BoardThread;
 use motionseq::timeline::wire::LATE;
 use motionseq::units::Nanos;
@@ -52,6 +52,9 @@ impl Finish<'_> {
             (Cause::Finished, _) => {}
             (Cause::Quit, Stop::Sent | Stop::NotDefined | Stop::Held) => screen.note(&line),
             _ => screen.error(&line),
+        }
+        if let Cause::Servo(ServoFault { kind: ServoFaultKind::Silent, .. }) = run.outcome.cause {
+            screen.ask(run.timeline.board.silence_hint());
         }
         // If standard error is blocked, the guard gets no goodbye and writes the closing line itself.
         let is_said = Screen::is_written(PATIENCE);

@@ -253,9 +253,8 @@ impl Run<'_> {
                 let without_stop = &self.timeline.board.without_stop;
                 let robot = match stop {
                     Stop::NotNeeded => "nothing has moved".to_owned(),
-                    Stop::NotDefined | Stop::Held if aborted => {
-                        format!("`on abort` was sent, otherwise {without_stop}")
-                    }
+                    Stop::NotDefined if aborted => format!("`on abort` was sent, otherwise {without_stop}"),
+                    Stop::Held if aborted => format!("`on abort` was sent; {without_stop}"),
                     Stop::NotHeld if aborted => {
                         format!("`on abort` was sent; {}", stop_words(stop, missing, without_stop))
                     }

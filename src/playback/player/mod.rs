@@ -13,7 +13,7 @@ mod torque;
 use super::gate::Closed;
 use super::halt::{Halt, Stops};
 use super::judge::Judge;
-use super::messages::{Cause, Input, Notice, Order, Outcome, Stop};
+use super::messages::{Cause, Input, Notice, Order, Outcome, ServoFault, ServoFaultKind, Stop};
 use super::outbox::Outbox;
 use crate::board::{Board, Report, ServoSet, State};
 use crate::source::Span;
@@ -21,7 +21,7 @@ use crate::timeline::{Cue, Cut, Event, Gate, Kind, Mark, Timeline};
 use crate::units::{Micros, Nanos};
 use reads::Reads;
 use start::Start;
-use torque::Enabling;
+use torque::{Enabling, Held};
 
 /// Plays one timeline.
 #[derive(Debug)]
@@ -37,8 +37,10 @@ pub struct Player<'t> {
     start: Start<'t>,
     /// The servo whose torque is being switched on.
     enabling: Option<Enabling>,
-    /// The servos whose last command was instant, so that they may be on their way.
-    moving: ServoSet,
+    /// What a stop holds.
+    held: Held,
+    /// The command that switches torque on, until the port has accepted it.
+    switching: Option<usize>,
     timeline: &'t Timeline,
     /// How often the command of each resource is sent again at a closed gate.
     refresh: &'t [Option<Micros>],
@@ -78,7 +80,7 @@ pub struct Player<'t> {
     sent: usize,
     dropped: usize,
     extra: usize,
-    /// Whether a servo got a command when the run ended.
+    /// Whether a servo got a command, or none is prepared.
     has_moved: bool,
     worst_late: Nanos,
 }
@@ -114,7 +116,8 @@ impl<'t> Player<'t> {
             reads: Reads::of(timeline),
             start: Start::of(timeline, None),
             enabling: None,
-            moving: ServoSet::default(),
+            held: Held::default(),
+            switching: None,
             timeline,
             refresh: &timeline.refresh,
             again: None,
@@ -256,12 +259,8 @@ impl<'t> Player<'t> {
                 None => {
                     let (stop, extra) = (halt.stop(&self.stops), outcome.extra + halt.frames());
                     let missing = self.stops.missing();
-                    // What is found before the first command of a run needs no stop.
-                    let stop = if matches!(outcome.cause, Cause::Servo(_)) && !self.has_moved {
-                        Stop::NotNeeded
-                    } else {
-                        stop
-                    };
+                    // What happens before the first command of a run needs no stop.
+                    let stop = if self.start.is_pending() && !self.has_moved { Stop::NotNeeded } else { stop };
                     let outcome = Outcome { stop, missing, extra, aborted: halt.has_aborted(), ..*outcome };
                     self.done(outcome)
                 }
@@ -274,9 +273,11 @@ impl<'t> Player<'t> {
                 match (halt.poll(now, input, &mut self.stops, &mut self.out), halt.stop(&self.stops)) {
                     (Some(order), _) => order,
                     // End the run, because the robot may still be moving.
-                    (None, stop @ (Stop::NotSent | Stop::NotHeld)) => {
-                        let missing = self.stops.missing();
-                        self.done(Outcome { stop, missing, ..outcome })
+                    (None, Stop::NotSent) => self.done(Outcome { missing: self.stops.missing(), ..outcome }),
+                    (None, Stop::NotHeld) => {
+                        self.extra += halt.frames();
+                        let servo = self.stops.missing().iter().next().unwrap_or_default();
+                        self.end_early(Cause::Servo(ServoFault { servo, kind: ServoFaultKind::Silent }), now)
                     }
                     (None, _) => {
                         self.extra += halt.frames();
@@ -379,6 +380,8 @@ impl<'t> Player<'t> {
             && self.out.took(count)
         {
             self.sent += std::mem::take(&mut self.pending);
+            self.held.accept();
+            self.switching = None;
         }
         let give_up = self.due.saturating_add(self.max_late);
         match input {
@@ -452,6 +455,10 @@ impl<'t> Player<'t> {
             self.last = Some(index);
             self.worst_late = self.worst_late.max(late);
             notices(Notice::Sent { event: index, late });
+            if self.board.reads_first(&event.command) {
+                self.switching = Some(index);
+                break;
+            }
         }
         None
     }
@@ -493,17 +500,14 @@ impl<'t> Player<'t> {
 
     fn end_early(&mut self, cause: Cause, now: Nanos) -> Order {
         let outcome = self.outcome_at(cause, self.script_time(now));
-        let has_sent = self.start.has_sent();
-        self.has_moved |= has_sent;
-        self.halt(Phase::Ending(Halt::new(has_sent, now), outcome))
+        self.has_moved |= !self.start.is_pending();
+        self.halt(Phase::Ending(Halt::new(self.has_moved, now), outcome))
     }
 
     fn halt(&mut self, phase: Phase) -> Order {
         self.phase = phase;
         self.pending = 0;
-        self.start.restart();
-        self.enabling = None;
-        self.stops.begin(self.moving);
+        self.hold();
         if !self.board.flushes {
             // Bytes after a truncated frame would be an error of the board.
             self.out.keep_begun(&*self.board.codec);

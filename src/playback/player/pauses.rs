@@ -55,15 +55,14 @@ impl Player<'_> {
         let count = rest.iter().take_while(|event| due(event) <= at).count();
         for event in rest.iter().take(count) {
             let index = self.next;
+            if self.must_wait_for_torque(&event.command, now, notices) {
+                break;
+            }
             self.take(event);
             if self.out.is_full() || self.board.is_drive(&event.command) {
                 self.note_drive(event, index, now);
                 notices(Notice::Withheld { event: index });
                 continue;
-            }
-            if self.must_wait_for_torque(&event.command, now, notices) {
-                self.next -= 1;
-                break;
             }
             self.out.push(|bytes| self.board.encode(&event.command, bytes));
             self.note_servo(event);
@@ -95,7 +94,8 @@ impl Player<'_> {
         if let Some(order) = self.enable(now, notices) {
             return order;
         }
-        if self.enabling.is_some() {
+        // A servo whose torque is switched on was read first.
+        if self.enabling.is_some() || self.coming().first().is_some_and(|event| due(event) <= at) {
             return self.step(now, notices);
         }
         self.phase = Phase::Paused(at);
@@ -111,10 +111,11 @@ impl Player<'_> {
 
     /// Restores the state from before the pause. Commands that were queued then may not have reached the robot.
     fn restore(&mut self, now: Nanos) {
-        for command in self.state.commands(self.board) {
+        // A stop does not change the torque of a servo.
+        for command in self.state.commands(self.board).filter(|command| !self.board.reads_first(command)) {
             self.out.push(|bytes| self.board.encode(command, bytes));
             self.extra += 1;
-            Self::note_instant(self.board, &mut self.moving, command, true);
+            self.held.note(self.board, command, true);
         }
         for (_, sent) in &mut self.driven {
             *sent = now;

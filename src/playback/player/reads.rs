@@ -103,9 +103,19 @@ impl Reads {
         self.decoder.ask(request);
     }
 
+    /// What is asked now is not answered any more.
+    pub(super) fn give_up(&mut self) {
+        self.decoder.give_up();
+    }
+
     /// Time 0 of the script is now.
     pub(super) fn begin_clock(&mut self) {
         self.holds_clock = true;
+    }
+
+    /// The script is paused at its time 0.
+    pub(super) fn leave_clock(&mut self) {
+        self.holds_clock = false;
     }
 
     /// Whether the answer to the hello of the board is missing.
@@ -139,11 +149,11 @@ impl Player<'_> {
         while let Some(item) = self.reads.decoder.next(&mut bytes) {
             match item {
                 ReportItem::Malformed => continue,
-                _ if self.start.is_pending() && !self.reads.is_first => {
+                _ if self.start.is_pending() && !self.reads.is_first && matches!(self.phase, Phase::Playing) => {
                     if let ReportItem::Report(report) = item {
                         self.judge.note(now, report);
                     }
-                    self.start.take(item, notices);
+                    self.start.take(self.board, item, notices);
                 }
                 ReportItem::Report(report) if self.enabling.is_some() => self.take_goal(&report),
                 ReportItem::Report(report) => self.hear(now, report, notices),

@@ -4,7 +4,7 @@
 use super::super::hold::{TRIES, patience};
 use super::super::messages::{Cause, Notice, Order, ServoFault, ServoFaultKind, ShortCommand, Why};
 use super::{Phase, Player};
-use crate::board::{Command, Feedback, Report, ReportItem, ServoSet, VerbId};
+use crate::board::{Board, Command, Feedback, Report, ReportItem, ServoSet, VerbId};
 use crate::program::Ease;
 use crate::timeline::Timeline;
 use crate::units::{Micros, Nanos, byte_time};
@@ -44,6 +44,8 @@ struct Servo {
     settings: [Option<i32>; 2],
     /// The most that it moves in a second.
     speed: Option<f64>,
+    /// The first of these settings, if the servo keeps it.
+    keeps: Option<i32>,
     /// Where it is at the start, and the last target that was sent.
     from: Option<i32>,
     last: Option<i32>,
@@ -56,7 +58,12 @@ enum Stage {
     Settings,
     Position,
     Hold,
-    Soft { from: Nanos, takes: Nanos },
+    Soft {
+        from: Nanos,
+        takes: Nanos,
+    },
+    /// The last frames are on their way to the port.
+    Ready,
     Done,
 }
 
@@ -81,9 +88,18 @@ impl<'t> Start<'t> {
         let feedback = board.feedback.as_ref();
         let soft = timeline.soft.map_or(Nanos::ZERO, Micros::nanos);
         let again_servos = again.map(Timeline::servos).unwrap_or_default();
-        let mut servos: Vec<Servo> = (0..=255)
-            .filter(|index| timeline.servos().contains(*index) || again_servos.contains(*index))
-            .map(|index| Servo { index, first: None, settings: [None; 2], speed: None, from: None, last: None })
+        let all: ServoSet = timeline.servos().iter().chain(again_servos.iter()).collect();
+        let mut servos: Vec<Servo> = all
+            .iter()
+            .map(|index| Servo {
+                index,
+                first: None,
+                settings: [None; 2],
+                speed: None,
+                keeps: None,
+                from: None,
+                last: None,
+            })
             .collect();
         let needs_any = feedback.is_some_and(|feedback| feedback.preparation.is_some()) || soft > Nanos::ZERO;
         if !needs_any {
@@ -134,15 +150,16 @@ impl<'t> Start<'t> {
         self.stage != Stage::Done
     }
 
-    /// Whether a frame was sent that changes something.
-    pub(super) fn has_sent(&self) -> bool {
-        matches!(self.stage, Stage::Soft { .. } | Stage::Done)
+    /// The last target of a servo.
+    pub(super) fn last(&self, index: i32) -> Option<i32> {
+        self.servos.iter().find(|servo| servo.index == index)?.last
     }
 
     /// Begins again, after a pause.
     pub(super) fn restart(&mut self) {
         if self.is_pending() {
             (self.stage, self.at, self.tries) = (Stage::Mode, 0, 0);
+            (self.fault, self.pauses) = (None, false);
         }
     }
 
@@ -179,8 +196,9 @@ impl<'t> Start<'t> {
     }
 
     /// Takes an answer.
-    pub(super) fn take(&mut self, item: ReportItem, notices: &mut impl FnMut(Notice)) {
-        let Some(feedback) = self.feedback else { return };
+    pub(super) fn take(&mut self, board: &Board, item: ReportItem, notices: &mut impl FnMut(Notice)) {
+        // What comes with error bits does not matter.
+        let Some(feedback) = self.feedback.filter(|_| self.fault.is_none()) else { return };
         match (self.stage, item) {
             (_, ReportItem::Flags(_, bits)) => self.fault = Some(ServoFaultKind::Flags(bits)),
             (Stage::Mode, ReportItem::Values([mode, _])) if mode != 0 => self.fault = Some(ServoFaultKind::Mode(mode)),
@@ -192,17 +210,18 @@ impl<'t> Start<'t> {
                         values.get(at).copied().filter(|_| !is_set)
                     });
                     notices(Notice::Kept { servo: servo.index, values: [kept, others] });
+                    servo.keeps = kept;
                 }
                 self.advance();
             }
-            (Stage::Position, ReportItem::Report(report)) => self.take_position(feedback, &report),
+            (Stage::Position, ReportItem::Report(report)) => self.take_position((board, feedback), &report),
             _ => {}
         }
     }
 
-    fn take_position(&mut self, feedback: &Feedback, report: &Report) {
+    fn take_position(&mut self, (board, feedback): (&Board, &Feedback), report: &Report) {
         let Some((_, position)) = report.values().next() else { return };
-        let value = (feedback.value)(position);
+        let value = board.target(position).filter(|(_, is_inside)| *is_inside).map(|(value, _)| value);
         if value.is_none() && feedback.preparation.is_some() {
             self.fault = Some(ServoFaultKind::Position(position));
             return;
@@ -245,7 +264,9 @@ impl<'t> Start<'t> {
         #[expect(clippy::cast_precision_loss, reason = "a few seconds of nanoseconds fit")]
         let step = self.step.0 as f64 / 1e9;
         let needed = |(servo, way): (&Servo, f64)| {
-            let most = servo.speed? * step;
+            // The servo's own speed may be lower than the limit.
+            let own = servo.settings.first().copied().flatten().or(servo.keeps).filter(|own| *own > 0).map(f64::from);
+            let most = servo.speed.into_iter().chain(own).reduce(f64::min)? * step;
             // Both ends of a step are rounded.
             let most = if most > 2.0 { most - 1.0 } else { most / 2.0 };
             Some(way * PEAK / most * step)
@@ -260,8 +281,7 @@ impl<'t> Start<'t> {
 impl Player<'_> {
     /// The next step before time 0; `None` once time 0 has come.
     pub(super) fn prepare(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Order> {
-        let is_done = !self.start.is_pending() && !self.start.pauses;
-        if is_done || self.next < self.board.hello.len() {
+        if !self.start.is_pending() || self.next < self.board.hello.len() {
             return None;
         }
         self.reads.forget_news();
@@ -276,13 +296,13 @@ impl Player<'_> {
                     }
                 }
                 Stage::Hold => {
-                    self.start.stage = Stage::Done;
+                    self.start.stage = Stage::Ready;
+                    self.has_moved = true;
                     if let Some((takes, servos, is_longer)) = self.start.soft() {
                         notices(Notice::SoftStart { servos, takes, is_longer });
                         self.start.stage = Stage::Soft { from: now, takes };
                     }
                     self.hold_servos(now, notices);
-                    self.reads.begin_clock();
                     if !self.out.is_empty() {
                         return Some(Order::Write);
                     }
@@ -292,8 +312,13 @@ impl Player<'_> {
                         return Some(order);
                     }
                 }
+                Stage::Ready => {
+                    self.start.stage = Stage::Done;
+                    self.reads.begin_clock();
+                }
                 Stage::Done => {
                     if std::mem::take(&mut self.start.pauses) {
+                        self.reads.leave_clock();
                         self.phase = Phase::Paused(Nanos::ZERO);
                         return Some(Order::Stay);
                     }
@@ -344,14 +369,16 @@ impl Player<'_> {
     }
 
     fn hold_servos(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) {
-        for command in self.start.holding() {
-            if self.out.is_empty() {
-                self.due = now;
-            }
-            self.out.push(|bytes| self.board.encode(&command, bytes));
+        let Player { start, held, board, out, .. } = self;
+        for command in start.holding() {
+            out.push(|bytes| board.encode(&command, bytes));
             self.extra += 1;
             notices(Notice::Unscripted { why: Why::Start, command: ShortCommand::of(&command) });
         }
+        for servo in start.servos.iter().filter(|servo| servo.from.is_some()) {
+            held.add(servo.index, false);
+        }
+        self.due = now;
     }
 
     /// Sends the targets of the soft start that are due, and never those before them; `None` once it is over.
@@ -382,8 +409,7 @@ impl Player<'_> {
             }
         }
         if due == takes {
-            self.start.stage = Stage::Done;
-            self.reads.begin_clock();
+            self.start.stage = Stage::Ready;
         }
         if !self.out.is_empty() {
             return Some(Order::Write);

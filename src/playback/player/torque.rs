@@ -3,7 +3,7 @@
 use super::super::hold::{TRIES, patience};
 use super::super::messages::{Cause, Notice, Order, ServoFault, ServoFaultKind, Why};
 use super::Player;
-use crate::board::{Board, Command, Report, ServoSet};
+use crate::board::{Board, Command, Hundredths, Report, ServoSet};
 use crate::timeline::{Event, Kind};
 use crate::units::Nanos;
 
@@ -16,12 +16,53 @@ pub(super) struct Enabling {
     until: Nanos,
     /// Where it is.
     goal: Option<i32>,
+    /// Where it says that it is, if that is not a target.
+    wrong: Option<Hundredths>,
+}
+
+/// The servos that a stop holds: those with a target.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Held {
+    /// Those whose last command may have been a target.
+    servos: ServoSet,
+    /// Of these, the ones whose last command was instant, so that they may be far from their targets.
+    jumped: ServoSet,
+    /// Those whose torque is switched by a frame that the port has not accepted yet.
+    leaving: ServoSet,
+}
+
+impl Held {
+    /// A servo gets a target.
+    pub(super) fn add(&mut self, servo: i32, is_instant: bool) {
+        self.servos.set(servo, true);
+        self.jumped.set(servo, is_instant);
+        self.leaving.set(servo, false);
+    }
+
+    /// Notes what a command does to a servo.
+    pub(super) fn note(&mut self, board: &Board, command: &Command, is_instant: bool) {
+        let Some(feedback) = board.feedback.as_ref().filter(|feedback| feedback.holds.is_some()) else { return };
+        let Some(servo) = command.value(0) else { return };
+        let preparation = feedback.preparation.as_ref();
+        if command.verb() == feedback.verb {
+            self.add(servo, is_instant);
+        } else if preparation.is_some_and(|preparation| preparation.enable == command.verb()) {
+            self.leaving.set(servo, true);
+        }
+    }
+
+    /// The port has accepted all frames.
+    pub(super) fn accept(&mut self) {
+        for servo in std::mem::take(&mut self.leaving).iter() {
+            self.servos.set(servo, false);
+        }
+    }
 }
 
 impl Player<'_> {
-    /// The servos that may be on their way.
-    pub fn moving(&self) -> ServoSet {
-        self.moving
+    /// The servos that a stop holds.
+    pub fn held(&self) -> ServoSet {
+        self.held.servos
     }
 
     /// Whether a stop of the board holds its servos.
@@ -29,23 +70,27 @@ impl Player<'_> {
         self.stops.hold.is_some()
     }
 
-    /// Notes what an event does to a servo.
-    pub(super) fn note_servo(&mut self, event: &Event) {
-        let is_instant = event.is_instant || event.kind == Kind::Auto;
-        Self::note_instant(self.board, &mut self.moving, &event.command, is_instant);
+    /// A stop begins. What was prepared or switched on, but not accepted by the port, is done again if the run continues.
+    pub(super) fn hold(&mut self) {
+        let Player { held, start, state, board, stops, .. } = self;
+        let resource = |servo| board.occupied(board.feedback.as_ref()?.verb, Some(servo)).first().copied();
+        let last = |servo| state.last(resource(servo)?)?.value(1);
+        let goal = |servo: i32| {
+            if start.is_pending() { start.last(servo) } else { last(servo).filter(|_| !held.jumped.contains(servo)) }
+        };
+        stops.begin(held.servos, goal);
+        held.leaving = ServoSet::default();
+        self.start.restart();
+        self.enabling = None;
+        self.reads.give_up();
+        if let Some(index) = self.switching.take().filter(|_| !self.out.is_empty()) {
+            self.next = index;
+        }
     }
 
-    /// Notes whether a servo may be on its way after a command: after an instant one, and not after a step of a move, or once its
-    /// torque was switched.
-    pub(super) fn note_instant(board: &Board, moving: &mut ServoSet, command: &Command, is_instant: bool) {
-        let Some(feedback) = board.feedback.as_ref().filter(|feedback| feedback.holds) else { return };
-        let Some(servo) = command.value(0) else { return };
-        let preparation = feedback.preparation.as_ref();
-        if command.verb() == feedback.verb {
-            moving.set(servo, is_instant);
-        } else if preparation.is_some_and(|preparation| preparation.enable == command.verb()) {
-            moving.set(servo, false);
-        }
+    /// Notes what an event does to a servo.
+    pub(super) fn note_servo(&mut self, event: &Event) {
+        self.held.note(self.board, &event.command, event.is_instant || event.kind == Kind::Auto);
     }
 
     /// Whether the servo must be read before a command that switches its torque on. Begins to read it if nothing else is on the way,
@@ -63,7 +108,7 @@ impl Player<'_> {
             return false;
         }
         if self.out.is_empty() {
-            self.ask_position(Enabling { servo, tries: 0, until: now, goal: None }, now, notices);
+            self.ask_position(Enabling { servo, tries: 0, until: now, goal: None, wrong: None }, now, notices);
         }
         true
     }
@@ -79,10 +124,11 @@ impl Player<'_> {
 
     /// Takes the position of that servo.
     pub(super) fn take_goal(&mut self, report: &Report) {
-        let value = self.board.feedback.as_ref().map(|feedback| feedback.value);
-        let position = report.values().next().map(|(_, position)| position);
-        if let Some(enabling) = &mut self.enabling {
-            enabling.goal = value.zip(position).and_then(|(value, position)| value(position));
+        let Some((_, position)) = report.values().next() else { return };
+        match (&mut self.enabling, self.board.target(position)) {
+            (Some(enabling), Some((goal, true))) => enabling.goal = Some(goal),
+            (Some(enabling), _) => enabling.wrong = Some(position),
+            (None, _) => {}
         }
     }
 
@@ -90,6 +136,10 @@ impl Player<'_> {
     pub(super) fn enable(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Order> {
         let asked = self.enabling.filter(|asked| asked.goal.is_none())?;
         self.reads.forget_news();
+        if let Some(position) = asked.wrong {
+            let fault = ServoFault { servo: asked.servo, kind: ServoFaultKind::Position(position) };
+            return Some(self.end_early(Cause::Servo(fault), now));
+        }
         if self.reads.is_waiting() && now < asked.until {
             return Some(Order::Wait { until: asked.until, writable: false });
         }

@@ -155,7 +155,8 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         let first = bare(value).filter(|first| !is_in(*first, axis.range) && is_in(*first, other.range))?;
         let next = self.positional.as_slice().first()?;
         let Item::One(second) = &next.item else { return None };
-        let second = bare(second).filter(|second| is_in(*second, axis.range))?;
+        // Where both would be valid in either place, the first is just out of range.
+        let second = bare(second).filter(|second| is_in(*second, axis.range) && !is_in(*second, other.range))?;
         let whole = value.span.to(next.span);
         let edits = [(value.span, second.to_string()), (next.span, first.to_string())];
         let line = self.eval.rewritten(self.command.span, &edits);
