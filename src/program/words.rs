@@ -328,7 +328,7 @@ pub const SETTINGS: &[Row] = &[
         "soft",
         "soft TIME",
         "soft 2s",
-        "how long the servos take from where they are to their first positions, before the script begins; for boards that report positions",
+        "how long the servos take from where they are to their first positions, before the script begins, 100ms-60s; only for boards that report positions; 2s on a bus of servos, otherwise none",
         Operation::Set(Setting::Soft),
     )
     .may_be_a_name(),
@@ -343,7 +343,7 @@ pub const SETTINGS: &[Row] = &[
         "joint",
         "joint NAME servo N [zero P] [reversed] [A..B]",
         "joint elbow servo 1 zero 1400us reversed -60deg..70deg",
-        "names a servo: the name may be written wherever its number may; its degrees count from `zero`, or from 1500us, in the other direction with `reversed`; A..B, in degrees or in the unit of the servo, narrows its range; one for each servo",
+        "names a servo: the name may be written wherever its number may; its degrees count from `zero`, or from the middle, in the other direction with `reversed`; A..B, in degrees or in the unit of the servo, narrows its range; one for each servo",
         Operation::Set(Setting::Joint),
     ).repeats().may_be_a_name(),
     Row::reserved("robots", Operation::Later),
