@@ -170,6 +170,7 @@ fn mistakes_are_shown_at_their_places_and_nothing_is_compiled() {
         ("deny = [\"clash\"]", "1:9", "config-value", "`clash` is an error"),
         ("play.max-late = \"11s\"", "1:17", "config-value", "write 10s or less"),
         ("[limits]\nservo-2 = \"40..1700\"", "2:12", "config-value", "within the range of the board, 500..2500"),
+        ("[limits]\nsts-servo-2 = \"40..5000\"", "2:16", "config-value", "within the range of the board, 0..4095"),
         ("[limits]\nservo-2 = \"1700..900\"", "2:12", "config-value", "write `900..1700`"),
         ("[limits]\nservo-2 = \"900..wide\"", "2:12", "config-value", "a range is needed here"),
         ("[limits]\nservo-2 = \"900..1700\\nseed 5\"", "2:11", "config-value", "a range is needed here"),
@@ -464,4 +465,22 @@ fn a_program_that_uses_the_library_can_set_limits() {
     assert!(first.message.ends_with("of yawhold y, set in the fleet"), "{}", first.message);
     let wrong = ProjectLimit::read(&board, *limited, "-5..1000", "the fleet").unwrap_err();
     assert_eq!((wrong.code, wrong.span.range()), (Code::OutOfRange, 0.."-5..1000".len()));
+}
+
+#[test]
+fn a_limit_in_steps_is_for_the_servos_of_a_bus() {
+    let scratch =
+        folder("sts", &[("motionseq.toml", "[limits]\nsts-servo-2 = \"1000..3000\"\nspeed-2 = \"1..500\"\n")]);
+    for (text, code) in [
+        ("servo 2 900\n", 0),
+        ("board sts\nservo 2 900\n", 1),
+        ("board sts\nservo 2 2000\n", 0),
+        ("board sts\nspeed 2 600\n", 1),
+        ("board maestro 6\nservo 2 1000\n", 0),
+    ] {
+        fs::write(scratch.0.join("x.motion"), text).unwrap();
+        let (exit, _, err) = run(&scratch.0, &["render", "x.motion"]);
+        assert_eq!(exit, code, "{text}: {err}");
+        assert!(code == 0 || err.contains("set in motionseq.toml:"), "{text}: {err}");
+    }
 }

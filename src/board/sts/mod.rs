@@ -137,6 +137,7 @@ fn text(text: &'static str) -> Text {
 }
 
 /// A reported position in steps.
+#[expect(clippy::unnecessary_wraps, reason = "as the table of the board has it")]
 fn step(position: Hundredths) -> Option<i32> {
     Some(position.0 / 100)
 }

@@ -1,10 +1,11 @@
 //! The text of a configuration file as settings, and every mistake in it.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ignore::gitignore::{Gitignore, GitignoreBuilder};
-use motionseq::board::{Board, FAMILIES, Family, Limited};
+use motionseq::board::{Board, FAMILIES, Family, Limited, Measure};
 use motionseq::diagnostic::{Code, Denied, Diagnostic, Diagnostics};
 use motionseq::program::{ProjectLimit, limit_items, suggest};
 use motionseq::source::{Source, SourceError, Span};
@@ -217,9 +218,8 @@ impl Reader<'_> {
     }
 
     fn limit(&mut self, key: &Key<'_>, value: &Value<'_>) {
-        let boards: Vec<_> = FAMILIES.iter().map(Family::usual).collect();
-        let items: Vec<_> =
-            boards.iter().flat_map(|board| limit_items(board).into_iter().map(move |item| (board, item))).collect();
+        let boards: Vec<_> = FAMILIES.iter().map(|family| (family, family.usual())).collect();
+        let items = limit_keys(&boards);
         let fitting: Vec<_> = items.iter().filter(|(_, (name, _))| name == key.get_ref().as_ref()).collect();
         let Some((_, (name, _))) = fitting.first() else {
             let names: Vec<&str> = items.iter().map(|(_, (name, _))| name.as_str()).collect();
@@ -252,6 +252,22 @@ impl Reader<'_> {
         }
         Span::new(start + part.range().start, start + part.range().end)
     }
+}
+
+/// The keys of `[limits]` for these boards. Where families measure a verb in different units, as `servo` in µs and in steps, the word of
+/// the later family is in front: `sts-servo-1`.
+fn limit_keys<'b>(boards: &'b [(&'static Family, Arc<Board>)]) -> Vec<(&'b Arc<Board>, (String, Limited))> {
+    let mut measures: HashMap<String, Measure> = HashMap::new();
+    let mut keys = Vec::new();
+    for (family, board) in boards {
+        for (name, limited) in limit_items(board) {
+            let verb = board.verb(limited.verb).map(|verb| verb.word.to_string()).unwrap_or_default();
+            let measure = board.axis(limited).map_or(Measure::Number, |axis| axis.unit.measure);
+            let is_same = *measures.entry(verb).or_insert(measure) == measure;
+            keys.push((board, (if is_same { name } else { format!("{}-{name}", family.word) }, limited)));
+        }
+    }
+    keys
 }
 
 /// A text or a list of texts, as `config` shows it.
