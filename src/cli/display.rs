@@ -211,7 +211,7 @@ impl Display {
     fn line(&self, now: Micros) -> String {
         let mut line = format!("{now:.3} s");
         let room = self.screen.live_width();
-        for part in self.parts() {
+        for part in self.parts().into_iter().filter(|part| !part.is_empty()) {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;
             }

@@ -2,14 +2,17 @@
 
 use motionseq::board::{Board, State};
 
-/// The drive at rest.
-pub(super) const AT_REST: &str = "stopped";
+/// The drive at rest; empty if the board has none.
+pub(super) fn at_rest(board: &Board) -> String {
+    let has_drive = board.resources.iter().any(|resource| resource.refresh.is_some());
+    if has_drive { "stopped".to_owned() } else { String::new() }
+}
 
 /// The active drive commands.
 pub(super) fn drive_words(board: &Board, state: &State) -> String {
     let driving = state.active(board).filter(|(resource, _)| board.needs_refresh(*resource));
     let driving: Vec<String> = driving.map(|(_, command)| board.show(command).to_string()).collect();
-    if driving.is_empty() { AT_REST.to_owned() } else { driving.join(", ") }
+    if driving.is_empty() { at_rest(board) } else { driving.join(", ") }
 }
 
 /// The other active commands, and the values of resources that have no rest state.

@@ -14,7 +14,7 @@ use super::super::progress_bar::bar;
 use super::super::run_summary::{kept_words, passage_words, servo_words};
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
-use super::super::state_line::{AT_REST, active_words, drive_words};
+use super::super::state_line::{active_words, at_rest, drive_words};
 use super::observer::Observer;
 
 /// How progress is shown.
@@ -396,7 +396,7 @@ impl Display {
         }
         let board = &timeline.board;
         let is_paused = matches!(self.clock, Clock::Paused(_));
-        parts.push(if is_paused { AT_REST.to_owned() } else { drive_words(board, &self.state) });
+        parts.push(if is_paused { at_rest(board) } else { drive_words(board, &self.state) });
         parts.extend(next);
         if self.worst_late >= Nanos::from_millis(1) {
             parts.push(format!("worst lateness {}", self.worst_late.short()));
