@@ -653,3 +653,22 @@ fn a_second_pass_does_not_begin_at_the_torque_of_the_first() {
         "no value of the torque is taken for a position: {script:?}"
     );
 }
+
+#[test]
+fn questions_and_frames_do_not_meet_on_the_wire() {
+    let moves = |to: u16| (1..=6).map(|servo| format!("  servo {servo} {to} over 1s\n")).collect::<String>();
+    let first = (1..=6).map(|servo| format!("servo {servo} 1500\n")).collect::<String>();
+    let text = format!(
+        "board sts\n{first}at 100ms together {{\n{}}}\nat 100ms expect position 3 > 4000 within 2s\nat 1.2s together {{\n{}}}\n",
+        moves(2_500),
+        moves(1_500)
+    );
+    let timeline = timeline(&text);
+    let mut bus = Bus::new(&timeline, "", |_| 1_500);
+    let outcome = bus.play(&timeline);
+    assert!(matches!(outcome.cause, Cause::Expect(_)), "{outcome:?}");
+    let asked = bus.notices.iter().filter(|(_, notice)| matches!(notice, Notice::Asked { .. })).count();
+    assert!(asked >= 15, "ten times per second: {asked}");
+    let received = bus.board.device().received();
+    assert_eq!((received.lost, received.first_fault), (0, None), "nothing is sent during an answer");
+}

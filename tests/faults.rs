@@ -150,6 +150,10 @@ fn a_frozen_program_without_a_guard_stops_no_robot_and_warns_before() {
     let far = FarEnd::new();
     let child = start(&["play", &long, "--port", &far.path, "--no-guard"]);
     let mut received = far.first();
+    // Another thread writes what is shown, and has time for it until some frames have come.
+    while commands(&received).len() < 8 {
+        received.extend(far.first());
+    }
     kill_process(Pid::from_child(&child), Signal::KILL).unwrap();
     let (_, text) = killed(child);
     received.extend(bytes(&far.rest()));
