@@ -51,6 +51,8 @@ struct Bus {
     /// Whether each answer comes twice, the second time later.
     echo: bool,
     late: VecDeque<(Nanos, Vec<u8>)>,
+    /// A time at which the computer stalls, and for how long.
+    stall: Option<(Nanos, Nanos)>,
     /// When the port accepts nothing, from and until a time.
     blocked: Option<(Nanos, Nanos)>,
 }
@@ -75,6 +77,7 @@ impl Bus {
             inputs: VecDeque::new(),
             keys: VecDeque::new(),
             blocked: None,
+            stall: None,
             flags: None,
             echo: false,
             late: VecDeque::new(),
@@ -120,6 +123,9 @@ impl Bus {
                     let opens = self.blocked.map_or(Nanos::MAX, |(_, until)| start + until);
                     let opens = if opens > self.now { opens } else { Nanos::MAX };
                     self.now = (start + until).min(next.unwrap_or(Nanos::MAX)).min(input_at).min(opens).max(self.now);
+                    if let Some((_, takes)) = self.stall.take_if(|(at, _)| start + *at <= self.now) {
+                        self.now += takes;
+                    }
                     self.board.poll(self.now.micros());
                     let mut bytes = self.board.replies();
                     if self.mute.is_some_and(|(id, from)| self.now >= from && bytes.get(2) == Some(&id)) {
@@ -453,6 +459,7 @@ fn a_maestro_starts_softly_where_its_channels_have_positions() {
         mute: None,
         inputs: VecDeque::new(),
         keys: VecDeque::new(),
+        stall: None,
         blocked: None,
         flags: None,
         echo: false,
@@ -671,4 +678,15 @@ fn questions_and_frames_do_not_meet_on_the_wire() {
     assert!(asked >= 15, "ten times per second: {asked}");
     let received = bus.board.device().received();
     assert_eq!((received.lost, received.first_fault), (0, None), "nothing is sent during an answer");
+}
+
+#[test]
+fn a_soft_start_does_not_catch_up_after_a_stall() {
+    let timeline = timeline("board sts\nsoft 1s\nservo 1 3000\nwait 1s\n");
+    let mut bus = Bus::new(&timeline, "", |_| 1_000);
+    bus.stall = Some((ms(500), ms(200)));
+    let outcome = bus.play(&timeline);
+    assert!(matches!(outcome.cause, Cause::Late(late) if late > ms(150)), "{outcome:?}");
+    let targets = bus.targets(&timeline, 1);
+    assert!(targets.windows(2).all(|pair| (pair[1].1 - pair[0].1).abs() <= 70), "no step makes up for it: {targets:?}");
 }

@@ -231,7 +231,7 @@ fn a_frame_that_is_cut_hides_none_after_it() {
     let start = |bytes: &[u8]| board.codec.front(bytes, false);
     assert_eq!(start(&[0xFF, 0xFF, 1, 4, 2]), BufferStart::NeedMore);
     assert!(matches!(start(&[0xFF, 0xFF, 1, 1, 2]), BufferStart::Skip(..)), "a length that no packet has");
-    assert!(matches!(start(&[0xFF, 0xFF, 1, 4, 9]), BufferStart::Skip(..)), "an instruction that is none");
+    assert!(matches!(start(&[0xFF, 0xFF, 1, 4, 9]), BufferStart::Skip(..)), "an unknown instruction");
 }
 
 /// The items that a decoder finds after a request for the position of servo 3, in pieces of some size.

@@ -58,9 +58,11 @@ enum Stage {
     Settings,
     Position,
     Hold,
+    /// Since when, how long it takes, and when the next targets are due after its begin.
     Soft {
         from: Nanos,
         takes: Nanos,
+        next: Nanos,
     },
     /// The last frames are on their way to the port.
     Ready,
@@ -300,15 +302,15 @@ impl Player<'_> {
                     self.has_moved = true;
                     if let Some((takes, servos, is_longer)) = self.start.soft() {
                         notices(Notice::SoftStart { servos, takes, is_longer });
-                        self.start.stage = Stage::Soft { from: now, takes };
+                        self.start.stage = Stage::Soft { from: now, takes, next: Nanos::ZERO };
                     }
                     self.hold_servos(now, notices);
                     if !self.out.is_empty() {
                         return Some(Order::Write);
                     }
                 }
-                Stage::Soft { from, takes } => {
-                    if let Some(order) = self.start_softly((from, takes), now, notices) {
+                Stage::Soft { from, takes, next } => {
+                    if let Some(order) = self.start_softly((from, takes, next), now, notices) {
                         return Some(order);
                     }
                 }
@@ -384,14 +386,15 @@ impl Player<'_> {
     /// Sends the targets of the soft start that are due, and never those before them; `None` once it is over.
     fn start_softly(
         &mut self,
-        (from, takes): (Nanos, Nanos),
+        (from, takes, next): (Nanos, Nanos, Nanos),
         now: Nanos,
         notices: &mut impl FnMut(Notice),
     ) -> Option<Order> {
         let step = self.start.step.0.max(1);
         let passed = now.saturating_sub(from).min(takes);
         let due = Nanos(if passed < takes { passed.0 / step * step } else { takes.0 });
-        let late = now.saturating_sub(from.saturating_add(due));
+        // After a stall, the servos would jump.
+        let late = now.saturating_sub(from.saturating_add(next));
         if late > self.max_late {
             return Some(self.end_early(Cause::Late(late), now));
         }
@@ -408,14 +411,12 @@ impl Player<'_> {
                 self.send_unscripted(&command, Why::Soft, now, notices);
             }
         }
-        if due == takes {
-            self.start.stage = Stage::Ready;
-        }
+        let next = Nanos((due.0 + step).min(takes.0));
+        self.start.stage = if due == takes { Stage::Ready } else { Stage::Soft { from, takes, next } };
         if !self.out.is_empty() {
             return Some(Order::Write);
         }
-        let until = from.saturating_add(Nanos((due.0 + step).min(takes.0)));
-        (due < takes).then_some(Order::Wait { until, writable: false })
+        (due < takes).then_some(Order::Wait { until: from.saturating_add(next), writable: false })
     }
 }
 
