@@ -67,7 +67,10 @@ impl Bus {
         let mut settings = Settings::default();
         settings.servos = Some(timeline.servos().iter().map(setup).collect());
         let faults = if faults.is_empty() { Faults::default() } else { faults.parse().unwrap() };
-        let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
+        Bus::of(Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults))
+    }
+
+    fn of(board: Faulty) -> Self {
         Bus {
             board,
             now: Nanos::ZERO,
@@ -451,20 +454,7 @@ fn a_maestro_starts_softly_where_its_channels_have_positions() {
     let mut settings = Settings::default();
     settings.baud = Some(first.baud);
     let board = Faulty::new(Device::new(Arc::clone(&first.board), settings), Faults::default());
-    let mut bus = Bus {
-        board,
-        now: Nanos::ZERO,
-        sent: Vec::new(),
-        notices: Vec::new(),
-        mute: None,
-        inputs: VecDeque::new(),
-        keys: VecDeque::new(),
-        stall: None,
-        blocked: None,
-        flags: None,
-        echo: false,
-        late: VecDeque::new(),
-    };
+    let mut bus = Bus::of(board);
     assert_eq!(bus.play(&first).cause, Cause::Finished);
     bus.sent.clear();
     assert_eq!(bus.play(&second).cause, Cause::Finished);

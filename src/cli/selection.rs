@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use motionseq::board::State;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
-use motionseq::program::{Speed, Time};
+use motionseq::program::{SOFT_START, Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::{Disk, Sources};
 use motionseq::timeline::{Clip, Position, Timeline, check_passes, clip, passes, state_after};
@@ -34,7 +34,7 @@ pub(super) struct Selection<L: Args = Loop> {
     /// Time for the servos to move to their positions at `--from`
     #[arg(long, value_name = "TIME", value_parser = lead_in, default_value = "1s", help_heading = "Part and speed")]
     lead_in: Micros,
-    /// Time for the servos to move from where they are to their first positions, on boards that report positions [default: `soft` of the script; 2s on the STS bus]
+    /// Time for the servos to move from where they are to their first positions, on boards that report positions [default: `soft` of the script, else that of the board]
     #[arg(long, value_name = "TIME", value_parser = soft, conflicts_with = "no_soft", help_heading = "Part and speed")]
     soft: Option<Micros>,
     /// Send the first positions at once
@@ -99,8 +99,7 @@ fn lead_in(text: &str) -> Result<Micros, NotATime> {
 
 fn soft(text: &str) -> Result<Micros, String> {
     let time: Micros = text.parse().map_err(|error: NotATime| error.to_string())?;
-    let range = Micros::from_millis(100)..=Micros::from_millis(60_000);
-    Some(time).filter(|time| range.contains(time)).ok_or_else(|| "write a time from 100ms to 60s".to_owned())
+    Some(time).filter(|time| SOFT_START.contains(time)).ok_or_else(|| "write a time from 100ms to 60s".to_owned())
 }
 
 /// How many frames of an endless run are checked together.

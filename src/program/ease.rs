@@ -126,6 +126,14 @@ impl Ease {
         format!("{prefix}{}", CURVES.get(usize::from(self.curve)).map_or("", |curve| curve.name))
     }
 
+    /// A value on the way between two others, rounded, after this part of the time.
+    pub(crate) fn between(self, (from, to): (i32, i32), part: f64) -> i32 {
+        let value = libm::round(f64::from(from) + (f64::from(to) - f64::from(from)) * self.at(part));
+        #[expect(clippy::cast_possible_truncation, reason = "held in range")]
+        let value = value.clamp(f64::from(i32::MIN), f64::from(i32::MAX)) as i32;
+        value
+    }
+
     /// How far it is, from 0 to 1 and for some curves beyond, after this part of the time.
     pub fn at(self, part: f64) -> f64 {
         let Some(curve) = CURVES.get(usize::from(self.curve)) else {

@@ -45,6 +45,7 @@ pub(crate) use limits::{broken as broken_limit, of_pictures as limits_of_picture
 pub(crate) use motion::{Motion, Move};
 pub use project_limits::{ProjectLimit, limit_items};
 pub use say::SayText;
+pub use settings::SOFT_START;
 pub use suggest::suggest;
 pub use tempo::Tempo;
 pub use time::Time;

@@ -21,7 +21,7 @@ use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
 use crate::units::Micros;
 
 /// The times that a soft start may take.
-const SOFT: std::ops::RangeInclusive<Micros> = Micros::from_millis(100)..=Micros::from_millis(60_000);
+pub const SOFT_START: std::ops::RangeInclusive<Micros> = Micros::from_millis(100)..=Micros::from_millis(60_000);
 
 /// Reads the arguments of a setting; `None` if they are wrong, which is reported.
 pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
@@ -209,7 +209,7 @@ fn soft(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option
         bail!(args.eval, WrongBoard, args.command.span, "{} reports no positions, so that nothing is known to start softly from",
             args.eval.board.name; help: "remove the line");
     }
-    if !SOFT.contains(&takes.micros()) || takes < Time::ZERO {
+    if !SOFT_START.contains(&takes.micros()) || takes < Time::ZERO {
         bail!(args.eval, OutOfRange, value.span, "the time of a soft start is out of range (100ms to 60s)";
             help: "write a time such as `soft 2s`");
     }

@@ -230,14 +230,9 @@ impl Cutting<'_> {
         let steps = (1..).map(|step| STEP * step).take_while(|at| *at < lasts).chain([lasts]);
         for at in steps {
             #[expect(clippy::cast_precision_loss, reason = "microseconds of a lead-in fit")]
-            let part = ease.at(at.0 as f64 / lasts.0.max(1) as f64);
-            let between = |(start, end): (i32, i32)| {
-                let (start, end) = (f64::from(start), f64::from(end));
-                #[expect(clippy::cast_possible_truncation, reason = "between two values of a command")]
-                let value = libm::round(start + (end - start) * part) as i32;
-                value
-            };
-            let values: Vec<i32> = from.values().into_iter().zip(to.values()).map(between).collect();
+            let part = at.0 as f64 / lasts.0.max(1) as f64;
+            let values: Vec<i32> =
+                from.values().into_iter().zip(to.values()).map(|ends| ease.between(ends, part)).collect();
             let step = self.board.command(to.verb(), &values).ok().filter(|_| at < lasts);
             let step = step.unwrap_or_else(|| to.clone());
             if step != last {

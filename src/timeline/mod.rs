@@ -12,6 +12,7 @@ mod lints;
 mod listing;
 mod notes;
 mod schedule;
+mod servos;
 mod snapshot;
 pub(crate) mod tween;
 pub mod wire;

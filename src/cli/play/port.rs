@@ -1,12 +1,11 @@
 //! The port that a run is played on: a real one, or that of the built-in virtual board.
 
-use std::collections::BTreeSet;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver};
 
-use motionseq::board::{Command, Simulation, Verb};
+use motionseq::board::{ServoSet, Simulation};
 use motionseq::faults::{Faults, Faulty};
 use motionseq::link::{Pty, Serial};
 use motionseq::serve::BoardThread;
@@ -84,17 +83,10 @@ impl Port {
 
 /// The servos that a script uses: those that it commands, and those that it reads.
 fn servos(timeline: &Timeline) -> Vec<ServoSetup> {
-    let board = &timeline.board;
-    let row = |row: usize| board.quantities.get(row).and_then(|quantity| quantity.request.clone());
-    let expects = timeline.expects.iter().map(|expect| expect.expect.criterion.measured.row());
-    let gates = timeline.gates.iter().filter_map(|gate| Some(gate.gate.criterion()?.measured.row()));
-    let cues = timeline.cues.iter().flat_map(|cue| cue.text.rows());
-    let asked = expects.chain(gates).chain(cues).filter_map(row).filter_map(|request| request.value(0));
-    let is_indexed = |command: &&Command| board.verb(command.verb()).is_some_and(Verb::is_indexed);
-    let sent = timeline.events.iter().chain(&timeline.abort).map(|event| &event.command).filter(is_indexed);
-    let all: BTreeSet<u8> =
-        sent.filter_map(|command| command.value(0)).chain(asked).filter_map(|id| id.try_into().ok()).collect();
-    all.into_iter().map(ServoSetup::new).collect()
+    let requests = timeline.asked().into_iter().filter_map(|row| timeline.board.quantities.get(row)?.request.as_ref());
+    let asked = requests.filter_map(|request| request.value(0));
+    let all: ServoSet = timeline.servos().iter().chain(asked).collect();
+    all.iter().filter_map(|id| u8::try_from(id).ok()).map(ServoSetup::new).collect()
 }
 
 /// Reports that the system refused something that a run needs.

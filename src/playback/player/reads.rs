@@ -45,17 +45,10 @@ impl Reads {
     /// For what the expectations, the gates and the `say` lines of a timeline show.
     pub(super) fn of(timeline: &Timeline) -> Self {
         let board = &timeline.board;
-        let expects = timeline.expects.iter().map(|expect| expect.expect.criterion.measured.row());
-        let gates = timeline.gates.iter().filter_map(|gate| Some(gate.gate.criterion()?.measured.row()));
-        let cues = timeline.cues.iter().flat_map(|cue| cue.text.rows());
-        let is_asked = |row: &usize| board.quantities.get(*row).is_some_and(|quantity| quantity.request.is_some());
-        let mut rows: Vec<usize> = expects.chain(gates).chain(cues).filter(is_asked).collect();
-        rows.sort_unstable();
-        rows.dedup();
         let answers = if let Replies::Answers(answers) = board.replies { Some(answers) } else { None };
         Reads {
             decoder: ReportDecoder::new(board),
-            rows,
+            rows: timeline.asked().into_iter().collect(),
             turn: 0,
             next_at: Nanos::ZERO,
             lost_at: Nanos::ZERO,

@@ -4,7 +4,7 @@
 use super::super::hold::{TRIES, patience};
 use super::super::messages::{Cause, Notice, Order, ServoFault, ServoFaultKind, ShortCommand, Why};
 use super::{Phase, Player};
-use crate::board::{Board, Command, Feedback, Report, ReportItem, ServoSet, VerbId};
+use crate::board::{Board, Command, Feedback, Report, ReportItem, ServoSet};
 use crate::program::Ease;
 use crate::timeline::Timeline;
 use crate::units::{Micros, Nanos, byte_time};
@@ -67,20 +67,6 @@ enum Stage {
     /// The last frames are on their way to the port.
     Ready,
     Done,
-}
-
-impl Timeline {
-    /// The servos that the script sends commands to.
-    pub fn servos(&self) -> ServoSet {
-        let Some(feedback) = &self.board.feedback else { return ServoSet::default() };
-        // Without a preparation, only positions matter.
-        let is_one = |verb: VerbId| {
-            verb == feedback.verb
-                || feedback.preparation.is_some() && self.board.verb(verb).is_some_and(crate::board::Verb::is_indexed)
-        };
-        let commands = self.events.iter().chain(&self.abort).map(|event| &event.command);
-        commands.filter(|command| is_one(command.verb())).filter_map(|command| command.value(0)).collect()
-    }
 }
 
 impl<'t> Start<'t> {
@@ -399,12 +385,12 @@ impl Player<'_> {
             return Some(self.end_early(Cause::Late(late), now));
         }
         #[expect(clippy::cast_precision_loss, reason = "a minute of nanoseconds fits")]
-        let part = self.start.ease.at(due.0 as f64 / takes.0.max(1) as f64);
+        let (ease, part) = (self.start.ease, due.0 as f64 / takes.0.max(1) as f64);
         let verb = self.start.feedback?.verb;
         for at in 0..self.start.servos.len() {
             let Some(servo) = self.start.servos.get_mut(at) else { continue };
             let (Some(begin), Some(end)) = (servo.from, servo.first) else { continue };
-            let target = if due == takes { end } else { between(begin, end, part) };
+            let target = if due == takes { end } else { ease.between((begin, end), part) };
             if servo.last != Some(target) {
                 servo.last = Some(target);
                 let command = Command::new(verb, &[servo.index, target]);
@@ -418,12 +404,4 @@ impl Player<'_> {
         }
         (due < takes).then_some(Order::Wait { until: from.saturating_add(next), writable: false })
     }
-}
-
-/// A value between two others.
-fn between(from: i32, to: i32, part: f64) -> i32 {
-    let value = libm::round(f64::from(from) + (f64::from(to) - f64::from(from)) * part);
-    #[expect(clippy::cast_possible_truncation, reason = "between two values of a command")]
-    let value = value as i32;
-    value.clamp(from.min(to), from.max(to))
 }
