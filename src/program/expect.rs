@@ -277,6 +277,17 @@ fn measured(args: &mut Arguments<'_, '_, '_, '_>, all: &[Measured]) -> Option<Me
     let mut words: Vec<&str> =
         all.iter().map(|measured| measured.name().split(' ').next().unwrap_or_default()).collect();
     words.dedup();
+    if let ValueKind::Word(name) = value.kind
+        && let Some(Quantity::Joint(joint)) = args.eval.scope.value(name)
+        && let Some(limited) = args.eval.joints.get(joint).map(|joint| joint.limited)
+        && let Some(of_joint) = all.iter().find(|measured| {
+            measured.quantity.measures.map(|(verb, index)| (verb, Some(index))) == Some((limited.verb, limited.index))
+        })
+    {
+        let word = of_joint.name().split(' ').next().unwrap_or_default();
+        let line = args.eval.rewritten(args.command.span, &[(value.span, format!("{word} {name}"))]);
+        bail!(args.eval, InvalidArgument, value.span, "`{name}` is a joint, not a quantity"; help: "write `{line}`");
+    }
     let word = args.word(value, &words)?;
     let named = |name: &str| all.iter().find(|measured| measured.name() == name).cloned();
     if let Some(measured) = named(word) {

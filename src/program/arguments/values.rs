@@ -7,7 +7,7 @@ use super::super::time::Time;
 use super::super::value::{self, Quantity};
 use super::super::words::Word;
 use super::Arguments;
-use crate::board::{Axis, Measure, ResourceId, Sets, Unit, Verb, VerbId};
+use crate::board::{Axis, Measure, ResourceId, Sets, Unit, ValueForm, Verb, VerbId};
 use crate::diagnostic::{Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Item, NumberShape, Value, ValueKind};
@@ -121,6 +121,14 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     /// What is said of a name as an index: a name of a resource, or the number of a pass, which is 0 in the first.
     fn wrong_index(&mut self, name: &'s str, span: Span, axis: &Axis) -> Option<Diagnostic> {
         let line = |text: String, args: &Self| args.eval.rewritten(args.command.span, &[(span, text)]);
+        let is_word =
+            |axis: &Axis| matches!(&axis.takes, ValueForm::Word(words) if words.iter().any(|(word, _)| word == name));
+        if let Word::Verb(_, Verb { axes, .. }) = self.word
+            && axes.iter().any(is_word)
+        {
+            return Some(diagnostic!(MissingArgument, span, "{} is missing before `{name}`", axis.what;
+                help: "{}", self.row().how()));
+        }
         match self.eval.scope.value(name) {
             Some(Quantity::Number(0.0)) if self.eval.scope.is_counter(name) && axis.range.0 == 1 => {
                 let line = line(format!("({name} + 1)"), self);
