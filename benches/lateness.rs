@@ -90,7 +90,7 @@ fn servos(is_arm: bool, frames: u64, realtime: bool) {
     // Never true, so that reports are needed until the end.
     writeln!(text, "at 500ms expect {never} within {}ms", steps * 20).unwrap();
     let sources = Sources::from(Source::new("lateness", text));
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), timeline.baud).unwrap();
     let device = Device::new(Arc::clone(&timeline.board), Settings::default());
@@ -138,7 +138,7 @@ fn main() {
         writeln!(text, "at {}us servo 1 {}", frame * step_us, 1_000 + frame % 2).unwrap();
     }
     let sources = Sources::from(Source::new("lateness", text));
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), timeline.baud).unwrap();
     let far = thread::spawn(move || {

@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
     }
 
-    let timeline = compiled.timeline.ok_or("the script has errors")?;
-    write_listing(&timeline.board, timeline.items(), &mut io::stdout())?;
+    let timeline = compiled.timeline().ok_or("the script has errors")?;
+    write_listing(&timeline, timeline.items(), &mut io::stdout())?;
     Ok(())
 }

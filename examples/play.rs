@@ -50,7 +50,7 @@ fn play() -> Result<(), Box<dyn std::error::Error>> {
     for diagnostic in &compiled.diagnostics {
         eprintln!("{}: {}; {}", lines.place(diagnostic.span), diagnostic.message, diagnostic.help);
     }
-    let timeline = compiled.timeline.ok_or("the script has errors")?;
+    let timeline = compiled.timeline().ok_or("the script has errors")?;
 
     let ward = GuardConfig::of(&timeline);
     let player = Player::new(&timeline, ward.max_late);

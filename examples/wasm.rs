@@ -18,7 +18,7 @@ use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::Options;
 use motionseq::report::{Finding, findings};
 use motionseq::source::{Memory, Sources};
-use motionseq::timeline::write_listing;
+use motionseq::timeline::write_listings;
 use serde::{Deserialize, Serialize};
 
 #[derive(Deserialize)]
@@ -42,10 +42,10 @@ fn compile_json(input: &[u8]) -> String {
     let output = match Sources::read(Path::new(&main), Memory::from_iter(files)) {
         Ok(sources) => {
             let compiled = motionseq::compile(&sources, &Options::default());
-            let frames = compiled.timeline.map(|timeline| {
+            let frames = (!compiled.timelines.is_empty()).then(|| {
                 let mut text = Vec::new();
                 // Writing to a vector cannot fail.
-                let _ = write_listing(&timeline.board, timeline.items(), &mut text);
+                let _ = write_listings(&compiled.timelines, &mut text);
                 String::from_utf8_lossy(&text).into_owned()
             });
             Output { frames, findings: findings(&sources, &compiled.diagnostics) }

@@ -17,7 +17,7 @@
 //! let sources = Sources::read("hello.motion".as_ref(), files)?;
 //! let compiled = motionseq::compile(&sources, &Options::default());
 //! assert!(compiled.diagnostics.iter().next().is_none());
-//! let timeline = compiled.timeline.expect("the script has no errors");
+//! let timeline = compiled.timeline().expect("the script has no errors");
 //!
 //! let first = &timeline.events[0];
 //! assert_eq!(first.at, Micros::from_millis(500));
@@ -92,35 +92,49 @@ use timeline::Timeline;
 /// What became of a script.
 #[derive(Clone, Debug)]
 pub struct Compiled {
-    /// Its timeline; `None` where there is any error.
-    pub timeline: Option<Timeline>,
+    /// What each robot does, in the order of `robots`, and one timeline where the script names no robots; empty where there is any
+    /// error.
+    pub timelines: Vec<Timeline>,
     /// Its errors and warnings.
     pub diagnostics: Diagnostics,
+}
+
+impl Compiled {
+    /// The timeline of a script for one robot; `None` where there is any error, or where there are several robots.
+    pub fn timeline(self) -> Option<Timeline> {
+        <[Timeline; 1]>::try_from(self.timelines).ok().map(|[timeline]| timeline)
+    }
 }
 
 /// Compiles a script: the same text gives the same bytes on every machine. Files that it uses are read on the way, and are
 /// in `sources` afterwards: use new ones for each compilation.
 pub fn compile(sources: &Sources, options: &Options) -> Compiled {
     let mut diagnostics = Diagnostics::default();
-    let timeline = stages(sources, options, &mut diagnostics);
-    Compiled { timeline: timeline.filter(|_| !diagnostics.has_errors()), diagnostics }
+    let mut timelines = stages(sources, options, &mut diagnostics);
+    if diagnostics.has_errors() {
+        timelines.clear();
+    }
+    Compiled { timelines, diagnostics }
 }
 
-fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Option<Timeline> {
-    let script = syntax::read(sources.main(), diagnostics)?;
-    let mut program = program::program(script, sources, options, diagnostics);
+fn stages(sources: &Sources, options: &Options, diagnostics: &mut Diagnostics) -> Vec<Timeline> {
+    let Some(script) = syntax::read(sources.main(), diagnostics) else { return Vec::new() };
+    let mut programs = program::programs(script, sources, options, diagnostics);
     let is_correct = !diagnostics.has_errors();
     if is_correct {
-        program = program.at_speed(options.speed);
-        if program.end > Time::LONGEST {
+        programs = programs.into_iter().map(|program| program.at_speed(options.speed)).collect();
+        if programs.iter().any(|program| program.end > Time::LONGEST) {
             report!(diagnostics, TooLong, Span::new(0, 0), "at this speed the script is longer than 24 hours";
                 help: "play it faster, or only a part of it; a script is at most 24 hours long");
-            return None;
+            return Vec::new();
         }
     }
     // All errors at once, but none that is only there because something else is missing.
-    if is_correct || program.times_known {
-        timeline::order(&mut program, sources, diagnostics);
+    for program in programs.iter_mut().filter(|program| is_correct || program.times_known) {
+        timeline::order(program, sources, diagnostics);
     }
-    is_correct.then(|| timeline::timeline(program, options.events, diagnostics))
+    if !is_correct {
+        return Vec::new();
+    }
+    timeline::timelines(programs, options.events, diagnostics)
 }

@@ -24,13 +24,13 @@ const MAX_LATE: Nanos = Nanos::from_millis(50);
 
 fn timeline(text: &str) -> Timeline {
     let compiled = motionseq::compile(&Source::new("test", text).into(), &Options::default());
-    compiled.timeline.unwrap_or_else(|| panic!("{text}: {:?}", compiled.diagnostics))
+    compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{text}: {:?}", compiled.diagnostics))
 }
 
 fn shipped(path: &str) -> Timeline {
     let path = format!("{}/scripts/{path}", env!("CARGO_MANIFEST_DIR"));
     let sources = Sources::read(path.as_ref(), Disk).unwrap();
-    motionseq::compile(&sources, &Options::default()).timeline.unwrap()
+    motionseq::compile(&sources, &Options::default()).timeline().unwrap()
 }
 
 /// A virtual bus, and what was sent to it.

@@ -30,7 +30,8 @@ fn compiled(command: &str) -> Command {
     let mode = if command.starts_with("move") { "pid position speed=0,0 position=0,0,0 yaw=0,0,0\n" } else { "" };
     let source = Source::new("vector", format!("limit servo 2 500..2500\n{mode}{command}\n"));
     let compiled = motionseq::compile(&source.clone().into(), &Options::default());
-    let events = compiled.timeline.unwrap_or_else(|| panic!("{command}: {:?}", compiled.diagnostics)).events;
+    let events =
+        compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{command}: {:?}", compiled.diagnostics)).events;
     events[usize::from(!mode.is_empty())].command.clone()
 }
 

@@ -57,7 +57,7 @@ fn codes_of(text: &[u8], kind: Kind) -> Vec<Code> {
     };
     let compiled = motionseq::compile(&Sources::new(source, Disk), &Options::default());
     fs::remove_dir_all(&folder).unwrap();
-    assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
+    assert_eq!(compiled.timelines.is_empty(), compiled.diagnostics.has_errors());
     let mut codes: Vec<Code> = compiled.diagnostics.iter().map(|diagnostic| diagnostic.code).collect();
     codes.dedup();
     codes
@@ -179,7 +179,7 @@ fn suggested(text: &str) -> Vec<String> {
 fn compiled(text: &str) -> motionseq::Compiled {
     let source = motionseq::source::Source::new("test.motion", text);
     let compiled = motionseq::compile(&source.into(), &motionseq::program::Options::default());
-    assert!(compiled.timeline.is_some(), "{:?}\n{text}", compiled.diagnostics);
+    assert!(!compiled.timelines.is_empty(), "{:?}\n{text}", compiled.diagnostics);
     compiled
 }
 

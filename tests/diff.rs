@@ -15,7 +15,7 @@ use proptest::prelude::*;
 fn words(old: &str, new: &str) -> String {
     let side = |text: &str| {
         let sources = Sources::from(Source::new("x.motion", text));
-        let timeline = motionseq::compile(&sources, &Options::default()).timeline.expect("the script compiles");
+        let timeline = motionseq::compile(&sources, &Options::default()).timeline().expect("the script compiles");
         (sources, timeline)
     };
     let (old, new) = (side(old), side(new));
@@ -59,7 +59,7 @@ fn a_script_and_its_snapshot_are_the_same() {
     for name in ["hello", "dance", "sweep", "checkup"] {
         let path = format!("scripts/{name}.motion");
         let sources = Sources::read(path.as_ref(), Disk).unwrap();
-        let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+        let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
         let mut snapshot = Vec::new();
         write_snapshot(&path, &timeline, &mut snapshot).unwrap();
         assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 3\n# scripts/"));
@@ -83,7 +83,7 @@ fn every_form_of_a_gate_is_read_as_it_is_written() {
         wait until yaw <= 90.25deg within (1s / 3)\nwait until turned == 3deg within 2s or continue \"a \\\"b\\\"\"\n\
         wait until pitch in -5deg..5deg within 2s\nservo 1 1500\nwait go\n";
     let sources = Sources::from(Source::new("x.motion", script));
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.expect("the script compiles");
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline().expect("the script compiles");
     assert_eq!(timeline.gates.len(), 10);
     let mut text = Vec::new();
     write_snapshot("x.motion", &timeline, &mut text).unwrap();
@@ -92,7 +92,7 @@ fn every_form_of_a_gate_is_read_as_it_is_written() {
     // A script of these lines is the same, but for escapes.
     let lines: String = timeline.gates.iter().map(|gate| format!("{}\n", gate.gate)).collect();
     let lines = lines.replace("\\u{202e}", "\u{202E}").replace("\\u{feff}", "\u{FEFF}");
-    let again = motionseq::compile(&Source::new("x.motion", lines).into(), &Options::default()).timeline.unwrap();
+    let again = motionseq::compile(&Source::new("x.motion", lines).into(), &Options::default()).timeline().unwrap();
     let gates = |timeline: &Timeline| timeline.gates.iter().map(|gate| gate.gate.to_string()).collect::<Vec<_>>();
     assert_eq!(gates(&again), gates(&timeline));
 }
@@ -319,7 +319,7 @@ proptest! {
         }
         let side = |text: &str| {
             let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
-            Snapshot::of(&compiled.timeline.unwrap())
+            Snapshot::of(&compiled.timeline().unwrap())
         };
         let changes = diff(&side(&before), &side(&after), |change| change.new);
         // Sections at one pace are combined.
@@ -352,6 +352,6 @@ proptest! {
 }
 
 fn sent(text: &str) -> (Vec<Moment>, Micros) {
-    let timeline = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default()).timeline().unwrap();
     (timeline.events.iter().map(Moment::from).collect(), timeline.end)
 }

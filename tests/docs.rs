@@ -73,7 +73,7 @@ fn every_script_in_the_documents_compiles_as_described() {
             let source = Source::new(document, text);
             let result = motionseq::compile(&source.clone().into(), &Options::default());
             let messages = crate::support::messages(&source.clone().into(), &result.diagnostics);
-            assert_eq!(result.timeline.is_some(), compiles, "{document}:{line}\n{messages}");
+            assert_eq!(!result.timelines.is_empty(), compiles, "{document}:{line}\n{messages}");
         }
     }
     assert!(seen > 30);
@@ -365,7 +365,7 @@ fn the_example_of_every_word_works() {
         let source = Source::new("example", format!("{mode}{example}\nwait 1s\n"));
         let compiled = motionseq::compile(&source.into(), &Options::default());
         assert!(
-            compiled.timeline.is_some(),
+            !compiled.timelines.is_empty(),
             "the example of `{}` does not compile: {:?}",
             row.name,
             compiled.diagnostics

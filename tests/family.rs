@@ -215,7 +215,7 @@ fn lamps() -> Arc<Board> {
 fn compiled(text: &str) -> Timeline {
     let sources = Sources::from(Source::new("lamps.motion", text));
     let compiled = motionseq::compile(&sources, &Options::default().with_board(lamps()));
-    compiled.timeline.unwrap_or_else(|| panic!("{}", messages(&sources, &compiled.diagnostics)))
+    compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{}", messages(&sources, &compiled.diagnostics)))
 }
 
 /// The errors of a script: codes and messages.
@@ -227,7 +227,7 @@ fn wrong(text: &str) -> Vec<(Code, String)> {
 
 fn listing(timeline: &Timeline) -> String {
     let mut out = Vec::new();
-    write_listing(&timeline.board, timeline.items(), &mut out).unwrap();
+    write_listing(&timeline, timeline.items(), &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 

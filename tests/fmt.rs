@@ -20,7 +20,7 @@ fn formatted(source: &Source) -> Option<String> {
 /// The meaning of a script: its frames and texts, or its errors without their places.
 fn meaning(source: Source) -> String {
     let compiled = motionseq::compile(&Sources::from(source), &Options::default());
-    match compiled.timeline {
+    match compiled.timelines.first() {
         Some(timeline) => {
             let frames: Vec<_> = timeline
                 .events

@@ -12,7 +12,9 @@ use motionseq::units::{Micros, Nanos};
 const MS: Nanos = Nanos::from_millis(1);
 
 fn timeline(script: &str) -> Timeline {
-    motionseq::compile(&Source::new("test", script).into(), &Options::default()).timeline.expect("the script compiles")
+    motionseq::compile(&Source::new("test", script).into(), &Options::default())
+        .timeline()
+        .expect("the script compiles")
 }
 
 /// What happens at a time of the run.
@@ -371,7 +373,7 @@ fn every_script_cut_at_every_gate_ends_at_rest() {
             continue;
         }
         let sources = Sources::read(&path, Disk).unwrap();
-        let timeline = motionseq::compile(&sources, &Options::default()).timeline.expect("the script compiles");
+        let timeline = motionseq::compile(&sources, &Options::default()).timeline().expect("the script compiles");
         let timeline = Timeline { expects: Vec::new(), ..timeline };
         for gate in 0..timeline.gates.len() {
             gates += 1;

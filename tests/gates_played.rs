@@ -230,7 +230,7 @@ fn noise_and_damaged_reports_open_no_gate() {
 /// A shipped script.
 fn shipped(name: &str) -> Timeline {
     let sources = Sources::read(name.as_ref(), Disk).unwrap();
-    motionseq::compile(&sources, &Options::default()).timeline.unwrap()
+    motionseq::compile(&sources, &Options::default()).timeline().unwrap()
 }
 
 #[test]

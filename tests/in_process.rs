@@ -44,7 +44,7 @@ fn the_thread_that_sends_allocates_nothing() {
     // Not even during the stop: an allocator's lock could delay it.
     let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
     let sources = Sources::from(Source::new("test", SCRIPT));
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), timeline.baud).unwrap();
     let far = thread::spawn(move || {
@@ -118,7 +118,7 @@ on abort { torque all off }
 fn nor_does_it_for_the_servos_of_a_bus() {
     let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
     let sources = Sources::from(Source::new("test", ARM.replace("expect", "at 100ms expect")));
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
     let pty = Pty::open().unwrap();
     let port = Serial::open(pty.path(), timeline.baud).unwrap();
     let device = Device::new(Arc::clone(&timeline.board), Settings::default());
@@ -176,7 +176,7 @@ fn a_program_that_fails_still_stops_the_robot() {
     let _process = PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
     let source = Source::new("test", "rocker x=10\nwait 1h\nstop");
     let sources = Sources::from(source);
-    let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
     let (near, mut far) = UnixStream::pair().unwrap();
     let player = Player::new(&timeline, Nanos::from_millis(1_000));
     let mut session = Session::new(player, Fragile(near, 0), Signals::catch().unwrap(), Lines::of(&sources));

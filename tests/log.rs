@@ -277,7 +277,7 @@ fn the_log_the_listing_and_the_script_have_the_same_frames_at_the_same_times() {
     assert!(text.contains("skipped 3, FF FE 03: the stream ends inside a frame"), "{text}");
     let moved: Vec<u64> = printed.iter().filter(|(_, hex)| hex.starts_with("FFFE0308")).map(|(at, _)| *at).collect();
     let sources = Sources::from(Source::new("same.motion", text.as_str()));
-    let script = motionseq::compile(&sources, &motionseq::program::Options::default()).timeline.unwrap();
+    let script = motionseq::compile(&sources, &motionseq::program::Options::default()).timeline().unwrap();
     let sent: Vec<u64> = script.events.iter().map(|event| event.at.0).collect();
     let times: Vec<u64> = moved.iter().map(|at| at - moved[0]).collect();
     assert_eq!(sent, times, "{text}");

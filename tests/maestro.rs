@@ -24,7 +24,7 @@ fn board(line: &str) -> Arc<Board> {
 }
 
 fn timeline(text: &str) -> Timeline {
-    motionseq::compile(&Source::new("test", text).into(), &Options::default()).timeline.expect("the script compiles")
+    motionseq::compile(&Source::new("test", text).into(), &Options::default()).timeline().expect("the script compiles")
 }
 
 /// Each frame of the maker's library: its protocol, its command, and its bytes.

@@ -384,7 +384,7 @@ fn a_rehearsal_in_real_time_and_one_without_waiting_are_the_same() {
     let output = run(&["play", &path, "--record", &record]);
     assert_eq!(output.status.code(), Some(7), "{}", crate::support::stderr(&output));
     let said = crate::support::stderr(&output);
-    let timeline = motionseq::compile(&Source::new("x", text).into(), &Options::default()).timeline.unwrap();
+    let timeline = motionseq::compile(&Source::new("x", text).into(), &Options::default()).timeline().unwrap();
     let rehearsal = rehearse(&timeline, Settings::default(), Faults::default(), &Answers::default());
     assert!(matches!(rehearsal.outcome.cause, Cause::Expect(_)));
     assert_eq!(rehearsal.verdicts.len(), 3);

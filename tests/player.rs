@@ -13,14 +13,16 @@ const MS: Nanos = Nanos::from_millis(1);
 const MAX_LATE: Nanos = Nanos::from_millis(50);
 
 fn timeline(script: &str) -> Timeline {
-    motionseq::compile(&Source::new("test", script).into(), &Options::default()).timeline.expect("the script compiles")
+    motionseq::compile(&Source::new("test", script).into(), &Options::default())
+        .timeline()
+        .expect("the script compiles")
 }
 
 /// A shipped script with the files that it uses.
 fn shipped(path: &std::path::Path) -> Timeline {
     let compiled = motionseq::compile(&Sources::read(path, Disk).unwrap(), &Options::default());
     // No board reports in these tests; tests/sim.rs tests `expect`.
-    Timeline { expects: Vec::new(), ..compiled.timeline.expect("the script compiles") }
+    Timeline { expects: Vec::new(), ..compiled.timeline().expect("the script compiles") }
 }
 
 fn rendered(timeline: &Timeline) -> Vec<u8> {

@@ -14,8 +14,11 @@ use serde_json::Value;
 fn plotted(name: &str, text: &str) -> Plot {
     let sources = Sources::from(Source::new(name, text));
     let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
-    let timeline =
-        compiled.timeline.unwrap_or_else(|| panic!("{}", crate::support::messages(&sources, &compiled.diagnostics)));
+    let timeline = compiled
+        .timelines
+        .into_iter()
+        .next()
+        .unwrap_or_else(|| panic!("{}", crate::support::messages(&sources, &compiled.diagnostics)));
     plot(&timeline, &sources, &compiled.diagnostics)
 }
 

@@ -458,10 +458,10 @@ fn a_program_that_uses_the_library_can_set_limits() {
     let limit = ProjectLimit::read(&board, *limited, "-5..5", "the fleet").unwrap();
     let options = Options::default().with_limits(vec![limit]);
     let compile = |text: &str| motionseq::compile(&Source::new("x", text).into(), &options);
-    assert!(compile("yawhold y=5 for 1s\n").timeline.is_some());
+    assert!(compile("yawhold y=5 for 1s\n").timeline().is_some());
     let compiled = compile("yawhold y=6 for 1s\n");
     let first = compiled.diagnostics.iter().next().unwrap();
-    assert_eq!((first.code, compiled.timeline.is_none()), (Code::Limit, true));
+    assert_eq!((first.code, compiled.timelines.is_empty()), (Code::Limit, true));
     assert!(first.message.ends_with("of yawhold y, set in the fleet"), "{}", first.message);
     let wrong = ProjectLimit::read(&board, *limited, "-5..1000", "the fleet").unwrap_err();
     assert_eq!((wrong.code, wrong.span.range()), (Code::OutOfRange, 0.."-5..1000".len()));

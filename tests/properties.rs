@@ -149,7 +149,7 @@ proptest! {
         let text = format!("seed 3\ndef wait_a(time) {{ wait time }}\n{}", lines.concat());
         let result = compiled(&text);
         prop_assert_eq!(format!("{:?}", result), format!("{:?}", compiled(&text)), "the same every time");
-        if let Some(timeline) = result.timeline {
+        if let Some(timeline) = result.timeline() {
             let events = &timeline.events;
             prop_assert!(events.is_sorted_by_key(|event| (event.at, event.rank(board()))));
             prop_assert!(events.iter().all(|event| event.at <= timeline.end));
@@ -187,7 +187,7 @@ proptest! {
         let written = written.concat();
         let written = compiled(&format!("{start}{written}stop\nbuzzer off\n"));
         let sent = |compiled: &Compiled| {
-            let timeline = compiled.timeline.as_ref()?;
+            let timeline = compiled.timelines.first()?;
             let frames = timeline.events.iter().map(|event| (event.at, event.command.clone(), event.kind));
             Some((frames.collect::<Vec<_>>(), timeline.end))
         };
@@ -198,7 +198,7 @@ proptest! {
     #[test]
     fn every_text_gets_an_answer(text in soup()) {
         let result = compiled(&text);
-        prop_assert_eq!(result.timeline.is_none(), result.diagnostics.has_errors());
+        prop_assert_eq!(result.timelines.is_empty(), result.diagnostics.has_errors());
         for diagnostic in &result.diagnostics {
             prop_assert!(diagnostic.span.end as usize <= text.len() + 1, "{diagnostic:?}");
             prop_assert!(!diagnostic.help.is_empty() && !diagnostic.message.is_empty());
@@ -227,7 +227,7 @@ fn an_else_is_never_cut_off() {
     for length in 4_000..4_100 {
         let text =
             format!("#{}\nif false {{ servo 1 1000 }}\n\n# why\n  else {{ servo 1 2000 }}\n", "-".repeat(length));
-        let timeline = compiled(&text).timeline.expect("the else belongs to its if");
+        let timeline = compiled(&text).timeline().expect("the else belongs to its if");
         assert_eq!(timeline.events[0].command.said(), "servo 1 2000");
     }
 }
@@ -235,12 +235,12 @@ fn an_else_is_never_cut_off() {
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     let text = std::fs::read_to_string("scripts/wander.motion").unwrap();
-    let one = format!("{:?}", compiled(&text).timeline.unwrap());
+    let one = format!("{:?}", compiled(&text).timeline().unwrap());
     let many: Vec<_> = (0..8)
         .map(|_| {
             std::thread::spawn({
                 let text = text.clone();
-                move || format!("{:?}", compiled(&text).timeline.unwrap())
+                move || format!("{:?}", compiled(&text).timeline().unwrap())
             })
         })
         .collect();

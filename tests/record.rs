@@ -27,7 +27,11 @@ const DRIVE_TOLERANCE: i32 = 1;
 fn compiled(text: &str) -> Timeline {
     let sources = Sources::from(Source::new("test.motion", text));
     let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
-    compiled.timeline.unwrap_or_else(|| panic!("{}\n{text}", messages(&sources, &compiled.diagnostics)))
+    compiled
+        .timelines
+        .into_iter()
+        .next()
+        .unwrap_or_else(|| panic!("{}\n{text}", messages(&sources, &compiled.diagnostics)))
 }
 
 /// Records frames at times in microseconds, settled every 300 ms, as `record` does.
@@ -104,7 +108,7 @@ fn an_exact_recording_sends_every_frame_of_the_script_again() {
         } else {
             Sources::from(Source::new("test.motion", text.as_str()))
         };
-        let timeline = motionseq::compile(&sources, &Options::default()).timeline.unwrap();
+        let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
         let played = sent(&timeline);
         let again = sent(&compiled(&recorded(true, &played)));
         let begin_us = played[0].0;
@@ -754,7 +758,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
             &(format!("baud {baud}\nservos 1500 1500\nbuzzer on\nrequest voltage\n") + &lines.collect::<String>()),
         );
         let (mut listing, mut snapshot) = (Vec::new(), Vec::new());
-        write_listing(board(), script.items(), &mut listing).unwrap();
+        write_listing(&script, script.items(), &mut listing).unwrap();
         write_snapshot("x.motion", &script, &mut snapshot).unwrap();
         for (capture, given) in [(&listing, Some(baud)), (&snapshot, None)] {
             let (text, _) = script_of(capture, true, given);
@@ -840,7 +844,7 @@ fn the_listing_of_a_script_becomes_its_moves_again() {
     let script = format!("servo 1 1500\nwait 0.5s\n{}\nrocker y=10 for 2s", moves.join("\n"));
     let timeline = compiled(&script);
     let mut listing = Vec::new();
-    write_listing(board(), timeline.items(), &mut listing).unwrap();
+    write_listing(&timeline, timeline.items(), &mut listing).unwrap();
     let (text, _) = script_of(&listing, false, None);
     let expected: Vec<&str> =
         ["servo 1 1500", "wait 0.5s"].into_iter().chain(moves).chain(["rocker y=10 for 2s"]).collect();

@@ -11,7 +11,7 @@ use motionseq::units::{Micros, Nanos};
 
 fn compiled(text: &str, speed: Speed) -> Timeline {
     let options = Options::default().with_speed(speed);
-    motionseq::compile(&Source::new("x.motion", text).into(), &options).timeline.expect("the script compiles")
+    motionseq::compile(&Source::new("x.motion", text).into(), &options).timeline().expect("the script compiles")
 }
 
 fn timeline(text: &str) -> Timeline {

@@ -15,7 +15,7 @@ use proptest::prelude::*;
 
 fn timeline(text: &str) -> Timeline {
     let compiled = motionseq::compile(&Source::new("x.motion", text).into(), &Options::default());
-    compiled.timeline.unwrap_or_else(|| panic!("{text}: {:?}", compiled.diagnostics))
+    compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{text}: {:?}", compiled.diagnostics))
 }
 
 /// The pose of the robot after a script.
@@ -264,7 +264,8 @@ fn every_script_of_the_tests_is_played_as_it_is_rendered() {
         let Ok(sources) = Sources::read(&entry, Disk) else { continue };
         let is_script = entry.extension().is_some_and(|extension| extension == "motion");
         let compiled = motionseq::compile(&sources, &Options::default());
-        let Some(timeline) = compiled.timeline.filter(|timeline| is_script && timeline.expects.is_empty()) else {
+        let Some(timeline) = compiled.timelines.first().filter(|timeline| is_script && timeline.expects.is_empty())
+        else {
             continue;
         };
         let rehearsal = rehearse(&timeline, Settings::default(), Faults::default(), &Answers::default());

@@ -691,7 +691,7 @@ proptest! {
         to_script(listing.as_bytes(), Reading::default().with_board(board()), exact, &mut script).unwrap();
         let script = String::from_utf8(script).unwrap();
         let compiled = motionseq::compile(&Source::new("x.motion", script.as_str()).into(), &Options::default());
-        prop_assert!(compiled.timeline.is_some(), "{:?}\n{script}", compiled.diagnostics);
+        prop_assert!(!compiled.timelines.is_empty(), "{:?}\n{script}", compiled.diagnostics);
     }
 }
 

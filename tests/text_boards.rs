@@ -172,7 +172,7 @@ fn a_rest_that_is_no_command_of_its_verb_is_a_command_itself() {
         &Source::new("test", "servo 2 900 for 1s\nservo 1 900\nwait 1s\nstop_servo 1\n").into(),
         &options,
     );
-    let timeline = compiled.timeline.unwrap_or_else(|| panic!("{:?}", compiled.diagnostics));
+    let timeline = compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{:?}", compiled.diagnostics));
     let sent: Vec<u8> = timeline.events.iter().flat_map(|event| timeline.board.to_frame(&event.command)).collect();
     assert_eq!(String::from_utf8(sent).unwrap(), "#2P900\n#2L\n#1P900\n#1L\n");
 }
@@ -257,7 +257,8 @@ fn the_same_phrases_play_on_three_families() {
     let main = |name: &str| format!("scripts/boards/on-{name}.motion");
     let of = |name: &str| {
         let compiled = motionseq::compile(&Sources::read(main(name).as_ref(), Disk).unwrap(), &Options::default());
-        let timeline = compiled.timeline.unwrap_or_else(|| panic!("{name}: {:?}", compiled.diagnostics));
+        let timeline =
+            compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{name}: {:?}", compiled.diagnostics));
         let servo = |event: &motionseq::timeline::Event| {
             let shown = timeline.board.show(&event.command).to_string();
             let value = shown.strip_prefix("servo ")?.split(' ').nth(1)?.parse::<f64>().ok()?;

@@ -319,7 +319,7 @@ fn texts_of_an_editor_are_used() {
         ("show/lib/b.motion", "use \"../c.motion\"\ndef b() { c() }\n"),
         ("show/c.motion", "def c() { stop }\n"),
     ]);
-    assert_eq!(fine.timeline.map(|timeline| timeline.events.len()), Some(1), "{:?}", fine.diagnostics);
+    assert_eq!(fine.timelines.first().map(|timeline| timeline.events.len()), Some(1), "{:?}", fine.diagnostics);
     let circle =
         compiled(&[("show/a.motion", "use \"lib/b.motion\"\nstop\n"), ("show/lib/b.motion", "use \"../a.motion\"\n")]);
     let messages: Vec<&str> = circle.diagnostics.iter().map(|found| found.message.as_str()).collect();

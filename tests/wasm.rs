@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use motionseq::program::Options;
 use motionseq::report::findings;
 use motionseq::source::{Disk, Sources};
-use motionseq::timeline::write_listing;
+use motionseq::timeline::write_listings;
 use serde_json::{Value, json};
 
 const TARGET: &str = "wasm32-unknown-unknown";
@@ -48,9 +48,9 @@ fn module() -> Option<PathBuf> {
 fn native(path: &Path) -> Value {
     let sources = Sources::read(path, Disk).unwrap();
     let compiled = motionseq::compile(&sources, &Options::default());
-    let frames = compiled.timeline.map(|timeline| {
+    let frames = (!compiled.timelines.is_empty()).then(|| {
         let mut text = Vec::new();
-        write_listing(&timeline.board, timeline.items(), &mut text).unwrap();
+        write_listings(&compiled.timelines, &mut text).unwrap();
         String::from_utf8(text).unwrap()
     });
     json!({ "frames": frames, "findings": findings(&sources, &compiled.diagnostics) })

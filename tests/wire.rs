@@ -71,7 +71,7 @@ proptest! {
         for (at, (ms, servo)) in commands.iter().enumerate() {
             text.push_str(&format!("wait {ms}ms\nservo {servo} {}\nwait 1us\n", 1_000 + at));
         }
-        let Some(timeline) = compiled(&text).timeline else { return Ok(()) };
+        let Some(timeline) = compiled(&text).timeline() else { return Ok(()) };
         let frames: Vec<(u64, usize)> =
             timeline.events.iter().map(|event| (event.at.0, crate::support::board::OnBoard::to_frame(&event.command).len())).collect();
         let second = 1_000_000 * u128::from(baud);

@@ -14,12 +14,12 @@ fuzz_target!(|text: &str| {
     let sources = Sources::from(Source::new("x.motion", text));
     // Few frames, so that a run is short.
     let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000));
-    assert_eq!(compiled.timeline.is_none(), compiled.diagnostics.has_errors());
+    assert_eq!(compiled.timelines.is_empty(), compiled.diagnostics.has_errors());
     for diagnostic in &compiled.diagnostics {
         let _ = sources.place(diagnostic.span);
         assert!(!diagnostic.message.is_empty() && !diagnostic.help.is_empty());
     }
-    let Some(timeline) = compiled.timeline else { return };
+    let [timeline] = compiled.timelines.as_slice() else { return };
     // The hello of a board comes before everything else.
     let after = timeline.events.get(timeline.board.hello.len()..).unwrap_or_default();
     assert!(after.is_sorted_by_key(|event| (event.at, event.rank(&timeline.board))));
@@ -30,6 +30,6 @@ fuzz_target!(|text: &str| {
         assert_eq!(board.to_frame(&board.decode_or_raw(&bytes).expect("a frame")), bytes);
         assert!(event.at <= timeline.end);
     }
-    let picture = plot(&timeline, &sources, &compiled.diagnostics);
+    let picture = plot(timeline, &sources, &compiled.diagnostics);
     assert!(picture.to_svg(Theme::Auto).len() < 2_000_000 && !picture.to_json().is_empty());
 });

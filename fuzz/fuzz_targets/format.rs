@@ -11,7 +11,7 @@ use motionseq::syntax::format;
 fn meaning(text: &str) -> String {
     let sources = Sources::from(Source::new("x.motion", text));
     let compiled = motionseq::compile(&sources, &Options::default().with_events(1_000));
-    match compiled.timeline {
+    match compiled.timelines.first() {
         Some(timeline) => {
             let frames: Vec<_> = timeline.events.iter().map(|event| (event.at, &event.command, event.kind)).collect();
             format!("{frames:?} {:?}", timeline.cues.iter().map(|cue| (cue.at, &cue.text)).collect::<Vec<_>>())

@@ -221,7 +221,7 @@ impl Check {
 
     /// Shows the errors and warnings of one script.
     fn show(&self, checked: &Checked, results: &mut Results, screen: &Screen) {
-        let Checked { sources, compiled: Compiled { timeline, diagnostics, .. }, is_found, denied } = checked;
+        let Checked { sources, compiled: Compiled { timelines, diagnostics, .. }, is_found, denied } = checked;
         let (denied, who) = denied;
         let name = sources.main().name();
         if let Some(expected) = expected_error(sources.main()).filter(|_| *is_found)
@@ -240,24 +240,30 @@ impl Check {
             results.findings.extend(report::findings(sources, diagnostics));
             results.totals.add(diagnostics);
         }
-        match timeline {
-            Some(timeline) if denied.count(diagnostics) == 0 => {
-                let sends = match timeline.events.len() {
+        match timelines.as_slice() {
+            [first, ..] if denied.count(diagnostics) == 0 => {
+                let sends = match timelines.iter().map(|timeline| timeline.events.len()).sum() {
                     0 => "sends nothing".to_owned(),
-                    count => format!("{} in {:.3} s", plural(count, "frame"), timeline.end),
+                    count => format!("{} in {:.3} s", plural(count, "frame"), first.end),
                 };
-                screen.note(&format!("{name}: ok, {sends}"));
-                if screen.is_verbose() {
+                let robots = if first.robot.is_some() {
+                    format!(" to {}", plural(timelines.len(), "robot"))
+                } else {
+                    String::new()
+                };
+                screen.note(&format!("{name}: ok, {sends}{robots}"));
+                for timeline in timelines.iter().filter(|_| screen.is_verbose()) {
+                    let robot = timeline.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default();
                     for line in load(timeline, sources) {
-                        screen.note(&line);
+                        screen.note(&format!("{robot}{line}"));
                     }
                 }
             }
-            Some(_) => {
+            [_, ..] => {
                 screen.error(&format!("{name}: has warnings, which {who} forbids"));
                 results.exit = Exit::Script;
             }
-            None => results.exit = Exit::Script,
+            [] => results.exit = Exit::Script,
         }
     }
 

@@ -120,7 +120,7 @@ fn script_typed() -> Option<Sources> {
 /// The marks of the script that `--from` and `--to` accept.
 fn marks(word: &OsStr) -> Vec<CompletionCandidate> {
     let compiled = script_typed().map(|sources| motionseq::compile(&sources, &Options::default().with_events(EVENTS)));
-    let Some(timeline) = compiled.and_then(|compiled| compiled.timeline) else { return Vec::new() };
+    let Some(timeline) = compiled.and_then(|compiled| compiled.timeline()) else { return Vec::new() };
     let names: Vec<&str> = timeline.marks.iter().map(|mark| mark.name.as_str()).collect();
     let is_unique = |name: &&str| names.iter().filter(|other| *other == name).take(2).count() == 1;
     beginning(word, names.iter().copied().filter(is_unique).map(str::to_owned))

@@ -81,7 +81,7 @@ impl Diff {
             return snapshot((source.name(), from), source.text().as_bytes(), None, screen);
         }
         let sources = Sources::new(source, Disk);
-        let timeline = self.options.compile(&sources, screen)?.timeline.ok_or(Exit::Script)?;
+        let timeline = self.options.compile(&sources, screen)?.timeline().ok_or(Exit::Script)?;
         let sent = Snapshot::of(&timeline);
         Ok(Side { sent, script: Some((sources, timeline)) })
     }

@@ -80,10 +80,10 @@ impl Render {
         for _ in (0..count).step_by(CHUNK) {
             let chunk = items.by_ref().take(CHUNK);
             match self.format {
-                Format::Listing => write_listing(board, chunk, &mut out)?,
+                Format::Listing => write_listing(timeline, chunk, &mut out)?,
                 Format::Hex => write_hex(board, chunk, &mut out)?,
                 Format::Bin => write_bin(board, chunk, &mut out)?,
-                Format::Jsonl => write_jsonl(board, chunk, &lines, &mut out)?,
+                Format::Jsonl => write_jsonl(timeline, chunk, &lines, &mut out)?,
             }
             if let Some(progress) = &progress {
                 progress.add(CHUNK);

@@ -189,8 +189,8 @@ fn draw(
     }
     let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
     let compiled = motionseq::compile(&sources, &job.options);
-    let timeline = compiled.timeline.ok_or_else(|| io::Error::other("it no longer compiles"))?;
-    lines.push(draw("new", &timeline, &sources, &compiled.diagnostics)?);
+    let timeline = compiled.timelines.first().ok_or_else(|| io::Error::other("it no longer compiles"))?;
+    lines.push(draw("new", timeline, &sources, &compiled.diagnostics)?);
     Ok(lines)
 }
 

@@ -152,7 +152,7 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         let sources = Sources::new(read(file, screen)?, Disk);
         let config = options.config.of_script(sources.main().path(), screen)?;
         let compiled = options.compile_at(&sources, screen, (self.speed, warnings), &config);
-        let mut whole = compiled.timeline.ok_or(Exit::Script)?;
+        let mut whole = compiled.timelines.first().cloned().ok_or(Exit::Script)?;
         self.set_soft(&mut whole, screen)?;
         let mut diagnostics = compiled.diagnostics.clone();
         match self.select(&whole, options.max_events, &mut diagnostics) {

@@ -170,10 +170,12 @@ codes! {
         "sevro 1 1500\n"
         "servo 1 1500\n"
 
-    NotYet "not-yet" Error "This version of motionseq does not support this word yet."
-        "The word is reserved for a later version of motionseq, so it cannot be a name either. Remove the line, or update motionseq."
-        "robots left, right\nservo 1 1500\n"
-        "servo 1 1500\n"
+    Robots "robots" Error "A line names robots where it must not, or must name them and does not."
+        "In a script with several robots, `left:` binds the command, call or block after it to the robot `left`; inside of it, no other robot \
+        can be named. A `wait until` needs the names of the robots whose reports it waits for. What all robots share takes no name: \
+        `let`, `def`, `use`, `tempo`, `meter`, `seed`."
+        "robots left, right\nservo 1 1500\nwait until yaw > 90deg within 5s\n"
+        "robots left, right\nservo 1 1500\nleft: wait until yaw > 90deg within 5s\n"
 
     MissingArgument "missing-argument" Error "An argument is missing."
         "Each command, function and phrase needs certain arguments; the help shows its form."

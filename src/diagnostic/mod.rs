@@ -9,6 +9,7 @@ mod macros;
 mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use crate::source::{Source, SourceError, Span};
 
@@ -167,6 +168,8 @@ pub struct Diagnostics {
     allowed: BTreeMap<Code, Vec<Span>>,
     errors: usize,
     warnings: usize,
+    /// The robot that messages are about.
+    about: Option<Arc<str>>,
 }
 
 impl Diagnostics {
@@ -183,8 +186,13 @@ impl Diagnostics {
         code.severity() == Severity::Warning && line.is_some_and(|line| span.start <= line.end)
     }
 
+    /// From here on, messages begin with the name of this robot.
+    pub(crate) fn about(&mut self, robot: Option<&Arc<str>>) {
+        self.about = robot.cloned();
+    }
+
     /// Adds one, unless a comment allows it. Beyond [`MAX_ERRORS`] and [`MAX_WARNINGS`] it is only counted.
-    pub fn push(&mut self, diagnostic: Diagnostic) {
+    pub fn push(&mut self, mut diagnostic: Diagnostic) {
         if self.is_allowed(diagnostic.code, diagnostic.span) {
             return;
         }
@@ -197,6 +205,9 @@ impl Diagnostics {
             Severity::Warning => (&mut self.warnings, MAX_WARNINGS),
         };
         *count += 1;
+        if let Some(robot) = &self.about {
+            diagnostic.message = format!("{robot}: {}", diagnostic.message);
+        }
         if *count <= most {
             self.kept.push(diagnostic);
         }

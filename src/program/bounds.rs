@@ -26,6 +26,8 @@ pub(super) struct Bounds {
     /// Lines and passes that were run, and what they added. A move may send nothing, where everything is there already.
     pub(super) done: Cost,
     max_events: usize,
+    /// How many robots there are. Each may send that many frames; the exact number is checked for each timeline.
+    pub(super) robots: u64,
     /// Whether a bound was reached, so that nothing more is run.
     exhausted: bool,
     too_long: bool,
@@ -37,7 +39,7 @@ pub(super) struct Bounds {
 
 impl Bounds {
     pub(super) fn new(max_events: usize) -> Self {
-        Bounds { max_events, ..Bounds::default() }
+        Bounds { max_events, robots: 1, ..Bounds::default() }
     }
 
     /// Counts a line; whether it may be run.
@@ -46,10 +48,13 @@ impl Bounds {
         // After an error, the rest is run only to find more errors, and not without end.
         self.exhausted |= self.done.steps > ENOUGH && eval.diagnostics.has_errors();
         let Cost { steps, events, moves, kept } = self.done;
-        let is_within =
-            steps <= MAX_STEPS && events <= self.max_events as u64 && moves <= MAX_MOVES && kept <= MAX_KEPT;
+        let is_within = steps <= MAX_STEPS && events <= self.most_events() && moves <= MAX_MOVES && kept <= MAX_KEPT;
         // Nearly every line is within all bounds.
         !self.exhausted && (is_within || self.allow(Cost::default(), span, eval).is_some())
+    }
+
+    fn most_events(&self) -> u64 {
+        (self.max_events as u64).saturating_mul(self.robots)
     }
 
     /// Whether another pass may be run.
@@ -63,7 +68,7 @@ impl Bounds {
         if cost.steps > MAX_STEPS {
             report!(eval, TooManySteps, span, "the script has more than {MAX_STEPS} steps";
                 help: "repeat less often");
-        } else if cost.events > self.max_events as u64 {
+        } else if cost.events > self.most_events() {
             report!(eval, TooManyEvents, span, "the script sends more than {} frames", self.max_events;
                 help: "repeat less often, or allow more with `--max-events`");
         } else if cost.moves > MAX_MOVES {

@@ -16,15 +16,20 @@ use crate::board::{Board, VerbId};
 use crate::diagnostic::{Diagnostic, Diagnostics, bail, report};
 use crate::random::SplitMix;
 use crate::source::{Sources, Span};
-use crate::syntax::{Binary, Expression, Lost, Node, NodeKind, NumberShape, Value, ValueKind};
+use crate::syntax::{Binary, Expression, Lost, Name, Node, NodeKind, NumberShape, Value, ValueKind};
 
 /// 2⁵³, the steps between 0 and 1 of a random number.
 const TWO_53: f64 = 9_007_199_254_740_992.0;
 
 pub(super) struct Evaluator<'s, 'd> {
     pub(super) diagnostics: &'d mut Diagnostics,
-    /// The board that the script is for.
+    /// The board of the robot that the line is run for.
     pub(super) board: &'d Arc<Board>,
+    /// The robots that the script names, and the number of the one that the line is run for.
+    pub(super) robots: Vec<Name<'s>>,
+    pub(super) robot: usize,
+    /// The boards of all robots, if the script names them.
+    pub(super) boards: Vec<&'d Arc<Board>>,
     pub(super) scope: Scope<'s>,
     /// The joints so far.
     pub(super) joints: Vec<Joint>,
@@ -55,6 +60,9 @@ impl<'s, 'd> Evaluator<'s, 'd> {
         Evaluator {
             diagnostics,
             board,
+            robots: Vec::new(),
+            robot: 0,
+            boards: Vec::new(),
             scope: Scope::new(),
             joints: Vec::new(),
             tempo: Tempo::default(),
@@ -149,7 +157,26 @@ impl<'s, 'd> Evaluator<'s, 'd> {
 
     /// The joint of the servo that a verb moves, by its number among the joints.
     pub(super) fn joint_of(&self, verb: VerbId, index: i32) -> Option<usize> {
-        self.joints.iter().position(|joint| joint.limited.verb == verb && joint.limited.index == Some(index))
+        let is_own = |joint: &Joint| joint.robot == self.robot;
+        let mut joints = self.joints.iter();
+        joints.position(|joint| is_own(joint) && joint.limited.verb == verb && joint.limited.index == Some(index))
+    }
+
+    /// The joint of the robot that the line is run for with the name of a joint: each robot may have one.
+    pub(super) fn own_joint(&self, number: usize) -> Option<usize> {
+        let named = self.joints.get(number)?;
+        if named.robot == self.robot {
+            return Some(number);
+        }
+        self.joints.iter().position(|joint| joint.robot == self.robot && joint.name == named.name)
+    }
+
+    /// Whether a name is that of a joint, and none of this robot. Each robot has joints of its own.
+    pub(super) fn is_joint_of_others(&mut self, name: &str) -> bool {
+        match self.scope.value(name) {
+            Some(Quantity::Joint(joint)) => self.own_joint(joint).is_none(),
+            _ => false,
+        }
     }
 
     /// Whether a name may have been lost with something that could not be read.

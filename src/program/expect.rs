@@ -279,7 +279,8 @@ fn measured(args: &mut Arguments<'_, '_, '_, '_>, all: &[Measured]) -> Option<Me
     words.dedup();
     if let ValueKind::Word(name) = value.kind
         && let Some(Quantity::Joint(joint)) = args.eval.scope.value(name)
-        && let Some(limited) = args.eval.joints.get(joint).map(|joint| joint.limited)
+        && let Some(own) = args.eval.own_joint(joint)
+        && let Some(limited) = args.eval.joints.get(own).map(|joint| joint.limited)
         && let Some(of_joint) = all.iter().find(|measured| {
             measured.quantity.measures.map(|(verb, index)| (verb, Some(index))) == Some((limited.verb, limited.index))
         })
@@ -307,7 +308,7 @@ fn measured(args: &mut Arguments<'_, '_, '_, '_>, all: &[Measured]) -> Option<Me
             let mut verbs = all.iter().filter(|measured| measured.name().split(' ').next() == Some(word));
             match verbs.find_map(|measured| measured.quantity.measures) {
                 Some((verb, _)) => args.index_of(joint, verb, index.span)?,
-                None => args.eval.joints.get(joint)?.limited.index?,
+                None => args.eval.joints.get(args.eval.own_joint(joint)?)?.limited.index?,
             }
         }
         other => args.whole_of(other, index.span, &format!("a {word} number"), (least, most))?,

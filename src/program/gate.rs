@@ -34,6 +34,8 @@ pub enum Awaited {
     Report(Criterion),
     /// The operator.
     Go,
+    /// Reports of other robots: the line with their names, such as `left: wait until yaw > 90deg within 4s`.
+    Others(String),
 }
 
 impl Gate {
@@ -51,6 +53,10 @@ impl Gate {
 
     /// A gate as [`Display`](fmt::Display) writes it; `None` for anything else.
     pub(crate) fn parse(board: &Board, line: &str) -> Option<Gate> {
+        if let Some((names, _)) = line.split_once(": wait until ") {
+            let is_name = |name: &str| !name.is_empty() && words::is_name(name);
+            return names.split(", ").all(is_name).then(|| Gate::of_others(line.to_owned()));
+        }
         let rest = line.strip_prefix("wait ")?;
         let (awaited, mut rest) = match rest.strip_prefix("until ") {
             Some(rest) => Criterion::parse(board, rest).map(|(criterion, rest)| (Awaited::Report(criterion), rest))?,
@@ -80,12 +86,22 @@ impl Gate {
         self.criterion().map_or("", |criterion| criterion.measured.unit())
     }
 
-    /// The criterion for reports, if it waits for one.
+    /// The criterion for reports of this robot, if it waits for one.
     pub fn criterion(&self) -> Option<&Criterion> {
         match &self.awaited {
             Awaited::Report(criterion) => Some(criterion),
-            Awaited::Go => None,
+            Awaited::Go | Awaited::Others(_) => None,
         }
+    }
+
+    /// Whether it waits for the operator.
+    pub fn is_go(&self) -> bool {
+        self.awaited == Awaited::Go
+    }
+
+    /// The gate of a line that is for other robots, without limits: those are in the line.
+    pub(crate) fn of_others(line: String) -> Gate {
+        Gate { awaited: Awaited::Others(line), within: None, continues: false, text: None }
     }
 }
 
@@ -97,6 +113,7 @@ impl fmt::Display for Gate {
             None => Ok(()),
         };
         match &self.awaited {
+            Awaited::Others(line) => return f.write_str(line),
             Awaited::Report(criterion) => write!(f, "wait until {criterion}")?,
             Awaited::Go => {
                 f.write_str("wait go")?;

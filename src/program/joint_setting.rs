@@ -32,13 +32,16 @@ pub(super) fn joint(args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Setting
         bail!(args.eval, MissingArgument, name.span, "the name of the joint is missing";
             help: "write the name first, such as `{line}`");
     }
-    args.eval.is_free(name)?;
+    if !args.eval.is_joint_of_others(name.text) {
+        args.eval.is_free(name)?;
+    }
     let read = servo(args, name, settings).and_then(|servo| options(args, name, &servo));
     if read.is_none() {
         // A name with a wrong definition is not reported as unknown.
         args.eval.lost.names.insert(name.text);
     }
-    settings.joints.clone_from(&args.eval.joints);
+    let own = args.eval.joints.iter().filter(|joint| joint.robot == args.eval.robot);
+    settings.joints = own.cloned().collect();
     read
 }
 
@@ -64,7 +67,7 @@ fn servo(args: &mut Arguments<'_, '_, '_, '_>, name: Name<'_>, settings: &Settin
     let resource = board.occupied(id, Some(index)).first().copied()?;
     let has_names = verb.moving().first().is_some_and(|axis| !verb.label(axis).is_empty());
     let limited = Limited { verb: id, index: Some(index), axis: has_names.then_some(0) };
-    if let Some(first) = args.eval.joints.iter().find(|joint| joint.resource == resource) {
+    if let Some(first) = settings.joints.iter().find(|joint| joint.resource == resource) {
         let diagnostic = diagnostic!(SettingPlace, args.command.span, "`{word} {index}` has two joints: `{}` and `{}`",
             first.name, name.text; help: "keep one of the two");
         let first = first.span;
@@ -117,9 +120,11 @@ fn options<'s>(args: &mut Arguments<'_, '_, 's, '_>, name: Name<'s>, servo: &Ser
     }
     let zero = zero.unwrap_or_else(|| usual_zero(axis));
     let number = args.eval.joints.len();
-    let (text, span) = (name.text.to_owned(), args.command.span);
-    args.eval.joints.push(Joint { name: text, span, limited, resource, zero, is_reversed, range: None });
-    args.eval.scope.bind(name, Quantity::Joint(number), Kind::Joint);
+    let (text, span, robot) = (name.text.to_owned(), args.command.span, args.eval.robot);
+    if !args.eval.is_joint_of_others(name.text) {
+        args.eval.scope.bind(name, Quantity::Joint(number), Kind::Joint);
+    }
+    args.eval.joints.push(Joint { name: text, robot, span, limited, resource, zero, is_reversed, range: None });
     if let Some((argument, ends)) = range {
         let bound = Bound { joint: Some(number), ..bound };
         let range = args.range(ends, argument.span, (bound, "the range of a joint"))?;

@@ -8,6 +8,8 @@ use crate::source::Span;
 pub(crate) struct Joint {
     /// Its name.
     pub(super) name: String,
+    /// The number of its robot.
+    pub(super) robot: usize,
     /// Where the script defines it.
     pub(super) span: Span,
     /// The verb that moves it, its index, and the value that its angles are.

@@ -22,6 +22,7 @@ mod motion;
 mod names;
 mod pending;
 mod project_limits;
+mod robots;
 mod say;
 mod scope;
 mod settings;
@@ -162,9 +163,11 @@ impl Default for Options {
     }
 }
 
-/// A script with every word understood.
+/// What one robot does in a script with every word understood.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Program {
+    /// The name of its robot, if the script names its robots.
+    pub robot: Option<Arc<str>>,
     /// The board that it is for.
     pub board: Arc<Board>,
     /// Its settings.
@@ -175,12 +178,12 @@ pub(crate) struct Program {
     pub end: Time,
     /// What is sent when something ends a run early.
     pub abort: Option<Abort>,
-    /// Moments that have a name.
+    /// Moments that have a name. All robots share those of the first.
     pub marks: Vec<Mark>,
     /// Whether any step is a gate.
     pub has_gates: bool,
-    /// The calls and passes that led to each step.
-    pub traces: Traces,
+    /// The calls and passes that led to each step. All robots share them.
+    pub traces: Arc<Traces>,
     /// Whether all of these times are right, even if the script has other errors.
     pub times_known: bool,
 }
@@ -321,17 +324,19 @@ pub fn text_board(source: &Source, name: &str, diagnostics: &mut Diagnostics) ->
     board::text::read(source, name, &words::is_of_language, diagnostics).map(Arc::new)
 }
 
-/// Gives every word its meaning and every command its time. What is wrong is reported and left out. The tree of each line is
-/// dropped as soon as it is run.
-pub(crate) fn program<'s>(
+/// Gives every word its meaning and every command its time; returns one program for each robot. What is wrong is reported and left
+/// out. The tree of each line is dropped as soon as it is run.
+pub(crate) fn programs<'s>(
     script: Reading<'s>,
     sources: &'s Sources,
     options: &Options,
     diagnostics: &mut Diagnostics,
-) -> Program {
+) -> Vec<Program> {
     syntax::read_ahead(script, |lines| {
-        let mut program = walker::walk(lines, sources, options, diagnostics);
-        every::expand(&mut program, options.events, diagnostics);
-        program
+        let mut programs = walker::walk(lines, sources, options, diagnostics);
+        for program in &mut programs {
+            every::expand(program, options.events, diagnostics);
+        }
+        programs
     })
 }

@@ -57,6 +57,9 @@ impl<'s> Evaluator<'s, '_> {
             return report!(self, UnknownName, span, "unknown name `{name}`"; write: span => "{value}");
         }
         let help = match self.scope.near(name, false) {
+            _ if self.robots.iter().any(|robot| robot.text == name) => {
+                format!("`{name}` is a robot: write `{name}:` before a command, a call or a block")
+            }
             Some(near) => format!("did you mean `{near}`?"),
             None => self.how_to_name(name, statement),
         };
@@ -162,7 +165,8 @@ impl<'s> Evaluator<'s, '_> {
             bail!(self, Name, name.span, "a name consists of lower-case letters, digits and `_`";
                 write: name.span => "{}", text.to_lowercase().replace('-', "_"));
         }
-        if let Some(first) = self.scope.taken(text) {
+        let robot = self.robots.iter().find(|robot| robot.text == text).map(|robot| robot.span);
+        if let Some(first) = self.scope.taken(text).or(robot) {
             return self.given_twice(name, first);
         }
         Some(())

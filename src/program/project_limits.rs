@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::limits::Limit;
 use super::settings::limitable;
-use super::{Options, program};
+use super::{Options, programs};
 use crate::board::{Board, Limited, Measure, ValueForm};
 use crate::diagnostic::{Code, Diagnostic, Diagnostics, Edit, diagnostic};
 use crate::source::{Source, Sources, Span};
@@ -75,7 +75,10 @@ fn one_limit(board: &Arc<Board>, limited: Limited, setting: &str, range: &str) -
     let mut diagnostics = Diagnostics::default();
     let options = Options::default().with_board(Arc::clone(board));
     let limits = match syntax::read(sources.main(), &mut diagnostics) {
-        Some(script) => program(script, &sources, &options, &mut diagnostics).settings.limits,
+        Some(script) => {
+            let programs = programs(script, &sources, &options, &mut diagnostics);
+            programs.into_iter().next().map(|program| program.settings.limits).unwrap_or_default()
+        }
         None => Vec::new(),
     };
     if let Some(error) = diagnostics.iter().find(|diagnostic| diagnostic.is_error()) {

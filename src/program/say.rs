@@ -97,7 +97,7 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
 fn reported(name: &str, eval: &mut Evaluator<'_, '_>) -> Option<Measured> {
     let joint = name.split_once(' ').and_then(|(quantity, joint)| {
         let Some(Quantity::Joint(joint)) = eval.scope.value(joint) else { return None };
-        Some(format!("{quantity} {}", eval.joints.get(joint)?.limited.index?))
+        Some(format!("{quantity} {}", eval.joints.get(eval.own_joint(joint)?)?.limited.index?))
     });
     Measured::reported(eval.board, joint.as_deref().unwrap_or(name))
 }

@@ -27,8 +27,8 @@ pub const SOFT_START: std::ops::RangeInclusive<Micros> = Micros::from_millis(100
 pub(super) fn set(setting: Setting, args: &mut Arguments<'_, '_, '_, '_>, settings: &mut Settings) -> Option<()> {
     match setting {
         Setting::Language => language(args),
-        // The walker chooses the board.
-        Setting::Board => None,
+        // The walker chooses the board and the robots.
+        Setting::Board | Setting::Robots => None,
         Setting::Tempo => tempo(args, settings),
         Setting::Meter => meter(args, settings),
         Setting::Rate => rate(args, settings),

@@ -2,10 +2,11 @@
 
 use super::evaluator::Evaluator;
 use super::pending::{Unknown, Used};
+use super::robots::RobotSet;
 use super::suggest::{list, suggest};
 use super::words::{self, COMMANDS, SETTINGS, is_name};
 use crate::board::{Board, FAMILIES};
-use crate::diagnostic::{Code, bail, diagnostic, report};
+use crate::diagnostic::{Code, Diagnostic, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Block, Command, Item, Name, Statement, Value, ValueKind, foreign};
 
@@ -14,12 +15,17 @@ impl<'s> Evaluator<'s, '_> {
         bail!(self, TopLevel, span, "`{word}` is not allowed inside a block"; help: "move it out of the block")
     }
 
+    /// Whether a word is a command, of any robot.
+    fn is_known(&self, word: &str) -> bool {
+        words::find(self.board, word).is_some() || self.boards.iter().any(|board| board.find(word).is_some())
+    }
+
     /// Reports unknown words in a block that may never run. The calls in a phrase are checked where it is defined.
     pub(super) fn check_words(&mut self, block: &Block<'s>, in_phrase: bool) {
         block.visit(&mut |line| {
             for statement in line.statements() {
                 match statement {
-                    Statement::Command(command) if words::find(self.board, command.head.text).is_none() => {
+                    Statement::Command(command) if !self.is_known(command.head.text) => {
                         self.unknown_word(command);
                     }
                     Statement::Call(call) if !in_phrase && self.scope.phrase(call.name.text).is_none() => {
@@ -29,6 +35,34 @@ impl<'s> Evaluator<'s, '_> {
                 }
             }
         });
+    }
+
+    /// Reports a word that is not a command of the current robot, which is one of several that the line is for.
+    pub(super) fn unknown_command(&mut self, command: &Command<'s>, robots: RobotSet) {
+        let word = command.head.text;
+        let knows = |robot: &usize| self.boards.get(*robot).is_some_and(|board| board.find(word).is_some());
+        let knowing: Vec<usize> = (0..self.robots.len()).filter(knows).collect();
+        let (Some(name), false) = (self.robot_name(), knowing.is_empty()) else { return self.unknown_word(command) };
+        if !self.unknown.insert(command.head.span) {
+            return;
+        }
+        let names = |robots: &[usize]| {
+            let names = robots.iter().filter_map(|robot| self.robots.get(*robot));
+            names.map(|name| name.text).collect::<Vec<_>>().join(", ")
+        };
+        let meant: Vec<usize> = knowing.iter().copied().filter(|robot| robots.contains(*robot)).collect();
+        let names = names(if meant.is_empty() { &knowing } else { &meant });
+        let line = self.written(command.span).lines().next().unwrap_or_default();
+        report!(self, WrongBoard, command.head.span, "the robot `{name}` has no command `{word}`: its board is {}", self.board.name;
+            help: "write it only for robots that have it: `{names}: {line}`");
+    }
+
+    /// Begins a message with the robot that it is about, if the script names its robots.
+    pub(super) fn of_robot(&self, diagnostic: Diagnostic) -> Diagnostic {
+        match self.robot_name() {
+            Some(name) => Diagnostic { message: format!("{name}: {}", diagnostic.message), ..diagnostic },
+            None => diagnostic,
+        }
     }
 
     pub(super) fn unknown_word(&mut self, command: &Command<'s>) {

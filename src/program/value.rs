@@ -108,12 +108,6 @@ pub(super) fn unit_meant(word: &str) -> Option<&'static str> {
     Unit::named(unit).map(|unit| unit.name)
 }
 
-/// What the language has, and this version does not support.
-pub(super) fn not_yet(span: Span, what: &str) -> Diagnostic {
-    diagnostic!(NotYet, span, "this version of motionseq does not support {what} yet";
-        help: "remove it, or update motionseq")
-}
-
 /// Reads a number with its unit, at a tempo.
 pub(super) fn number(shape: NumberShape, text: &str, span: Span, tempo: Tempo) -> Result<Quantity, Box<Diagnostic>> {
     match shape {

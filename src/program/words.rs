@@ -61,14 +61,13 @@ pub(super) enum Operation {
     Let,
     /// Another statement that the grammar could not read as what it is: what it should look like, and what to write.
     Malformed(&'static str, &'static str),
-    /// The language has it; this version does not.
-    Later,
 }
 
 /// Which setting a row changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Setting {
     Language,
+    Robots,
     Board,
     Tempo,
     Meter,
@@ -79,6 +78,20 @@ pub(super) enum Setting {
     Soft,
     Limit,
     Joint,
+}
+
+impl Setting {
+    /// Whether all robots share it.
+    pub(super) fn is_shared(self) -> bool {
+        matches!(self, Setting::Language | Setting::Robots | Setting::Tempo | Setting::Meter | Setting::Seed)
+    }
+}
+
+impl Operation {
+    /// Whether it is run for each robot that its line is for. Everything else is run once.
+    pub(super) fn is_per_robot(self) -> bool {
+        matches!(self, Operation::Say | Operation::Expect)
+    }
 }
 
 /// How a line looks that starts with a word.
@@ -287,10 +300,17 @@ pub const SETTINGS: &[Row] = &[
         Operation::Set(Setting::Language),
     ),
     Row::new(
+        "robots",
+        "robots NAME, NAME",
+        "robots left, right",
+        "the names of the robots, at most 8: `left:` before a command, call or block binds it to one of them, and `left, right:` to several; everything else is for all",
+        Operation::Set(Setting::Robots),
+    ),
+    Row::new(
         "board",
         "board FAMILY",
         "board raspblock",
-        "the board that the script is for: a family, or a text board in quotation marks, such as `board \"my-robot.toml\"`; before all other settings except `language`",
+        "the board that the script is for: a family, or a text board in quotation marks, such as `board \"my-robot.toml\"`; before all other settings except `language` and `robots`",
         Operation::Set(Setting::Board),
     )
     .may_be_a_name(),
@@ -346,7 +366,6 @@ pub const SETTINGS: &[Row] = &[
         "names a servo: the name may be written wherever its number may; its degrees count from `zero`, or from the middle, in the other direction with `reversed`; A..B, in degrees or in the unit of the servo, narrows its range; one for each servo",
         Operation::Set(Setting::Joint),
     ).repeats().may_be_a_name(),
-    Row::reserved("robots", Operation::Later),
 ];
 
 /// The word of a gate that waits for a report.

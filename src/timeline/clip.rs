@@ -130,10 +130,11 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
     // Only the last pass says goodbye.
     let mut all = if more > 0 { first.clone().without_goodbye() } else { first.clone() };
     let inner = again.clone().without_goodbye();
+    let mut marks = all.marks.to_vec();
     for pass in 0..more {
         let again = if pass + 1 < more { &inner } else { again };
         let by = first.end + again.end * pass;
-        let (before, gates) = (Cut::end(&all), all.gates.len());
+        let (before, gates) = (Cut { marks: marks.len(), ..Cut::end(&all) }, all.gates.len());
         all.events.extend(again.events.iter().map(|event| Event { at: event.at + by, ..event.clone() }));
         let tweens = again.tweens.iter();
         all.tweens.extend(tweens.map(|tween| Tween { at: tween.at + by, end: tween.end + by, ..tween.clone() }));
@@ -144,11 +145,12 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
             ..expect.clone()
         }));
         all.cues.extend(again.cues.iter().map(|cue| Cue { at: cue.at + by, ..cue.clone() }));
-        let marks = again.marks.iter();
-        all.marks.extend(marks.map(|mark| Mark { at: mark.at + by, gates: mark.gates + gates, ..mark.clone() }));
+        let more = again.marks.iter();
+        marks.extend(more.map(|mark| Mark { at: mark.at + by, gates: mark.gates + gates, ..mark.clone() }));
         let next = |gate: &Gate| gate.next.plus(before);
         all.gates.extend(again.gates.iter().map(|gate| Gate { at: gate.at + by, next: next(gate), ..gate.clone() }));
     }
+    all.marks = marks.into();
     all.end = end;
     Some(all)
 }

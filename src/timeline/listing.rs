@@ -11,6 +11,8 @@ use crate::board::{Board, Command, Frame};
 use crate::source::Lines;
 use crate::units::Micros;
 
+/// The start of the line before the frames of a robot.
+pub(super) const ROBOT: &str = "# robot\t";
 /// The start of the line of a gate.
 pub(super) const GATE: &str = "# gate\t";
 
@@ -36,16 +38,30 @@ impl Timeline {
     }
 }
 
+/// The line before the frames of a robot, if the script names its robots: `# robot`, TAB, its name.
+pub fn write_robot(timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
+    timeline.robot.as_ref().map_or(Ok(()), |robot| writeln!(out, "{ROBOT}{robot}"))
+}
+
+/// The listings of all robots, one after another, each with its [`write_robot`] line.
+pub fn write_listings(timelines: &[Timeline], out: &mut impl Write) -> io::Result<()> {
+    timelines.iter().try_for_each(|timeline| {
+        write_robot(timeline, out)?;
+        write_listing(timeline, timeline.items(), out)
+    })
+}
+
 /// One TAB-separated line per frame: seconds, the frame in hex, the command, and the kind of frame
-/// unless it is a plain command. The line of a gate is a comment with its time.
+/// unless it is a plain command. If the script names its robots, a fifth column has the name; the
+/// fourth may be empty then. The line of a gate is a comment with its time.
 pub fn write_listing<'t>(
-    board: &Board,
+    timeline: &Timeline,
     mut items: impl Iterator<Item = Item<'t>>,
     out: &mut impl Write,
 ) -> io::Result<()> {
     let mut bytes = Vec::new();
     items.try_for_each(|item| match item {
-        Item::Event(event) => write_line(board, event, &mut bytes, out),
+        Item::Event(event) => write_line(timeline, event, &mut bytes, out),
         Item::Gate(gate) => write_gate(gate, out),
     })
 }
@@ -56,16 +72,20 @@ pub(super) fn write_gate(gate: &Gate, out: &mut impl Write) -> io::Result<()> {
 }
 
 /// Writes the line of one frame; `bytes` is a reusable buffer.
-pub(super) fn write_line(board: &Board, event: &Event, bytes: &mut Vec<u8>, out: &mut impl Write) -> io::Result<()> {
-    write_moment(board, event.at, &event.command, event.kind, bytes, out)
+pub(super) fn write_line(
+    timeline: &Timeline,
+    event: &Event,
+    bytes: &mut Vec<u8>,
+    out: &mut impl Write,
+) -> io::Result<()> {
+    let moment = (event.at, &event.command, event.kind);
+    write_moment(&timeline.board, moment, timeline.robot.as_deref(), bytes, out)
 }
 
-#[expect(clippy::too_many_arguments, reason = "a line and what it is written with")]
 pub(super) fn write_moment(
     board: &Board,
-    at: Micros,
-    command: &Command,
-    kind: Kind,
+    (at, command, kind): (Micros, &Command, Kind),
+    robot: Option<&str>,
     bytes: &mut Vec<u8>,
     out: &mut impl Write,
 ) -> io::Result<()> {
@@ -73,9 +93,10 @@ pub(super) fn write_moment(
     board.encode(command, bytes);
     let frame = Frame::new(board, bytes).map_err(io::Error::other)?;
     write!(out, "{at:.6}\t{frame}\t{}", board.show(command))?;
-    match kind.word() {
-        Some(word) => writeln!(out, "\t{word}"),
-        None => writeln!(out),
+    match (kind.word(), robot) {
+        (word, Some(robot)) => writeln!(out, "\t{}\t{robot}", word.unwrap_or_default()),
+        (Some(word), None) => writeln!(out, "\t{word}"),
+        (None, None) => writeln!(out),
     }
 }
 
@@ -88,12 +109,14 @@ pub fn write_hex<'t>(board: &Board, items: impl Iterator<Item = Item<'t>>, out: 
 /// One JSON object per line, for each frame and each gate. The time is in microseconds; `file` and
 /// `line` are the place in the script. A gate has no frame.
 pub fn write_jsonl<'t>(
-    board: &Board,
+    timeline: &Timeline,
     mut items: impl Iterator<Item = Item<'t>>,
     lines: &Lines<'_>,
     out: &mut impl Write,
 ) -> io::Result<()> {
     let mut bytes = Vec::new();
+    let board = &timeline.board;
+    let robot = timeline.robot.as_deref();
     items.try_for_each(|item| {
         let (at, frame, command, kind, span) = match item {
             Item::Event(event) => {
@@ -104,7 +127,7 @@ pub fn write_jsonl<'t>(
             Item::Gate(gate) => (gate.at, None, gate.gate.to_string(), "gate", gate.span),
         };
         let place = lines.place(span);
-        let object = Object { at, frame, command, kind, file: place.file, line: place.line, robot: () };
+        let object = Object { at, frame, command, kind, file: place.file, line: place.line, robot };
         serde_json::to_writer(&mut *out, &object)?;
         out.write_all(b"\n")
     })
@@ -122,8 +145,8 @@ struct Object<'a> {
     kind: &'static str,
     file: &'a str,
     line: usize,
-    /// Always null. Reserved for the name of the robot.
-    robot: (),
+    /// Null if the script names no robots.
+    robot: Option<&'a str>,
 }
 
 /// The bytes of all frames, exactly as the port gets them.

@@ -27,7 +27,7 @@ use crate::units::Micros;
 
 pub use clip::{Clip, check_passes, clip, passes, state_after};
 pub use gates::{Cut, Gate, Position};
-pub use listing::{Item, write_bin, write_hex, write_jsonl, write_listing};
+pub use listing::{Item, write_bin, write_hex, write_jsonl, write_listing, write_listings, write_robot};
 pub use notes::{Note, NoteKind, gate_notes};
 pub(crate) use snapshot::write_aborted;
 pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
@@ -36,6 +36,8 @@ pub use tween::Tween;
 /// Everything that a script sends to a robot and shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
+    /// The name of the robot, if the script names its robots.
+    pub robot: Option<Arc<str>>,
     /// The board.
     pub board: Arc<Board>,
     /// Every frame, in the order of sending.
@@ -48,8 +50,8 @@ pub struct Timeline {
     pub cues: Vec<Cue>,
     /// What the board is expected to report, sorted by time.
     pub expects: Vec<Expectation>,
-    /// Named moments, sorted by time.
-    pub marks: Vec<Mark>,
+    /// Named moments, sorted by time. All robots of a script have the same.
+    pub marks: Arc<[Mark]>,
     /// Where the clock of the script stops, in order.
     pub gates: Vec<Gate>,
     /// Lines to show after something ended a run early.
@@ -64,8 +66,8 @@ pub struct Timeline {
     /// How often the command of each resource is sent again while it holds, also at a closed gate;
     /// `None` for never.
     pub refresh: Vec<Option<Micros>>,
-    /// The calls and passes that led to each event.
-    pub traces: Traces,
+    /// The calls and passes that led to each event, of all robots.
+    pub traces: Arc<Traces>,
     /// The limits that the script sets, and the default limits.
     pub limits: Vec<Limit>,
     /// The assumed speed of each resource, in the unit of its value per second; `None` for
@@ -231,18 +233,26 @@ impl Event {
     }
 }
 
-/// Schedules a program that [`order`] has sorted, with at most `events` frames, and reports errors
-/// in the result.
-pub(crate) fn timeline(program: Program, events: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    let timeline = schedule::schedule(program, events, diagnostics);
-    wire::check(&timeline, diagnostics);
-    lints::servo_speed::check(&timeline, diagnostics);
-    timeline
+/// Schedules programs that [`order`] has sorted, one for each robot, with at most `events` frames
+/// each, and reports errors in the result.
+pub(crate) fn timelines(programs: Vec<Program>, events: usize, diagnostics: &mut Diagnostics) -> Vec<Timeline> {
+    let mut timelines: Vec<Timeline> = Vec::with_capacity(programs.len());
+    for program in programs {
+        diagnostics.about(program.robot.as_ref());
+        let marks = timelines.first().map(|first| &first.marks);
+        let timeline = schedule::schedule(program, marks, events, diagnostics);
+        wire::check(&timeline, diagnostics);
+        lints::servo_speed::check(&timeline, diagnostics);
+        timelines.push(timeline);
+    }
+    diagnostics.about(None);
+    timelines
 }
 
 /// Sorts a program by time and reports clashes. The program may have other errors, but its times
 /// are right.
 pub(crate) fn order(program: &mut Program, sources: &Sources, diagnostics: &mut Diagnostics) {
+    diagnostics.about(program.robot.as_ref());
     // One step may have become several, for several parts.
     let index = |step: &Step| if let Action::Send(command) = &step.action { command.value(0) } else { None };
     let key = |step: &Step| (step.at.micros(), step.order, index(step));
@@ -263,6 +273,7 @@ pub(crate) fn order(program: &mut Program, sources: &Sources, diagnostics: &mut 
     if let Some(abort) = &program.abort {
         clashes::check(program, &abort.steps, sources, diagnostics);
     }
+    diagnostics.about(None);
 }
 
 /// The resources that a step occupies.

@@ -18,7 +18,7 @@ use super::listing::{GATE, Item, write_gate, write_line, write_moment};
 use super::tween::{MoveTracker, StepRole};
 use super::{Cut, Event, Gate, Kind, Timeline, Tween};
 use crate::board::{Board, Command, Frame, Hex};
-use crate::program::{self, Ease, TraceId, Traces};
+use crate::program::{self, Ease, TraceId};
 use crate::source::Span;
 use crate::units::{Micros, Nanos};
 
@@ -110,20 +110,21 @@ impl Snapshot {
         let events = |moments: &[Moment]| moments.iter().map(Event::from).collect();
         let (end, more) = (self.moments.last().map_or(Micros::ZERO, |last| last.at), self.more.as_ref());
         Timeline {
+            robot: None,
             board: Arc::clone(&self.board),
             events: events(&self.moments),
             tweens: more.map(|more| more.tweens.clone()).unwrap_or_default(),
             abort: more.map(|more| events(&more.abort)).unwrap_or_default(),
             cues: Vec::new(),
             expects: Vec::new(),
-            marks: Vec::new(),
+            marks: Arc::default(),
             gates: more.map(|more| more.gates.clone()).unwrap_or_default(),
             abort_cues: Vec::new(),
             end: more.map_or(end, |more| more.end),
             baud: more.map_or(self.board.baud, |more| more.baud),
             soft: None,
             refresh: Vec::new(),
-            traces: Traces::default(),
+            traces: Arc::default(),
             limits: Vec::new(),
             speeds: Vec::new(),
             bars: None,
@@ -211,13 +212,13 @@ pub fn write_snapshot(name: &str, timeline: &Timeline, out: &mut impl Write) -> 
         if let StepRole::First(Tween { at, end, ease, steps }) = tracker.take(&event.command, event.kind) {
             writeln!(out, "{MOVE}{at:.6}\t{end:.6}\t{}\t{steps}", ease.name())?;
         }
-        write_line(&timeline.board, event, &mut bytes, out)?;
+        write_line(timeline, event, &mut bytes, out)?;
     }
     if !timeline.abort.is_empty() {
         writeln!(out, "{ABORT}")?;
     }
     for event in &timeline.abort {
-        write_line(&timeline.board, event, &mut bytes, out)?;
+        write_line(timeline, event, &mut bytes, out)?;
     }
     let count = timeline.events.len() + timeline.abort.len();
     writeln!(out, "{END}{:.6}\tframes\t{count}\tbaud\t{}", timeline.end, timeline.baud)
@@ -234,7 +235,7 @@ pub(crate) fn write_aborted(
     write_head(board, name, out)?;
     let mut bytes = Vec::new();
     for moment in moments {
-        write_moment(board, moment.at, &moment.command, moment.kind, &mut bytes, out)?;
+        write_moment(board, (moment.at, &moment.command, moment.kind), None, &mut bytes, out)?;
     }
     let end = moments.last().map_or(Micros::ZERO, |moment| moment.at);
     writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())

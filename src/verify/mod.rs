@@ -194,7 +194,7 @@ impl Job {
         };
         let compiled = crate::compile(&sources, &self.options);
         let lines = Lines::of(&sources);
-        match (expected_error(sources.main()), compiled.timeline) {
+        match (expected_error(sources.main()), compiled.clone().timeline()) {
             (Some(expected), _) => {
                 let wrong = expectation(expected, &compiled.diagnostics);
                 let wrong: Vec<Problem> =

@@ -16,7 +16,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme};
 use motionseq::diagnostic::{Attached, Diagnostic, Diagnostics, Printable};
 use motionseq::program::Options;
 use motionseq::source::{Disk, Files as _, Sources};
-use motionseq::timeline::write_listing;
+use motionseq::timeline::write_listings;
 pub(crate) use scratch::{Scratch, code, with_motionseq};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT};
 
@@ -35,9 +35,7 @@ pub(crate) fn listing_and_messages(path: &Path) -> String {
     let sources = Sources::new(source, Disk);
     let compiled = motionseq::compile(&sources, &Options::default());
     let mut text = Vec::new();
-    if let Some(timeline) = &compiled.timeline {
-        write_listing(&timeline.board, timeline.items(), &mut text).unwrap();
-    }
+    write_listings(&compiled.timelines, &mut text).unwrap();
     let mut text = String::from_utf8(text).unwrap();
     // Other files are named by their whole path.
     let folder = format!("{}/", path.parent().unwrap().display());

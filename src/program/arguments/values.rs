@@ -106,7 +106,8 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
     /// The index of a joint for a verb; `None` if it is a joint of another, which is reported.
     pub(in crate::program) fn index_of(&mut self, joint: usize, id: VerbId, span: Span) -> Option<i32> {
         let board = self.eval.board;
-        let (joint, verb) = (self.eval.joints.get(joint)?, board.verb(id)?);
+        let Some(own) = self.eval.own_joint(joint) else { return self.no_joint(joint, span) };
+        let (joint, verb) = (self.eval.joints.get(own)?, board.verb(id)?);
         if joint.fits(board, id, verb) {
             return joint.limited.index;
         }
@@ -114,6 +115,16 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
         let diagnostic = diagnostic!(InvalidArgument, span, "`{}` is a joint of `{own}`, not of `{}`", joint.name, verb.word;
             help: "write a number, or a joint of `{}`", verb.word);
         let diagnostic = diagnostic.related(joint.span, "its joint");
+        self.eval.push(diagnostic);
+        None
+    }
+
+    /// Reports a joint that only another robot has.
+    fn no_joint<T>(&mut self, joint: usize, span: Span) -> Option<T> {
+        let (joint, robot) = (self.eval.joints.get(joint)?, self.eval.robot_name()?);
+        let diagnostic = diagnostic!(UnknownName, span, "the robot `{robot}` has no joint `{}`", joint.name;
+            help: "define it: `{robot}: joint {} …`", joint.name);
+        let diagnostic = diagnostic.related(joint.span, "a joint of another robot");
         self.eval.push(diagnostic);
         None
     }

@@ -70,8 +70,8 @@ impl<'s> Walker<'s, '_> {
         let Passes { count, every, name } = passes;
         let repeat = at.command.head.span;
         let mut now = at.start;
-        // With one pass, there is nothing to reuse.
-        let mut cached = (count > 1).then(|| CachedLines::new(self.eval.scope.locals()));
+        // With one pass, there is nothing to reuse. With several robots, a line may add a step to each.
+        let mut cached = (count > 1 && self.eval.robots.is_empty()).then(|| CachedLines::new(self.eval.scope.locals()));
         for pass in 0..count {
             self.bounds.done.steps += 1;
             let mark = self.eval.scope.open();
@@ -118,26 +118,44 @@ impl<'s> Walker<'s, '_> {
         if !at.frame.top || !self.eval.scope.main {
             return self.eval.top_level("on abort", span);
         }
-        if let Some(first) = self.on_abort {
-            let diagnostic = diagnostic!(Abort, span, "there is a second `on abort`"; help: "keep one of the two");
+        let count = self.count();
+        let mut places = Vec::new();
+        for robot in at.frame.robots.among(count) {
+            self.switch(robot);
+            places.extend(self.robot.abort.as_ref().map(|(_, place)| *place));
+        }
+        if let Some(first) = places.first().copied() {
+            let message = match self.eval.robots.as_slice() {
+                [] => "there is a second `on abort`",
+                _ => "there is a second `on abort` for a robot",
+            };
+            let diagnostic = diagnostic!(Abort, span, "{message}"; help: "keep one of the two");
             let diagnostic = diagnostic.label("again here").related(first, "first here");
             self.eval.push(diagnostic);
             return None;
         }
         let block = at.command.block.as_ref()?;
         // Its frames have a bound of their own.
-        let steps = std::mem::take(&mut self.program.steps);
+        let mut steps = Vec::new();
+        for robot in 0..count {
+            self.switch(robot);
+            steps.push(std::mem::take(&mut self.robot.steps));
+        }
         let sent = std::mem::take(&mut self.bounds.done.events);
         self.in_abort = true;
         let end = self.block(block, Time::ZERO, false, at.frame);
         self.in_abort = false;
         self.bounds.done.events = sent;
-        let steps = std::mem::replace(&mut self.program.steps, steps);
+        for (robot, steps) in steps.into_iter().enumerate() {
+            self.switch(robot);
+            let steps = std::mem::replace(&mut self.robot.steps, steps);
+            if at.frame.robots.contains(robot) {
+                self.robot.abort = Some((Abort { steps, end }, span));
+            }
+        }
         if end > LONGEST {
             bail!(self.eval, Abort, span, "`on abort` takes {end}"; help: "make it shorter: at most 2 s");
         }
-        self.program.abort = Some(Abort { steps, end });
-        self.on_abort = Some(span);
         Some(at.start)
     }
 

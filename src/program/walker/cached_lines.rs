@@ -71,13 +71,13 @@ impl<'s> Walker<'s, '_> {
             return self.line(&line, frame);
         }
         let outer = cached.outer;
-        let before = self.program.steps.len();
+        let before = self.robot.steps.len();
         (self.eval.varies, self.eval.scope.newest) = (false, 0);
         self.line(&line, frame)?;
         if self.eval.varies || self.eval.scope.newest > outer {
             return Some(());
         }
-        let step = self.program.steps.get(before);
+        let step = self.robot.steps.get(before);
         let (start, end) = (step.map_or(from, |step| step.at), frame.now);
         // Whole nanoseconds are added and subtracted exactly.
         if [from, start, end].into_iter().all(Time::is_whole)

@@ -32,13 +32,25 @@ impl<'c, 's> At<'c, 's> {
 }
 
 impl<'s, 'd> Walker<'s, 'd> {
-    /// Runs a command; returns when it has ended.
+    /// Runs a command for each robot that it is for; returns when it has ended.
     pub(super) fn command(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
+        if self.eval.robots.is_empty() {
+            return self.command_of_robot(command, start, frame);
+        }
+        frame.robots.among(self.count()).take(1).for_each(|robot| self.switch(robot));
+        match words::of_command(self.eval.board, command) {
+            Some(Word::Row(row)) if !row.does.is_per_robot() => self.command_of_robot(command, start, frame),
+            _ => self.for_each(frame.robots, |walker| walker.command_of_robot(command, start, frame)),
+        }
+    }
+
+    /// Runs a command for the current robot.
+    fn command_of_robot(&mut self, command: &Command<'s>, start: Time, frame: &Frame) -> Option<Time> {
         let row = match words::of_command(self.eval.board, command) {
             Some(Word::Verb(id, verb)) => return self.verb(command, id, verb, start),
             Some(Word::Row(row)) => row,
             None => {
-                self.eval.unknown_word(command);
+                self.eval.unknown_command(command, frame.robots);
                 return None;
             }
         };
@@ -56,7 +68,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             Operation::Let => self.eval.malformed_let(command),
             Operation::Malformed(message, help) => bail!(self.eval, Syntax, command.span, "{message}"; help: "{help}"),
             // A line with a setting is not run as a command.
-            Operation::Set(_) | Operation::Later => None,
+            Operation::Set(_) => None,
         }
     }
 
@@ -83,6 +95,11 @@ impl<'s, 'd> Walker<'s, 'd> {
         let text = say::say(value, args.eval);
         args.finish()?;
         let text = text?;
+        // The same line is shown once for all robots; one with reports is shown for each.
+        let is_first = at.frame.robots.among(self.count()).next() == Some(self.eval.robot);
+        if !is_first && !text.is_live() {
+            return Some(at.start);
+        }
         self.keep(cost::SAY, text.size(), at.command.span)?;
         self.push(at.start, at.command.span, Action::Say(Box::new(text)));
         Some(at.start)
@@ -131,8 +148,8 @@ impl<'s, 'd> Walker<'s, 'd> {
             return self.eval.given_twice(name, first);
         }
         self.keep(cost::MARK, name.text.len(), at.command.span)?;
-        let order = self.next_order();
-        self.program.marks.push(Mark { name: name.text.to_owned(), at: at.start, span: at.command.span, order });
+        let order = self.order;
+        self.marks.push(Mark { name: name.text.to_owned(), at: at.start, span: at.command.span, order });
         self.eval.scope.bind(name, Quantity::Moment(at.start), Kind::Mark);
         Some(at.start)
     }
@@ -196,13 +213,13 @@ impl<'s, 'd> Walker<'s, 'd> {
         }
         let board = self.eval.board;
         for resource in resources {
-            let limits = self.program.settings.limits.iter();
+            let limits = self.robot.settings.limits.iter();
             let limited =
                 limits.filter(|limit| board.occupied(limit.limited.verb, limit.limited.index).contains(resource));
             let mut limited =
                 limited.filter_map(|limit| Some((board.verb(limit.limited.verb)?.uses_as.clone(), limit.span?)));
             let usual = board.resource(*resource).and_then(|found| found.speed);
-            let has_speed = self.program.settings.speeds.get(*resource).is_some_and(|speed| *speed != usual);
+            let has_speed = self.robot.settings.speeds.get(*resource).is_some_and(|speed| *speed != usual);
             let moving = board.verbs.iter().find(|other| other.moves && !other.uses_as.is_empty());
             if let Some(moving) = moving.filter(|moving| has_speed && moving.uses_as != verb.uses_as) {
                 let name = board.resource(*resource).map_or("", |resource| &resource.name);
@@ -213,7 +230,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             }
             let (other, first) = match limited.next_back() {
                 Some(limited) => limited,
-                None => self.uses.entry(*resource).or_insert_with(|| (verb.uses_as.clone(), span)).clone(),
+                None => self.robot.uses.entry(*resource).or_insert_with(|| (verb.uses_as.clone(), span)).clone(),
             };
             if other != verb.uses_as {
                 let name = board.resource(*resource).map_or("", |resource| &resource.name);
@@ -238,9 +255,10 @@ impl<'s, 'd> Walker<'s, 'd> {
             return;
         }
         // A stop is never refused.
-        if let Some(diagnostic) = limits::broken(board, &self.program.settings, &command, span)
+        if let Some(diagnostic) = limits::broken(board, &self.robot.settings, &command, span)
             && !board.is_rest(&command)
         {
+            let diagnostic = self.eval.of_robot(diagnostic);
             self.eval.push(diagnostic);
             return;
         }
@@ -262,13 +280,9 @@ impl<'s, 'd> Walker<'s, 'd> {
     #[inline]
     pub(super) fn push(&mut self, at: Time, span: Span, action: Action) {
         let trace = self.eval.traces.here();
-        let order = self.next_order();
+        let order = self.order;
+        self.order = self.order.saturating_add(1);
         self.bounds.count(&action);
-        self.program.steps.push(Step { at, span, trace, order, action });
-    }
-
-    /// The place of the next step in the order of unrolling.
-    fn next_order(&self) -> u32 {
-        u32::try_from(self.program.steps.len()).unwrap_or(u32::MAX)
+        self.robot.steps.push(Step { at, span, trace, order, action });
     }
 }

@@ -6,6 +6,7 @@ mod commands;
 mod files;
 mod gates;
 mod phrases;
+mod robots;
 mod settings;
 mod starts;
 
@@ -20,51 +21,43 @@ use super::lints;
 use super::scope;
 use super::suggest::suggest;
 use super::time::Time;
-use super::trace::Traces;
-use super::value::not_yet;
 use super::words::{self, Word};
 use cached_lines::CachedLines;
 use files::Files;
 
-use super::{Options, Program, Settings};
+use super::robots::RobotSet;
+use super::{Abort, Mark, Options, Program, Settings, Step};
 use crate::board::{Board, ResourceId, Text};
 use crate::diagnostic::{Diagnostics, bail, report};
 use crate::source::{Sources, Span};
 use crate::syntax::{Block, Expression, If, Line, LineRef, Lines, Part, Statement};
 
-/// Runs a script to its end.
+/// Runs a script to its end; returns one program for each robot.
 pub(super) fn walk<'s>(
     script: &mut Lines<'s>,
     sources: &'s Sources,
     options: &Options,
     diagnostics: &mut Diagnostics,
-) -> Program {
+) -> Vec<Program> {
     let boards = FrozenVec::new();
     let board = boards.push_get(Box::new(Arc::clone(&options.board)));
-    let program = Program {
-        board: Arc::clone(board),
-        settings: Settings::of(options, board),
-        steps: Vec::new(),
-        end: Time::ZERO,
-        abort: None,
-        marks: Vec::new(),
-        has_gates: false,
-        traces: Traces::default(),
-        times_known: !diagnostics.has_errors(),
-    };
+    let times_known = !diagnostics.has_errors();
     let mut walker = Walker {
         eval: Evaluator::new(diagnostics, board, sources),
         boards: &boards,
         options,
         bounds: Bounds::new(options.events),
-        program,
+        robot: Robot::new(board, options),
+        others: Vec::new(),
+        order: 0,
+        marks: Vec::new(),
+        has_gates: false,
+        times_known,
         sets: Vec::new(),
         files: Files::of(sources),
         touched: HashSet::new(),
         failed: None,
-        on_abort: None,
         in_abort: false,
-        uses: HashMap::new(),
         is_board_unknown: false,
     };
     walker.read_sets(&options.set);
@@ -73,7 +66,7 @@ pub(super) fn walk<'s>(
         let errors = walker.eval.diagnostics.errors();
         let line = script.next(walker.eval.diagnostics, &mut walker.eval.pending.lost);
         // Text that could not be read may have moved anything.
-        walker.program.times_known &= walker.eval.diagnostics.errors() == errors;
+        walker.times_known &= walker.eval.diagnostics.errors() == errors;
         let Some(line) = line else { break };
         walker.eval.pending.read(line);
         if walker.is_board_unknown {
@@ -99,12 +92,14 @@ struct Frame {
     joined: bool,
     /// What makes something outside of it run at the same time: `together`, or `;`.
     beside: Option<&'static str>,
+    /// The robots that its lines are for.
+    robots: RobotSet,
     /// Whether it is the top level of the script.
     top: bool,
     /// Whether it has run anything but settings.
     begun: bool,
-    /// Its settings, with their places.
-    given: Vec<(&'static str, Span)>,
+    /// Its settings, with their places and their robots.
+    given: Vec<(&'static str, Span, RobotSet)>,
     /// In a pass of a `repeat`, what its lines do in every pass.
     cached: Option<CachedLines>,
     /// How many blocks and calls contain it.
@@ -114,7 +109,8 @@ struct Frame {
 impl Frame {
     /// That of a block inside of this one, or of a call.
     fn inside(&self, start: Time) -> Self {
-        Frame { start, now: start, latest: start, beside: self.beside(), depth: self.depth + 1, ..Frame::default() }
+        let (beside, depth, robots) = (self.beside(), self.depth + 1, self.robots);
+        Frame { start, now: start, latest: start, beside, depth, robots, ..Frame::default() }
     }
 
     /// What makes something else run at the same time as its lines: `together`, or `;`.
@@ -140,25 +136,51 @@ struct Walker<'s, 'd> {
     boards: &'d FrozenVec<Box<Arc<Board>>>,
     options: &'d Options,
     bounds: Bounds,
-    /// What has been run. Its traces are the evaluator's until the end.
-    program: Program,
+    /// The robot that lines are run for now.
+    robot: Robot<'d>,
+    /// The other robots, by their numbers.
+    others: Vec<Option<Robot<'d>>>,
+    /// The place of the next step in the order of unrolling.
+    order: u32,
+    /// Moments that have a name.
+    marks: Vec<Mark>,
+    /// Whether any step is a gate.
+    has_gates: bool,
+    /// Whether all times are right.
+    times_known: bool,
     sets: Vec<Set<'s>>,
     files: Files,
     /// The `if`s whose names were counted as used.
     touched: HashSet<Span>,
     /// The first line that could not be run.
     failed: Option<Span>,
-    /// The place of `on abort`, and whether it is being run.
-    on_abort: Option<Span>,
+    /// Whether `on abort` is being run.
     in_abort: bool,
-    /// How each resource was used first, and where, if its board distinguishes that.
-    uses: HashMap<ResourceId, (Text, Span)>,
     /// Whether the line that chooses the board is wrong. Errors about the commands after it would be wrong, too.
     is_board_unknown: bool,
 }
 
+/// What one robot has, and what it does.
+#[derive(Clone)]
+struct Robot<'d> {
+    board: &'d Arc<Board>,
+    settings: Settings,
+    steps: Vec<Step>,
+    /// What is sent when something ends a run early, and its place.
+    abort: Option<(Abort, Span)>,
+    /// How each resource was used first, and where, if the board distinguishes that.
+    uses: HashMap<ResourceId, (Text, Span)>,
+}
+
+impl<'d> Robot<'d> {
+    fn new(board: &'d Arc<Board>, options: &Options) -> Self {
+        let settings = Settings::of(options, board);
+        Robot { board, settings, steps: Vec::new(), abort: None, uses: HashMap::new() }
+    }
+}
+
 impl<'s> Walker<'s, '_> {
-    fn finish(mut self, frame: &Frame) -> Program {
+    fn finish(mut self, frame: &Frame) -> Vec<Program> {
         std::mem::take(&mut self.eval.pending).complete(self.eval.sources, self.eval.diagnostics);
         for set in self.sets.iter().filter(|set| !set.used) {
             let name = set.name;
@@ -179,11 +201,11 @@ impl<'s> Walker<'s, '_> {
                 help: "write a command, such as `servo 1 1500`");
         }
         // A script that sends nothing is a file of phrases. Lines that were not run because of an error may use a name.
-        let is_phrases = self.program.steps.is_empty() && frame.latest == Time::ZERO;
+        let is_phrases = self.order == 0 && frame.latest == Time::ZERO;
         if !is_phrases && !self.eval.diagnostics.has_errors() {
             lints::unused::check(&mut self.eval);
         }
-        Program { end: frame.latest, traces: self.eval.traces, ..self.program }
+        self.programs(frame.latest)
     }
 
     /// Runs a block from `start` on; returns when everything in it has ended.
@@ -213,7 +235,7 @@ impl<'s> Walker<'s, '_> {
                 return;
             }
             if self.run_line(place, line, frame).is_none() {
-                self.program.times_known = false;
+                self.times_known = false;
                 self.failed.get_or_insert(line.span());
             }
             self.bounds.check_length(frame.latest, line.span(), &mut self.eval);
@@ -233,9 +255,8 @@ impl<'s> Walker<'s, '_> {
         };
         let joined = line.parts.len() > 1;
         frame.joined = joined;
-        if let ([Part { statement: Statement::If(each), robots }], false) = (line.parts.as_slice(), joined)
-            && robots.is_empty()
-        {
+        if let ([Part { statement: Statement::If(each), robots }], false) = (line.parts.as_slice(), joined) {
+            let outer = self.name_robots(robots, frame)?;
             frame.now = start;
             frame.latest = frame.latest.max(start);
             // In a `together`, every line of the branch starts when the `if` does.
@@ -243,12 +264,17 @@ impl<'s> Walker<'s, '_> {
             frame.together = together.map(|_| start);
             let done = self.branch(each, frame);
             frame.together = together;
+            frame.robots = outer;
             return done;
         }
         // Every part is run, so that every mistake in the line is found.
         let mut end = Some(start);
         for part in &line.parts {
-            let ended = self.part(part, joined, start, frame);
+            let ended = self.name_robots(&part.robots, frame).and_then(|outer| {
+                let ended = self.part(part, joined, start, frame);
+                frame.robots = outer;
+                ended
+            });
             end = end.zip(ended).map(|(end, ended)| end.max(ended));
         }
         frame.now = end?;
@@ -294,9 +320,9 @@ impl<'s> Walker<'s, '_> {
 
     /// Runs one part of a line; returns when it has ended, or `None` if it has a mistake.
     fn part(&mut self, part: &Part<'s>, joined: bool, start: Time, frame: &Frame) -> Option<Time> {
-        if let Some(robot) = part.robots.first() {
-            self.eval.push(not_yet(robot.span, "a command for one of several robots"));
-            return None;
+        if let (Some(robot), Some(word)) = (part.robots.first(), word_for_all(&part.statement)) {
+            bail!(self.eval, Robots, robot.span, "`{word}` is the same for all robots";
+                help: "remove `{}:`", self.eval.robot_names(frame.robots));
         }
         if joined && let Some((word, span)) = must_be_alone(self.eval.board, &part.statement) {
             bail!(self.eval, Joined, span, "`{word}` cannot be joined to other commands";
@@ -311,6 +337,16 @@ impl<'s> Walker<'s, '_> {
             Statement::If(_) => None,
             Statement::Command(command) => self.command(command, start, frame),
         }
+    }
+}
+
+/// The word of a statement that is not for single robots.
+fn word_for_all(statement: &Statement<'_>) -> Option<&'static str> {
+    match statement {
+        Statement::Let(_) => Some("let"),
+        Statement::Def(_) => Some("def"),
+        Statement::Command(command) if words::is_use(command.head.text) => Some("use"),
+        _ => None,
     }
 }
 

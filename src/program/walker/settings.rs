@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::super::arguments::Arguments;
-use super::super::value::not_yet;
+use super::super::robots::{self, RobotSet};
+use super::super::time::Time;
 use super::super::words::{self, Operation, Row, Setting, Word};
 use super::super::{Settings, settings};
 use super::{Frame, Walker};
@@ -26,16 +27,24 @@ impl<'s> Walker<'s, '_> {
             _ => None,
         });
         let Some((part, command, row)) = found else { return false };
+        let is_board = row.does == Operation::Set(Setting::Board);
+        let Some(outer) = self.name_robots(&part.robots, frame) else {
+            self.is_board_unknown |= is_board;
+            return true;
+        };
         match (self.misplaced(line, part, (row, command.head.span), frame), row.does) {
-            (Some(diagnostic), does) => {
+            (Some(diagnostic), _) => {
                 self.eval.push(diagnostic);
                 // Errors about commands of the wrong board would be wrong.
-                self.is_board_unknown |= does == Operation::Set(Setting::Board);
+                self.is_board_unknown |= is_board;
             }
-            (None, Operation::Set(Setting::Board)) => self.choose_board(Word::Row(row), command, frame),
-            (None, Operation::Set(setting)) => self.set(setting, Word::Row(row), command, frame),
+            (None, Operation::Set(setting)) => {
+                frame.given.push((row.name, command.span, frame.robots));
+                self.set(setting, Word::Row(row), command, frame);
+            }
             (None, _) => {}
         }
+        frame.robots = outer;
         true
     }
 
@@ -47,14 +56,20 @@ impl<'s> Walker<'s, '_> {
         (row, span): (&Row, Span),
         frame: &Frame,
     ) -> Option<Diagnostic> {
+        let robots = frame.robots;
         let name = row.name;
         let in_block = row.in_block && !frame.top;
         let wrong = |message, help| Some(diagnostic!(SettingPlace, span, "{message}"; help: "{help}"));
-        if row.does == Operation::Later {
-            return Some(not_yet(span, &format!("the setting `{name}`")));
+        if let (Some(robot), Operation::Set(setting)) = (part.robots.first(), row.does)
+            && setting.is_shared()
+        {
+            let names = self.eval.robot_names(robots);
+            return Some(
+                diagnostic!(Robots, robot.span, "`{name}` is the same for all robots"; help: "remove `{names}:`"),
+            );
         }
-        if line.parts.len() > 1 || line.start.is_some() || !part.robots.is_empty() {
-            let message = format!("the setting `{name}` cannot have a start time, a robot or a `;`");
+        if line.parts.len() > 1 || line.start.is_some() {
+            let message = format!("the setting `{name}` cannot have a start time or a `;`");
             return wrong(message, "write it on a line of its own, before the first command");
         }
         if in_block && frame.begun {
@@ -66,28 +81,57 @@ impl<'s> Walker<'s, '_> {
             return wrong(format!("the setting `{name}` is {place}"), help);
         }
         if row.does == Operation::Set(Setting::Board)
-            && let Some((first, _)) = frame.given.iter().find(|(given, _)| !BEFORE_BOARD.contains(given))
+            && let Some((first, ..)) =
+                frame.given.iter().find(|(given, _, of)| of.meets(robots) && !BEFORE_BOARD.contains(given))
         {
             return wrong(format!("`{name}` comes after `{first}`"), "write it first: the other settings depend on it");
         }
-        let (_, first) = frame.given.iter().find(|(given, _)| *given == name && !row.repeats)?;
+        let is_again = |given: &str, of: RobotSet| given == name && !row.repeats && of.meets(robots);
+        let (_, first, _) = frame.given.iter().find(|(given, _, of)| is_again(given, *of))?;
         let diagnostic = wrong(format!("`{name}` is set twice"), "keep one of the two")?;
         Some(diagnostic.label("again here").related(*first, "first set here"))
     }
 
-    /// Chooses the board of the script, which everything after this line depends on.
-    fn choose_board(&mut self, word: Word<'static>, command: &Command<'s>, frame: &mut Frame) {
-        frame.given.push((word.signature().name, command.span));
-        match self.board(word, command) {
-            Some(board) => {
-                let board = self.boards.push_get(Box::new(board));
-                self.eval.board = board;
-                self.program.board = Arc::clone(board);
-                let tempo = self.program.settings.tempo;
-                self.program.settings = Settings { tempo, ..Settings::of(self.options, board) };
+    fn set(&mut self, setting: Setting, word: Word<'static>, command: &Command<'s>, frame: &Frame) {
+        match setting {
+            Setting::Board => self.choose_board(word, command, frame.robots),
+            Setting::Robots => {
+                let names = Arguments::new(word, command, &mut self.eval).and_then(|mut args| {
+                    let names = robots::names(args.next_argument()?, args.eval)?;
+                    args.finish().map(|()| names)
+                });
+                match names {
+                    Some(names) => self.set_robots(names),
+                    // Errors about lines for unknown robots would be wrong.
+                    None => self.is_board_unknown = true,
+                }
             }
-            // Errors about commands of an unknown board would be wrong.
-            None => self.is_board_unknown = true,
+            _ => {
+                self.for_each(frame.robots, |walker| {
+                    walker.set_for_robot(setting, word, command, frame.top);
+                    Some(Time::ZERO)
+                });
+            }
+        }
+    }
+
+    /// Chooses the board of some robots, which everything after this line depends on.
+    fn choose_board(&mut self, word: Word<'static>, command: &Command<'s>, robots: RobotSet) {
+        // Errors about commands of an unknown board would be wrong.
+        let Some(board) = self.board(word, command) else {
+            self.is_board_unknown = true;
+            return;
+        };
+        let board = self.boards.push_get(Box::new(board));
+        for robot in robots.among(self.count()) {
+            self.switch(robot);
+            self.eval.board = board;
+            if let Some(place) = self.eval.boards.get_mut(robot) {
+                *place = board;
+            }
+            let Settings { tempo, has_tempo, seed, .. } = self.robot.settings;
+            self.robot.board = board;
+            self.robot.settings = Settings { tempo, has_tempo, seed, ..Settings::of(self.options, board) };
         }
     }
 
@@ -103,9 +147,8 @@ impl<'s> Walker<'s, '_> {
         Some(board)
     }
 
-    fn set(&mut self, setting: Setting, word: Word<'static>, command: &Command<'s>, frame: &mut Frame) {
-        frame.given.push((word.signature().name, command.span));
-        let mut settings = Settings { tempo: self.eval.tempo, ..self.program.settings.clone() };
+    fn set_for_robot(&mut self, setting: Setting, word: Word<'static>, command: &Command<'s>, is_top: bool) {
+        let mut settings = Settings { tempo: self.eval.tempo, ..self.robot.settings.clone() };
         if let Some(mut args) = Arguments::new(word, command, &mut self.eval) {
             // After a wrong value, the remaining arguments often belong to the same mistake.
             if settings::set(setting, &mut args, &mut settings).is_some() {
@@ -116,12 +159,12 @@ impl<'s> Walker<'s, '_> {
             && let Some(joint) = settings.joints.last()
             && let Some(verb) = self.eval.board.verb(joint.limited.verb).filter(|verb| !verb.uses_as.is_empty())
         {
-            self.uses.entry(joint.resource).or_insert_with(|| (verb.uses_as.clone(), joint.span));
+            self.robot.uses.entry(joint.resource).or_insert_with(|| (verb.uses_as.clone(), joint.span));
         }
         self.eval.tempo = settings.tempo;
-        if frame.top {
+        if is_top {
             self.eval.random.0 = settings.seed;
-            self.program.settings = settings;
+            self.robot.settings = settings;
         }
     }
 }

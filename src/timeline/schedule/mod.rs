@@ -7,6 +7,7 @@ mod moves;
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
+use std::sync::Arc;
 
 use super::greetings::Greetings;
 use super::lints;
@@ -18,8 +19,14 @@ use crate::source::Span;
 use crate::units::Micros;
 use ends::{End, Ends, Starts};
 
-pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnostics) -> Timeline {
-    let Program { board, settings, steps, end, abort, traces, mut marks, has_gates, .. } = program;
+/// Schedules a program. `shared` are the marks of the first robot.
+pub(super) fn schedule(
+    program: Program,
+    shared: Option<&Arc<[Mark]>>,
+    limit: usize,
+    diagnostics: &mut Diagnostics,
+) -> Timeline {
+    let Program { robot, board, settings, steps, end, abort, traces, mut marks, has_gates, .. } = program;
     marks.sort_by_key(|mark| (mark.at.micros(), mark.order));
     let mut script = Scheduler::new(&board, &settings, &traces, limit, diagnostics);
     if has_gates {
@@ -33,7 +40,8 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
     let (cues, expects) = (std::mem::take(&mut script.cues), std::mem::take(&mut script.expects));
     let places = std::mem::take(&mut script.gate_places);
     let mut gates = std::mem::take(&mut script.gates);
-    let marks: Vec<Mark> = marks.into_iter().map(|mark| mark_of(mark, &places)).collect();
+    let own = || marks.into_iter().map(|mark| mark_of(mark, &places)).collect();
+    let marks = shared.map_or_else(own, Arc::clone);
     let (events, tweens) = script.finish(steps, &places, &mut gates);
     for (before, gate) in gates.iter_mut().enumerate() {
         gate.next.marks = marks.partition_point(|mark| mark.gates <= before);
@@ -49,6 +57,7 @@ pub(super) fn schedule(program: Program, limit: usize, diagnostics: &mut Diagnos
         event.kind = Kind::Abort;
     }
     Timeline {
+        robot,
         board,
         events,
         tweens,
