@@ -116,7 +116,7 @@ impl Board {
         self.simulated.check(&family, self.baud, screen)?;
         let baud = self.baud.unwrap_or(family.baud);
         let mut pty_link = PtyLink::open(&self.link, baud).map_err(|error| refused(&error, screen))?;
-        let what = ("board", About::new(None));
+        let what = ("board", About::new(&[None]));
         let log = Log::open(self.log.as_deref(), None, what, Arc::clone(&family), screen)?;
         let signals = begin(screen)?;
         let link = self.link.display();
@@ -211,7 +211,7 @@ pub(super) fn serve_board(
         return (exit, tape);
     }
     if let Some(received) = received.filter(|_| !is_broken) {
-        board_summary(screen, &family, &received);
+        board_summary(screen, "", &family, &received);
     }
     if is_unplugged {
         screen.note(&cause);

@@ -132,7 +132,7 @@ fn json(config: &Settings, not_used: &[String], rows: &[Row]) -> String {
     let setting = |row: &Row| {
         let (source, place) = match &row.source {
             ValueSource::Option => ("command line", None),
-            ValueSource::Environment(name) => ("environment", Some((*name).to_owned())),
+            ValueSource::Environment(name) => ("environment", Some(name.clone())),
             ValueSource::File(place) => ("file", Some(place.clone())),
             ValueSource::Default => ("default", None),
         };

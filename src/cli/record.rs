@@ -98,7 +98,7 @@ impl Record {
         let port = port.map(|request| port_opening::open(&request, &signals, screen)).transpose()?;
         let path = port.as_ref().map(|(_, path)| path.clone());
         let mut pty_link = PtyLink::open(&self.link, baud).map_err(|error| board::refused(&error, screen))?;
-        let what = ("record", About::new(path.as_deref()));
+        let what = ("record", About::new(&[path.as_deref()]));
         let log = Log::open(self.log.as_deref(), file.as_ref(), what, Arc::clone(family), screen)?;
         let failed = |error: io::Error| board::failed(screen, &error);
         let tape = Tape::start(file, self.exact, baud, family, *screen).map_err(failed)?;

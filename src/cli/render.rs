@@ -56,9 +56,10 @@ impl Render {
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let compiled = self.selection.compile(&self.file, &self.options, Warnings::First, screen);
         let (sources, timeline) = match compiled {
-            Ok((sources, selected)) => (sources, selected.timeline),
+            Ok((sources, selected)) => (sources, selected.timelines.into_iter().next()),
             Err(exit) => return exit,
         };
+        let Some(timeline) = timeline else { return Exit::Script };
         let written = match &self.output {
             None => self.write(&sources, &timeline, screen, io::stdout().lock()),
             Some(path) => output::whole(path, &Inputs::of_sources(&sources), self.force).and_then(|mut file| {

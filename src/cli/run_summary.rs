@@ -8,18 +8,18 @@ use motionseq::units::Micros;
 
 use super::screen::{Screen, plural};
 
-/// Shows what a virtual board received.
-pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received) {
+/// Shows what a virtual board received. `name` comes before each line: that of its robot, if there are several.
+pub(super) fn board_summary(screen: &Screen, name: &str, board: &Board, received: &Received) {
     let frames = plural(usize::try_from(received.frames).unwrap_or(usize::MAX), "frame");
     screen.note(&format!(
-        "the virtual board received {frames} ({} bytes); {}",
+        "{name}the virtual board received {frames} ({} bytes); {}",
         received.bytes,
         described(board, received)
     ));
     let pose = received.pose;
     if (pose.x_cm, pose.y_cm, pose.yaw_deg) != (0.0, 0.0, 0.0) {
         screen.note(&format!(
-            "the robot moved {} and {} and turned {}, in nominal units",
+            "{name}the robot moved {} and {} and turned {}, in nominal units",
             way(pose.x_cm, " cm", ["to the right", "to the left"]),
             way(pose.y_cm, " cm", ["forward", "back"]),
             way(pose.yaw_deg, "°", ["clockwise", "counterclockwise"])
@@ -28,21 +28,23 @@ pub(super) fn board_summary(screen: &Screen, board: &Board, received: &Received)
     if received.lost > 0 {
         let lost = plural(usize::try_from(received.lost).unwrap_or(usize::MAX), "frame");
         screen.note(&match board.simulation {
-            Simulation::Servos => format!("{lost} did not reach the servos: an answer was on the line, or --fault"),
-            _ => format!("--fault: {lost} did not reach the board"),
+            Simulation::Servos => {
+                format!("{name}{lost} did not reach the servos: an answer was on the line, or --fault")
+            }
+            _ => format!("{name}--fault: {lost} did not reach the board"),
         });
     }
     if let [servos @ .., last] = received.fell.as_slice() {
         let others = servos.iter().fold(String::new(), |others, servo| format!("{others}{servo}, "));
         screen.note(&match servos {
-            [] => format!("servo {last} fell when its torque went off"),
-            _ => format!("servos {others}{last} fell when their torque went off"),
+            [] => format!("{name}servo {last} fell when its torque went off"),
+            _ => format!("{name}servos {others}{last} fell when their torque went off"),
         });
     }
     if let Some((at, fault)) = received.first_fault {
         let count = |count, word| plural(usize::try_from(count).unwrap_or(usize::MAX), word);
         let (frames, bytes) = (count(received.not_understood, "frame"), count(received.skipped, "byte"));
-        screen.note(&format!("the board ignored {frames} and {bytes}; the first at byte {at}: {fault}"));
+        screen.note(&format!("{name}the board ignored {frames} and {bytes}; the first at byte {at}: {fault}"));
     }
 }
 
@@ -147,10 +149,15 @@ pub(super) fn signal_name(signal: i32) -> String {
 
 /// How a gate ended: `turned > 90deg after 1.874 s: the board reports 90.12`.
 pub(super) fn passage_words(gate: &Gate, passage: Passage) -> String {
-    let awaited = gate.gate.criterion().map_or_else(|| "go".to_owned(), ToString::to_string);
+    let awaited = match gate.gate.criterion() {
+        Some(criterion) => criterion.to_string(),
+        None if gate.gate.is_go() => "go".to_owned(),
+        None => gate.gate.to_string(),
+    };
     let (took, found) = (passage.took.micros(), passage.end.words(gate.gate.unit()));
     match passage.end {
         GateEnd::Go => format!("go after {took:.3} s"),
+        GateEnd::Others => format!("{awaited}: continues after {took:.3} s"),
         GateEnd::Matched(_) => format!("{awaited} after {took:.3} s: {found}"),
         GateEnd::Continued(_) => format!("continues without {awaited} after {took:.3} s: {found}"),
         _ => format!("no {awaited} after {took:.3} s: {found}"),

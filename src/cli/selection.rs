@@ -107,9 +107,9 @@ const MANY: usize = 200_000;
 
 /// A selected part of a script, ready to play: the first pass and, for an endless run, the pass that is repeated.
 pub(super) struct Selected {
-    pub(super) timeline: Timeline,
+    pub(super) timelines: Vec<Timeline>,
     /// The repeated pass of an endless run.
-    pub(super) again: Option<Timeline>,
+    pub(super) again: Option<Vec<Timeline>>,
     /// How long the first pass takes.
     pub(super) first_pass: Micros,
     /// Converts times of the run to times of the script.
@@ -170,7 +170,10 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
                 let from = moment(&self.from).unwrap_or_default().at;
                 let length = moment(&self.to).map_or(whole.end, |to| to.at).min(whole.end) - from;
                 let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
-                Ok((sources, Selected { timeline, again, first_pass, script, diagnostics, config }))
+                {
+                    let (timelines, again) = (vec![timeline], again.map(|again| vec![again]));
+                    Ok((sources, Selected { timelines, again, first_pass, script, diagnostics, config }))
+                }
             }
             Err(why) => {
                 screen.error(&why);

@@ -26,6 +26,8 @@ pub enum GateEnd {
     Go,
     /// The time limit passed, and the script continues all the same.
     Continued(Option<Seen>),
+    /// The reports of other robots matched, or their time limit passed.
+    Others,
     /// The time limit passed.
     TimedOut(Option<Seen>),
     /// The board reported nothing, while the drive held.
@@ -53,6 +55,7 @@ impl GateEnd {
         match self {
             GateEnd::Matched(_) => "matched",
             GateEnd::Go => "go",
+            GateEnd::Others => "others",
             GateEnd::Continued(_) => "continued",
             GateEnd::TimedOut(_) => "timed out",
             GateEnd::Silent => "silent",
@@ -63,7 +66,7 @@ impl GateEnd {
 
     /// Whether the run continues.
     pub fn is_open(self) -> bool {
-        matches!(self, GateEnd::Matched(_) | GateEnd::Go | GateEnd::Continued(_))
+        matches!(self, GateEnd::Matched(_) | GateEnd::Go | GateEnd::Continued(_) | GateEnd::Others)
     }
 }
 
@@ -73,6 +76,7 @@ impl GateEnd {
         match self {
             GateEnd::Matched(value) => format!("{value}{unit}"),
             GateEnd::Go => "go".to_owned(),
+            GateEnd::Others => "the other robots continue".to_owned(),
             GateEnd::Continued(Some(seen)) | GateEnd::TimedOut(Some(seen)) => seen.words(unit),
             GateEnd::Continued(None) | GateEnd::TimedOut(None) => "nothing came in this time".to_owned(),
             GateEnd::Silent => {
@@ -123,10 +127,17 @@ pub(super) struct Closed {
     source: Source,
     /// Why it opens, once it does.
     opens: Option<GateEnd>,
+    /// Whether other robots wait at it, too, so that a match alone does not open it.
+    is_shared: bool,
+    /// The newest value, if it matches, and the last one that did.
+    fits: Option<Hundredths>,
+    fitted: Option<Hundredths>,
+    /// Whether `fits` has changed.
+    has_news: bool,
 }
 
 impl Closed {
-    pub(super) fn new(gate: usize, now: Nanos, meter: Meter) -> Self {
+    pub(super) fn new(gate: usize, now: Nanos, meter: Meter, is_shared: bool) -> Self {
         Closed {
             gate,
             before: Nanos::ZERO,
@@ -136,7 +147,41 @@ impl Closed {
             seen: None,
             source: Source::Report,
             opens: None,
+            is_shared,
+            fits: None,
+            fitted: None,
+            has_news: false,
         }
+    }
+
+    /// Until when its own reports open it, if nothing more comes; `None` if they do not. A robot whose reports do not matter is no
+    /// obstacle.
+    pub(super) fn fits_until(&self, gate: &Gate) -> Option<Nanos> {
+        match gate.gate.criterion() {
+            Some(_) => self.fits.map(|_| self.heard.saturating_add(FRESH)),
+            None => (!gate.gate.is_go()).then_some(Nanos::MAX),
+        }
+    }
+
+    /// Whether its time limit has passed, and the script continues all the same.
+    pub(super) fn has_expired(&self, now: Nanos, gate: &Gate) -> bool {
+        gate.gate.continues && self.deadline(gate).is_some_and(|until| now >= until)
+    }
+
+    /// All robots continue.
+    pub(super) fn release(&mut self, now: Nanos, gate: &Gate) {
+        let end = match self.fits.or(self.fitted) {
+            _ if gate.gate.is_go() => GateEnd::Go,
+            _ if self.has_expired(now, gate) && self.fits.is_none() => GateEnd::Continued(self.seen),
+            Some(value) => GateEnd::Matched(value),
+            None => GateEnd::Others,
+        };
+        self.opens.get_or_insert(end);
+    }
+
+    /// What has happened was seen.
+    pub(super) fn forget_news(&mut self) {
+        self.has_news = false;
     }
 
     /// How long it has been closed.
@@ -148,6 +193,7 @@ impl Closed {
     pub(super) fn pause(&mut self, now: Nanos) {
         self.before = self.took(now);
         self.since = None;
+        self.fits = None;
     }
 
     /// A pause has ended.
@@ -162,7 +208,7 @@ impl Closed {
 
     /// The operator says go, if that is awaited.
     pub(super) fn go(&mut self, gate: &Gate) {
-        if gate.gate.criterion().is_none() {
+        if gate.gate.is_go() {
             self.opens.get_or_insert(GateEnd::Go);
         }
     }
@@ -187,15 +233,19 @@ impl Closed {
         let (least, most) = self.seen.map_or((value, value), |seen| (seen.least, seen.most));
         self.seen = Some(Seen { newest: value, least: least.min(value), most: most.max(value) });
         // A report after the end of the time limit is too late.
-        if criterion.wanted.fits(value) && self.deadline(gate).is_none_or(|until| now <= until) {
+        let fits = criterion.wanted.fits(value) && self.deadline(gate).is_none_or(|until| now <= until);
+        if fits && !self.is_shared {
             self.opens.get_or_insert(GateEnd::Matched(value));
         }
+        self.has_news |= self.is_shared && fits != self.fits.is_some();
+        self.fits = fits.then_some(value);
+        self.fitted = self.fits.or(self.fitted);
         Some(value)
     }
 
     /// Whether something has happened that ends it.
     pub(super) fn is_ending(&self) -> bool {
-        self.opens.is_some()
+        self.opens.is_some() || self.has_news
     }
 
     /// Why it ends at `now`, if it does. `drives`: whether the drive holds.
@@ -206,14 +256,16 @@ impl Closed {
         if self.silence(gate, drives).is_some_and(|until| now >= until) {
             return Some(GateEnd::Silent);
         }
-        let expired = self.deadline(gate).is_some_and(|until| now >= until);
+        let expired = self.deadline(gate).is_some_and(|until| now >= until) && !(self.is_shared && gate.gate.continues);
         let end = if gate.gate.continues { GateEnd::Continued } else { GateEnd::TimedOut };
         expired.then(|| end(self.seen))
     }
 
     /// When it ends if nothing happens until then, on the clock of the run.
-    pub(super) fn due(&self, gate: &Gate, drives: bool) -> Option<Nanos> {
-        self.silence(gate, drives).into_iter().chain(self.deadline(gate)).min()
+    pub(super) fn due(&self, now: Nanos, gate: &Gate, drives: bool) -> Option<Nanos> {
+        // What the others do ends a shared gate whose time limit has passed.
+        let deadline = self.deadline(gate).filter(|until| !self.is_shared || *until > now);
+        self.silence(gate, drives).into_iter().chain(deadline).min()
     }
 
     fn deadline(&self, gate: &Gate) -> Option<Nanos> {

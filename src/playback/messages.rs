@@ -35,6 +35,30 @@ pub enum Input {
     Resume,
     /// Play one step of a paused run (a key).
     Step,
+    /// With other robots: time 0 of the script, or the end of the closed gate, is at this time from the start.
+    Together {
+        /// When.
+        at: Nanos,
+    },
+    /// With other robots: continue a paused run.
+    ResumeTogether {
+        /// The time of the script.
+        script: Nanos,
+        /// When that is, from the start.
+        at: Nanos,
+    },
+    /// With other robots: play the next step of a paused run.
+    StepTo {
+        /// Its time in the script.
+        at: Nanos,
+        /// Whether all robots are at a gate then, which closes or opens.
+        is_gate: bool,
+    },
+    /// The run of another robot of the script has ended early.
+    OtherEnded {
+        /// Its number.
+        robot: usize,
+    },
     /// Open the gate that waits for it (a key or a line).
     Go,
     /// The lines that open gates have ended.
@@ -71,6 +95,7 @@ impl Input {
             Input::Unguarded => Some(Cause::Unguarded),
             Input::Quit => Some(Cause::Quit),
             Input::Panicked => Some(Cause::Panicked),
+            Input::OtherEnded { robot } => Some(Cause::Other { robot }),
             Input::Tick
             | Input::Wrote(_)
             | Input::Blocked
@@ -78,11 +103,51 @@ impl Input {
             | Input::Pause
             | Input::Resume
             | Input::Step
+            | Input::StepTo { .. }
+            | Input::Together { .. }
+            | Input::ResumeTogether { .. }
             | Input::Go
             | Input::GoEnded
             | Input::Help => None,
         }
     }
+}
+
+/// What a player waits for that plays together with others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Standing {
+    /// For nothing: it prepares the robot, plays, or stops for a pause.
+    Busy,
+    /// For time 0 of the script.
+    Ready,
+    /// For the end of a gate.
+    AtGate {
+        /// The pass, counted from 1.
+        pass: u64,
+        /// The gate's index in the timeline.
+        gate: usize,
+        /// Until when its own reports match, if nothing more comes; `None` if they do not.
+        fits_until: Option<Nanos>,
+        /// Whether it waits for the operator.
+        is_go: bool,
+        /// Whether the time limit has passed, and the script continues all the same.
+        has_expired: bool,
+    },
+    /// For the end of a pause.
+    Paused {
+        /// The time of the script.
+        at: Nanos,
+        /// The time of the next step, and whether that is a gate; `None` at the end of the script.
+        next: Option<(Nanos, bool)>,
+    },
+    /// For nothing: the run ends early, and the robot is being stopped.
+    Ending,
+    /// For nothing: the run has ended.
+    Done {
+        /// Whether it ended early.
+        is_early: bool,
+    },
 }
 
 /// What to do next.
@@ -397,6 +462,11 @@ pub enum Cause {
     Servo(ServoFault),
     /// The guard was lost.
     Unguarded,
+    /// The run of another robot ended early.
+    Other {
+        /// Its number, in the order of the script.
+        robot: usize,
+    },
     /// The program failed.
     Panicked,
 }

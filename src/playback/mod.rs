@@ -4,6 +4,7 @@
 //! every system. On Linux, with the feature `player`, a `Session` is the loop that carries out its orders under the real clock, and a
 //! `Guard` is a second process that stops the robot if this one cannot.
 
+mod conductor;
 mod gate;
 mod halt;
 mod hold;
@@ -12,6 +13,8 @@ mod messages;
 mod outbox;
 mod player;
 
+#[cfg(all(feature = "player", target_os = "linux"))]
+mod company;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod go_lines;
 #[cfg(all(feature = "player", target_os = "linux"))]
@@ -27,14 +30,18 @@ mod stop;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod watchdog;
 
+pub use conductor::Conductor;
 pub use gate::{GateEnd, Passage, Seen};
 pub use halt::Stops;
 pub use judge::{Found, Verdict};
-pub use messages::{Cause, Input, Notice, Order, Outcome, Piece, ServoFault, ServoFaultKind, ShortCommand, Stop, Why};
+pub use messages::{
+    Cause, Input, Notice, Order, Outcome, Piece, ServoFault, ServoFaultKind, ShortCommand, Standing, Stop, Why,
+};
 pub use player::Player;
 
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod real {
+    pub use super::company::{Company, Seat};
     pub use super::go_lines::GoLines;
     pub(crate) use super::guard::Heartbeat;
     pub use super::guard::{Guard, GuardConfig, Guarded, guard};

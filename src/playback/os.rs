@@ -101,7 +101,7 @@ impl Signals {
         caught.find(|(_, flag)| flag.swap(false, Ordering::AcqRel)).map(|(signal, _)| *signal)
     }
 
-    fn empty(&self) {
+    pub(super) fn empty(&self) {
         let mut buffer = [0; 64];
         while matches!((&self.pipe).read(&mut buffer), Ok(count) if count > 0) {}
     }

@@ -3,12 +3,13 @@
 //! It waits for the port and for signals until a millisecond before the deadline, or until the next beat for the guard, then
 //! sleeps on the absolute deadline, so nothing drifts. After the first frame it neither allocates, locks, logs nor prints.
 
-use std::os::fd::AsFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use super::company::Seat;
 use super::go_lines::GoLines;
 use super::guard::{Guard, Heartbeat};
-use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Stop};
+use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Standing, Stop};
 use super::os::{self, Keys, Ready, Signals};
 use super::player::Player;
 use crate::board::ServoSet;
@@ -38,8 +39,8 @@ pub struct Session<'s, L> {
     pub player: Player<'s>,
     /// The connection to the board.
     pub link: L,
-    /// The signals that end the run early.
-    pub signals: Signals,
+    /// What ends, pauses and continues the run.
+    control: Control,
     /// The process that stops the robot if this process cannot.
     pub guard: Option<Guard>,
     /// The keys that continue a paused run. Without them, Ctrl-Z ends a run.
@@ -58,13 +59,49 @@ pub struct Session<'s, L> {
     start: Nanos,
 }
 
+/// What a session obeys, besides its port and its guard.
+#[derive(Debug)]
+enum Control {
+    /// The signals of the system.
+    Alone(Signals),
+    /// What the conductor of several robots orders.
+    Seat(Seat),
+}
+
+impl Control {
+    /// The descriptor to poll.
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        match self {
+            Control::Alone(signals) => signals.as_fd(),
+            Control::Seat(seat) => seat.as_fd(),
+        }
+    }
+
+    /// Empties what woke the poll.
+    fn empty(&self) {
+        match self {
+            Control::Alone(signals) => signals.empty(),
+            Control::Seat(seat) => seat.empty(),
+        }
+    }
+}
+
 impl<'s, L: Link> Session<'s, L> {
     /// A session without guard, keys and real-time priority. Start the guard last: from then on the loop must run.
     pub fn new(player: Player<'s>, link: L, signals: Signals, lines: Lines<'s>) -> Self {
+        Session::with(player, link, Control::Alone(signals), lines)
+    }
+
+    /// The same for one of several robots of a script.
+    pub fn together(player: Player<'s>, link: L, seat: Seat, lines: Lines<'s>) -> Self {
+        Session::with(player.together(), link, Control::Seat(seat), lines)
+    }
+
+    fn with(player: Player<'s>, link: L, control: Control, lines: Lines<'s>) -> Self {
         Session {
             player,
             link,
-            signals,
+            control,
             guard: None,
             keys: None,
             go: None,
@@ -76,6 +113,11 @@ impl<'s, L: Link> Session<'s, L> {
         }
     }
 
+    /// A signal that has come, if it ends or suspends the run.
+    pub fn signal(&self) -> Option<i32> {
+        if let Control::Alone(signals) = &self.control { signals.pending() } else { None }
+    }
+
     /// Plays until the end, or until something ends the run early. Time 0 is `start` on the clock of [`now`](super::now), which must
     /// not be in the future. Notices are passed to `notices` immediately, from the thread that sends, so it must not block.
     ///
@@ -85,6 +127,9 @@ impl<'s, L: Link> Session<'s, L> {
         self.start = start;
         self.forget_reports();
         let outcome = self.outlive_panics(&mut notices);
+        if let Control::Seat(seat) = &mut self.control {
+            seat.tell(Standing::Done { is_early: outcome.cause != Cause::Finished });
+        }
         self.keys = None;
         if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) {
             // If the player failed before it stopped the robot, the guard kills it and stops the robot.
@@ -121,7 +166,7 @@ impl<'s, L: Link> Session<'s, L> {
         let mut look_at = Nanos::ZERO;
         loop {
             if input == Input::Tick {
-                input = self.signals.pending().map_or(Input::Tick, |signal| self.meaning(signal));
+                input = self.pending();
             }
             let now = clock::now();
             if input == Input::Tick && now >= look_at {
@@ -139,17 +184,18 @@ impl<'s, L: Link> Session<'s, L> {
             }
             let order = self.player.poll(self.time(), input, notices);
             self.forget_early_keys();
+            self.tell_standing();
             if let Some(outcome) = self.player.outcome() {
                 return outcome;
             }
             input = match order {
                 // Signals are checked before every write.
-                Order::Write => match self.signals.pending() {
-                    Some(signal) => self.meaning(signal),
-                    None => {
+                Order::Write => match self.pending() {
+                    Input::Tick => {
                         self.tell_moving();
                         self.write(notices)
                     }
+                    input => input,
                 },
                 Order::Halt { discards } => {
                     if discards {
@@ -163,9 +209,28 @@ impl<'s, L: Link> Session<'s, L> {
                 Order::Wait { until, writable } => self.wait(self.start.saturating_add(until), writable, notices),
                 Order::Pause { until } => self.pause(self.start.saturating_add(until)),
                 Order::Suspend => self.suspend(notices),
+                Order::Stay if matches!(self.control, Control::Seat(_)) => self.stay_together(notices),
                 Order::Stay => self.stay(notices),
                 Order::Done => Input::Tick,
             };
+        }
+    }
+
+    /// What has come from outside, without waiting.
+    fn pending(&mut self) -> Input {
+        match &mut self.control {
+            Control::Alone(signals) => {
+                signals.pending().map_or(Input::Tick, |signal| meaning(signal, self.keys.is_some()))
+            }
+            Control::Seat(seat) => seat.take().unwrap_or(Input::Tick),
+        }
+    }
+
+    /// Tells the conductor what the player waits for.
+    fn tell_standing(&mut self) {
+        let now = self.time();
+        if let Control::Seat(seat) = &mut self.control {
+            seat.tell(self.player.standing(now));
         }
     }
 
@@ -211,11 +276,6 @@ impl<'s, L: Link> Session<'s, L> {
             self.player.receive(clock::now() - self.start, bytes, notices);
         }
         Input::Tick
-    }
-
-    /// What a signal means: Ctrl-Z suspends only if a key can continue the run.
-    fn meaning(&self, signal: i32) -> Input {
-        if signal == SIGTSTP && self.keys.is_some() { Input::Suspend } else { Input::Signal(signal) }
     }
 
     /// Sends a heartbeat to the guard, if it is due or if there is time for it.
@@ -278,7 +338,7 @@ impl<'s, L: Link> Session<'s, L> {
         let port = if writable { Ready::IN | Ready::OUT } else { Ready::IN };
         let watched = [
             (Some(self.link.descriptor()), port),
-            (Some(self.signals.as_fd()), Ready::IN),
+            (Some(self.control.descriptor()), Ready::IN),
             (self.guard.as_ref().and_then(Guard::descriptor), Ready::IN),
             (keys.and_then(Keys::descriptor), Ready::IN),
             (go.and_then(GoLines::descriptor), Ready::IN),
@@ -287,10 +347,12 @@ impl<'s, L: Link> Session<'s, L> {
             Ok(ready) => ready,
             Err(error) => return Input::Failed(error.raw_os_error()),
         };
-        if !signal.is_empty()
-            && let Some(signal) = self.signals.take()
-        {
-            return self.meaning(signal);
+        if !signal.is_empty() {
+            self.control.empty();
+            match self.pending() {
+                Input::Tick => {}
+                input => return input,
+            }
         }
         if !guard.is_empty()
             && let Some(guard) = &mut self.guard
@@ -333,6 +395,17 @@ impl<'s, L: Link> Session<'s, L> {
         self.player.script_time(self.time()).micros()
     }
 
+    /// The robot is paused, and so are the others: waits for what all do next.
+    fn stay_together(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
+        loop {
+            self.beat(true);
+            let input = self.look(clock::now().saturating_add(CLOSE * 100), false, false, notices);
+            if input != Input::Tick {
+                return input;
+            }
+        }
+    }
+
     /// The robot is stopped: suspends this process until the shell continues it.
     fn suspend(&mut self, notices: &mut impl FnMut(Notice)) -> Input {
         let place = self.player.place().map(|span| self.lines.place(span));
@@ -340,13 +413,18 @@ impl<'s, L: Link> Session<'s, L> {
         if let Some(guard) = &mut self.guard {
             guard.rest(run_time, place);
         }
+        let signals = match &mut self.control {
+            Control::Alone(signals) => signals,
+            // The conductor suspends the process once all robots rest. Until it is awake, no heartbeat may wake the guard.
+            Control::Seat(seat) => return seat.sleep(self.player.standing(clock::now() - self.start)),
+        };
         notices(Notice::Sleeping { at });
         // The observer thread, which is suspended too, needs time to show it.
         clock::sleep_until(clock::now().saturating_add(CLOSE * 100));
         if let Some(keys) = &mut self.keys {
             keys.end();
         }
-        self.signals.suspend();
+        signals.suspend();
         Input::Tick
     }
 
@@ -385,8 +463,13 @@ impl<'s, L: Link> Session<'s, L> {
     }
 }
 
+/// What a signal means: Ctrl-Z suspends only if a key can continue the run.
+pub(super) fn meaning(signal: i32, has_keys: bool) -> Input {
+    if signal == SIGTSTP && has_keys { Input::Suspend } else { Input::Signal(signal) }
+}
+
 /// What a key means.
-fn meaning_of(key: u8, keys: &Keys, is_paused: bool, waits_for_go: bool) -> Input {
+pub(super) fn meaning_of(key: u8, keys: &Keys, is_paused: bool, waits_for_go: bool) -> Input {
     let enter = if keys.enter_steps { Input::Step } else { Input::Resume };
     match (key, is_paused) {
         // A line of input counts only during a pause.

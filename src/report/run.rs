@@ -8,9 +8,12 @@ use crate::units::Micros;
 /// The result of a run. Fields may be added, but never change their meaning.
 #[derive(Clone, Debug, Serialize)]
 pub struct Run {
+    /// The name of the robot; `None` if the script names no robots, and for a run with several robots.
+    pub robot: Option<String>,
     /// The script.
     pub script: String,
-    /// Why it ended: `finished`, `quit`, `signal`, `port`, `stalled`, `late`, `expect`, `gate`, `guard` or `failed`.
+    /// Why it ended: `finished`, `quit`, `signal`, `port`, `stalled`, `late`, `expect`, `gate`, `guard`, `failed`,
+    /// or `other` for a robot that was stopped because the run of another one ended.
     pub reason: &'static str,
     /// Why it ended, in words.
     pub cause: String,
@@ -56,6 +59,37 @@ pub struct Run {
     pub unscripted: Vec<Unscripted>,
     /// Warnings of the script.
     pub warnings: Vec<Finding>,
+    /// The result of each robot, if the script names its robots. Then the fields above are about all of them: numbers are added up,
+    /// the lateness is the worst, and the end is that of the robot that ended first.
+    pub robots: Vec<Run>,
+}
+
+impl Run {
+    /// The result of a run with several robots, of which the one with the number `first` ended first.
+    pub fn of_all(robots: Vec<Run>, first: usize) -> Option<Run> {
+        let mut all = robots.get(first)?.clone();
+        all.robot = None;
+        let ports: Vec<&str> = robots.iter().filter_map(|run| run.port.as_deref()).collect();
+        all.port = Some(ports.join(", ")).filter(|ports| !ports.is_empty());
+        for run in robots.iter().enumerate().filter(|(number, _)| *number != first).map(|(_, run)| run) {
+            all.frames.sent += run.frames.sent;
+            all.frames.dropped += run.frames.dropped;
+            all.frames.extra += run.frames.extra;
+            all.frames.not_noted += run.frames.not_noted;
+            all.bytes += run.bytes;
+            let (worst, other) = (&mut all.lateness_us, run.lateness_us);
+            worst.p50 = worst.p50.max(other.p50);
+            worst.p99 = worst.p99.max(other.p99);
+            worst.max = worst.max.max(other.max);
+            worst.line = worst.line.max(other.line);
+            all.dropped.extend(run.dropped.iter().cloned());
+            all.expects.extend(run.expects.iter().cloned());
+            all.gates.extend(run.gates.iter().cloned());
+            all.unscripted.extend(run.unscripted.iter().cloned());
+        }
+        all.robots = robots;
+        Some(all)
+    }
 }
 
 /// The selected part, speed and number of passes.
@@ -142,7 +176,7 @@ pub struct Gate {
     /// How long it was closed, in real time, without pauses.
     #[serde(rename = "took_us")]
     pub took: Micros,
-    /// Why it ended: `matched`, `go`, `continued`, `timed out`, `silent`, `input ended` or `stopped`.
+    /// Why it ended: `matched`, `go`, `continued`, `others`, `timed out`, `silent`, `input ended` or `stopped`.
     pub end: &'static str,
     /// What was found, in words.
     pub found: String,

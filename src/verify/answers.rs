@@ -61,7 +61,7 @@ impl Answers {
 
     /// The answer to a gate, which is the `number`th of its kind, counted from 0. Without one, the operator says go at once.
     pub(super) fn to(&self, gate: &Gate, number: usize) -> Option<Answer> {
-        if gate.gate.criterion().is_none() {
+        if gate.gate.is_go() {
             return Some(Answer::Go(self.go.get(number).or(self.go.last()).copied().unwrap_or_default()));
         }
         let mut values = self.values.iter().filter(|(name, ..)| *name == kind(gate));
@@ -72,7 +72,8 @@ impl Answers {
 
 /// The kind of answer that a gate needs: the name of a quantity, or `go`.
 pub(super) fn kind(gate: &Gate) -> &str {
-    gate.gate.criterion().map_or("go", |criterion| criterion.measured.name())
+    let other = if gate.gate.is_go() { "go" } else { "" };
+    gate.gate.criterion().map_or(other, |criterion| criterion.measured.name())
 }
 
 fn time(text: &str) -> Option<Micros> {

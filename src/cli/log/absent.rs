@@ -2,24 +2,20 @@
 
 use std::fs::File;
 
-use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
-use motionseq::board::Board;
 use motionseq::units::Nanos;
 
-use super::{About, Entry, Screen};
+use super::{About, Entry, LoggedRobot, Screen};
 
 pub(super) const WHY_NOT: Option<&str> = Some("this motionseq was built without logs, the cargo feature `mcap`");
 
-#[expect(clippy::too_many_arguments, reason = "as with logs")]
 pub(super) fn write(
-    _: File,
-    _: String,
-    _: Arc<Board>,
+    _: (File, String),
+    _: Vec<LoggedRobot>,
     _: About,
     _: Screen,
-    _: &Receiver<(Nanos, Entry)>,
+    _: &Receiver<(Nanos, usize, Entry)>,
 ) -> Option<String> {
     None
 }

@@ -20,23 +20,33 @@ use super::messages::{
     LogMessage, MARKS, MarkMessage, POSE, POSITION, PoseMessage, PositionMessage, TELEMETRY, TRANSFORM,
     TelemetryMessage, Topic, TransformMessage, micros,
 };
-use super::{About, Entry, Level};
+use super::{About, Entry, Level, LoggedRobot};
 
 /// A log. It is built in memory, piece by piece, and its owner writes the pieces to a file.
 pub(super) struct LogBuilder {
-    /// The family; it decides how a `move` is decoded.
-    board: Arc<Board>,
+    /// The robot that entries are about now, and the others, in the order of the script.
+    robot: Robot,
+    others: Vec<Robot>,
     writer: Writer<NoSeek<Pieces>>,
     pieces: Pieces,
     /// The channel of each topic that has messages, and the number of its messages.
-    channels: BTreeMap<&'static str, (u16, u32)>,
+    channels: BTreeMap<String, (u16, u32)>,
     /// Time 0, on the clock of the entries and since 1970.
     begin: Nanos,
     begin_since_1970: Nanos,
     /// Messages that wait for earlier ones, with their times since 1970.
-    waiting: Vec<(Nanos, &'static Topic, Vec<u8>)>,
+    waiting: Vec<(Nanos, &'static Topic, Option<Arc<str>>, Vec<u8>)>,
     /// The time of the last message in the file.
     newest: Nanos,
+}
+
+/// What is known of a robot.
+struct Robot {
+    number: usize,
+    /// Its name, if the script names its robots.
+    name: Option<Arc<str>>,
+    /// The family; it decides how a `move` is decoded.
+    board: Arc<Board>,
     /// For bytes with the time at which a port took them.
     decoder: TimedDecoder,
     state: State,
@@ -59,7 +69,7 @@ impl Write for Pieces {
 }
 
 impl LogBuilder {
-    pub(super) fn new(board: Arc<Board>) -> io::Result<Self> {
+    pub(super) fn new(robots: Vec<LoggedRobot>) -> io::Result<Self> {
         let pieces = Pieces::default();
         let options = WriteOptions::new()
             .library(concat!("motionseq ", env!("CARGO_PKG_VERSION")))
@@ -68,7 +78,15 @@ impl LogBuilder {
             .chunk_size(None)
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(pieces.clone())).map_err(io::Error::other)?;
+        let robot = |(number, (name, board)): (usize, LoggedRobot)| {
+            let decoder = TimedDecoder::of_times(&board);
+            Robot { number, name, board, decoder, state: State::default(), shown: None }
+        };
+        let mut robots = robots.into_iter().enumerate().map(robot);
+        let first = robots.next().ok_or_else(|| io::Error::other("no robot to log"))?;
         Ok(LogBuilder {
+            robot: first,
+            others: robots.collect(),
             writer,
             pieces,
             channels: BTreeMap::new(),
@@ -76,10 +94,6 @@ impl LogBuilder {
             begin_since_1970: Nanos::ZERO,
             waiting: Vec::new(),
             newest: Nanos::ZERO,
-            decoder: TimedDecoder::of_times(&board),
-            board,
-            state: State::default(),
-            shown: None,
         })
     }
 
@@ -101,8 +115,20 @@ impl LogBuilder {
         self.writer.write_metadata(&Metadata { name: name.to_owned(), metadata }).map_err(io::Error::other)
     }
 
-    /// Adds what happened at a time on the clock of the entries.
-    pub(super) fn take(&mut self, time: Nanos, entry: Entry) -> io::Result<()> {
+    /// Adds what happened to a robot at a time on the clock of the entries.
+    pub(super) fn take_of(&mut self, robot: usize, time: Nanos, entry: Entry) -> io::Result<()> {
+        self.switch(robot);
+        self.take(time, entry)
+    }
+
+    fn switch(&mut self, robot: usize) {
+        if let Some(other) = self.others.iter_mut().find(|other| other.number == robot) {
+            std::mem::swap(&mut self.robot, other);
+        }
+    }
+
+    /// The same for the robot of the last entry.
+    fn take(&mut self, time: Nanos, entry: Entry) -> io::Result<()> {
         let at = (time - self.begin).micros();
         match entry {
             Entry::Begin { since_1970 } => {
@@ -111,23 +137,25 @@ impl LogBuilder {
             }
             Entry::Bytes(bytes) => {
                 let mut items = Vec::new();
-                self.decoder.feed(time - self.begin, &bytes, |at, item| items.push((at, OwnedItem::from(item))));
+                self.robot.decoder.feed(time - self.begin, &bytes, |at, item| items.push((at, OwnedItem::from(item))));
                 self.items(&items)
             }
             Entry::Items(items) => self.items(&items),
             Entry::Late { script, late, command, place } => {
                 let (file, line) = place.map_or((None, None), |(file, line)| (Some(file), Some(line)));
-                let (late_us, file, command) = (micros(late), file.as_deref(), self.board.show(&command).to_string());
+                let (late_us, file, command) =
+                    (micros(late), file.as_deref(), self.robot.board.show(&command).to_string());
                 self.put(&LATENESS, at, &LatenessMessage { at, script, late_us, command, file, line })
             }
             Entry::Report(report) => {
-                let board = Arc::clone(&self.board);
+                let board = Arc::clone(&self.robot.board);
                 self.put(&TELEMETRY, at, &TelemetryMessage::new(at, &board, &report))
             }
             Entry::Pose(pose) => {
                 let timestamp = self.since_1970(at).into();
                 self.put(&POSE, at, &PoseMessage::new(timestamp, pose))?;
-                self.put(&TRANSFORM, at, &TransformMessage::new(timestamp, pose))?;
+                let robot = self.robot.name.clone();
+                self.put(&TRANSFORM, at, &TransformMessage::new(timestamp, robot.as_deref(), pose))?;
                 self.put(&POSITION, at, &PositionMessage::new(at, pose))
             }
             Entry::Mark { name, script } => self.put(&MARKS, at, &MarkMessage { at, script, name: &name }),
@@ -143,7 +171,9 @@ impl LogBuilder {
                 };
                 let (file, line) = place.unwrap_or_default();
                 let timestamp = self.since_1970(at).into();
-                let message = LogMessage { timestamp, level, message: &text, name: "motionseq", file: &file, line };
+                let robot = self.robot.name.clone();
+                let name = robot.as_deref().unwrap_or("motionseq");
+                let message = LogMessage { timestamp, level, message: &text, name, file: &file, line };
                 self.put(&LOG, at, &message)
             }
             Entry::Result(facts) => self.metadata("result", facts),
@@ -160,7 +190,7 @@ impl LogBuilder {
 
     /// Adds a frame on the line to the board, or bytes that are not a frame, and the state of the board after it.
     fn item(&mut self, at: Micros, item: Item<'_>) -> io::Result<()> {
-        let board = Arc::clone(&self.board);
+        let board = Arc::clone(&self.robot.board);
         let (hex, command, wrong) = match item {
             Item::Frame(frame) => {
                 let wrong = board.decode(frame.bytes()).err().map(|why| why.to_string());
@@ -176,11 +206,11 @@ impl LogBuilder {
             self.take(self.begin + at.nanos(), Entry::Line { level: Level::Warning, text, place: None })?;
         }
         let Some(command) = command.filter(|_| wrong.is_none()) else { return Ok(()) };
-        self.state.apply(&board, &command);
-        let told = LastCommands::of(&board, &self.state);
-        if self.shown.as_ref() != Some(&told) {
+        self.robot.state.apply(&board, &command);
+        let told = LastCommands::of(&board, &self.robot.state);
+        if self.robot.shown.as_ref() != Some(&told) {
             self.put(&BOARD, at, &BoardMessage { at, told: &told })?;
-            self.shown = Some(told);
+            self.robot.shown = Some(told);
         }
         Ok(())
     }
@@ -188,7 +218,9 @@ impl LogBuilder {
     /// Adds a message, which waits for earlier ones.
     fn put(&mut self, topic: &'static Topic, at: Micros, message: &impl Serialize) -> io::Result<()> {
         let time = self.since_1970(at);
-        self.waiting.push((time, topic, serde_json::to_vec(message)?));
+        // What is about all robots has one topic.
+        let robot = self.robot.name.clone().filter(|_| !topic.is_shared());
+        self.waiting.push((time, topic, robot, serde_json::to_vec(message)?));
         Ok(())
     }
 
@@ -200,9 +232,9 @@ impl LogBuilder {
         let count = self.waiting.partition_point(|(time, ..)| until.is_none_or(|until| *time <= until));
         let mut ready = std::mem::take(&mut self.waiting);
         self.waiting = ready.split_off(count);
-        for (time, topic, message) in ready {
+        for (time, topic, robot, message) in ready {
             self.newest = self.newest.max(time);
-            let (channel_id, sequence) = self.channel(topic)?;
+            let (channel_id, sequence) = self.channel(topic, robot.as_deref())?;
             let header = MessageHeader { channel_id, sequence, log_time: self.newest.0, publish_time: time.0 };
             self.writer.write_to_known_channel(&header, &message).map_err(io::Error::other)?;
         }
@@ -210,15 +242,16 @@ impl LogBuilder {
     }
 
     /// The channel of a topic, and the number of its next message.
-    fn channel(&mut self, topic: &Topic) -> io::Result<(u16, u32)> {
-        if let Some((channel, count)) = self.channels.get_mut(topic.name) {
+    fn channel(&mut self, topic: &Topic, robot: Option<&str>) -> io::Result<(u16, u32)> {
+        let name = robot.map_or_else(|| topic.name.to_owned(), |robot| format!("/{robot}{}", topic.name));
+        if let Some((channel, count)) = self.channels.get_mut(&name) {
             *count = count.saturating_add(1);
             return Ok((*channel, *count));
         }
         let schema = self.writer.add_schema(topic.schema, "jsonschema", topic.shape.as_bytes());
-        let channel = schema.and_then(|schema| self.writer.add_channel(schema, topic.name, "json", &BTreeMap::new()));
+        let channel = schema.and_then(|schema| self.writer.add_channel(schema, &name, "json", &BTreeMap::new()));
         let channel = channel.map_err(io::Error::other)?;
-        self.channels.insert(topic.name, (channel, 0));
+        self.channels.insert(name, (channel, 0));
         Ok((channel, 0))
     }
 
@@ -232,9 +265,12 @@ impl LogBuilder {
 
     /// The last piece, which completes the log.
     pub(super) fn last(mut self) -> io::Result<Vec<u8>> {
-        let mut items = Vec::new();
-        self.decoder.finish(|at, item| items.push((at, OwnedItem::from(item))));
-        self.items(&items)?;
+        for robot in 0..=self.others.len() {
+            self.switch(robot);
+            let mut items = Vec::new();
+            self.robot.decoder.finish(|at, item| items.push((at, OwnedItem::from(item))));
+            self.items(&items)?;
+        }
         self.settle(None)?;
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.pieces.0.take())

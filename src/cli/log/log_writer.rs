@@ -2,17 +2,15 @@
 
 use std::fs::File;
 use std::io;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use motionseq::board::Board;
 use motionseq::playback::now;
 use motionseq::units::Nanos;
 
 use super::super::growing_file::GrowingFile;
 use super::log_builder::LogBuilder;
-use super::{About, Entry, Screen};
+use super::{About, Entry, LoggedRobot, Screen};
 
 /// How often the file is updated. A killed program loses at most this and [`HOLD`] of its log.
 const UPDATE: Duration = Duration::from_millis(500);
@@ -29,17 +27,15 @@ const MOST_PENDING: usize = 16 << 20;
 pub(super) const WHY_NOT: Option<&str> = None;
 
 /// Writes until there are no more entries. Returns why the log is not complete, if it is not.
-#[expect(clippy::too_many_arguments, reason = "a file, what the log is about, and its entries")]
 pub(super) fn write(
-    file: File,
-    name: String,
-    board: Arc<Board>,
+    (file, name): (File, String),
+    robots: Vec<LoggedRobot>,
     about: About,
     screen: Screen,
-    entries: &Receiver<(Nanos, Entry)>,
+    entries: &Receiver<(Nanos, usize, Entry)>,
 ) -> Option<String> {
     let mut writer = LogWriter { out: GrowingFile::new(file, name.clone(), screen), name, screen, is_over: false };
-    match writer.write_all(entries, board, about) {
+    match writer.write_all(entries, robots, about) {
         Ok(()) => writer.out.failing().map(str::to_owned),
         Err(error) => Some(error.to_string()),
     }
@@ -54,21 +50,26 @@ struct LogWriter {
 }
 
 impl LogWriter {
-    fn write_all(&mut self, entries: &Receiver<(Nanos, Entry)>, board: Arc<Board>, about: About) -> io::Result<()> {
-        let mut log = LogBuilder::new(board)?;
+    fn write_all(
+        &mut self,
+        entries: &Receiver<(Nanos, usize, Entry)>,
+        robots: Vec<LoggedRobot>,
+        about: About,
+    ) -> io::Result<()> {
+        let mut log = LogBuilder::new(robots)?;
         log.about(about)?;
         let mut written = Instant::now();
         loop {
             match entries.recv_timeout(UPDATE.saturating_sub(written.elapsed())) {
-                Ok((at, entry)) if !self.is_over => log.take(at, entry)?,
+                Ok((at, robot, entry)) if !self.is_over => log.take_of(robot, at, entry)?,
                 Ok(_) | Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             if written.elapsed() >= UPDATE {
                 let until = now() - HOLD;
                 // What waits in the queue may be older.
-                for (at, entry) in entries.try_iter().filter(|_| !self.is_over) {
-                    log.take(at, entry)?;
+                for (at, robot, entry) in entries.try_iter().filter(|_| !self.is_over) {
+                    log.take_of(robot, at, entry)?;
                 }
                 let piece = log.piece(until)?;
                 if !piece.is_empty() || self.out.failing().is_some() {

@@ -15,6 +15,13 @@ pub(super) struct Topic {
     pub(super) shape: &'static str,
 }
 
+impl Topic {
+    /// Whether its messages are about all robots, or say which one they are about.
+    pub(super) fn is_shared(&self) -> bool {
+        [MARKS.name, GATES.name, LOG.name, TRANSFORM.name].contains(&self.name)
+    }
+}
+
 macro_rules! topic {
     ($name:literal, $schema:literal, $file:literal) => {
         Topic { name: $name, schema: $schema, shape: include_str!(concat!("../../../docs/schemas/log/", $file)) }
@@ -127,7 +134,7 @@ pub(super) struct PoseMessage {
 pub(super) struct TransformMessage {
     timestamp: Timestamp,
     parent_frame_id: &'static str,
-    child_frame_id: &'static str,
+    child_frame_id: String,
     translation: Vector,
     rotation: Quaternion,
 }
@@ -179,12 +186,13 @@ impl PoseMessage {
 }
 
 impl TransformMessage {
-    pub(super) fn new(timestamp: Timestamp, pose: Pose) -> Self {
+    /// With the name of the robot, if the script names its robots.
+    pub(super) fn new(timestamp: Timestamp, robot: Option<&str>, pose: Pose) -> Self {
         let Placed { position, orientation } = placed(pose);
         TransformMessage {
             timestamp,
             parent_frame_id: FLOOR,
-            child_frame_id: ROBOT,
+            child_frame_id: robot.map_or_else(|| ROBOT.to_owned(), |robot| format!("{robot}/{ROBOT}")),
             translation: position,
             rotation: orientation,
         }
@@ -249,7 +257,7 @@ pub(super) struct LogMessage<'a> {
     pub(super) timestamp: Timestamp,
     pub(super) level: u8,
     pub(super) message: &'a str,
-    pub(super) name: &'static str,
+    pub(super) name: &'a str,
     pub(super) file: &'a str,
     pub(super) line: usize,
 }

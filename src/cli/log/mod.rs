@@ -40,7 +40,9 @@ pub(super) struct Log {
     created: Created,
     screen: Screen,
     /// Returns at its end why the log is not complete.
-    worker: Worker<(Nanos, Entry), Option<String>>,
+    worker: Worker<(Nanos, usize, Entry), Option<String>>,
+    /// The number of the robot that entries are about.
+    pub(super) robot: usize,
     /// Time 0, on the clock of [`now`].
     begin: Nanos,
 }
@@ -99,6 +101,9 @@ pub(super) enum Entry {
 /// Names and values.
 type Facts = Vec<(&'static str, String)>;
 
+/// The name of a robot, if the script names its robots, and its board.
+pub(super) type LoggedRobot = (Option<Arc<str>>, Arc<Board>);
+
 /// What a log is about: it is written first.
 #[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only a log reads them"))]
 pub(super) struct About {
@@ -110,11 +115,13 @@ pub(super) struct About {
 }
 
 impl About {
-    /// About this command, on a port or, without one, on the virtual board.
-    pub(super) fn new(port: Option<&Path>) -> Self {
+    /// About this command, on these ports; without one, on the virtual board.
+    pub(super) fn new(ports: &[Option<&Path>]) -> Self {
         let arguments: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into()).collect();
         let arguments = serde_json::to_string(&arguments).unwrap_or_default();
-        let port = port.map_or_else(|| "virtual board".to_owned(), |port| port.display().to_string());
+        let name =
+            |port: &Option<&Path>| port.map_or_else(|| "virtual board".to_owned(), |port| port.display().to_string());
+        let port = ports.iter().map(name).collect::<Vec<_>>().join(", ");
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let facts = vec![("version", version), ("arguments", arguments), ("port", port)];
         About { started: since_1970(), facts, scripts: Vec::new() }
@@ -160,12 +167,13 @@ impl Log {
             Some(other) if growing_file::is_at(path, other) => Err(io::Error::other("it is the file of -o")),
             _ => create(path, name, &Inputs::default()),
         };
-        let started = created.and_then(|created| Log::start(created, about, board, *screen));
+        let robots = vec![(None, board)];
+        let started = created.and_then(|created| Log::start(created, about, robots, *screen));
         started.map(Some).map_err(|error| output::exit(Err(error), Some(path), screen))
     }
 
     /// Starts a log in a file. Time 0 is now.
-    pub(super) fn start(created: Created, about: About, board: Arc<Board>, screen: Screen) -> io::Result<Self> {
+    pub(super) fn start(created: Created, about: About, robots: Vec<LoggedRobot>, screen: Screen) -> io::Result<Self> {
         if let Some(why_not) = log_writer::WHY_NOT {
             return Err(io::Error::other(why_not));
         }
@@ -174,8 +182,9 @@ impl Log {
         }
         let file = created.file.try_clone()?;
         let name = format!("the log {}", created.path().display());
-        let write = move |entries: &_| log_writer::write(file, name, board, about, screen, entries);
-        let mut log = Log { created, screen, worker: Worker::start("log", ROOM, write)?, begin: Nanos::ZERO };
+        let write = move |entries: &_| log_writer::write((file, name), robots, about, screen, entries);
+        let worker = Worker::start("log", ROOM, write)?;
+        let mut log = Log { created, screen, worker, robot: 0, begin: Nanos::ZERO };
         log.begin(now());
         Ok(log)
     }
@@ -188,7 +197,7 @@ impl Log {
 
     /// Adds what happened at a time on the clock of [`now`].
     pub(super) fn put(&mut self, at: Nanos, entry: Entry) {
-        self.worker.send((at, entry));
+        self.worker.send((at, self.robot, entry));
     }
 
     /// Adds what happened at a time since time 0.

@@ -12,9 +12,10 @@ use motionseq::units::{Micros, Nanos};
 use super::super::run_summary::{passage_words, servo_words};
 use super::{Entry, Level, Log, Spot};
 
-/// Logs a run, with the commands and places of its timeline.
+/// Logs what one robot does, with the commands and places of its timeline.
 pub(in super::super) struct TimelineLog {
-    pub(in super::super) log: Log,
+    /// Its number in the order of the script.
+    robot: usize,
     /// Time 0 of the pass, on the clock of
     /// [`now`](motionseq::playback::now), moved by the pauses.
     begin: Nanos,
@@ -27,19 +28,32 @@ pub(in super::super) struct TimelineLog {
 }
 
 impl TimelineLog {
-    pub(in super::super) fn new(log: Log, poses: Option<Receiver<(Micros, Pose)>>) -> Self {
-        TimelineLog { log, begin: Nanos::ZERO, is_paused: false, said: HashSet::new(), poses }
+    pub(in super::super) fn new(robot: usize, poses: Option<Receiver<(Micros, Pose)>>) -> Self {
+        TimelineLog { robot, begin: Nanos::ZERO, is_paused: false, said: HashSet::new(), poses }
     }
 
     /// Logs the poses that have come.
-    pub(in super::super) fn take_poses(&mut self) {
+    pub(in super::super) fn take_poses(&mut self, log: &mut Log) {
+        log.robot = self.robot;
         for (time, pose) in self.poses.iter().flat_map(Receiver::try_iter) {
-            self.log.put_since_begin(time, Entry::Pose(pose));
+            log.put_since_begin(time, Entry::Pose(pose));
         }
     }
 
     /// Logs a notice.
-    pub(in super::super) fn tell(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, notice: Notice) {
+    #[expect(clippy::too_many_arguments, reason = "a notice and what it refers to")]
+    pub(in super::super) fn tell(
+        &mut self,
+        log: &mut Log,
+        timeline: &Timeline,
+        lines: &Lines<'_>,
+        at: Nanos,
+        notice: Notice,
+    ) {
+        log.robot = self.robot;
+        if self.robot > 0 && self.is_shared(timeline, at, notice) {
+            return;
+        }
         let spot = |span: Span| -> Option<Spot> {
             let place = lines.place(span);
             Some((place.file.to_owned(), place.line))
@@ -47,33 +61,34 @@ impl TimelineLog {
         match notice {
             Notice::Say { cue, report } => {
                 if let Some(cue) = timeline.cues.get(cue) {
-                    self.line(at, Level::Info, cue.text.with(report.as_ref()), spot(cue.span));
+                    line(log, at, Level::Info, cue.text.with(report.as_ref()), spot(cue.span));
                 }
             }
             Notice::Waiting { gate } => {
                 if let Some(gate) = timeline.gates.get(gate) {
-                    self.line(at, Level::Info, gate.gate.to_string(), spot(gate.span));
+                    line(log, at, Level::Info, gate.gate.to_string(), spot(gate.span));
                 }
             }
-            Notice::Passed(passage) => self.passed(timeline, lines, at, passage),
+            Notice::Passed(passage) => self.passed(log, timeline, lines, (at, passage)),
             Notice::Marked { mark } => {
                 if let Some(mark) = timeline.marks.get(mark) {
                     let at = if self.is_paused { at } else { self.begin + mark.at.nanos() };
-                    self.log.put(at, Entry::Mark { name: mark.name.clone(), script: mark.at });
+                    log.put(at, Entry::Mark { name: mark.name.clone(), script: mark.at });
                 }
             }
-            Notice::Wrote(piece) => self.log.put(at, Entry::Bytes(piece.bytes().into())),
-            Notice::Report(report) => self.log.put(at, Entry::Report(report)),
-            Notice::Judged(verdict) => self.judged(timeline, lines, at, verdict),
+            Notice::Wrote(piece) => log.put(at, Entry::Bytes(piece.bytes().into())),
+            Notice::Report(report) => log.put(at, Entry::Report(report)),
+            Notice::Judged(verdict) => judged(log, timeline, lines, (at, verdict)),
             Notice::Sent { event, late } => {
                 if let Some(event) = timeline.events.get(event) {
                     let (command, place) = (event.command.clone(), spot(event.span));
-                    self.log.put(at, Entry::Late { script: event.at, late, command, place });
+                    log.put(at, Entry::Late { script: event.at, late, command, place });
                 }
             }
             Notice::Dropped { event } => {
                 if let Some(event) = timeline.events.get(event) {
-                    self.line(
+                    line(
+                        log,
                         at,
                         Level::Warning,
                         format!("dropped: {}", timeline.board.show(&event.command)),
@@ -83,55 +98,73 @@ impl TimelineLog {
             }
             Notice::Sleeping { at: script } | Notice::Paused { at: script } => {
                 self.is_paused = true;
-                self.line(at, Level::Info, format!("paused at {script:.3} s"), None);
+                line(log, at, Level::Info, format!("paused at {script:.3} s"), None);
             }
             Notice::Resumed { at: script } => {
                 (self.begin, self.is_paused) = (at - script.nanos(), false);
-                self.line(at, Level::Info, format!("continues at {script:.3} s"), None);
+                line(log, at, Level::Info, format!("continues at {script:.3} s"), None);
             }
             Notice::Pass { pass } => {
                 (self.begin, self.is_paused) = (at, false);
                 if pass > 1 {
-                    self.line(at, Level::Info, format!("pass {pass}"), None);
+                    line(log, at, Level::Info, format!("pass {pass}"), None);
                 } else {
-                    self.log.begin(at);
+                    log.begin(at);
                 }
             }
-            _ => self.servo(timeline, at, notice),
+            _ => self.servo(log, timeline, at, notice),
         }
     }
 
-    fn judged(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, verdict: Verdict) {
-        let Some(due) = timeline.expects.get(verdict.expect) else { return };
-        let place = lines.place(due.span);
-        let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
-        let words = format!("expect {}: {}", due.expect, verdict.found);
-        self.line(at, level, words, Some((place.file.to_owned(), place.line)));
+    /// Whether the first robot logs this for all; keeps the clock of the script.
+    fn is_shared(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) -> bool {
+        let has_criterion = |gate: usize| timeline.gates.get(gate).is_some_and(|gate| gate.gate.criterion().is_some());
+        match notice {
+            Notice::Pass { .. } => (self.begin, self.is_paused) = (at, false),
+            Notice::Resumed { at: script } => (self.begin, self.is_paused) = (at - script.nanos(), false),
+            Notice::Sleeping { .. } | Notice::Paused { .. } => self.is_paused = true,
+            Notice::Waiting { gate } => return !has_criterion(gate),
+            Notice::Passed(passage) if !has_criterion(passage.gate) => {
+                let gate = timeline.gates.get(passage.gate).map_or(Nanos::ZERO, |gate| gate.at.nanos());
+                self.begin = at - gate;
+            }
+            Notice::Marked { .. } => {}
+            _ => return false,
+        }
+        true
     }
 
     /// Logs what happens to servos, each once.
-    fn servo(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) {
+    fn servo(&mut self, log: &mut Log, timeline: &Timeline, at: Nanos, notice: Notice) {
         if notice == Notice::Began {
             self.begin = at;
         }
         let level = if matches!(notice, Notice::Flags { .. }) { Level::Warning } else { Level::Info };
         if let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) {
-            self.line(at, level, words, None);
+            line(log, at, level, words, None);
         }
     }
 
-    fn passed(&mut self, timeline: &Timeline, lines: &Lines<'_>, at: Nanos, passage: Passage) {
+    fn passed(&mut self, log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, (at, passage): (Nanos, Passage)) {
         let Some(gate) = timeline.gates.get(passage.gate) else { return };
         let place = lines.place(gate.span);
         let level = if passage.end.is_open() { Level::Info } else { Level::Error };
-        self.line(at, level, passage_words(gate, passage), Some((place.file.to_owned(), place.line)));
+        line(log, at, level, passage_words(gate, passage), Some((place.file.to_owned(), place.line)));
         let (script, took) = (gate.at, passage.took.micros());
-        self.log.put(at, Entry::Gate { script, gate: gate.gate.to_string(), took, end: passage.end });
+        log.put(at, Entry::Gate { script, gate: gate.gate.to_string(), took, end: passage.end });
         // The clock of the script continues.
         self.begin = at - gate.at.nanos();
     }
+}
 
-    fn line(&mut self, at: Nanos, level: Level, text: String, place: Option<Spot>) {
-        self.log.put(at, Entry::Line { level, text, place });
-    }
+fn judged(log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, (at, verdict): (Nanos, Verdict)) {
+    let Some(due) = timeline.expects.get(verdict.expect) else { return };
+    let place = lines.place(due.span);
+    let level = if verdict.found.is_passed() { Level::Info } else { Level::Error };
+    let words = format!("expect {}: {}", due.expect, verdict.found);
+    line(log, at, level, words, Some((place.file.to_owned(), place.line)));
+}
+
+fn line(log: &mut Log, at: Nanos, level: Level, text: String, place: Option<Spot>) {
+    log.put(at, Entry::Line { level, text, place });
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use motionseq::board::{Hundredths, State};
+use motionseq::board::{Board, Hundredths, State};
 use motionseq::playback::{Notice, Passage, Verdict, now};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
@@ -79,13 +79,19 @@ struct Waiting {
     value: Option<Hundredths>,
 }
 
-/// Shows a run.
+/// Shows what one robot does. That of the first robot also shows what is about all.
 pub(super) struct Display {
     screen: Screen,
+    /// `left: ` before its lines, if the script names its robots.
+    name: String,
+    /// Whether another robot comes first.
+    follows: bool,
     progress: Progress,
     inputs: KeysShown,
     /// Converts times of the run to times of the script.
     script: ScriptTime,
+    /// The board of the robot, once it has got a command.
+    board: Option<Arc<Board>>,
     /// Whether the keys of a pause were shown.
     has_shown_keys: bool,
     /// The commands sent so far, the worst lateness, the number of dropped frames, and the pass.
@@ -116,10 +122,15 @@ enum Clock {
 
 impl Observer for Display {
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
+        if self.follows && self.is_shared(timeline, at, notice) {
+            return;
+        }
         match notice {
             Notice::Say { cue, report } => {
                 if let Some(cue) = timeline.cues.get(cue) {
-                    self.screen.note(&format!("{:.3} s: {}", cue.at, cue.text.with(report.as_ref())));
+                    // A line without reports is said once for all robots.
+                    let name = if cue.text.rows().next().is_some() { &self.name } else { "" };
+                    self.screen.note(&format!("{:.3} s: {name}{}", cue.at, cue.text.with(report.as_ref())));
                 }
             }
             Notice::Waiting { gate } => self.waits(timeline, at, gate),
@@ -128,6 +139,7 @@ impl Observer for Display {
             Notice::Judged(verdict) => self.judged(timeline, verdict),
             Notice::Sent { event, late } => {
                 if let Some(event) = timeline.events.get(event) {
+                    self.board.get_or_insert_with(|| Arc::clone(&timeline.board));
                     self.state.apply(&timeline.board, &event.command);
                     self.worst_late = self.worst_late.max(late);
                 }
@@ -178,32 +190,28 @@ impl Observer for Display {
             _ => self.servo(timeline, at, notice),
         }
     }
-
-    fn update(&mut self, timeline: &Timeline) {
-        let progress = self.progress;
-        match progress {
-            Progress::Auto => self.screen.live(&self.line(timeline)),
-            // An unchanged line is not repeated.
-            Progress::Plain if self.shown_at.elapsed() >= SECOND && self.is_further(timeline) => {
-                self.shown_at = Instant::now();
-                self.screen.note(&self.line(timeline));
-            }
-            Progress::Plain | Progress::None => {}
-        }
-    }
 }
 
 impl Display {
-    /// Shows a run on a screen, and the keys if they work.
-    pub(super) fn new(screen: Screen, progress: Progress, script: ScriptTime, inputs: KeysShown) -> Self {
-        if inputs.single {
+    /// Shows a run on a screen, and the keys if they work. `robot` is its name, and whether another robot comes first.
+    pub(super) fn new(
+        screen: Screen,
+        progress: Progress,
+        script: ScriptTime,
+        inputs: KeysShown,
+        (robot, follows): (Option<&str>, bool),
+    ) -> Self {
+        if inputs.single && !follows {
             screen.note("keys: space pauses, q stops and exits, ? shows all");
         }
         Display {
             screen,
+            name: robot.map(|robot| format!("{robot}: ")).unwrap_or_default(),
+            follows,
             progress,
             inputs,
             script,
+            board: None,
             has_shown_keys: false,
             said: HashSet::new(),
             kept: BTreeMap::new(),
@@ -216,6 +224,35 @@ impl Display {
             shown: (0, Micros::ZERO),
             shown_at: Instant::now(),
         }
+    }
+
+    /// Updates the progress line, with what the other robots do.
+    pub(super) fn update(&mut self, timeline: &Timeline, others: &[Display]) {
+        let progress = self.progress;
+        match progress {
+            Progress::Auto => self.screen.live(&self.line(timeline, others)),
+            // An unchanged line is not repeated.
+            Progress::Plain if self.shown_at.elapsed() >= SECOND && self.is_further(timeline) => {
+                self.shown_at = Instant::now();
+                self.screen.note(&self.line(timeline, others));
+            }
+            Progress::Plain | Progress::None => {}
+        }
+    }
+
+    /// Whether the first robot shows this for all; keeps what is needed for the lines of this robot.
+    fn is_shared(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) -> bool {
+        let has_criterion = |gate: usize| timeline.gates.get(gate).is_some_and(|gate| gate.gate.criterion().is_some());
+        match notice {
+            Notice::Sleeping { at: script } | Notice::Paused { at: script } => self.clock = Clock::Paused(script),
+            Notice::Resumed { at: script } => self.clock = Clock::Runs(at - script.nanos()),
+            Notice::Pass { .. } => self.clock = Clock::Runs(at),
+            Notice::Waiting { gate } => return !has_criterion(gate),
+            Notice::Passed(passage) => return !has_criterion(passage.gate),
+            Notice::Help => {}
+            _ => return false,
+        }
+        true
     }
 
     /// Clears the progress line.
@@ -239,8 +276,8 @@ impl Display {
     fn waits(&mut self, timeline: &Timeline, at: Nanos, gate: usize) {
         self.waiting = Some(Waiting { gate, before: Nanos::ZERO, since: Some(at), value: None });
         let Some(gate) = timeline.gates.get(gate) else { return };
-        if gate.gate.criterion().is_some() {
-            self.screen.note(&format!("{:.3} s: {}", gate.at, gate.gate));
+        if !gate.gate.is_go() {
+            self.screen.note(&format!("{:.3} s: {}{}", gate.at, self.name, gate.gate));
             return;
         }
         let asked = gate.gate.text.as_deref().unwrap_or("waiting for a go");
@@ -254,7 +291,8 @@ impl Display {
         if matches!(self.clock, Clock::Runs(_)) {
             self.clock = Clock::Runs(at - gate.at.nanos());
         }
-        self.screen.note(&format!("{:.3} s: {}", gate.at, passage_words(gate, passage)));
+        let name = if gate.gate.criterion().is_some() { &self.name } else { "" };
+        self.screen.note(&format!("{:.3} s: {name}{}", gate.at, passage_words(gate, passage)));
     }
 
     /// Stops the time of a closed gate, or lets it continue.
@@ -276,7 +314,10 @@ impl Display {
             Some(within) => format!("{passed:.1} of {within:.1} s"),
             None => format!("{passed:.1} s"),
         };
-        let Some(criterion) = gate.gate.criterion() else { return Some(["waiting for a go".to_owned(), time]) };
+        let Some(criterion) = gate.gate.criterion() else {
+            let awaited = if gate.gate.is_go() { "a go" } else { "another robot" };
+            return Some([format!("waiting for {awaited}"), time]);
+        };
         let value = value.map_or_else(|| "?".to_owned(), |value| format!("{value}{}", criterion.measured.unit()));
         Some([format!("waiting for {criterion}: {value}"), time])
     }
@@ -284,7 +325,7 @@ impl Display {
     /// Shows an `expect` that passed; one that failed is shown at the end.
     fn judged(&self, timeline: &Timeline, verdict: Verdict) {
         if let (Some(due), true) = (timeline.expects.get(verdict.expect), verdict.found.is_passed()) {
-            self.screen.note(&format!("{:.3} s: expect {}: {}", due.at, due.expect, verdict.found));
+            self.screen.note(&format!("{:.3} s: {}expect {}: {}", due.at, self.name, due.expect, verdict.found));
         }
     }
 
@@ -293,8 +334,10 @@ impl Display {
         let board = &timeline.board;
         match notice {
             Notice::Errors(0) => {}
-            Notice::Errors(bits) => self.screen.warning(&format!("the board reports {}", board.errors(bits))),
-            _ => self.screen.warning(&format!("the board does not answer: {}", board.silence_hint())),
+            Notice::Errors(bits) => {
+                self.screen.warning(&format!("{}the board reports {}", self.name, board.errors(bits)));
+            }
+            _ => self.screen.warning(&format!("{}the board does not answer: {}", self.name, board.silence_hint())),
         }
     }
 
@@ -303,7 +346,7 @@ impl Display {
         for (kept, servos) in std::mem::take(&mut self.kept) {
             let numbers: Vec<String> = servos.iter().map(ToString::to_string).collect();
             let (servo, keep) = if servos.len() == 1 { ("servo", "keeps") } else { ("servos", "keep") };
-            self.screen.note(&format!("{servo} {} {keep} {kept}", numbers.join(", ")));
+            self.screen.note(&format!("{}{servo} {} {keep} {kept}", self.name, numbers.join(", ")));
         }
     }
 
@@ -328,6 +371,7 @@ impl Display {
         let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) else {
             return;
         };
+        let words = format!("{}{words}", self.name);
         if matches!(notice, Notice::Flags { .. }) {
             self.screen.warning(&words);
         } else {
@@ -339,12 +383,13 @@ impl Display {
     fn frame(&self, timeline: &Timeline, what: &str, event: usize) {
         if let Some(event) = timeline.events.get(event) {
             let kind = event.kind.word().map(|word| format!(" ({word})")).unwrap_or_default();
-            self.screen.note(&format!("{:.3} s: {what}{}{kind}", event.at, timeline.board.show(&event.command)));
+            let command = timeline.board.show(&event.command);
+            self.screen.note(&format!("{:.3} s: {}{what}{command}{kind}", event.at, self.name));
         }
     }
 
     /// `1.2 / 3.0 s ████░░░░░░  rocker x=10 y=0 z=0  next bow at 2.0 s  servo 1 1500`, as much of it as fits.
-    fn line(&self, timeline: &Timeline) -> String {
+    fn line(&self, timeline: &Timeline, others: &[Display]) -> String {
         let (end, now) = (timeline.end, self.time(timeline));
         let mut line = format!("{now:.3} / {end:.3} s");
         // On a narrow terminal, the words take precedence over the bar.
@@ -352,7 +397,7 @@ impl Display {
         // Plain lines have no bar.
         let room_for_bar = room.saturating_sub(line.len() + if self.waiting.is_some() { 80 } else { 50 });
         let bar = bar(now.0, end.0, if self.progress == Progress::Plain { 0 } else { room_for_bar });
-        for part in std::iter::once(bar).chain(self.parts(timeline, now)).filter(|part| !part.is_empty()) {
+        for part in std::iter::once(bar).chain(self.parts(timeline, now, others)).filter(|part| !part.is_empty()) {
             if line.chars().count() + 2 + part.chars().count() > room {
                 break;
             }
@@ -373,7 +418,7 @@ impl Display {
     }
 
     /// The parts of the line after the time, the most important first.
-    fn parts(&self, timeline: &Timeline, now: Micros) -> Vec<String> {
+    fn parts(&self, timeline: &Timeline, now: Micros, others: &[Display]) -> Vec<String> {
         let mut parts = Vec::new();
         if matches!(self.clock, Clock::Paused(_)) {
             parts.push(PAUSED.to_owned());
@@ -396,12 +441,21 @@ impl Display {
         }
         let board = &timeline.board;
         let is_paused = matches!(self.clock, Clock::Paused(_));
-        parts.push(if is_paused { at_rest(board) } else { drive_words(board, &self.state) });
+        let drive = if is_paused { at_rest(board) } else { drive_words(board, &self.state) };
+        parts.push(format!("{}{drive}", self.name));
+        parts.extend(others.iter().filter_map(|other| Some(format!("{}{}", other.name, other.drive(is_paused)?))));
         parts.extend(next);
-        if self.worst_late >= Nanos::from_millis(1) {
-            parts.push(format!("worst lateness {}", self.worst_late.short()));
+        let worst = others.iter().map(|other| other.worst_late).fold(self.worst_late, Nanos::max);
+        if worst >= Nanos::from_millis(1) {
+            parts.push(format!("worst lateness {}", worst.short()));
         }
         parts.extend(active_words(board, &self.state));
         parts
+    }
+
+    /// What the drive of this robot does.
+    fn drive(&self, is_paused: bool) -> Option<String> {
+        let board = self.board.as_ref()?;
+        Some(if is_paused { at_rest(board) } else { drive_words(board, &self.state) })
     }
 }

@@ -1,8 +1,9 @@
-//! The end of a run: summary, closing line, report and exit code.
+//! The end of a run: summary, closing lines, report and exit code.
 
 use motionseq::board::Board;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, ServoFault, ServoFaultKind, Stop, now};
+use motionseq::report;
 use motionseq::serve::BoardThread;
 use motionseq::timeline::wire::LATE;
 use motionseq::units::Nanos;
@@ -11,7 +12,7 @@ use super::super::exit::Exit;
 use super::super::log::Level;
 use super::super::run_summary::board_summary;
 use super::super::screen::{PATIENCE, Screen, plural};
-use super::observers::Observed;
+use super::observers::Results;
 use super::result_files::Report;
 use super::run_log::{Run, RunLog};
 
@@ -21,9 +22,16 @@ const FRESH: Nanos = Nanos::from_millis(1_500);
 /// Everything needed to report a run that has ended.
 pub(super) struct Finish<'r> {
     pub(super) screen: Screen,
-    pub(super) run: Run<'r>,
+    pub(super) robots: Vec<Ended<'r>>,
+    /// The robot whose run ended before that of all others.
+    pub(super) first: usize,
     /// The report file, if there is one, and the warnings of the script.
     pub(super) report: Option<(Report, Diagnostics)>,
+}
+
+/// The end of one robot's run.
+pub(super) struct Ended<'r> {
+    pub(super) run: Run<'r>,
     pub(super) board: Option<BoardThread>,
     /// Gets the goodbye once everything is reported.
     pub(super) guard: Option<Guard>,
@@ -31,34 +39,40 @@ pub(super) struct Finish<'r> {
 
 impl Finish<'_> {
     /// Reports the run and returns the exit code. Files are written first, because standard error may be blocked.
-    pub(super) fn report(self, observed: Observed) -> Exit {
-        let Finish { screen, run, report, board, guard } = self;
-        let Observed { run: counted, recorded, log } = observed;
-        let report =
-            report.map(|(report, diagnostics)| (report.path.clone(), report.write(run.report(&counted, &diagnostics))));
+    pub(super) fn report(self, results: Results) -> Exit {
+        let Finish { screen, mut robots, first, report } = self;
+        let Results { runs: counted, recorded, log } = results;
+        let report = report.map(|(report, diagnostics)| {
+            let runs = robots.iter().zip(&counted).map(|(ended, counted)| ended.run.report(counted, &diagnostics));
+            let text = text_of(runs.collect(), first);
+            (report.path.clone(), report.write(text))
+        });
         let mut is_whole = recorded.is_ok();
         if let Err(error) = recorded {
             screen.warning(&format!("the recording is incomplete: {error}; motion was not affected"));
         }
-        summary(&screen, &run, &counted);
-        board_end(&screen, &run.timeline.board, board);
-        let line = run.closing_line();
+        for (ended, counted) in robots.iter_mut().zip(&counted) {
+            summary(&screen, &ended.run, counted);
+            board_end(&screen, &ended.run.name(), &ended.run.timeline.board, ended.board.take());
+        }
+        // The cause comes first.
+        let mut order: Vec<&Ended<'_>> = robots.iter().collect();
+        if first < order.len() {
+            order.swap(0, first);
+        }
+        let exit = order.iter().map(|ended| ended.run.exit()).find(|exit| *exit != Exit::Ok).unwrap_or(Exit::Ok);
         if let Some(mut log) = log {
-            log.take_poses();
-            log.log.line(now(), if run.is_early() { Level::Error } else { Level::Info }, line.as_str());
-            is_whole &= log.log.end(run.exit(), &line);
+            let lines: Vec<String> = order.iter().map(|ended| ended.run.closing_line()).collect();
+            for (ended, line) in order.iter().zip(&lines) {
+                log.line(now(), if ended.run.is_early() { Level::Error } else { Level::Info }, line.as_str());
+            }
+            is_whole &= log.end(exit, lines.first().map_or("", String::as_str));
         }
-        match (run.outcome.cause, run.outcome.stop) {
-            (Cause::Finished, _) => {}
-            (Cause::Quit, Stop::Sent | Stop::NotDefined | Stop::Held) => screen.note(&line),
-            _ => screen.error(&line),
-        }
-        if let Cause::Servo(ServoFault { kind: ServoFaultKind::Silent, .. }) = run.outcome.cause {
-            screen.ask(run.timeline.board.silence_hint());
-        }
-        // If standard error is blocked, the guard gets no goodbye and writes the closing line itself.
+        order.iter().for_each(|ended| closing(&screen, &ended.run));
+        let is_early = order.iter().any(|ended| ended.run.is_early());
+        // If standard error is blocked, the guards get no goodbye and write the closing lines themselves.
         let is_said = Screen::is_written(PATIENCE);
-        if let Some(guard) = guard.filter(|_| is_said || !run.is_early()) {
+        for guard in robots.into_iter().filter_map(|ended| ended.guard).filter(|_| is_said || !is_early) {
             guard.goodbye();
         }
         if let Some((path, write)) = report
@@ -67,29 +81,51 @@ impl Finish<'_> {
             is_whole = false;
             screen.warning(&format!("the report {} is incomplete: {error}", path.display()));
         }
-        match run.exit() {
+        match exit {
             Exit::Ok if !is_whole => Exit::Usage,
             exit => exit,
         }
     }
 }
 
+/// The report of all robots.
+fn text_of(mut runs: Vec<report::Run>, first: usize) -> String {
+    let names_robots = runs.iter().any(|run| run.robot.is_some());
+    let whole = if names_robots { report::Run::of_all(runs, first) } else { runs.pop() };
+    whole.map(|run| report::json::run(&run)).unwrap_or_default()
+}
+
+/// Shows why a run ended.
+fn closing(screen: &Screen, run: &Run<'_>) {
+    let line = run.closing_line();
+    match (run.outcome.cause, run.outcome.stop) {
+        (Cause::Finished, _) => {}
+        (Cause::Quit, Stop::Sent | Stop::NotDefined | Stop::Held) => screen.note(&line),
+        _ => screen.error(&line),
+    }
+    if let Cause::Servo(ServoFault { kind: ServoFaultKind::Silent, .. }) = run.outcome.cause {
+        screen.ask(run.timeline.board.silence_hint());
+    }
+}
+
 fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
+    let name = run.name();
     let Run { timeline, outcome: Outcome { at, stop, sent, dropped, extra, worst_late, .. }, .. } = run;
     if counted.not_noted > 0 {
         screen.note(&format!(
-            "{} were not shown",
+            "{name}{} were not shown",
             plural(usize::try_from(counted.not_noted).unwrap_or(usize::MAX), "line")
         ));
     }
     if run.outcome.aborted || matches!(stop, Stop::Sent | Stop::NotDefined) {
         let report = counted.report.filter(|(came, _)| now() - *came <= FRESH).map(|(_, report)| report);
         for cue in &timeline.abort_cues {
-            screen.note(&format!("on abort: {}", cue.text.with(report.as_ref())));
+            screen.note(&format!("{name}on abort: {}", cue.text.with(report.as_ref())));
         }
     }
     if timeline.events.is_empty() {
-        screen.note("the script sends nothing");
+        let what = if run.names.is_empty() { "the script sends nothing" } else { "the script sends nothing to it" };
+        screen.note(&format!("{name}{what}"));
     }
     let dropped = if *dropped == 0 { String::new() } else { format!(", {dropped} dropped") };
     let extra = match *extra {
@@ -105,22 +141,22 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
         waited => format!(" and {:.3} s at gates", waited.micros()),
     };
     let (sent, worst) = (plural(*sent, "frame"), worst_late.in_millis());
-    screen.note(&format!("sent {sent}{dropped} in {at:.3} s{gates}{extra}; worst lateness {worst:.3} ms"));
+    screen.note(&format!("{name}sent {sent}{dropped} in {at:.3} s{gates}{extra}; worst lateness {worst:.3} ms"));
     if let Some((_, report)) = &counted.report {
-        screen.note(&format!("last report of the board: {}", timeline.board.report(report)));
+        screen.note(&format!("{name}last report of the board: {}", timeline.board.report(report)));
     }
     let (baud, late) = (timeline.baud, run.line_late());
     if late > LATE {
-        screen.note(&format!("at {baud} baud, a frame waits up to {} for the serial line", late.short()));
+        screen.note(&format!("{name}at {baud} baud, a frame waits up to {} for the serial line", late.short()));
     }
 }
 
 /// Reports the end of the virtual board.
-fn board_end(screen: &Screen, board: &Board, served: Option<BoardThread>) {
+fn board_end(screen: &Screen, name: &str, board: &Board, served: Option<BoardThread>) {
     match served.map(|served| served.join(PATIENCE)) {
         None => {}
-        Some(Some(Ok(received))) => board_summary(screen, board, &received),
-        Some(Some(Err(error))) => screen.error(&format!("the virtual board failed: {error}")),
-        Some(None) => screen.error("the virtual board failed"),
+        Some(Some(Ok(received))) => board_summary(screen, name, board, &received),
+        Some(Some(Err(error))) => screen.error(&format!("{name}the virtual board failed: {error}")),
+        Some(None) => screen.error(&format!("{name}the virtual board failed")),
     }
 }

@@ -4,35 +4,36 @@ mod display;
 mod finish;
 mod observer;
 mod observers;
+mod perform;
 mod port;
+mod ports;
 mod result_files;
 mod run_log;
 
-use std::os::fd::BorrowedFd;
+use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
-use std::{fs, io};
 
 use clap::{Args, ValueEnum};
 use motionseq::faults::{Faults, Stalling};
-use motionseq::link::Link;
-use motionseq::playback::{GoLines, Guard, GuardConfig, Keys, Notice, Player, Realtime, Session, Signals, now};
+use motionseq::playback::{GoLines, Keys, Realtime, Signals, now};
 use motionseq::serve::BoardThread;
-use motionseq::source::{Lines, Sources};
+use motionseq::source::Sources;
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
 use super::Options;
 use super::exit::Exit;
 use super::port_opening::{self, PortRequest};
-use super::project::{ChosenPort, VIRTUAL, ValueSource, max_late};
+use super::project::{ChosenPort, Config, VIRTUAL, ValueSource, max_late};
 use super::screen::{Screen, Warnings};
 use super::selection::{Selected, Selection};
 use display::{Display, KeysShown, Progress};
-use finish::Finish;
-use observers::Observers;
+use finish::{Ended, Finish};
+use observers::{Observed, Observers};
+use perform::{Operator, Performance, Played, Robot};
 use port::{Port, system};
 use result_files::{ResultFiles, ResultPaths};
 use run_log::Run;
@@ -46,8 +47,9 @@ pub(super) struct Play {
     /// Script to read, or `-` for standard input
     file: PathBuf,
     /// Serial port of the board, such as /dev/serial0, or `auto` or `virtual` [default: `MOTIONSEQ_PORT`, `port` of motionseq.toml, else virtual]
+    /// For each robot of a script with several: `left=PATH` [default: `MOTIONSEQ_PORT_LEFT`, else virtual]
     #[arg(long, value_name = "PATH")]
-    port: Option<PathBuf>,
+    port: Vec<PathBuf>,
     /// If the port cannot be opened yet, wait for it up to TIME, as a service does at boot
     #[arg(long, value_name = "TIME", value_parser = port_opening::wait)]
     wait: Option<Micros>,
@@ -61,8 +63,9 @@ pub(super) struct Play {
     #[arg(long)]
     no_guard: bool,
     /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7, servo=3:silent
+    /// With several robots, on all virtual boards, or `left: FAULTS` on one
     #[arg(long, value_name = "FAULTS")]
-    fault: Option<Faults>,
+    fault: Vec<String>,
     /// Choose how progress is shown
     #[arg(long, value_enum, default_value_t = Progress::Auto)]
     progress: Progress,
@@ -102,61 +105,59 @@ impl Play {
             return Err(Exit::Usage);
         }
         let (sources, selected) = self.selection.compile(&self.file, &self.options, Warnings::Counted, screen)?;
-        let Selected { timeline, again, first_pass, script, diagnostics, config } = selected;
-        let results = ResultFiles::open(&self.results, &sources, screen)?;
+        let Selected { timelines, again, first_pass, script, diagnostics, config } = selected;
+        let results = ResultFiles::open(&self.results, &timelines, &sources, screen)?;
         self.check_terminal(screen)?;
         let go = self.go.map(|_| GoLines::open()).transpose().map_err(|error| system(screen, &error))?.flatten();
-        check_go(&timeline, go.is_some(), &sources, screen)?;
+        check_go(&timelines, go.is_some(), &sources, screen)?;
         Screen::never_wait().map_err(|error| system(screen, &error))?;
         let signals = Signals::catch().map_err(|error| system(screen, &error))?;
-        let chosen = config.port(self.port.as_deref());
-        let limit = self.max_late.unwrap_or_else(|| config.max_late(chosen.path.is_some()));
-        let Port { link, path, board, poses } = self.open_port(&chosen, &timeline, &signals, screen)?;
+        let ports = self.open_ports(&timelines, &config, &signals, screen)?;
 
-        // The port is open. Everything that may fail or wait is done before the first frame.
-        let (mut files, report) = results.start(&timeline.board, &sources, path.as_deref(), screen)?;
-        files.poses = poses;
-        let (timeline, again) = (Arc::new(timeline), again.map(Arc::new));
+        // The ports are open. Everything that may fail or wait is done before the first frame.
+        let paths: Vec<Option<&Path>> = ports.iter().map(|port| port.path.as_deref()).collect();
+        let (files, report) = results.start(&timelines, &sources, &paths, screen)?;
         let keys = Keys::open(screen.is_live());
         let inputs = KeysShown { single: keys.is_some() && screen.is_live(), steps: self.step, go_lines: go.is_some() };
-        let display = Display::new(*screen, self.shown(screen), script, inputs);
-        let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
-        let mut observers = Observers::start(timelines, display, files).map_err(|error| system(screen, &error))?;
-        let stalls = board.as_ref().map(BoardThread::stalls).unwrap_or_default();
-        let player = self.player(Player::new(&timeline, limit), again.as_deref());
-        let mut session = Session::new(player, Stalling::new(link, stalls), signals, Lines::of(&sources));
-        (session.keys, session.go) = (keys, go);
-        session.realtime = self.realtime && become_realtime(screen);
-        // The guard is started last, because from then on the player must send heartbeats.
-        let mut ward = GuardConfig::of(&timeline);
-        (ward.max_late, ward.realtime) = (limit, self.realtime);
-        session.guard = self.guard(session.link.descriptor(), &ward, board.is_some(), screen).map_err(|error| {
-            // Ctrl-C also reaches a guard that is starting.
-            session.signals.pending().map_or_else(|| system(screen, &error), Exit::Signal)
-        })?;
-        if let Some(keys) = &mut session.keys {
-            keys.enter_steps = self.step;
-            // The guard has saved the state of the terminal.
-            keys.begin();
+        let names: Vec<Arc<str>> = timelines.iter().filter_map(|timeline| timeline.robot.clone()).collect();
+        let mut again = again.into_iter().flatten();
+        let (mut robots, mut links, mut boards, mut paths, mut observed) = (vec![], vec![], vec![], vec![], vec![]);
+        for (timeline, Port { link, path, board, poses }) in timelines.into_iter().zip(ports) {
+            let (timeline, again) = (Arc::new(timeline), again.next().map(Arc::new));
+            let robot = (timeline.robot.as_deref(), !robots.is_empty());
+            let display = Display::new(*screen, self.shown(screen), script, inputs, robot);
+            let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
+            observed.push(Observed { timelines, display, poses });
+            let limit = self.max_late.unwrap_or_else(|| config.max_late(path.is_some()));
+            robots.push(Robot { timeline, again, limit, is_virtual: board.is_some() });
+            links.push(Stalling::new(link, board.as_ref().map(BoardThread::stalls).unwrap_or_default()));
+            (boards.push(board), paths.push(path));
         }
-
-        let (start, started) = (now(), SystemTime::now());
-        // The clock of the progress line starts here too.
-        observers.notify_at(start, Notice::Pass { pass: 1 });
-        if let Some(board) = &board {
-            board.begin(start);
-        }
-        let outcome = session.play(start, |notice| observers.notify(notice));
+        let (observers, mut notifiers) = Observers::start(observed, files).map_err(|error| system(screen, &error))?;
+        let common = notifiers.pop();
+        let started = SystemTime::now();
+        let actors = robots.iter().zip(links).zip(notifiers).map(|((robot, link), notifier)| (robot, link, notifier));
+        let about = (common, boards.iter().flatten().collect());
+        let operator = Operator { signals, keys, go };
+        let performance = self.perform(actors.collect(), operator, about, &sources, screen)?;
+        let Performance { played, first, start, common } = performance;
         let elapsed = (now() - start).micros();
 
-        let Session { link, guard, .. } = session;
-        let port = path.map(|path| path.display().to_string());
-        // The virtual board ends when its port is closed. A real port is closed last, because closing it may take half a minute.
-        let held = Some(link).filter(|_| port.is_some());
-        let asked = self.selection.asked();
-        let run = Run { sources: &sources, timeline: &timeline, asked, first_pass, port, started, elapsed, outcome };
-        let exit = Finish { screen: *screen, run, report: report.map(|report| (report, diagnostics)), board, guard }
-            .report(observers.end());
+        let (mut ended, mut held, mut notifiers) = (vec![], vec![], vec![]);
+        for ((robot, played), (board, path)) in robots.iter().zip(played).zip(boards.into_iter().zip(paths)) {
+            let Played { outcome, link, guard, notifier } = played;
+            let port = path.map(|path| path.display().to_string());
+            // A virtual board ends when its port is closed. A real port is closed last, because closing it may take half a minute.
+            held.extend(Some(link).filter(|_| port.is_some()));
+            notifiers.push(notifier);
+            let (timeline, asked) = (&*robot.timeline, self.selection.asked());
+            let sources = &sources;
+            let run = Run { sources, timeline, names: &names, asked, first_pass, port, started, elapsed, outcome };
+            ended.push(Ended { run, board, guard });
+        }
+        notifiers.extend(common);
+        let report = report.map(|report| (report, diagnostics));
+        let exit = Finish { screen: *screen, robots: ended, first, report }.report(observers.end(notifiers));
         drop(held);
         Ok(exit)
     }
@@ -170,14 +171,37 @@ impl Play {
         Ok(())
     }
 
+    /// Opens the ports of all robots.
+    fn open_ports(
+        &self,
+        timelines: &[Timeline],
+        config: &Config,
+        signals: &Signals,
+        screen: &Screen,
+    ) -> Result<Vec<Port>, Exit> {
+        let chosen = ports::choose(&self.port, timelines, config, screen)?;
+        let faults = ports::faults(&self.fault, timelines, screen)?;
+        let all_real = chosen.iter().all(|chosen| chosen.path.is_some());
+        let is_for_real = |(chosen, faults): (&ChosenPort, &Faults)| chosen.path.is_some() && !faults.is_none();
+        // What is meant for all virtual boards does not reach the real ones.
+        if chosen.iter().zip(&faults).any(is_for_real)
+            && (all_real || self.fault.iter().all(|faults| faults.contains(':')))
+        {
+            screen.error("`--fault` works only on the virtual board; remove `--fault` or the port");
+            return Err(Exit::Usage);
+        }
+        let robots = chosen.iter().zip(timelines).zip(faults);
+        robots.map(|((chosen, timeline), faults)| self.open_port(chosen, timeline, faults, signals, screen)).collect()
+    }
+
     fn open_port(
         &self,
         chosen: &ChosenPort,
         timeline: &Timeline,
+        faults: Faults,
         signals: &Signals,
         screen: &Screen,
     ) -> Result<Port, Exit> {
-        let faults = self.faults(chosen.path.is_some(), screen)?;
         let Some(path) = &chosen.path else { return Port::of_board(chosen, timeline, faults, screen) };
         let request = PortRequest { path, board: &timeline.board, baud: timeline.baud, wait: self.wait };
         let opened = port_opening::open(&request, signals, screen).inspect_err(|_| {
@@ -186,17 +210,7 @@ impl Play {
                 screen.ask(&format!("the port is from {place}; `--port {VIRTUAL}` plays on the virtual board"));
             }
         })?;
-        Ok(Port::real(opened, &chosen.origin(), screen))
-    }
-
-    /// The faults of the virtual board.
-    fn faults(&self, is_real: bool, screen: &Screen) -> Result<Faults, Exit> {
-        let faults = self.fault.clone().unwrap_or_default();
-        if is_real && !faults.is_none() {
-            screen.error("`--fault` works only on the virtual board; remove `--fault` or the port");
-            return Err(Exit::Usage);
-        }
-        Ok(faults)
+        Ok(Port::real(opened, timeline.robot.as_deref(), chosen, screen))
     }
 
     fn shown(&self, screen: &Screen) -> Progress {
@@ -204,27 +218,6 @@ impl Play {
             Progress::Auto if screen.is_dumb() && !screen.is_quiet() => Progress::Plain,
             progress => progress,
         }
-    }
-
-    fn player<'t>(&self, mut player: Player<'t>, again: Option<&'t Timeline>) -> Player<'t> {
-        if let Some(again) = again {
-            player = player.again_and_again(again);
-        }
-        if self.paused || self.step { player.paused() } else { player }
-    }
-
-    fn guard(
-        &self,
-        port: BorrowedFd<'_>,
-        ward: &GuardConfig,
-        with_board: bool,
-        screen: &Screen,
-    ) -> io::Result<Option<Guard>> {
-        if self.no_guard {
-            screen.note("no guard: nothing stops the robot if motionseq is killed or hangs");
-            return Ok(None);
-        }
-        super::guard::start(port, ward, with_board, screen).map(Some)
     }
 }
 
@@ -235,8 +228,9 @@ fn is_standard_input(path: &Path) -> bool {
 }
 
 /// Checks that there is a way to say go, if the script waits for it.
-fn check_go(timeline: &Timeline, has_lines: bool, sources: &Sources, screen: &Screen) -> Result<(), Exit> {
-    let gate = timeline.gates.iter().find(|gate| gate.gate.criterion().is_none());
+fn check_go(timelines: &[Timeline], has_lines: bool, sources: &Sources, screen: &Screen) -> Result<(), Exit> {
+    // All robots have the same gates.
+    let gate = timelines.iter().flat_map(|timeline| &timeline.gates).find(|gate| gate.gate.is_go());
     let Some(gate) = gate.filter(|_| !has_lines && Keys::open(false).is_none()) else { return Ok(()) };
     let place = sources.place(gate.span);
     screen.error(&format!(

@@ -10,7 +10,4 @@ use motionseq::units::Nanos;
 pub(super) trait Observer {
     /// Takes a notice with its time on the clock of [`now`](motionseq::playback::now), in a pass that plays this timeline.
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice);
-
-    /// Called regularly.
-    fn update(&mut self, _: &Timeline) {}
 }

@@ -30,18 +30,27 @@ const PATIENCE: Duration = Duration::from_millis(1_500);
 
 /// The files that are written while a run plays.
 pub(super) struct Files {
-    /// The bytes that the port accepts.
-    pub(super) recording: Option<Recording>,
+    /// The bytes that the port of each robot accepts.
+    pub(super) recordings: Vec<Recording>,
     /// The log, and the script that it refers to.
     pub(super) log: Option<(Log, Sources)>,
-    /// The poses of the robot of the virtual board, for the log.
+}
+
+/// What the observers know of one robot.
+pub(super) struct Observed {
+    /// Its timeline, and that of the passes after the first of an endless run.
+    pub(super) timelines: [Arc<Timeline>; 2],
+    pub(super) display: Display,
+    /// Where the robot of a virtual board is, for the log.
     pub(super) poses: Option<Receiver<(Micros, Pose)>>,
 }
 
-/// The sending end of the ring, for the thread that plays.
-pub(super) struct Observers {
+/// One thread for all robots.
+pub(super) struct Observers(Receiver<Results>);
+
+/// The sending end of a ring, for a thread that plays or conducts.
+pub(super) struct Notifier {
     ring: Producer<(Nanos, Notice)>,
-    observed: Receiver<Observed>,
     /// All bytes that the port accepted.
     bytes: u64,
     /// What did not fit in the ring: bytes that the port accepted, and other notices.
@@ -50,25 +59,51 @@ pub(super) struct Observers {
 }
 
 /// The results of the observers.
-pub(super) struct Observed {
-    pub(super) run: RunLog,
-    /// Whether the recording is complete.
+pub(super) struct Results {
+    /// One for each robot.
+    pub(super) runs: Vec<RunLog>,
+    /// Whether the recordings are complete.
     pub(super) recorded: io::Result<()>,
     /// The log, which still needs its last line.
-    pub(super) log: Option<TimelineLog>,
+    pub(super) log: Option<Log>,
 }
 
 impl Observers {
-    /// Starts the thread. An endless run plays `timelines[1]` after the first pass.
-    pub(super) fn start(timelines: [Arc<Timeline>; 2], display: Display, files: Files) -> io::Result<Self> {
-        let (ring, notices) = RingBuffer::new(ROOM);
-        let (done, observed) = mpsc::channel();
+    /// Starts the thread. Returns a ring for each robot, and one for what is about all of them.
+    pub(super) fn start(robots: Vec<Observed>, files: Files) -> io::Result<(Self, Vec<Notifier>)> {
+        let (mut notifiers, mut rings) = (Vec::new(), Vec::new());
+        for _ in 0..=robots.len() {
+            let (ring, notices) = RingBuffer::new(ROOM);
+            notifiers.push(Notifier { ring, bytes: 0, lost_bytes: 0, lost_notices: 0 });
+            rings.push(notices);
+        }
+        let (done, results) = mpsc::channel();
         start_thread("observers", move || {
-            let _ = done.send(observe(notices, timelines, display, files));
+            let _ = done.send(observe(rings, robots, files));
         })?;
-        Ok(Observers { ring, observed, bytes: 0, lost_bytes: 0, lost_notices: 0 })
+        Ok((Observers(results), notifiers))
     }
 
+    /// Ends the thread and returns its results.
+    pub(super) fn end(self, notifiers: Vec<Notifier>) -> Results {
+        let counts: Vec<_> = notifiers.iter().map(|one| (one.bytes, one.lost_bytes, one.lost_notices)).collect();
+        drop(notifiers);
+        let mut results = self.0.recv_timeout(PATIENCE).unwrap_or_else(|_| {
+            let failed = Err(io::Error::other("the thread that writes it failed"));
+            Results { runs: counts.iter().map(|_| RunLog::new()).collect(), recorded: failed, log: None }
+        });
+        for (run, (bytes, _, lost_notices)) in results.runs.iter_mut().zip(&counts) {
+            (run.bytes, run.not_noted) = (*bytes, *lost_notices);
+        }
+        let lost_bytes: u64 = counts.iter().map(|(_, lost, _)| lost).sum();
+        if lost_bytes > 0 && results.recorded.is_ok() {
+            results.recorded = Err(io::Error::other(format!("{lost_bytes} bytes did not fit in the buffer")));
+        }
+        results
+    }
+}
+
+impl Notifier {
     /// Passes on a notice. If the ring is full, the notice is lost and counted.
     pub(super) fn notify(&mut self, notice: Notice) {
         self.notify_at(now(), notice);
@@ -88,75 +123,83 @@ impl Observers {
             }
         }
     }
-
-    /// Ends the thread and returns its results.
-    pub(super) fn end(self) -> Observed {
-        let Observers { ring, observed, bytes, lost_bytes, lost_notices } = self;
-        drop(ring);
-        let mut observed = observed.recv_timeout(PATIENCE).unwrap_or_else(|_| {
-            let failed = Err(io::Error::other("the thread that writes it failed"));
-            Observed { run: RunLog::new(), recorded: failed, log: None }
-        });
-        (observed.run.bytes, observed.run.not_noted) = (bytes, lost_notices);
-        if lost_bytes > 0 && observed.recorded.is_ok() {
-            observed.recorded = Err(io::Error::other(format!("{lost_bytes} bytes did not fit in the buffer")));
-        }
-        observed
-    }
 }
 
-/// Passes every notice to every observer until the ring is closed and empty.
-fn observe(
-    mut notices: Consumer<(Nanos, Notice)>,
-    [first, again]: [Arc<Timeline>; 2],
-    mut display: Display,
-    files: Files,
-) -> Observed {
-    let Files { mut recording, log, poses } = files;
-    let (log, sources) = log.unzip();
-    let mut log = log.map(|log| TimelineLog::new(log, poses));
+/// A robot that is observed.
+struct Robot {
+    /// The timeline of the current pass, and that of the next ones.
+    timeline: Arc<Timeline>,
+    again: Arc<Timeline>,
+    run: RunLog,
+    log: TimelineLog,
+    recording: Option<Recording>,
+}
+
+/// Passes every notice to every observer until the rings are closed and empty.
+fn observe(mut rings: Vec<Consumer<(Nanos, Notice)>>, observed: Vec<Observed>, files: Files) -> Results {
+    let Files { recordings, log } = files;
+    let (mut log, sources) = log.unzip();
     let lines = sources.as_ref().map(Lines::of);
-    let (mut run, mut timeline) = (RunLog::new(), first);
-    let mut logged = log.as_mut().zip(lines.as_ref()).map(|(log, lines)| Logged(log, lines));
-    let mut observers: Vec<&mut dyn Observer> = vec![&mut run];
-    observers.extend(logged.as_mut().map(|logged| logged as &mut dyn Observer));
-    observers.extend(recording.as_mut().map(|recording| recording as &mut dyn Observer));
-    observers.push(&mut display);
+    let mut recordings = recordings.into_iter();
+    let (mut robots, mut displays) = (Vec::new(), Vec::new());
+    for (number, Observed { timelines: [timeline, again], display, poses }) in observed.into_iter().enumerate() {
+        let log = TimelineLog::new(number, poses);
+        robots.push(Robot { timeline, again, run: RunLog::new(), log, recording: recordings.next() });
+        displays.push(display);
+    }
     loop {
-        // Checked before the ring is emptied, so that nothing is left in it at the end.
-        let is_last = notices.is_abandoned();
-        while let Ok((at, notice)) = notices.pop() {
-            for observer in &mut observers {
-                observer.observe(&timeline, at, notice);
-            }
-            if matches!(notice, Notice::Pass { pass: 2.. }) {
-                timeline = Arc::clone(&again);
+        // Checked before the rings are emptied, so that nothing is left in them at the end.
+        let is_last = rings.iter().all(Consumer::is_abandoned);
+        while let Some((ring, at, notice)) = earliest(&mut rings) {
+            // The last ring is about all robots.
+            let is_for_all = ring >= displays.len();
+            for (number, robot) in robots.iter_mut().enumerate().filter(|(number, _)| is_for_all || ring == *number) {
+                robot.run.observe(&robot.timeline, at, notice);
+                if let Some((log, lines)) = log.as_mut().zip(lines.as_ref()) {
+                    robot.log.tell(log, &robot.timeline, lines, at, notice);
+                }
+                if let Some(recording) = &mut robot.recording {
+                    recording.observe(&robot.timeline, at, notice);
+                }
+                if let Some(display) = displays.get_mut(number) {
+                    display.observe(&robot.timeline, at, notice);
+                }
+                if matches!(notice, Notice::Pass { pass: 2.. }) {
+                    robot.timeline = Arc::clone(&robot.again);
+                }
             }
         }
         if is_last {
             break;
         }
-        for observer in &mut observers {
-            observer.update(&timeline);
+        if let (Some((first, others)), Some(robot)) = (displays.split_first_mut(), robots.first()) {
+            first.update(&robot.timeline, others);
+        }
+        if let Some(log) = &mut log {
+            robots.iter_mut().for_each(|robot| robot.log.take_poses(log));
         }
         thread::park_timeout(UPDATE);
     }
-    display.end();
-    let recorded = recording.map_or(Ok(()), Recording::end);
-    Observed { run, recorded, log }
+    displays.first().iter().for_each(|display| display.end());
+    let mut recorded = Ok(());
+    let mut runs = Vec::new();
+    for mut robot in robots {
+        if let Some(log) = &mut log {
+            robot.log.take_poses(log);
+        }
+        recorded = recorded.and(robot.recording.map_or(Ok(()), Recording::end));
+        runs.push(robot.run);
+    }
+    Results { runs, recorded, log }
 }
 
-/// A log and the lines of the script.
-struct Logged<'l>(&'l mut TimelineLog, &'l Lines<'l>);
-
-impl Observer for Logged<'_> {
-    fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
-        self.0.tell(timeline, self.1, at, notice);
-    }
-
-    fn update(&mut self, _: &Timeline) {
-        self.0.take_poses();
-    }
+/// The earliest notice of all rings, and its ring.
+fn earliest(rings: &mut [Consumer<(Nanos, Notice)>]) -> Option<(usize, Nanos, Notice)> {
+    let first = |ring: &Consumer<(Nanos, Notice)>| ring.peek().ok().map(|(at, _)| *at);
+    let next = rings.iter().enumerate().filter_map(|(number, ring)| Some((first(ring)?, number))).min();
+    let (_, number) = next?;
+    let (at, notice) = rings.get_mut(number)?.pop().ok()?;
+    Some((number, at, notice))
 }
 
 /// `--record`: a thread that writes the bytes that the port accepted.

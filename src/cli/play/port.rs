@@ -40,7 +40,7 @@ impl Port {
         faults: Faults,
         screen: &Screen,
     ) -> Result<Self, Exit> {
-        let Timeline { board, baud, .. } = timeline;
+        let Timeline { robot, board, baud, .. } = timeline;
         if !faults.servos.is_empty() && board.simulation != Simulation::Servos {
             screen.error(&format!(
                 "the servos of the board `{}` do not answer, so `--fault servo=` has no effect",
@@ -51,9 +51,13 @@ impl Port {
         let pty = Pty::open().map_err(|error| system(screen, &error))?;
         // Opened by its path, like a real port.
         let link = Serial::open(pty.path(), *baud).map_err(|error| system(screen, &io::Error::other(error)))?;
-        screen.note(&match chosen.source {
-            ValueSource::Default => "no --port: playing on the built-in virtual board".to_owned(),
-            _ => format!("playing on the built-in virtual board{}", chosen.origin()),
+        screen.note(&match (&chosen.source, robot) {
+            (ValueSource::Default, None) => "no --port: playing on the built-in virtual board".to_owned(),
+            (ValueSource::Default, Some(robot)) => {
+                format!("{robot}: no --port {robot}=PATH: playing on a built-in virtual board")
+            }
+            (_, None) => format!("playing on the built-in virtual board{}", chosen.origin()),
+            (_, Some(robot)) => format!("{robot}: playing on a built-in virtual board{}", chosen.origin()),
         });
         let mut settings = Settings::default();
         settings.servos = Some(servos(timeline));
@@ -74,8 +78,14 @@ impl Port {
     }
 
     /// A real port.
-    pub(super) fn real((link, path): (Serial, PathBuf), origin: &str, screen: &Screen) -> Self {
-        screen.note(&format!("playing on {}{origin}", path.display()));
+    pub(super) fn real(
+        (link, path): (Serial, PathBuf),
+        robot: Option<&str>,
+        chosen: &ChosenPort,
+        screen: &Screen,
+    ) -> Self {
+        let name = robot.map(|robot| format!("{robot}: ")).unwrap_or_default();
+        screen.note(&format!("{name}playing on {}{}", path.display(), chosen.origin()));
         doubt(&path, screen);
         Port { link, path: Some(path), board: None, poses: None }
     }

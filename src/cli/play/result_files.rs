@@ -8,8 +8,8 @@ use std::sync::mpsc::Receiver;
 use std::time::Instant;
 
 use clap::Args;
-use motionseq::board::Board;
 use motionseq::source::Sources;
+use motionseq::timeline::Timeline;
 
 use super::super::atomic_file::AtomicFile;
 use super::super::exit::Exit;
@@ -25,7 +25,7 @@ use super::port::system;
 /// The result files that are requested.
 #[derive(Debug, Args)]
 pub(super) struct ResultPaths {
-    /// Write to FILE the bytes that the port accepted
+    /// Write to FILE the bytes that the port accepted; of several robots, each to a file with its name: `run.left.bin`
     #[arg(long, value_name = "FILE", help_heading = "Result files")]
     record: Option<PathBuf>,
     /// Write a JSON report of the run to FILE
@@ -40,7 +40,7 @@ pub(super) struct ResultPaths {
 
 /// The open result files. Their old content is kept until [`start`](ResultFiles::start).
 pub(super) struct ResultFiles<'p> {
-    recording: Option<(&'p Path, File)>,
+    recordings: Vec<(PathBuf, File)>,
     /// The file is `None` if the report replaces it when it is complete.
     report: Option<(&'p Path, Option<AtomicFile>)>,
     log: Option<(&'p Path, Created)>,
@@ -48,21 +48,40 @@ pub(super) struct ResultFiles<'p> {
 
 impl<'p> ResultFiles<'p> {
     /// Opens the requested files, which must be different files.
-    pub(super) fn open(paths: &'p ResultPaths, sources: &Sources, screen: &Screen) -> Result<Self, Exit> {
+    pub(super) fn open(
+        paths: &'p ResultPaths,
+        robots: &[Timeline],
+        sources: &Sources,
+        screen: &Screen,
+    ) -> Result<Self, Exit> {
         let inputs = output::Inputs::of_sources(sources);
         let ResultPaths { record, report, log, force } = paths;
-        let asked = [("--record", record), ("--report", report), ("--log", log)];
+        let names = robots.iter().filter_map(|timeline| timeline.robot.as_deref());
+        let records: Vec<PathBuf> = match record {
+            Some(path) if !growing_file::takes_everything(path) && names.clone().next().is_some() => {
+                names.map(|name| of_robot(path, name)).collect()
+            }
+            // A device takes the bytes of all.
+            Some(path) => robots.iter().map(|_| path.clone()).collect(),
+            None => Vec::new(),
+        };
+        let others = [("--report", report), ("--log", log)];
+        let others = others.iter().filter_map(|(option, path)| Some((*option, path.as_ref()?)));
         let mut places: Vec<(&str, PathBuf)> = Vec::new();
-        for (option, path) in asked {
-            let Some(path) = path else { continue };
+        for (option, path) in records.iter().map(|path| ("--record", path)).chain(others) {
             let place = growing_file::place(path);
             if let Some((other, _)) = places.iter().find(|(_, other)| *other == place) {
                 return Err(refused(screen, path, &io::Error::other(format!("it is also the file of `{other}`"))));
             }
             places.extend((!growing_file::takes_everything(path)).then_some((option, place)));
         }
+        let mut recordings = Vec::new();
+        for path in records {
+            let opened = open_one(Some(&path), screen, |path| growing_file::open(path, &inputs, *force))?;
+            recordings.extend(opened.map(|(path, file)| (path.to_owned(), file)));
+        }
         Ok(ResultFiles {
-            recording: open_one(record.as_deref(), screen, |path| growing_file::open(path, &inputs, *force))?,
+            recordings,
             report: open_one(report.as_deref(), screen, |path| {
                 output::whole(path, &inputs, *force).map(|file| file.is_in_place().then_some(file))
             })?,
@@ -73,26 +92,40 @@ impl<'p> ResultFiles<'p> {
     /// Discards the old content of the files, and starts the threads that write them.
     pub(super) fn start(
         self,
-        board: &Arc<Board>,
+        robots: &[Timeline],
         sources: &Sources,
-        port: Option<&Path>,
+        ports: &[Option<&Path>],
         screen: &Screen,
     ) -> Result<(Files, Option<Report>), Exit> {
-        let ResultFiles { recording, report, log } = self;
-        if let Some((path, file)) = &recording {
+        let ResultFiles { recordings, report, log } = self;
+        for (path, file) in &recordings {
             growing_file::begin(file).map_err(|error| refused(screen, path, &error))?;
         }
         let log = log.map(|(path, created)| {
-            let about = About::new(port).with_scripts(sources);
-            let log = Log::start(created, about, Arc::clone(board), *screen);
+            let about = About::new(ports).with_scripts(sources);
+            let robots = robots.iter().map(|timeline| (timeline.robot.clone(), Arc::clone(&timeline.board)));
+            let log = Log::start(created, about, robots.collect(), *screen);
             log.map(|log| (log, sources.clone())).map_err(|error| refused(screen, path, &error))
         });
         let log = log.transpose()?;
         let failed = |error: io::Error| system(screen, &error);
-        let recording = recording.map(|(_, file)| Recording::start(file)).transpose().map_err(failed)?;
+        let recordings = recordings.into_iter().map(|(_, file)| Recording::start(file));
+        let recordings = recordings.collect::<io::Result<_>>().map_err(failed)?;
         let report = report.map(|(path, file)| Report::start(path, file)).transpose().map_err(failed)?;
-        Ok((Files { recording, log, poses: None }, report))
+        Ok((Files { recordings, log }, report))
     }
+}
+
+/// The file of one of several robots: `run.left.bin` of `run.bin`.
+fn of_robot(path: &Path, name: &str) -> PathBuf {
+    let mut file = path.file_stem().unwrap_or_default().to_owned();
+    file.push(".");
+    file.push(name);
+    if let Some(extension) = path.extension() {
+        file.push(".");
+        file.push(extension);
+    }
+    path.with_file_name(file)
 }
 
 fn refused(screen: &Screen, path: &Path, error: &io::Error) -> Exit {

@@ -190,6 +190,8 @@ impl RunLog {
 pub(super) struct Run<'r> {
     pub(super) sources: &'r Sources,
     pub(super) timeline: &'r Timeline,
+    /// The names of all robots, if the script names them.
+    pub(super) names: &'r [Arc<str>],
     pub(super) asked: Asked,
     /// How long the first pass takes.
     pub(super) first_pass: Micros,
@@ -211,6 +213,7 @@ impl Run<'_> {
             Cause::Stalled => Exit::Stalled,
             Cause::Late(_) => Exit::Late,
             Cause::Expect(_) | Cause::Gate(_) => Exit::Expect,
+            Cause::Other { .. } => Exit::Port,
             _ => Exit::Failed,
         }
     }
@@ -235,6 +238,9 @@ impl Run<'_> {
             Cause::Unanswered => "the board does not answer, and the script needs its answers".into(),
             Cause::Servo(fault) => fault.words(&self.timeline.board),
             Cause::Unguarded => "the guard of this run was lost".into(),
+            Cause::Other { robot } => {
+                format!("stopped together with {}", self.names.get(robot).map_or("another robot", |name| name))
+            }
             _ => "motionseq failed; this is a bug".into(),
         }
     }
@@ -243,8 +249,17 @@ impl Run<'_> {
         self.outcome.cause != Cause::Finished
     }
 
-    /// The closing line: the cause and, of an early end, the place, the time and whether the robot was stopped.
+    /// `left: `, if the script names its robots.
+    pub(super) fn name(&self) -> String {
+        self.timeline.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default()
+    }
+
+    /// The closing line: the robot, the cause and, of an early end, the place, the time and whether the robot was stopped.
     pub(super) fn closing_line(&self) -> String {
+        format!("{}{}", self.name(), self.ending())
+    }
+
+    fn ending(&self) -> String {
         let Outcome { at, stop, missing, aborted, .. } = self.outcome;
         match self.place() {
             _ if !self.is_early() => self.cause(),
@@ -292,9 +307,9 @@ impl Run<'_> {
         if at < self.first_pass { 1 } else { (1 + more).min(count) }
     }
 
-    /// The report, as text.
+    /// The report.
     #[expect(clippy::too_many_lines, reason = "a table of fields")]
-    pub(super) fn report(&self, log: &RunLog, diagnostics: &Diagnostics) -> String {
+    pub(super) fn report(&self, log: &RunLog, diagnostics: &Diagnostics) -> report::Run {
         let Run { sources, outcome, .. } = self;
         let lines = Lines::of(sources);
         let place = self.place().map(|span| lines.place(span));
@@ -322,7 +337,8 @@ impl Run<'_> {
                 line: place.line,
             })
         });
-        report::json::run(&report::Run {
+        report::Run {
+            robot: self.timeline.robot.as_ref().map(|robot| robot.to_string()),
             script: sources.main().name().to_owned(),
             reason: match outcome.cause {
                 Cause::Finished => "finished",
@@ -334,6 +350,7 @@ impl Run<'_> {
                 Cause::Expect(_) => "expect",
                 Cause::Gate(_) => "gate",
                 Cause::Unguarded => "guard",
+                Cause::Other { .. } => "other",
                 _ => "failed",
             },
             cause: self.cause(),
@@ -373,7 +390,8 @@ impl Run<'_> {
             gates: log.gates(&lines).collect(),
             unscripted: log.unscripted(&lines).collect(),
             warnings: report::findings(sources, diagnostics),
-        })
+            robots: Vec::new(),
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use motionseq::program::ProjectLimit;
 use motionseq::units::Nanos;
 use serde_json::Value;
 
+use super::super::screen::Screen;
 use super::VIRTUAL;
 
 /// A value, and the line that sets it.
@@ -52,7 +53,7 @@ pub(in super::super) enum Source {
     /// An option of the command line.
     Option,
     /// An environment variable.
-    Environment(&'static str),
+    Environment(String),
     /// A line of the configuration file: `motionseq.toml:4`.
     File(String),
     /// Nothing sets it.
@@ -101,11 +102,36 @@ impl Config {
             return ChosenPort { path: path(asked), source: Source::Option };
         }
         if let Some(set) = std::env::var_os(PORT) {
-            return ChosenPort { path: path(Path::new(&set)), source: Source::Environment(PORT) };
+            return ChosenPort { path: path(Path::new(&set)), source: Source::Environment(PORT.to_owned()) };
         }
         match &self.port {
             Some(set) => ChosenPort { path: set.value.clone(), source: Source::File(self.place(set.line)) },
             None => ChosenPort { path: None, source: Source::Default },
+        }
+    }
+
+    /// The port of one of several robots: that of the command line, or of the environment.
+    pub(in super::super) fn port_of(&self, robot: &str, asked: Option<&Path>) -> ChosenPort {
+        let path = |name: &Path| (!name.as_os_str().is_empty() && name != Path::new(VIRTUAL)).then(|| name.to_owned());
+        if let Some(asked) = asked {
+            return ChosenPort { path: path(asked), source: Source::Option };
+        }
+        let variable = format!("{PORT}_{}", robot.to_uppercase());
+        match std::env::var_os(&variable) {
+            Some(set) => ChosenPort { path: path(Path::new(&set)), source: Source::Environment(variable) },
+            None => ChosenPort { path: None, source: Source::Default },
+        }
+    }
+
+    /// Says that a port for one robot is not used by a script with several.
+    pub(in super::super) fn warn_of_common_port(&self, screen: &Screen) {
+        let set = match &self.port {
+            _ if std::env::var_os(PORT).is_some() => Some(PORT.to_owned()),
+            Some(set) if set.value.is_some() => Some(format!("`port` in {}", self.place(set.line))),
+            _ => None,
+        };
+        if let Some(set) = set {
+            screen.note(&format!("{set} is for scripts with one robot; write `--port NAME=PATH`, or set {PORT}_NAME"));
         }
     }
 

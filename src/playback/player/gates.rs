@@ -2,6 +2,7 @@
 
 use super::super::gate::{Closed, GateEnd, Passage};
 use super::super::messages::{Cause, Input, Notice, Order};
+use super::together::Together;
 use super::{Phase, Player};
 use crate::board::{Hundredths, Report};
 use crate::source::Span;
@@ -9,7 +10,7 @@ use crate::timeline::{Cut, Event, Gate};
 use crate::units::{Micros, Nanos};
 
 /// How long the player waits at most before it is asked again.
-const HOUR: Nanos = Micros::SECOND.saturating_mul(3_600).nanos();
+pub(super) const HOUR: Nanos = Micros::SECOND.saturating_mul(3_600).nanos();
 
 impl<'t> Player<'t> {
     /// The index of the gate that is closed, if one is.
@@ -20,7 +21,7 @@ impl<'t> Player<'t> {
     /// Whether a gate waits for the operator, and the run is not paused.
     pub fn waits_for_go(&self) -> bool {
         let closed = self.closed_gate().and_then(|gate| self.gates.get(gate));
-        matches!(self.phase, Phase::Playing) && closed.is_some_and(|gate| gate.gate.criterion().is_none())
+        matches!(self.phase, Phase::Playing) && closed.is_some_and(|gate| gate.gate.is_go())
     }
 
     /// Whether something has happened that ends the closed gate.
@@ -59,7 +60,7 @@ impl<'t> Player<'t> {
         let Some(gate) = self.gates.get(self.next_gate) else { return };
         let criterion = gate.gate.criterion();
         let meter = criterion.map(|criterion| self.judge.meter(&criterion.measured, now)).unwrap_or_default();
-        self.closed = Some(Closed::new(self.next_gate, now, meter));
+        self.closed = Some(Closed::new(self.next_gate, now, meter, self.together != Together::Alone));
         notices(Notice::Waiting { gate: self.next_gate });
     }
 
@@ -78,13 +79,16 @@ impl<'t> Player<'t> {
         if let Some(late) = self.refresh_due().map(|due| now.saturating_sub(due)).filter(|late| *late > self.max_late) {
             return self.end_early(Cause::Late(late), now);
         }
+        self.release_gate(now);
         let drives = self.state.drives(self.board);
+        self.closed.iter_mut().for_each(Closed::forget_news);
         match self.end_gate(now, drives, notices) {
             None => {}
             Some(passage) if passage.end.is_open() => {
                 let at = self.gate_time().unwrap_or_default();
                 self.leave_gate();
-                self.set_clock(at, now);
+                let since = self.release.take().unwrap_or(now);
+                self.set_clock(at, since);
                 // The last frame of the drive may be too old for what comes next.
                 self.refresh_drive(now, notices, |player, resource, due| player.next_frame(resource) > due);
                 return self.play(now, Input::Tick, notices);
@@ -102,12 +106,12 @@ impl<'t> Player<'t> {
         if !self.out.is_empty() || self.ask(now, self.refresh_due(), notices) {
             return Order::Write;
         }
-        let ends = self.closed_parts().and_then(|(closed, gate)| closed.due(gate, drives));
-        let until = ends.into_iter().chain(self.refresh_due()).min();
+        let ends = self.closed_parts().and_then(|(closed, gate)| closed.due(now, gate, drives));
+        let until = ends.into_iter().chain(self.refresh_due()).chain(self.release).min();
         self.wait_or_ask(until.unwrap_or_else(|| now.saturating_add(HOUR)), now)
     }
 
-    fn closed_parts(&self) -> Option<(&Closed, &'t Gate)> {
+    pub(super) fn closed_parts(&self) -> Option<(&Closed, &'t Gate)> {
         let closed = self.closed.as_ref()?;
         Some((closed, self.gates.get(closed.gate)?))
     }

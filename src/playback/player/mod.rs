@@ -8,6 +8,7 @@ mod pauses;
 mod reads;
 mod said;
 mod start;
+mod together;
 mod torque;
 
 use super::gate::Closed;
@@ -21,6 +22,7 @@ use crate::timeline::{Cue, Cut, Event, Gate, Kind, Mark, Timeline};
 use crate::units::{Micros, Nanos};
 use reads::Reads;
 use start::Start;
+use together::Together;
 use torque::{Enabling, Held};
 
 /// Plays one timeline.
@@ -46,6 +48,11 @@ pub struct Player<'t> {
     refresh: &'t [Option<Micros>],
     /// The repeated pass of an endless run.
     again: Option<&'t Timeline>,
+    together: Together,
+    /// When all robots continue, on the clock of the run.
+    release: Option<Nanos>,
+    /// The time of the script at which a paused run continues, and when that is, on the clock of the run.
+    resume: Option<(Nanos, Nanos)>,
     /// The commands sent to the board, in this pass and earlier ones.
     state: State,
     pass: u64,
@@ -121,6 +128,9 @@ impl<'t> Player<'t> {
             timeline,
             refresh: &timeline.refresh,
             again: None,
+            together: Together::Alone,
+            release: None,
+            resume: None,
             state: State::new(board),
             pass: 1,
             passed: Nanos::ZERO,
@@ -202,7 +212,7 @@ impl<'t> Player<'t> {
     pub fn script_time(&self, now: Nanos) -> Nanos {
         match self.phase {
             Phase::Pausing(_, at, ..) | Phase::Paused(at) | Phase::Stepping(at) => at,
-            Phase::Playing if self.start.is_pending() => Nanos::ZERO,
+            Phase::Playing if self.start.is_pending() || self.waits_for_others() => Nanos::ZERO,
             _ => self.gate_time().unwrap_or_else(|| self.since_origin(now)),
         }
     }
@@ -233,7 +243,8 @@ impl<'t> Player<'t> {
     pub fn judges_at(&self, now: Nanos) -> bool {
         let time = self.since_origin(now);
         let judges = self.judge.next_due(self.limit.expects).is_some_and(|due| due <= time);
-        matches!(self.phase, Phase::Playing) && !self.start.is_pending() && (judges || self.closes_at(time))
+        let has_begun = !self.start.is_pending() && !self.waits_for_others();
+        matches!(self.phase, Phase::Playing) && has_begun && (judges || self.closes_at(time))
     }
 
     /// The time of a running script at `now`.
@@ -312,6 +323,7 @@ impl<'t> Player<'t> {
             return self.pause(time, now, input == Input::Suspend);
         }
         self.note_go(input);
+        self.note_together(input);
         if let Some(order) = self.write(now, input) {
             return order;
         }
@@ -324,7 +336,10 @@ impl<'t> Player<'t> {
         if let Some(order) = self.prepare(now, notices).or_else(|| self.enable(now, notices)) {
             return order;
         }
-        let time = self.begin(time, now, notices);
+        let time = match self.wait_for_others(now, notices) {
+            Some(order) => return order,
+            None => self.begin(self.script_time(now), now, notices),
+        };
         self.say(time, now, notices);
         // Judged before frames that are due at the same time are sent.
         let mut judged = |verdict| notices(Notice::Judged(verdict));
@@ -394,7 +409,8 @@ impl<'t> Player<'t> {
 
     /// The events that come before the next gate.
     fn coming(&self) -> &'t [Event] {
-        self.events.get(self.next..self.limit.events).unwrap_or_default()
+        let end = if self.waits_for_others() { self.board.hello.len() } else { self.limit.events };
+        self.events.get(self.next..end).unwrap_or_default()
     }
 
     /// Sets the clock of the script.

@@ -20,38 +20,56 @@ impl Player<'_> {
     pub(super) fn stand(&mut self, at: Nanos, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         match (input.end(), input) {
             (Some(cause), _) => self.end_early(cause, now),
-            (None, Input::Suspend) => self.pause(at, now, true),
-            (None, Input::Step) => self.step(now, notices),
-            (None, Input::Resume) => {
-                self.phase = Phase::Playing;
-                self.set_clock(at, now);
-                self.restore(now);
-                if let Some(closed) = &mut self.closed {
-                    closed.resume(now);
-                }
-                notices(Notice::Resumed { at: at.micros() });
-                self.play(now, Input::Tick, notices)
+            (None, Input::Suspend) => {
+                self.resume = None;
+                self.pause(at, now, true)
             }
-            _ => Order::Stay,
+            (None, Input::Pause) if self.resume.take().is_some() => Order::Stay,
+            (None, Input::Step) => self.step(None, now, notices),
+            (None, Input::StepTo { at, is_gate }) => self.step(Some((at, is_gate)), now, notices),
+            (None, Input::Resume) => self.resume((at, now), now, notices),
+            (None, Input::ResumeTogether { script, at }) if now < at => {
+                self.resume = Some((script, at));
+                Order::Wait { until: at, writable: false }
+            }
+            (None, Input::ResumeTogether { script, at }) => self.resume((script, at), now, notices),
+            _ => match self.resume {
+                Some((_, at)) if now < at => Order::Wait { until: at, writable: false },
+                Some(when) => self.resume(when, now, notices),
+                None => Order::Stay,
+            },
         }
     }
 
+    /// Continues: at a time of the script, which is a time of the run.
+    fn resume(&mut self, (at, since): (Nanos, Nanos), now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
+        self.phase = Phase::Playing;
+        self.resume = None;
+        self.set_clock(at, since);
+        self.restore(now);
+        if let Some(closed) = &mut self.closed {
+            closed.resume(now);
+        }
+        notices(Notice::Resumed { at: at.micros() });
+        self.play(now, Input::Tick, notices)
+    }
+
     /// Plays the next step: all commands of the next time that has any, except drive commands, which apply when the run continues.
-    fn step(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
+    /// With other robots, it is the next time of any of them, and whether all are at a gate then.
+    fn step(&mut self, common: Option<(Nanos, bool)>, now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
         if self.start.is_pending() {
             // What happens before time 0 is the first step.
             self.start.pauses = true;
             self.phase = Phase::Playing;
             return self.play(now, Input::Tick, notices);
         }
-        if let Some(order) = self.step_through_gate(now, notices) {
+        self.begin_by_step();
+        // A gate is a step, too.
+        let Some((at, is_gate)) = common.or_else(|| self.next_step()) else { return Order::Stay };
+        if is_gate && let Some(order) = self.step_through_gate(now, notices) {
             return order;
         }
         let rest = self.coming();
-        let gate = self.gates.get(self.next_gate).map(|gate| gate.at.nanos());
-        let event = rest.iter().find(|event| event.kind != Kind::Refresh).map(due);
-        // A gate is a step, too.
-        let Some(at) = event.or(gate) else { return Order::Stay };
         let count = rest.iter().take_while(|event| due(event) <= at).count();
         for event in rest.iter().take(count) {
             let index = self.next;
@@ -76,7 +94,7 @@ impl Player<'_> {
         self.say(at, now, notices);
         self.due = now;
         self.phase = Phase::Stepping(at);
-        if event.is_none() {
+        if is_gate {
             self.close_gate(now, notices);
             // Its time does not count. The next step opens it.
             self.closed.iter_mut().for_each(|closed| closed.pause(now));
@@ -96,7 +114,7 @@ impl Player<'_> {
         }
         // A servo whose torque is switched on was read first.
         if self.enabling.is_some() || self.coming().first().is_some_and(|event| due(event) <= at) {
-            return self.step(now, notices);
+            return self.step(Some((at, false)), now, notices);
         }
         self.phase = Phase::Paused(at);
         Order::Stay

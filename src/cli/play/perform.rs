@@ -1,0 +1,190 @@
+//! Plays: one robot on this thread, or several with a thread each.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::mpsc;
+use std::thread;
+
+use motionseq::faults::Stalling;
+use motionseq::link::{Link, Serial};
+use motionseq::playback::{
+    Cause, Company, GoLines, Guard, GuardConfig, Keys, Notice, Outcome, Player, Session, Signals, now,
+};
+use motionseq::serve::BoardThread;
+use motionseq::source::{Lines, Sources};
+use motionseq::timeline::Timeline;
+use motionseq::units::Nanos;
+
+use super::super::exit::Exit;
+use super::super::screen::Screen;
+use super::observers::Notifier;
+use super::port::system;
+use super::{Play, become_realtime};
+
+/// What one robot plays.
+pub(super) struct Robot {
+    pub(super) timeline: Arc<Timeline>,
+    /// The repeated pass of an endless run.
+    pub(super) again: Option<Arc<Timeline>>,
+    /// How late a frame may be.
+    pub(super) limit: Nanos,
+    /// Whether it is a virtual board.
+    pub(super) is_virtual: bool,
+}
+
+/// What the operator has, once for all robots.
+pub(super) struct Operator {
+    pub(super) signals: Signals,
+    pub(super) keys: Option<Keys>,
+    pub(super) go: Option<GoLines>,
+}
+
+/// How the run of one robot ended, and what is still open.
+pub(super) struct Played {
+    pub(super) outcome: Outcome,
+    pub(super) link: Stalling<Serial>,
+    pub(super) guard: Option<Guard>,
+    pub(super) notifier: Notifier,
+}
+
+/// How all runs ended.
+pub(super) struct Performance {
+    pub(super) played: Vec<Played>,
+    /// The robot whose run ended early before all others.
+    pub(super) first: usize,
+    /// Time 0 of the run, on the clock of [`now`].
+    pub(super) start: Nanos,
+    /// The ring of what is about all robots.
+    pub(super) common: Option<Notifier>,
+}
+
+/// A robot and its way to the port.
+type Actor<'r> = (&'r Robot, Stalling<Serial>, Notifier);
+
+impl Play {
+    /// Plays to the end. `boards` learn when it begins.
+    pub(super) fn perform(
+        &self,
+        mut actors: Vec<Actor<'_>>,
+        operator: Operator,
+        (common, boards): (Option<Notifier>, Vec<&BoardThread>),
+        sources: &Sources,
+        screen: &Screen,
+    ) -> Result<Performance, Exit> {
+        let begin = || {
+            let start = now();
+            boards.iter().for_each(|board| board.begin(start));
+            start
+        };
+        if actors.len() > 1 {
+            return self.perform_together(actors, operator, common, sources, screen, begin);
+        }
+        let Some((robot, link, mut notifier)) = actors.pop() else { return Err(Exit::Script) };
+        let Operator { signals, keys, go } = operator;
+        let mut session = Session::new(self.player(robot), link, signals, Lines::of(sources));
+        (session.keys, session.go) = (keys, go);
+        session.realtime = self.realtime && become_realtime(screen);
+        // The guard is started last, because from then on the player must send heartbeats.
+        session.guard = self.guard(&session.link, robot, screen).map_err(|error| {
+            // Ctrl-C also reaches a guard that is starting.
+            session.signal().map_or_else(|| system(screen, &error), Exit::Signal)
+        })?;
+        if let Some(keys) = &mut session.keys {
+            keys.enter_steps = self.step;
+            // The guard has saved the state of the terminal.
+            keys.begin();
+        }
+        let start = begin();
+        // The clock of the progress line starts here too.
+        notifier.notify_at(start, Notice::Pass { pass: 1 });
+        let outcome = session.play(start, |notice| notifier.notify(notice));
+        let Session { link, guard, .. } = session;
+        Ok(Performance { played: vec![Played { outcome, link, guard, notifier }], first: 0, start, common })
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the robots, and what they have in common")]
+    fn perform_together(
+        &self,
+        actors: Vec<Actor<'_>>,
+        operator: Operator,
+        mut common: Option<Notifier>,
+        sources: &Sources,
+        screen: &Screen,
+        begin: impl FnOnce() -> Nanos,
+    ) -> Result<Performance, Exit> {
+        let Operator { signals, keys, go } = operator;
+        let (mut company, seats) = Company::new(actors.len(), signals).map_err(|error| system(screen, &error))?;
+        let (tell, ready) = mpsc::channel();
+        let start = begin();
+        thread::scope(|scope| {
+            let threads: Vec<_> = actors
+                .into_iter()
+                .zip(seats)
+                .map(|((robot, link, mut notifier), seat)| {
+                    let (tell, screen) = (tell.clone(), *screen);
+                    let mut session = Session::together(self.player(robot), link, seat, Lines::of(sources));
+                    let name = robot.timeline.robot.as_deref().unwrap_or("player").to_owned();
+                    thread::Builder::new().name(name).spawn_scoped(scope, move || {
+                        session.realtime = self.realtime && become_realtime(&screen);
+                        match self.guard(&session.link, robot, &screen) {
+                            Ok(guard) => session.guard = guard,
+                            Err(error) => {
+                                let _ = tell.send(Err(error));
+                                return None;
+                            }
+                        }
+                        let _ = tell.send(Ok(()));
+                        notifier.notify_at(start, Notice::Pass { pass: 1 });
+                        let outcome = session.play(start, |notice| notifier.notify(notice));
+                        let Session { link, guard, .. } = session;
+                        Some(Played { outcome, link, guard, notifier })
+                    })
+                })
+                .collect();
+            drop(tell);
+            // A thread that did not start, or has no guard, ends the others by its seat.
+            let failed: Vec<io::Error> = ready.iter().filter_map(Result::err).collect();
+            (company.keys, company.go) = (keys, go);
+            if let Some(keys) = &mut company.keys {
+                keys.enter_steps = self.step;
+                // The guards have saved the state of the terminal.
+                keys.begin();
+            }
+            let first = company.conduct(start, |notice| {
+                if let Some(common) = &mut common {
+                    common.notify(notice);
+                }
+            });
+            let mut played = Vec::new();
+            for thread in threads {
+                let one = thread.map_err(|error| system(screen, &error))?.join().ok().flatten();
+                played.push(one);
+            }
+            if let Some(error) = failed.first() {
+                return Err(company.signals.pending().map_or_else(|| system(screen, error), Exit::Signal));
+            }
+            let played = played.into_iter().collect::<Option<Vec<Played>>>().ok_or(Exit::Failed)?;
+            let is_own = |played: &Played| !matches!(played.outcome.cause, Cause::Finished | Cause::Other { .. });
+            let first = first.or_else(|| played.iter().position(is_own)).unwrap_or(0);
+            Ok(Performance { played, first, start, common })
+        })
+    }
+
+    fn player<'t>(&self, robot: &'t Robot) -> Player<'t> {
+        let mut player = Player::new(&robot.timeline, robot.limit);
+        if let Some(again) = &robot.again {
+            player = player.again_and_again(again);
+        }
+        if self.paused || self.step { player.paused() } else { player }
+    }
+
+    fn guard(&self, link: &impl Link, robot: &Robot, screen: &Screen) -> io::Result<Option<Guard>> {
+        if self.no_guard {
+            screen.note("no guard: nothing stops the robot if motionseq is killed or hangs");
+            return Ok(None);
+        }
+        let mut ward = GuardConfig::of(&robot.timeline);
+        (ward.max_late, ward.realtime) = (robot.limit, self.realtime);
+        super::super::guard::start(link.descriptor(), &ward, robot.is_virtual, screen).map(Some)
+    }
+}
