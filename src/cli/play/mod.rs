@@ -102,7 +102,10 @@ impl Play {
             return Err(Exit::Usage);
         }
         let (sources, selected) = self.selection.compile(&self.file, &self.options, Warnings::Counted, screen)?;
-        let Selected { timeline, again, first_pass, script, diagnostics, config } = selected;
+        let Selected { timelines, again, first_pass, script, diagnostics, config } = selected;
+        // Only the first robot plays.
+        let first = |timelines: Vec<Timeline>| timelines.into_iter().next();
+        let (timeline, again) = (first(timelines).ok_or(Exit::Script)?, again.and_then(first));
         let results = ResultFiles::open(&self.results, &sources, screen)?;
         self.check_terminal(screen)?;
         let go = self.go.map(|_| GoLines::open()).transpose().map_err(|error| system(screen, &error))?.flatten();
