@@ -61,7 +61,7 @@ fn a_script_and_its_snapshot_are_the_same() {
         let sources = Sources::read(path.as_ref(), Disk).unwrap();
         let timeline = motionseq::compile(&sources, &Options::default()).timeline().unwrap();
         let mut snapshot = Vec::new();
-        write_snapshot(&path, &timeline, &mut snapshot).unwrap();
+        write_snapshot(&path, std::slice::from_ref(&timeline), &mut snapshot).unwrap();
         assert!(is_snapshot(&snapshot) && snapshot.starts_with(b"# motionseq frames 3\n# scripts/"));
         let sent = Snapshot::of(&timeline);
         assert_eq!(read_snapshot(board(), &snapshot).unwrap(), sent);
@@ -86,7 +86,7 @@ fn every_form_of_a_gate_is_read_as_it_is_written() {
     let timeline = motionseq::compile(&sources, &Options::default()).timeline().expect("the script compiles");
     assert_eq!(timeline.gates.len(), 10);
     let mut text = Vec::new();
-    write_snapshot("x.motion", &timeline, &mut text).unwrap();
+    write_snapshot("x.motion", std::slice::from_ref(&timeline), &mut text).unwrap();
     let read = read_snapshot(board(), &text).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(read, Snapshot::of(&timeline));
     // A script of these lines is the same, but for escapes.
@@ -138,7 +138,7 @@ fn invalid_snapshots_are_refused_with_line_and_reason() {
         (format!("{head}{}", good.replace("1500", "1500\todd")), "line 3: unknown kind of frame `odd`"),
         (
             format!("{head}{}", good.replace("1500\n", "1500\t\tleft\n")),
-            "line 3: the frame is for the robot `left`, and this motionseq knows only one robot",
+            "line 3: the frame is for the robot `left`, and the head names no robots",
         ),
         (
             format!("{newer}# gate\t1.000000\twait go\n# end\t0.000000\tframes\t0\tbaud\t115200\n"),

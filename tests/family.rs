@@ -379,7 +379,7 @@ fn limits_in_a_recording_follow_its_board() {
 fn it_is_pinned_compared_and_drawn() {
     let timeline = compiled(SHOW);
     let mut text = Vec::new();
-    write_snapshot("lamps.motion", &timeline, &mut text).unwrap();
+    write_snapshot("lamps.motion", std::slice::from_ref(&timeline), &mut text).unwrap();
     let kept = read_snapshot(&lamps(), &text).unwrap();
     assert_eq!(kept, Snapshot::of(&timeline));
     let later = Snapshot::of(&compiled(&SHOW.replace("chime high", "chime low")));

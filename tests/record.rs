@@ -759,7 +759,7 @@ fn a_timed_listing_becomes_a_script_with_its_times_at_any_speed_of_the_line() {
         );
         let (mut listing, mut snapshot) = (Vec::new(), Vec::new());
         write_listing(&script, script.items(), &mut listing).unwrap();
-        write_snapshot("x.motion", &script, &mut snapshot).unwrap();
+        write_snapshot("x.motion", std::slice::from_ref(&script), &mut snapshot).unwrap();
         for (capture, given) in [(&listing, Some(baud)), (&snapshot, None)] {
             let (text, _) = script_of(capture, true, given);
             let again = compiled(&text);
@@ -779,7 +779,7 @@ fn the_on_abort_part_of_a_snapshot_is_not_part_of_a_script() {
     let script = compiled("servo 1 1500\nwait 1s\nservo 1 1600\non abort { servo 1 1000; buzzer on for 100ms }");
     assert_eq!(script.abort.len(), 3);
     let mut snapshot = Vec::new();
-    write_snapshot("x.motion", &script, &mut snapshot).unwrap();
+    write_snapshot("x.motion", std::slice::from_ref(&script), &mut snapshot).unwrap();
     for exact in [false, true] {
         let (text, decoded) = script_of(&snapshot, exact, None);
         assert_eq!((sent(&compiled(&text)), decoded.frames, decoded.aborts), (sent(&script), 2, 3), "{text}");

@@ -88,6 +88,7 @@ fn with_completers(is_bash: bool) -> Command {
         command.disable_help_flag(!has_word).mut_args(shown).mut_args(|argument| match argument.get_id().as_str() {
             "from" | "to" => argument.add(ArgValueCompleter::new(marks)),
             "set" => argument.add(ArgValueCompleter::new(names)),
+            "robot" => argument.add(ArgValueCompleter::new(robots)),
             #[cfg(target_os = "linux")]
             "port" => argument.add(ArgValueCompleter::new(ports)),
             "file" | "files" | "path" | "paths" | "old" | "new" if has_scripts => {
@@ -120,10 +121,18 @@ fn script_typed() -> Option<Sources> {
 /// The marks of the script that `--from` and `--to` accept.
 fn marks(word: &OsStr) -> Vec<CompletionCandidate> {
     let compiled = script_typed().map(|sources| motionseq::compile(&sources, &Options::default().with_events(EVENTS)));
-    let Some(timeline) = compiled.and_then(|compiled| compiled.timeline()) else { return Vec::new() };
+    // All robots have the same marks.
+    let Some(timeline) = compiled.as_ref().and_then(|compiled| compiled.timelines.first()) else { return Vec::new() };
     let names: Vec<&str> = timeline.marks.iter().map(|mark| mark.name.as_str()).collect();
     let is_unique = |name: &&str| names.iter().filter(|other| *other == name).take(2).count() == 1;
     beginning(word, names.iter().copied().filter(is_unique).map(str::to_owned))
+}
+
+/// The robots of the script.
+fn robots(word: &OsStr) -> Vec<CompletionCandidate> {
+    let compiled = script_typed().map(|sources| motionseq::compile(&sources, &Options::default().with_events(EVENTS)));
+    let timelines = compiled.map(|compiled| compiled.timelines).unwrap_or_default();
+    beginning(word, timelines.iter().filter_map(|timeline| Some(timeline.robot.as_ref()?.to_string())))
 }
 
 /// The top-level names of the script that `--set` accepts, each with its `=`.

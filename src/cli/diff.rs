@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use motionseq::diff::{Change, Words, diff, diff_scripts};
+use motionseq::diff::{Change, Words, diff_all, diff_all_scripts};
+use motionseq::program::list;
 use motionseq::report::json::{self, LocatedChange};
 use motionseq::source::{Disk, Lines, Place, Sources, read_file};
-use motionseq::timeline::{Note, Snapshot, Timeline, gate_notes, is_snapshot, read_snapshot};
+use motionseq::timeline::{Note, Snapshot, Timeline, gate_notes, is_snapshot, read_snapshots};
 use motionseq::verify::{SNAPSHOT, shell_word};
 
 use super::color::painted;
@@ -40,9 +41,10 @@ const SHOWN: usize = 50;
 
 /// One side of a comparison.
 struct Side {
-    sent: Snapshot,
+    /// What each robot sends.
+    sent: Vec<Snapshot>,
     /// The script, unless it is a snapshot.
-    script: Option<(Sources, Timeline)>,
+    script: Option<(Sources, Vec<Timeline>)>,
 }
 
 impl Diff {
@@ -53,7 +55,7 @@ impl Diff {
             return Exit::Usage;
         }
         match (self.side(&self.old, &self.new, screen), self.side(&self.new, &self.old, screen)) {
-            (Ok(old), Ok(new)) => match difference(&old.sent, &new.sent) {
+            (Ok(old), Ok(new)) => match differences(&old.sent, &new.sent) {
                 None => self.compare(&old, &new, screen),
                 Some(why) => {
                     let [old, new] = [&self.old, &self.new].map(|path| path.display());
@@ -81,27 +83,30 @@ impl Diff {
             return snapshot((source.name(), from), source.text().as_bytes(), None, screen);
         }
         let sources = Sources::new(source, Disk);
-        let timeline = self.options.compile(&sources, screen)?.timeline().ok_or(Exit::Script)?;
-        let sent = Snapshot::of(&timeline);
-        Ok(Side { sent, script: Some((sources, timeline)) })
+        let timelines = self.options.compile(&sources, screen)?.timelines;
+        if timelines.is_empty() {
+            return Err(Exit::Script);
+        }
+        let sent = timelines.iter().map(Snapshot::of).collect();
+        Ok(Side { sent, script: Some((sources, timelines)) })
     }
 
     fn compare(&self, old: &Side, new: &Side, screen: &Screen) -> Exit {
         let has_notes = old.script.is_some() && new.script.is_some();
         let (was, is) = (Lookup::of(old, has_notes), Lookup::of(new, has_notes));
-        let old_place = |change: &Change| was.as_ref()?.place(change.aborts, change.old?);
-        let new_place = |change: &Change| is.as_ref()?.place(change.aborts, change.new?);
+        let old_place = |change: &Change| was.as_ref()?.place(change, change.old?);
+        let new_place = |change: &Change| is.as_ref()?.place(change, change.new?);
         let line = |change: &Change| {
             let place = new_place(change).or_else(|| old_place(change))?;
             Some((place.file, place.line, change.new.is_some()))
         };
         let changes = match (&old.script, &new.script) {
-            (Some((_, old)), Some((_, new))) => diff_scripts(old, new, line),
-            _ => diff(&old.sent, &new.sent, line),
+            (Some((_, old)), Some((_, new))) => diff_all_scripts(old, new, line),
+            _ => diff_all(&old.sent, &new.sent, line),
         };
         let words = |change: &Change| {
-            let origin = change.new.and_then(|at| is.as_ref()?.origin(change.aborts, at));
-            let origin = origin.or_else(|| change.old.and_then(|at| was.as_ref()?.origin(change.aborts, at)));
+            let origin = change.new.and_then(|at| is.as_ref()?.origin(change, at));
+            let origin = origin.or_else(|| change.old.and_then(|at| was.as_ref()?.origin(change, at)));
             change.parts(origin.as_deref())
         };
         let written = if self.format == Format::Json {
@@ -115,7 +120,7 @@ impl Diff {
             let text = json::changes([&names[0], &names[1]], &changes.iter().map(located).collect::<Vec<_>>());
             io::stdout().lock().write_all(text.as_bytes())
         } else if changes.is_empty() {
-            let frames = plural(new.sent.moments.len(), "frame");
+            let frames = plural(new.sent.iter().map(|sent| sent.moments.len()).sum(), "frame");
             screen.note(&format!("no difference: both send the same {frames}"));
             Ok(())
         } else {
@@ -130,13 +135,30 @@ impl Diff {
 
 /// Reads a snapshot, by its name in messages and the path that the files it names are relative to.
 fn snapshot((name, from): (&str, &Path), text: &[u8], script: Option<&str>, screen: &Screen) -> Result<Side, Exit> {
-    let board = family::of_snapshot(name, from, text, screen)?.board;
-    let sent = read_snapshot(&board, text).map_err(|error| {
+    let robots = family::robots_of_snapshot(name, from, text, screen)?;
+    let sent = read_snapshots(&robots, text).map_err(|error| {
         let fix = script.map(|script| format!("; write it again with `motionseq test --bless {}`", shell_word(script)));
         screen.error(&format!("{name} is not a snapshot: {error}{}", fix.unwrap_or_default()));
         Exit::Script
     })?;
     Ok(Side { sent, script: None })
+}
+
+/// Why two sides cannot be compared: only one of them names robots, or a robot has different boards.
+fn differences(old: &[Snapshot], new: &[Snapshot]) -> Option<String> {
+    let names = |side: &'_ [Snapshot]| {
+        let names: Vec<&str> = side.iter().filter_map(|robot| robot.robot.as_deref()).collect();
+        if names.is_empty() { "no robots".to_owned() } else { list(names) }
+    };
+    let is_named = |side: &[Snapshot]| side.iter().any(|robot| robot.robot.is_some());
+    if is_named(old) != is_named(new) {
+        return Some(format!("one names {}, the other {}", names(old), names(new)));
+    }
+    let pairs = old.iter().filter_map(|was| Some((was, new.iter().find(|is| is.robot == was.robot)?)));
+    pairs.filter_map(|(was, is)| Some((was, difference(was, is)?))).next().map(|(was, why)| match &was.robot {
+        Some(robot) => format!("of the robot `{robot}`, {why}"),
+        None => why,
+    })
 }
 
 /// Why two sides are for different boards; `None` if every command means the same on both.
@@ -174,8 +196,13 @@ fn print(changes: &[Change], words: impl Fn(&Change) -> Words, screen: &Screen) 
 /// Finds the lines of one side.
 struct Lookup<'s> {
     sources: &'s Sources,
-    timeline: &'s Timeline,
     lines: Lines<'s>,
+    robots: Vec<Robot<'s>>,
+}
+
+/// What one robot does.
+struct Robot<'s> {
+    timeline: &'s Timeline,
     /// The notes of the run and of `on abort`.
     notes: [Vec<Note>; 2],
 }
@@ -183,33 +210,43 @@ struct Lookup<'s> {
 impl<'s> Lookup<'s> {
     /// `None` for a snapshot, which has no lines. Without `has_notes`, gates are the only notes.
     fn of(side: &'s Side, has_notes: bool) -> Option<Self> {
-        let (sources, timeline) = side.script.as_ref()?;
-        let notes = if has_notes {
-            [false, true].map(|aborts| timeline.notes(aborts))
-        } else {
-            [gate_notes(&timeline.gates), Vec::new()]
+        let (sources, timelines) = side.script.as_ref()?;
+        let robot = |timeline: &'s Timeline| {
+            let notes = if has_notes {
+                [false, true].map(|aborts| timeline.notes(aborts))
+            } else {
+                [gate_notes(&timeline.gates), Vec::new()]
+            };
+            Robot { timeline, notes }
         };
-        Some(Lookup { sources, timeline, lines: Lines::of(sources), notes })
+        Some(Lookup { sources, lines: Lines::of(sources), robots: timelines.iter().map(robot).collect() })
     }
 
-    /// The line that a frame or a note comes from.
-    fn place(&self, aborts: bool, at: usize) -> Option<Place<'s>> {
-        let events = self.timeline.frames(aborts);
+    /// The first robot of a change.
+    fn robot(&self, change: &Change) -> Option<&Robot<'s>> {
+        self.robots.iter().find(|robot| robot.timeline.robot.as_ref() == change.robots.first())
+    }
+
+    /// The line that a frame or a note of a change comes from.
+    fn place(&self, change: &Change, at: usize) -> Option<Place<'s>> {
+        let robot = self.robot(change)?;
+        let events = robot.timeline.frames(change.aborts);
         let span = match events.get(at) {
             Some(event) => event.span,
             None => {
-                let [run, abort] = &self.notes;
-                (if aborts { abort } else { run }).get(at - events.len())?.span
+                let [run, abort] = &robot.notes;
+                (if change.aborts { abort } else { run }).get(at - events.len())?.span
             }
         };
         Some(self.lines.place(span))
     }
 
     /// This line and, for a frame, the calls and passes that led there.
-    fn origin(&self, aborts: bool, at: usize) -> Option<String> {
-        match self.timeline.frames(aborts).get(at) {
-            Some(event) => Some(self.timeline.origin(event, self.sources, &self.lines)),
-            None => Some(self.place(aborts, at)?.to_string()),
+    fn origin(&self, change: &Change, at: usize) -> Option<String> {
+        let timeline = self.robot(change)?.timeline;
+        match timeline.frames(change.aborts).get(at) {
+            Some(event) => Some(timeline.origin(event, self.sources, &self.lines)),
+            None => Some(self.place(change, at)?.to_string()),
         }
     }
 }

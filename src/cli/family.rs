@@ -8,7 +8,7 @@ use motionseq::board::{Board, FAMILIES, Family, raspblock};
 use motionseq::diagnostic::Diagnostics;
 use motionseq::program::text_board;
 use motionseq::source::{Disk, Files as _, Sources};
-use motionseq::timeline::Snapshot;
+use motionseq::timeline::{NamedBoard, Snapshot};
 
 use super::exit::Exit;
 use super::screen::{Screen, Warnings};
@@ -128,9 +128,28 @@ fn inside(file: &Path, script: Option<&Path>) -> Option<String> {
     Some(parts?.join("/"))
 }
 
-/// The board of a snapshot with this name in messages. A file that it names is in the folder of `from` or below.
-pub(super) fn of_snapshot(name: &str, from: &Path, text: &[u8], screen: &Screen) -> Result<Chosen, Exit> {
-    let Some(line) = Snapshot::family(text) else { return Ok(Chosen::of(raspblock::board())) };
+/// The board of a snapshot with this name in messages, or that of its first robot. A file that it names is in the folder of `from` or
+/// below.
+fn of_snapshot(name: &str, from: &Path, text: &[u8], screen: &Screen) -> Result<Chosen, Exit> {
+    let board = Snapshot::robots(text).into_iter().next().and_then(|(_, board)| board);
+    of_line((name, from), board, screen)
+}
+
+/// The robots of a snapshot with their boards.
+pub(super) fn robots_of_snapshot(
+    name: &str,
+    from: &Path,
+    text: &[u8],
+    screen: &Screen,
+) -> Result<Vec<NamedBoard>, Exit> {
+    let robots = Snapshot::robots(text).into_iter();
+    let board = |line| of_line((name, from), line, screen).map(|chosen| chosen.board);
+    robots.map(|(robot, line)| Ok((robot.map(Arc::from), board(line)?))).collect()
+}
+
+/// The board that a snapshot names like a script after `board`, or the default one.
+fn of_line((name, from): (&str, &Path), line: Option<&str>, screen: &Screen) -> Result<Chosen, Exit> {
+    let Some(line) = line else { return Ok(Chosen::of(raspblock::board())) };
     let refused = |why: &str| {
         screen.error(&format!("{name} is for the board `{line}`: {why}"));
         Exit::Script

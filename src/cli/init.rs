@@ -148,8 +148,10 @@ fn write_project(folder: &Path, written: &mut Written) -> io::Result<()> {
 /// The snapshot of the first script.
 fn snapshot(script: &str) -> io::Result<Vec<u8>> {
     let compiled = motionseq::compile(&Source::new(SCRIPT, script).into(), &Options::default());
-    let timeline = compiled.timeline().ok_or_else(|| io::Error::other("the first script does not compile"))?;
+    if compiled.timelines.is_empty() {
+        return Err(io::Error::other("the first script does not compile"));
+    }
     let mut text = Vec::new();
-    write_snapshot(SCRIPT, &timeline, &mut text)?;
+    write_snapshot(SCRIPT, &compiled.timelines, &mut text)?;
     Ok(text)
 }

@@ -90,7 +90,9 @@ impl Plot {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        let plotted = plot(&selected.timelines[0], &sources, &selected.diagnostics);
+        // Only the first robot is drawn.
+        let Some(timeline) = selected.timelines.first() else { return Exit::Script };
+        let plotted = plot(timeline, &sources, &selected.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,
             Err(why) => {

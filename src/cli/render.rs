@@ -4,8 +4,9 @@ use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use motionseq::program::{list, suggest};
 use motionseq::source::{Lines, Sources};
-use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_listing};
+use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_listing, write_robot};
 
 use super::Options;
 use super::exit::Exit;
@@ -17,7 +18,7 @@ use super::selection::{Passes, Selection};
 /// Print the frames of a script without sending them
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin\n  motionseq render scripts/dance.motion --from refrain --speed 0.5   # from a mark, at half speed"
+    after_help = "Examples:\n  motionseq render scripts/hello.motion\n  motionseq render scripts/hello.motion --format bin -o hello.bin\n  motionseq render scripts/dance.motion --from refrain --speed 0.5   # from a mark, at half speed\n  motionseq render pair.motion --robot left --format bin -o left.bin        # one of several robots"
 )]
 pub(super) struct Render {
     /// Script to read, or `-` for standard input
@@ -25,6 +26,9 @@ pub(super) struct Render {
     /// Output format
     #[arg(long, value_enum, default_value_t = Format::Listing)]
     format: Format,
+    /// Print only the frames of this robot of the script
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
     /// Write to FILE instead of standard output
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -36,7 +40,7 @@ pub(super) struct Render {
     options: Options,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// Time in seconds, frame and command, separated by tabs
     Listing,
@@ -55,39 +59,77 @@ impl Render {
     /// Compiles the script and writes its frames.
     pub(super) fn run(&self, screen: &Screen) -> Exit {
         let compiled = self.selection.compile(&self.file, &self.options, Warnings::First, screen);
-        let (sources, timeline) = match compiled {
-            Ok((sources, selected)) => (sources, selected.timelines.into_iter().next()),
+        let (sources, timelines) = match compiled {
+            Ok((sources, selected)) => (sources, selected.timelines),
             Err(exit) => return exit,
         };
-        let Some(timeline) = timeline else { return Exit::Script };
+        let timelines = match self.chosen(&timelines) {
+            Ok(timelines) => timelines,
+            Err(why) => {
+                screen.error(&why);
+                return Exit::Usage;
+            }
+        };
         let written = match &self.output {
-            None => self.write(&sources, &timeline, screen, io::stdout().lock()),
+            None => self.write(&sources, timelines, screen, io::stdout().lock()),
             Some(path) => output::whole(path, &Inputs::of_sources(&sources), self.force).and_then(|mut file| {
-                self.write(&sources, &timeline, screen, &mut file)?;
+                self.write(&sources, timelines, screen, &mut file)?;
                 file.finish()
             }),
         };
         output::exit(written, self.output.as_deref(), screen)
     }
 
-    fn write(&self, sources: &Sources, timeline: &Timeline, screen: &Screen, out: impl Write) -> io::Result<()> {
+    /// The robots whose frames are printed.
+    fn chosen<'t>(&self, timelines: &'t [Timeline]) -> Result<&'t [Timeline], String> {
+        let names = || timelines.iter().filter_map(|timeline| timeline.robot.as_deref());
+        match &self.robot {
+            Some(name) => {
+                let is_it = |timeline: &Timeline| timeline.robot.as_deref() == Some(name);
+                timelines.chunks(1).find(|one| one.iter().any(is_it)).ok_or_else(|| {
+                    if names().next().is_none() {
+                        return "`--robot` is for scripts with several robots; this one has no line `robots`"
+                            .to_owned();
+                    }
+                    let help = match suggest(name, names()) {
+                        Some(near) => format!("did you mean `{near}`?"),
+                        None => format!("the robots are {}", list(names())),
+                    };
+                    format!("the script has no robot `{name}`; {help}")
+                })
+            }
+            None if self.format == Format::Bin && timelines.len() > 1 => Err(format!(
+                "the bytes of {} go to different ports; choose one of the robots, for example `--robot {}`",
+                list(names()),
+                names().next().unwrap_or_default()
+            )),
+            None => Ok(timelines),
+        }
+    }
+
+    fn write(&self, sources: &Sources, timelines: &[Timeline], screen: &Screen, out: impl Write) -> io::Result<()> {
         let mut out = BufWriter::with_capacity(64 * 1024, out);
         let lines = Lines::of(sources);
-        let (board, count) = (&timeline.board, timeline.events.len() + timeline.gates.len());
+        let of_one = |timeline: &Timeline| timeline.events.len() + timeline.gates.len();
         // Frames printed on the terminal need no progress bar.
         let is_shown = self.output.is_some() || !io::stdout().is_terminal();
-        let progress = is_shown.then(|| ProgressBar::new(screen, "frames", count));
-        let mut items = timeline.items();
-        for _ in (0..count).step_by(CHUNK) {
-            let chunk = items.by_ref().take(CHUNK);
-            match self.format {
-                Format::Listing => write_listing(timeline, chunk, &mut out)?,
-                Format::Hex => write_hex(board, chunk, &mut out)?,
-                Format::Bin => write_bin(board, chunk, &mut out)?,
-                Format::Jsonl => write_jsonl(timeline, chunk, &lines, &mut out)?,
+        let progress = is_shown.then(|| ProgressBar::new(screen, "frames", timelines.iter().map(of_one).sum()));
+        for timeline in timelines {
+            if matches!(self.format, Format::Listing | Format::Hex) {
+                write_robot(timeline, &mut out)?;
             }
-            if let Some(progress) = &progress {
-                progress.add(CHUNK);
+            let mut items = timeline.items();
+            for _ in (0..of_one(timeline)).step_by(CHUNK) {
+                let chunk = items.by_ref().take(CHUNK);
+                match self.format {
+                    Format::Listing => write_listing(timeline, chunk, &mut out)?,
+                    Format::Hex => write_hex(&timeline.board, chunk, &mut out)?,
+                    Format::Bin => write_bin(&timeline.board, chunk, &mut out)?,
+                    Format::Jsonl => write_jsonl(timeline, chunk, &lines, &mut out)?,
+                }
+                if let Some(progress) = &progress {
+                    progress.add(CHUNK);
+                }
             }
         }
         out.flush()

@@ -9,7 +9,7 @@ use std::process;
 use motionseq::diagnostic::{Diagnostics, escaped};
 use motionseq::plot::{Theme, plot};
 use motionseq::source::{Disk, Files as _, Source, Sources};
-use motionseq::timeline::{Timeline, read_snapshot};
+use motionseq::timeline::{Timeline, read_snapshots};
 use motionseq::verify::{Case, Job, Replace, Status, snapshot_of};
 
 use super::Options;
@@ -172,7 +172,8 @@ fn draw(
     let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
         let mut file = OsString::from(format!("{number}-"));
         file.push(name);
-        file.push(format!(".{when}.svg"));
+        let robot = timeline.robot.as_ref().map(|robot| format!("-{robot}")).unwrap_or_default();
+        file.push(format!("{robot}.{when}.svg"));
         let path = folder.join(file);
         fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
         Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
@@ -180,17 +181,21 @@ fn draw(
     let snapshot = snapshot_of(script);
     let mut lines = Vec::new();
     let old = fs::read(&snapshot).ok().and_then(|text| {
-        let chosen = family::of_snapshot(&snapshot.display().to_string(), &snapshot, &text, screen).ok()?;
-        read_snapshot(&chosen.board, &text).ok()
+        let robots = family::robots_of_snapshot(&snapshot.display().to_string(), &snapshot, &text, screen).ok()?;
+        read_snapshots(&robots, &text).ok()
     });
-    if let Some(old) = old {
+    for old in old.iter().flatten() {
         let sources = Source::new(snapshot.display().to_string(), "").into();
         lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
     }
     let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
     let compiled = motionseq::compile(&sources, &job.options);
-    let timeline = compiled.timelines.first().ok_or_else(|| io::Error::other("it no longer compiles"))?;
-    lines.push(draw("new", timeline, &sources, &compiled.diagnostics)?);
+    if compiled.timelines.is_empty() {
+        return Err(io::Error::other("it no longer compiles"));
+    }
+    for timeline in &compiled.timelines {
+        lines.push(draw("new", timeline, &sources, &compiled.diagnostics)?);
+    }
     Ok(lines)
 }
 

@@ -9,7 +9,7 @@ use motionseq::diagnostic::{Diagnostic, Diagnostics};
 use motionseq::program::{SOFT_START, Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::{Disk, Sources};
-use motionseq::timeline::{Clip, Position, Timeline, check_passes, clip, passes, state_after};
+use motionseq::timeline::{Clip, Position, Timeline, check_passes, clips, passes, state_after};
 use motionseq::units::{Micros, NotATime};
 
 use super::exit::Exit;
@@ -107,6 +107,7 @@ const MANY: usize = 200_000;
 
 /// A selected part of a script, ready to play: the first pass and, for an endless run, the pass that is repeated.
 pub(super) struct Selected {
+    /// One for each robot, all with the same clock.
     pub(super) timelines: Vec<Timeline>,
     /// The repeated pass of an endless run.
     pub(super) again: Option<Vec<Timeline>>,
@@ -118,6 +119,18 @@ pub(super) struct Selected {
     pub(super) diagnostics: Diagnostics,
     /// The configuration that applies to the script.
     pub(super) config: Arc<Config>,
+}
+
+/// What is selected of each robot.
+struct Cut {
+    timelines: Vec<Timeline>,
+    again: Option<Vec<Timeline>>,
+    first_pass: Micros,
+}
+
+/// The end of the script, which is the same for all robots.
+fn end(timelines: &[Timeline]) -> Micros {
+    timelines.iter().map(|timeline| timeline.end).max().unwrap_or_default()
 }
 
 /// Converts times of a run to times of its script.
@@ -152,11 +165,14 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         let sources = Sources::new(read(file, screen)?, Disk);
         let config = options.config.of_script(sources.main().path(), screen)?;
         let compiled = options.compile_at(&sources, screen, (self.speed, warnings), &config);
-        let mut whole = compiled.timelines.first().cloned().ok_or(Exit::Script)?;
+        if compiled.timelines.is_empty() {
+            return Err(Exit::Script);
+        }
+        let mut whole = compiled.timelines.clone();
         self.set_soft(&mut whole, screen)?;
         let mut diagnostics = compiled.diagnostics.clone();
         match self.select(&whole, options.max_events, &mut diagnostics) {
-            Ok((timeline, again, first_pass)) => {
+            Ok(Cut { timelines, again, first_pass }) => {
                 // The diagnostics of one pass were shown already.
                 let shown: Vec<&Diagnostic> = compiled.diagnostics.iter().collect();
                 let mut found = Diagnostics::default();
@@ -168,12 +184,10 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
                 }
                 let moment = |text: &Option<String>| text.as_deref().and_then(|text| self.moment(text, &whole).ok());
                 let from = moment(&self.from).unwrap_or_default().at;
-                let length = moment(&self.to).map_or(whole.end, |to| to.at).min(whole.end) - from;
+                let end = end(&whole);
+                let length = moment(&self.to).map_or(end, |to| to.at).min(end) - from;
                 let script = ScriptTime { from, lead: first_pass - length, speed: self.speed };
-                {
-                    let (timelines, again) = (vec![timeline], again.map(|again| vec![again]));
-                    Ok((sources, Selected { timelines, again, first_pass, script, diagnostics, config }))
-                }
+                Ok((sources, Selected { timelines, again, first_pass, script, diagnostics, config }))
             }
             Err(why) => {
                 screen.error(&why);
@@ -182,19 +196,24 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         }
     }
 
-    /// Sets how softly the script starts.
-    fn set_soft(&self, whole: &mut Timeline, screen: &Screen) -> Result<(), Exit> {
+    /// Sets how softly the script starts, for the robots whose boards report the positions of their servos.
+    fn set_soft(&self, whole: &mut [Timeline], screen: &Screen) -> Result<(), Exit> {
         if self.soft.is_none() && !self.no_soft {
             return Ok(());
         }
-        if whole.board.feedback.is_none() {
-            let (option, board) = (if self.no_soft { "--no-soft" } else { "--soft" }, &whole.board.name);
+        if whole.iter().all(|timeline| timeline.board.feedback.is_none()) {
+            let option = if self.no_soft { "--no-soft" } else { "--soft" };
+            let mut boards: Vec<&str> = whole.iter().map(|timeline| &*timeline.board.name).collect();
+            boards.dedup();
             screen.error(&format!(
-                "`{option}` is only for boards that report the positions of their servos; this script is for {board}"
+                "`{option}` is only for boards that report the positions of their servos; this script is for {}",
+                boards.join(" and ")
             ));
             return Err(Exit::Usage);
         }
-        whole.soft = self.soft;
+        for timeline in whole.iter_mut().filter(|timeline| timeline.board.feedback.is_some()) {
+            timeline.soft = self.soft;
+        }
         Ok(())
     }
 
@@ -207,57 +226,62 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
         Asked { from: self.from.clone(), to: self.to.clone(), speed: self.speed.factor(), passes }
     }
 
-    /// The first pass (or all passes), the repeated pass of an endless run, and how long the first pass takes. Adds what is wrong
-    /// with several passes to `diagnostics`.
-    fn select(
-        &self,
-        whole: &Timeline,
-        max_events: usize,
-        diagnostics: &mut Diagnostics,
-    ) -> Result<(Timeline, Option<Timeline>, Micros), String> {
+    /// Selects the part and the passes. Adds what is wrong with several passes to `diagnostics`.
+    fn select(&self, whole: &[Timeline], max_events: usize, diagnostics: &mut Diagnostics) -> Result<Cut, String> {
         let moment = |text: &Option<String>| text.as_deref().map(|text| self.moment(text, whole)).transpose();
         let from = moment(&self.from)?.unwrap_or_default();
         let to = moment(&self.to)?;
-        if from.at > whole.end {
-            let end = self.speed.of_script(whole.end);
+        if from.at > end(whole) {
+            let end = self.speed.of_script(end(whole));
             return Err(format!("`--from` is after the end of the script, which takes {end:.3} s"));
         }
         if to.is_some_and(|to| to <= from) {
             return Err("`--to` must be later than `--from`".to_owned());
         }
         let asked = Clip::new(from, to, self.lead_in);
-        let first = clip(whole, &asked, &State::default());
-        let first_pass = first.end;
+        let first = clips(whole, &asked, &vec![State::default(); whole.len()]);
+        let first_pass = end(&first);
         // After a pass, the state of the board is known.
-        let again = || clip(whole, &asked, &state_after(&first)).without_hello();
+        let again = || {
+            let states: Vec<State> = first.iter().map(state_after).collect();
+            clips(whole, &asked, &states).into_iter().map(Timeline::without_hello).collect::<Vec<_>>()
+        };
         match self.passes.into() {
-            Count::Times(1) => Ok((first, None, first_pass)),
+            Count::Times(1) => Ok(Cut { timelines: first, again: None, first_pass }),
             Count::Times(times) => {
                 let again = again();
-                let timeline = passes(&first, &again, times, max_events).ok_or_else(|| {
+                let all = first.iter().zip(&again).map(|(first, again)| passes(first, again, times, max_events));
+                let timelines: Vec<Timeline> = all.collect::<Option<_>>().ok_or_else(|| {
                     format!("{times} passes take more than 24 hours or {max_events} frames; write a smaller `--loop`")
                 })?;
-                check_passes(&first, &again, &timeline, diagnostics);
-                Ok((timeline, None, first_pass))
+                for ((first, again), all) in first.iter().zip(&again).zip(&timelines) {
+                    check_passes(first, again, all, diagnostics);
+                }
+                Ok(Cut { timelines, again: None, first_pass })
             }
             Count::Forever => {
                 let again = again();
-                if again.end == Micros::ZERO && again.gates.is_empty() {
+                if again.iter().all(|again| again.end == Micros::ZERO && again.gates.is_empty()) {
                     return Err("a pass that takes no time cannot loop forever".to_owned());
                 }
-                // If the line cannot carry a pass, the delay grows with each pass.
-                let enough = MANY / again.events.len().max(1);
-                let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
-                let all = passes(&first, &again, enough, usize::MAX);
-                check_passes(&first, &again, all.as_ref().unwrap_or(&first), diagnostics);
+                for (first, again) in first.iter().zip(&again) {
+                    // If the line cannot carry a pass, the delay grows with each pass.
+                    let enough = MANY / again.events.len().max(1);
+                    let enough = u64::try_from(enough).unwrap_or(2).clamp(2, 1_000);
+                    let all = passes(first, again, enough, usize::MAX);
+                    check_passes(first, again, all.as_ref().unwrap_or(first), diagnostics);
+                }
                 // An endless run has no last pass.
-                Ok((first.without_goodbye(), Some(again.without_goodbye()), first_pass))
+                let endless = |passes: Vec<Timeline>| passes.into_iter().map(Timeline::without_goodbye).collect();
+                Ok(Cut { timelines: endless(first), again: Some(endless(again)), first_pass })
             }
         }
     }
 
     /// The position of a time or mark of the script, at this speed.
-    fn moment(&self, text: &str, whole: &Timeline) -> Result<Position, String> {
+    fn moment(&self, text: &str, whole: &[Timeline]) -> Result<Position, String> {
+        // All robots have the same marks and gates.
+        let Some(whole) = whole.first() else { return Ok(Position::default()) };
         if let Some(time) = Time::parse(text).filter(|time| *time <= Time::LONGEST) {
             return Ok(Position::before(whole, self.speed.time(time).micros()));
         }

@@ -7,6 +7,7 @@
 
 use std::collections::HashMap;
 use std::hash::Hash;
+use std::sync::Arc;
 
 use crate::board::Board;
 use crate::timeline::{Gate, Moment, Note, NoteKind, Snapshot, Timeline, Tween, gate_notes};
@@ -15,16 +16,20 @@ use crate::units::Micros;
 mod align;
 mod items;
 mod parts;
+mod robots;
 mod scale;
 mod shifts;
 mod words;
 
 use items::Item;
 pub use parts::{Part, Words};
+pub use robots::{diff_all, diff_all_scripts};
 
 /// One change.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Change {
+    /// The robots that it concerns, if the script names its robots. Indices refer to the first one.
+    pub robots: Vec<Arc<str>>,
     /// Its time; the old time if it was removed.
     pub at: Micros,
     /// Whether it concerns the frames that are sent if something ends a run early. Times and
@@ -109,6 +114,10 @@ pub enum What {
     Added(String),
     /// An item was removed.
     Removed(String),
+    /// A robot is new.
+    RobotAdded,
+    /// A robot is gone.
+    RobotRemoved,
     /// A move with equal content has other steps.
     Steps {
         /// The move.
@@ -194,14 +203,17 @@ fn compare<L: Eq + Hash>(
     let tweens = both.map(|(old, new)| [old.tweens.as_slice(), new.tweens.as_slice()]);
     let gates = both.map(|(old, new)| [old.gates.as_slice(), new.gates.as_slice()]).unwrap_or_default();
     let run = Sides { moments: [&old.moments, &new.moments], tweens, notes: run, gates };
-    let mut changes = fold(run.changes(board), &line);
+    let of_robot = |mut changes: Vec<Change>, aborts: bool| {
+        for change in &mut changes {
+            change.aborts = aborts;
+            change.robots = new.robot.iter().cloned().collect();
+        }
+        changes
+    };
+    let mut changes = fold(of_robot(run.changes(board), false), &line);
     if let Some((old, new)) = both {
         let abort = Sides { moments: [&old.abort, &new.abort], tweens: None, notes: abort, gates: Default::default() };
-        let mut aborts = abort.changes(board);
-        for change in &mut aborts {
-            change.aborts = true;
-        }
-        changes.extend(fold(aborts, &line));
+        changes.extend(fold(of_robot(abort.changes(board), true), &line));
     }
     let ends = both.map_or((Micros::ZERO, Micros::ZERO), |(old, new)| (old.end, new.end));
     let baud = both.map_or((0, 0), |(old, new)| (old.baud, new.baud));
@@ -212,7 +224,8 @@ fn compare<L: Eq + Hash>(
         (from != to, What::Load { from, to }),
     ];
     let totals = totals.into_iter().filter(|(differs, _)| *differs);
-    changes.extend(totals.map(|(_, what)| Change::new(ends.1, None, None, what)));
+    let totals = totals.map(|(_, what)| Change::new(ends.1, None, None, what)).collect();
+    changes.extend(of_robot(totals, false));
     changes
 }
 
@@ -382,7 +395,7 @@ fn load(board: &Board, moments: &[Moment]) -> (u64, u64) {
 
 impl Change {
     fn new(at: Micros, old: Option<usize>, new: Option<usize>, what: What) -> Self {
-        Change { at, aborts: false, old, new, what, more: None }
+        Change { robots: Vec::new(), at, aborts: false, old, new, what, more: None }
     }
 
     /// A change of a matched item, at its new time.

@@ -12,9 +12,20 @@ impl Change {
         self.parts(place).to_string()
     }
 
-    /// Describes the change like [`words`](Self::words), in parts.
-    #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
+    /// Describes the change like [`words`](Self::words), in parts. It begins with the robots, as a script names them.
     pub fn parts(&self, place: Option<&str>) -> Words {
+        let names = self.robots.join(", ");
+        match &self.what {
+            What::RobotAdded => Words::from("robot `") + Words::new(names) + "` is added",
+            What::RobotRemoved => Words::from("robot `") + Words::old(names) + "` is removed",
+            _ if names.is_empty() => self.parts_of_change(place),
+            _ => Words::from(names + ": ") + self.parts_of_change(place),
+        }
+    }
+
+    /// What changed, whatever the robot.
+    #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
+    fn parts_of_change(&self, place: Option<&str>) -> Words {
         let place = place.map(|place| format!(" ({place})")).unwrap_or_default();
         let when = if self.aborts { "on abort, " } else { "" };
         let at = Words::from(format!("{when}at {}{place}: ", secs(self.at)));
@@ -54,6 +65,7 @@ impl Change {
                     + self.again(", the same")
             }
             What::GateOrder(gate) => at + format!("{gate} is in another place among the lines of this time"),
+            What::RobotAdded | What::RobotRemoved => Words::default(),
             What::Added(what) => at + Words::new(what) + " is added" + self.again(", the same"),
             What::Removed(what) => at + Words::old(what) + " is removed" + self.again(", the same"),
             What::Steps { what, from, to } => {

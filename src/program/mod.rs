@@ -47,7 +47,7 @@ pub(crate) use motion::{Motion, Move};
 pub use project_limits::{ProjectLimit, limit_items};
 pub use say::SayText;
 pub use settings::SOFT_START;
-pub use suggest::suggest;
+pub use suggest::{list, suggest};
 pub use tempo::Tempo;
 pub use time::Time;
 pub use trace::{TraceId, Traces};

@@ -97,11 +97,12 @@ pub fn changes([old, new]: [&str; 2], changes: &[LocatedChange<'_>]) -> String {
     let place = |place: Option<Place<'_>>| place.map(|Place { file, line }| json!({ "file": file, "line": line }));
     let row = |LocatedChange { change, old, new, message }: &LocatedChange<'_>| {
         let (kind, values) = values(&change.what);
+        let robots: Vec<&str> = change.robots.iter().map(|robot| &**robot).collect();
         let more = change.more.map(|Again { count, last, otherwise, total_us }| {
             json!({ "count": count, "last_us": last, "other_values": otherwise, "total_us": total_us })
         });
         json!({
-            "kind": kind, "at_us": change.at, "on_abort": change.aborts, "old": place(*old), "new": place(*new),
+            "kind": kind, "robots": robots, "at_us": change.at, "on_abort": change.aborts, "old": place(*old), "new": place(*new),
             "values": values, "more": more, "message": message,
         })
     };
@@ -134,6 +135,8 @@ fn values(what: &What) -> (&'static str, Value) {
         What::GateOrder(gate) => ("gate-order", json!({ "command": gate })),
         What::Added(what) => ("added", json!({ "command": what })),
         What::Removed(what) => ("removed", json!({ "command": what })),
+        What::RobotAdded => ("robot-added", json!({})),
+        What::RobotRemoved => ("robot-removed", json!({})),
         What::Steps { what, from, to } => ("steps", json!({ "command": what, "old": from, "new": to })),
         What::Refreshed { from, to } => ("refreshed", json!({ "old_us": from, "new_us": to })),
         What::Reordered => ("reordered", json!({})),

@@ -37,8 +37,28 @@ impl Clip {
 /// The interval between two steps of a lead-in.
 const STEP: Micros = Micros::from_millis(20);
 
+/// Cuts the same clip out of the timelines of all robots. `before` are the states of their boards before the clip. Everything that
+/// follows the lead-ins starts at one time, so each of them takes as long as the longest.
+pub fn clips(timelines: &[Timeline], clip: &Clip, before: &[State]) -> Vec<Timeline> {
+    let cut =
+        |at_least| timelines.iter().zip(before).map(move |(timeline, before)| cut(timeline, clip, before, at_least));
+    let own: Vec<Timeline> = cut(Micros::ZERO).collect();
+    let longest = own.iter().map(|cut| cut.end).max().unwrap_or_default();
+    if own.iter().all(|cut| cut.end == longest) {
+        return own;
+    }
+    let whole = timelines.iter().map(|timeline| timeline.end).max().unwrap_or_default();
+    let end = clip.to.map_or(whole, |to| to.at.min(whole));
+    cut(longest - (end - clip.from.at)).collect()
+}
+
 /// Cuts a clip out of a timeline. `before` is the state of the board before the clip.
 pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
+    cut(timeline, clip, before, Micros::ZERO)
+}
+
+/// Cuts a clip out of a timeline. Its lead-in takes at least a time.
+fn cut(timeline: &Timeline, clip: &Clip, before: &State, lead_in: Micros) -> Timeline {
     let from = clip.from;
     let to = clip.to.filter(|to| to.at <= timeline.end);
     if from == Position::default() && to.is_none() {
@@ -60,7 +80,8 @@ pub fn clip(timeline: &Timeline, clip: &Clip, before: &State) -> Timeline {
     let at_once: Vec<&Command> = at_once.map(|event| &event.command).collect();
     let is_start = from == Position::default();
     let unknown = if timeline.soft.is_some() { Micros::ZERO } else { clip.lead_in };
-    let lead = if is_start { Micros::ZERO } else { cut.lead_in((clip.lead_in, unknown), before, &at_once) };
+    let times = Times { at_least: lead_in, known: clip.lead_in, unknown };
+    let lead = if is_start { Micros::ZERO } else { cut.lead_in(&times, before, &at_once) };
     let lead_events = cut.events.len();
     let shifted = |at: Micros| at - from.at + lead;
     for event in part(&timeline.events, start.events, stop.events).iter().filter(|event| is_scripted(event)) {
@@ -160,10 +181,21 @@ pub fn passes(first: &Timeline, again: &Timeline, count: u64, events: usize) -> 
 /// moves before they can have arrived. `all` is the sequence of passes, or enough passes of an
 /// endless one.
 pub fn check_passes(first: &Timeline, again: &Timeline, all: &Timeline, diagnostics: &mut Diagnostics) {
+    diagnostics.about(first.robot.as_ref());
     clashes::check_seam(first, again, diagnostics);
     clashes::check_seam(again, again, diagnostics);
     wire::check(all, diagnostics);
     lints::servo_speed::check(all, diagnostics);
+    diagnostics.about(None);
+}
+
+/// How long a lead-in takes.
+struct Times {
+    at_least: Micros,
+    /// To go from a known value to another.
+    known: Micros,
+    /// To go to a value from an unknown one.
+    unknown: Micros,
 }
 
 /// A clip under construction.
@@ -196,10 +228,10 @@ impl Cutting<'_> {
     /// Restores the state at the start, and returns how long that takes. Values move smoothly, or
     /// are sent once if the current value is unknown, for which there is another time; active
     /// commands follow afterwards.
-    fn lead_in(&mut self, (known, unknown): (Micros, Micros), before: &State, at_once: &[&Command]) -> Micros {
+    fn lead_in(&mut self, times: &Times, before: &State, at_once: &[&Command]) -> Micros {
         let (board, state) = (self.board, self.state.clone());
         let is_told = |resource: &ResourceId| at_once.iter().any(|command| board.touches(command).contains(resource));
-        let mut takes = Micros::ZERO;
+        let mut takes = times.at_least;
         for command in state.commands(board) {
             let resources = board.occupies(command);
             // A servo that was switched on, for example, has no known value.
@@ -212,9 +244,9 @@ impl Cutting<'_> {
             } else if !board.verb(command.verb()).is_some_and(|verb| verb.moves) {
                 self.push(Micros::ZERO, command.clone(), Kind::Auto);
             } else if before != Some(command) {
-                takes = takes.max(if before.is_some() { known } else { unknown });
+                takes = takes.max(if before.is_some() { times.known } else { times.unknown });
                 match before {
-                    Some(before) => self.glide(before, command, known),
+                    Some(before) => self.glide(before, command, times.known),
                     // The servo has all the time to get there, or a soft start has brought it there.
                     None => self.push(Micros::ZERO, command.clone(), Kind::Auto),
                 }

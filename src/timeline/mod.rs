@@ -25,12 +25,14 @@ use crate::program::{Action, Expect, Limit, Program, SayText, Step, Tempo, Trace
 use crate::source::{Lines, Sources, Span};
 use crate::units::Micros;
 
-pub use clip::{Clip, check_passes, clip, passes, state_after};
+pub use clip::{Clip, check_passes, clip, clips, passes, state_after};
 pub use gates::{Cut, Gate, Position};
 pub use listing::{Item, write_bin, write_hex, write_jsonl, write_listing, write_listings, write_robot};
 pub use notes::{Note, NoteKind, gate_notes};
 pub(crate) use snapshot::write_aborted;
-pub use snapshot::{Moment, More, Snapshot, SnapshotError, is_snapshot, read_snapshot, write_snapshot};
+pub use snapshot::{
+    Moment, More, NamedBoard, Snapshot, SnapshotError, is_snapshot, read_snapshot, read_snapshots, write_snapshot,
+};
 pub use tween::Tween;
 
 /// Everything that a script sends to a robot and shows.
@@ -179,6 +181,11 @@ pub struct Cue {
 }
 
 impl Timeline {
+    /// The name of the robot, if the script names its robots, and its board.
+    pub fn named_board(&self) -> NamedBoard {
+        (self.robot.clone(), Arc::clone(&self.board))
+    }
+
     /// The frames of the run, or those that are sent if something ends it early.
     pub fn frames(&self, aborts: bool) -> &[Event] {
         if aborts { &self.abort } else { &self.events }

@@ -11,11 +11,11 @@ use std::sync::Arc;
 
 use crate::board::Board;
 use crate::diagnostic::{Code, Denied, Diagnostic, Diagnostics};
-use crate::diff::{Change, Words, diff};
+use crate::diff::{Change, Words, diff_all};
 use crate::faults::Faults;
 use crate::program::Options;
 use crate::source::{Disk, Lines, Source, Sources, read_file};
-use crate::timeline::{Snapshot, Timeline, read_snapshot, write_snapshot};
+use crate::timeline::{NamedBoard, Snapshot, Timeline, read_snapshots, write_snapshot};
 use crate::units::Micros;
 
 pub use answers::Answers;
@@ -194,22 +194,22 @@ impl Job {
         };
         let compiled = crate::compile(&sources, &self.options);
         let lines = Lines::of(&sources);
-        match (expected_error(sources.main()), compiled.clone().timeline()) {
+        match (expected_error(sources.main()), compiled.timelines.as_slice()) {
             (Some(expected), _) => {
                 let wrong = expectation(expected, &compiled.diagnostics);
                 let wrong: Vec<Problem> =
                     wrong.err().into_iter().map(|message| problem(&name, 1, "expect-error", message)).collect();
                 case(if wrong.is_empty() { Status::ExpectedError } else { Status::NotAsExpected }, wrong)
             }
-            (None, None) => {
+            (None, []) => {
                 let errors = compiled.diagnostics.iter().filter(|diagnostic| diagnostic.is_error());
                 case(Status::DoesNotCompile, errors.map(|error| found(error, &lines)).collect())
             }
-            (None, Some(timeline)) => {
-                let (mut status, mut problems) = if is_phrases(&timeline) {
+            (None, timelines) => {
+                let (mut status, mut problems) = if timelines.iter().all(is_phrases) {
                     (Status::Phrases, Vec::new())
                 } else {
-                    self.compare_and_play(script, &timeline, &sources, &lines)
+                    self.compare_and_play(script, timelines, &sources, &lines)
                 };
                 if self.deny.count(&compiled.diagnostics) > 0 {
                     status = if status.is_passed() { Status::Denied } else { status };
@@ -225,12 +225,15 @@ impl Job {
     fn compare_and_play(
         &self,
         script: &Path,
-        timeline: &Timeline,
+        timelines: &[Timeline],
         sources: &Sources,
         lines: &Lines<'_>,
     ) -> (Status, Vec<Problem>) {
-        let (mut status, mut problems) = self.compare(script, timeline, sources, lines);
-        if self.play {
+        let (mut status, mut problems) = self.compare(script, timelines, sources, lines);
+        // Several robots are not played yet.
+        if let [timeline] = timelines
+            && self.play
+        {
             let played = self.play(script, timeline, sources, lines);
             if status.is_passed() && !played.is_empty() {
                 let expects = played.iter().all(|problem| [play::EXPECT, play::GATE].contains(&problem.code));
@@ -244,41 +247,49 @@ impl Job {
     fn compare(
         &self,
         script: &Path,
-        timeline: &Timeline,
+        timelines: &[Timeline],
         sources: &Sources,
         lines: &Lines<'_>,
     ) -> (Status, Vec<Problem>) {
         let snapshot = snapshot_of(script);
         let name = snapshot.display().to_string();
-        let new = Snapshot::of(timeline);
+        let new: Vec<Snapshot> = timelines.iter().map(Snapshot::of).collect();
+        let robots: Vec<NamedBoard> = timelines.iter().map(Timeline::named_board).collect();
         let script_name = shell_word(&script.display().to_string());
         let command = format!("motionseq test --bless {script_name}");
-        match (read_old(&timeline.board, &snapshot, &command), self.bless) {
+        match (read_all(&robots, &snapshot, &command), self.bless) {
             (Ok(None), None) => {
                 let message = format!("{name} is missing; write it with `{command}`");
                 (Status::NoSnapshot, vec![problem(&script.display().to_string(), 0, "snapshot", message)])
             }
             // An old format has fewer details.
-            (Ok(Some(old)), write) if old.does_the_same(&new) && (old == new || write.is_none()) => {
+            (Ok(Some(old)), write) if all_do_the_same(&old, &new) && (old == new || write.is_none()) => {
                 (Status::Same, Vec::new())
             }
             (Err(wrong), None) => (Status::BadSnapshot, vec![wrong]),
             // Never overwrite the snapshot of a newer version.
             (Err(wrong), _) if wrong.code == NEWER => (Status::BadSnapshot, vec![wrong]),
-            (_, Some(write)) => bless(script, &snapshot, timeline, write),
+            (_, Some(write)) => bless(script, &snapshot, timelines, write),
             (Ok(Some(old)), None) => {
-                let event = |change: &Change| change.new.and_then(|at| timeline.frames(change.aborts).get(at));
-                let gate = |change: &Change| timeline.gates.get(change.new?.checked_sub(timeline.events.len())?);
+                let timeline = |change: &Change| {
+                    timelines.iter().find(|timeline| timeline.robot.as_ref() == change.robots.first())
+                };
+                let event = |change: &Change| timeline(change)?.frames(change.aborts).get(change.new?);
+                let gate = |change: &Change| {
+                    let Timeline { gates, events, .. } = timeline(change)?;
+                    gates.get(change.new?.checked_sub(events.len())?)
+                };
                 let span = |change: &Change| {
                     event(change).map(|event| event.span).or_else(|| gate(change).map(|gate| gate.span))
                 };
                 let place = |change: &Change| span(change).map(|span| lines.place(span));
                 let line = |change: &Change| place(change).map(|place| (place.file, place.line));
-                let changes = diff(&old, &new, line);
+                let changes = diff_all(&old, &new, line);
                 let is_total = |change: &Change| change.what.is_total();
                 let sums_up = !changes.iter().all(is_total);
                 let problems = changes.into_iter().map(|change| {
-                    let origin = event(&change).map(|event| timeline.origin(event, sources, lines));
+                    let origin = event(&change).zip(timeline(&change));
+                    let origin = origin.map(|(event, timeline)| timeline.origin(event, sources, lines));
                     let origin = origin.or_else(|| place(&change).map(|place| place.to_string()));
                     let (file, line) = line(&change).unwrap_or((sources.main().name(), 0));
                     let code = if sums_up && is_total(&change) { TOTAL } else { DIFFERENCE };
@@ -291,11 +302,23 @@ impl Job {
     }
 }
 
-/// Reads the snapshot at a path, if there is one; `bless` is the command that writes it.
+/// Whether all robots do the same.
+fn all_do_the_same(old: &[Snapshot], new: &[Snapshot]) -> bool {
+    let is_same = |new: &Snapshot| old.iter().any(|old| old.robot == new.robot && old.does_the_same(new));
+    old.len() == new.len() && new.iter().all(is_same)
+}
+
+/// Reads the snapshot at a path of one robot without a name, if there is one.
 fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snapshot>, Problem> {
+    let all = read_all(&[(None, Arc::clone(board))], path, bless)?;
+    Ok(all.and_then(|mut all| all.pop()))
+}
+
+/// Reads the snapshot of some robots at a path, if there is one; `bless` is the command that writes it.
+fn read_all(robots: &[NamedBoard], path: &Path, bless: &str) -> Result<Option<Vec<Snapshot>>, Problem> {
     let name = path.display().to_string();
     match read_file(path, MOST) {
-        Ok(text) => read_snapshot(board, &text).map(Some).map_err(|error| {
+        Ok(text) => read_snapshots(robots, &text).map(Some).map_err(|error| {
             if error.is_newer {
                 return problem(&name, error.line, NEWER, error.why);
             }
@@ -414,10 +437,10 @@ pub fn snapshot_of(script: &Path) -> PathBuf {
 }
 
 /// Writes a snapshot, all of it or nothing.
-fn bless(script: &Path, snapshot: &Path, timeline: &Timeline, write: Replace) -> (Status, Vec<Problem>) {
+fn bless(script: &Path, snapshot: &Path, timelines: &[Timeline], write: Replace) -> (Status, Vec<Problem>) {
     let name = script.file_name().unwrap_or_default().to_string_lossy();
     let mut text = Vec::new();
-    let written = write_snapshot(&name, timeline, &mut text).and_then(|()| write(snapshot, &text));
+    let written = write_snapshot(&name, timelines, &mut text).and_then(|()| write(snapshot, &text));
     match written {
         Ok(()) => (Status::Blessed, Vec::new()),
         Err(error) => {

@@ -134,6 +134,7 @@ impl Play {
                             }
                         }
                         let _ = tell.send(Ok(()));
+                        drop(tell);
                         notifier.notify_at(start, Notice::Pass { pass: 1 });
                         let outcome = session.play(start, |notice| notifier.notify(notice));
                         let Session { link, guard, .. } = session;
