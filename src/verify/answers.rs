@@ -28,8 +28,8 @@ impl Answers {
     ///
     /// # Errors
     /// What is wrong with an answer.
-    pub(super) fn take(&mut self, board: &Board, list: &str) -> Result<String, String> {
-        let all = Measured::all(board);
+    pub(super) fn take(&mut self, boards: &[&Board], list: &str) -> Result<String, String> {
+        let all: Vec<Measured> = boards.iter().flat_map(|board| Measured::all(board)).collect();
         let mut rest = Vec::new();
         for item in list.split(',').map(str::trim) {
             let (name, value) = item.split_once('=').unwrap_or((item, ""));
@@ -53,7 +53,7 @@ impl Answers {
     }
 
     /// The kinds of answers that no gate of these waits for.
-    pub(super) fn unused<'a>(&'a self, gates: &'a [Gate]) -> impl Iterator<Item = &'a str> {
+    pub(super) fn unused<'a>(&'a self, gates: &'a [&'a Gate]) -> impl Iterator<Item = &'a str> {
         let go = (!self.go.is_empty()).then_some("go");
         let kinds = self.values.iter().map(|(name, ..)| name.as_str()).chain(go);
         kinds.filter(|given| !gates.iter().any(|gate| kind(gate) == *given))

@@ -7,9 +7,7 @@ mod rehearse;
 use std::borrow::Borrow;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use crate::board::Board;
 use crate::diagnostic::{Code, Denied, Diagnostic, Diagnostics};
 use crate::diff::{Change, Words, diff_all};
 use crate::faults::Faults;
@@ -19,7 +17,7 @@ use crate::timeline::{NamedBoard, Snapshot, Timeline, read_snapshots, write_snap
 use crate::units::Micros;
 
 pub use answers::Answers;
-pub use rehearse::{Rehearsal, rehearse};
+pub use rehearse::{Rehearsal, rehearse, rehearse_together};
 
 /// The extension that makes the name of a snapshot from the name of its script.
 pub const SNAPSHOT: &str = ".frames";
@@ -230,11 +228,8 @@ impl Job {
         lines: &Lines<'_>,
     ) -> (Status, Vec<Problem>) {
         let (mut status, mut problems) = self.compare(script, timelines, sources, lines);
-        // Several robots are not played yet.
-        if let [timeline] = timelines
-            && self.play
-        {
-            let played = self.play(script, timeline, sources, lines);
+        if self.play {
+            let played = self.play(script, timelines, sources, lines);
             if status.is_passed() && !played.is_empty() {
                 let expects = played.iter().all(|problem| [play::EXPECT, play::GATE].contains(&problem.code));
                 status = if expects { Status::ExpectFailed } else { Status::PlaysDifferently };
@@ -306,12 +301,6 @@ impl Job {
 fn all_do_the_same(old: &[Snapshot], new: &[Snapshot]) -> bool {
     let is_same = |new: &Snapshot| old.iter().any(|old| old.robot == new.robot && old.does_the_same(new));
     old.len() == new.len() && new.iter().all(is_same)
-}
-
-/// Reads the snapshot at a path of one robot without a name, if there is one.
-fn read_old(board: &Arc<Board>, path: &Path, bless: &str) -> Result<Option<Snapshot>, Problem> {
-    let all = read_all(&[(None, Arc::clone(board))], path, bless)?;
-    Ok(all.and_then(|mut all| all.pop()))
 }
 
 /// Reads the snapshot of some robots at a path, if there is one; `bless` is the command that writes it.

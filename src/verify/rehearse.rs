@@ -1,11 +1,12 @@
 //! A whole run on the virtual board under a clock that jumps: the same player, a line that takes its time, no waiting.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::answers::{self, Answer, Answers};
 use crate::board::{Command, Decoder, Item};
-use crate::faults::{Faults, Faulty};
-use crate::playback::{Cause, Input, Notice, Order, Outcome, Passage, Player, Verdict};
+use crate::faults::{Faults, Faulty, Stall};
+use crate::playback::{Cause, Conductor, Input, Notice, Order, Outcome, Passage, Player, Verdict};
 use crate::sim::{Device, Received, Settings};
 use crate::timeline::{Kind, Moment, Timeline};
 use crate::units::{Micros, Nanos, byte_time};
@@ -35,7 +36,7 @@ pub struct Rehearsal {
 struct Line<'t> {
     board: Faulty,
     /// What is on its way: when it has arrived, and the bytes.
-    coming: std::collections::VecDeque<(Nanos, Vec<u8>)>,
+    coming: VecDeque<(Nanos, Vec<u8>)>,
     busy_until: Nanos,
     byte_time: Nanos,
     timeline: &'t Timeline,
@@ -47,65 +48,203 @@ struct Line<'t> {
 }
 
 /// Plays a timeline on a board with these settings and faults. Gates open by these answers, or as the board reports.
-pub fn rehearse(timeline: &Timeline, mut settings: Settings, faults: Faults, answers: &Answers) -> Rehearsal {
-    settings.baud.get_or_insert(timeline.baud);
-    let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
-    let mut stall = board.stall();
-    let mut line = Line::new(board, timeline);
-    let mut player = Player::new(timeline, MAX_LATE);
-    let (mut verdicts, mut passages) = (Vec::new(), Vec::new());
-    let mut operator = Operator { answers, asked: Vec::new(), gate: None, answer: None };
+pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers: &Answers) -> Rehearsal {
+    let mut actor = Actor::new(timeline, &settings, faults, answers, false);
     let mut now = Nanos::ZERO;
-    let mut input = Input::Tick;
-    let outcome = loop {
-        let mut unscripted = Vec::new();
+    loop {
+        if let Some(outcome) = actor.act(now) {
+            return actor.end(now, outcome);
+        }
+        now = actor.next(now);
+        actor.pass(now);
+    }
+}
+
+/// The same for several robots of one script, each with its faults, which play together.
+pub fn rehearse_together(
+    timelines: &[Timeline],
+    settings: &Settings,
+    faults: &[Faults],
+    answers: &Answers,
+) -> Vec<Rehearsal> {
+    let robots = timelines.iter().zip(faults);
+    let mut actors: Vec<Actor<'_, '_>> =
+        robots.map(|(timeline, faults)| Actor::new(timeline, settings, faults.clone(), answers, true)).collect();
+    let mut outcomes: Vec<Option<Outcome>> = vec![None; actors.len()];
+    let mut conductor = Conductor::new(actors.len());
+    let mut now = Nanos::ZERO;
+    while outcomes.iter().any(Option::is_none) {
+        for (robot, (actor, outcome)) in actors.iter_mut().zip(&mut outcomes).enumerate() {
+            if outcome.is_none() {
+                *outcome = actor.act(now);
+                conductor.hear(robot, actor.player.standing(now));
+            }
+        }
+        // The operator is one person.
+        let goes = actors.iter_mut().map(|actor| std::mem::take(&mut actor.goes)).fold(false, |any, goes| any | goes);
+        let input = if goes { Input::Go } else { Input::Tick };
+        let mut is_ordered = false;
+        conductor.poll(now, input, &mut |robot, input| {
+            if let Some(actor) = actors.get_mut(robot) {
+                actor.orders.push_back(input);
+                is_ordered = true;
+            }
+        });
+        if is_ordered {
+            continue;
+        }
+        let playing = || actors.iter().zip(&outcomes).filter(|(_, outcome)| outcome.is_none());
+        now = playing().map(|(actor, _)| actor.next(now)).min().unwrap_or(now);
+        for (actor, _) in actors.iter_mut().zip(&outcomes).filter(|(_, outcome)| outcome.is_none()) {
+            actor.pass(now);
+        }
+    }
+    let ended = actors.into_iter().zip(outcomes);
+    ended.filter_map(|(actor, outcome)| Some(actor.end(now, outcome?))).collect()
+}
+
+/// One robot of a rehearsal.
+struct Actor<'t, 'a> {
+    timeline: &'t Timeline,
+    player: Player<'t>,
+    line: Line<'t>,
+    stall: Stall,
+    operator: Operator<'a, 't>,
+    verdicts: Vec<Verdict>,
+    passages: Vec<Passage>,
+    /// What the player is told next, and what it is told after that.
+    input: Input,
+    orders: VecDeque<Input>,
+    /// Until when it waits, and whether nothing wakes it before.
+    until: Nanos,
+    is_deaf: bool,
+    /// Whether the operator says go, for all robots.
+    goes: bool,
+    is_together: bool,
+}
+
+impl<'t, 'a> Actor<'t, 'a> {
+    fn new(
+        timeline: &'t Timeline,
+        settings: &Settings,
+        faults: Faults,
+        answers: &'a Answers,
+        is_together: bool,
+    ) -> Self {
+        let mut settings = settings.clone();
+        settings.baud.get_or_insert(timeline.baud);
+        let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
+        let player = Player::new(timeline, MAX_LATE);
+        Actor {
+            timeline,
+            player: if is_together { player.together() } else { player },
+            stall: board.stall(),
+            line: Line::new(board, timeline),
+            operator: Operator { answers, asked: Vec::new(), gate: None, answer: None },
+            verdicts: Vec::new(),
+            passages: Vec::new(),
+            input: Input::Tick,
+            orders: VecDeque::new(),
+            until: Nanos::ZERO,
+            is_deaf: false,
+            goes: false,
+            is_together,
+        }
+    }
+
+    /// Does everything at `now`; returns how the run ended, once it has.
+    fn act(&mut self, now: Nanos) -> Option<Outcome> {
+        if self.is_deaf && now < self.until {
+            return None;
+        }
+        loop {
+            let timeline = self.timeline;
+            let mut unscripted = Vec::new();
+            let (verdicts, passages) = (&mut self.verdicts, &mut self.passages);
+            let mut notice = |notice| match notice {
+                Notice::Judged(verdict) => verdicts.push(verdict),
+                Notice::Passed(passage) => passages.push(passage),
+                Notice::Refreshed { event } => {
+                    unscripted.extend(timeline.events.get(event).map(|event| event.command.clone()));
+                }
+                Notice::Unscripted { command, .. } => unscripted.push(command.command()),
+                Notice::Asked { quantity } => {
+                    unscripted
+                        .extend(timeline.board.quantities.get(quantity).and_then(|quantity| quantity.request.clone()));
+                }
+                _ => {}
+            };
+            let input = match std::mem::replace(&mut self.input, Input::Tick) {
+                Input::Tick => self.orders.pop_front().unwrap_or(Input::Tick),
+                input => input,
+            };
+            let order = self.player.poll(now, input, &mut notice);
+            self.operator.look(now, timeline, &mut self.player);
+            if let Some(outcome) = self.player.outcome() {
+                return Some(outcome);
+            }
+            self.is_deaf = false;
+            self.input = match order {
+                Order::Write if self.stall.blocks() => Input::Blocked,
+                Order::Write => self.line.take(now, self.player.bytes(), &unscripted),
+                Order::Halt { discards } => {
+                    self.line.ending = true;
+                    if discards {
+                        self.stall.discard();
+                        self.line.coming.retain(|(arrives, _)| *arrives <= now);
+                        self.line.busy_until = now;
+                    }
+                    Input::Tick
+                }
+                Order::Wait { .. } if !self.orders.is_empty() => Input::Tick,
+                Order::Wait { until, .. } | Order::Pause { until } => {
+                    (self.until, self.is_deaf) = (until, matches!(order, Order::Pause { .. }));
+                    return None;
+                }
+                // A rehearsal is never paused.
+                Order::Suspend | Order::Stay | Order::Done => Input::Panicked,
+            };
+        }
+    }
+
+    /// When something happens next, after `now`.
+    fn next(&self, now: Nanos) -> Nanos {
+        if self.is_deaf {
+            return self.until.max(now);
+        }
+        let coming = [self.line.next(), self.operator.next()].into_iter().flatten().min();
+        coming.unwrap_or(self.until).min(self.until).max(now)
+    }
+
+    /// Lets time pass until `now`.
+    fn pass(&mut self, now: Nanos) {
+        if self.is_deaf {
+            if now >= self.until {
+                self.line.pass(now);
+            }
+            return;
+        }
+        let (verdicts, passages) = (&mut self.verdicts, &mut self.passages);
         let mut notice = |notice| match notice {
             Notice::Judged(verdict) => verdicts.push(verdict),
             Notice::Passed(passage) => passages.push(passage),
-            Notice::Refreshed { event } => {
-                unscripted.extend(timeline.events.get(event).map(|event| event.command.clone()));
-            }
-            Notice::Unscripted { command, .. } => unscripted.push(command.command()),
-            Notice::Asked { quantity } => {
-                unscripted
-                    .extend(timeline.board.quantities.get(quantity).and_then(|quantity| quantity.request.clone()));
-            }
             _ => {}
         };
-        let order = player.poll(now, input, &mut notice);
-        operator.look(now, timeline, &mut player);
-        if let Some(outcome) = player.outcome() {
-            break outcome;
+        self.player.receive(now, &self.line.pass(now), &mut notice);
+        let input = if self.line.board.hangs_up() { Input::HungUp } else { self.operator.act(now, &mut self.player) };
+        if input == Input::Go && self.is_together {
+            self.goes = true;
+        } else if input != Input::Tick {
+            self.input = input;
         }
-        input = match order {
-            Order::Write if stall.blocks() => Input::Blocked,
-            Order::Write => line.take(now, player.bytes(), &unscripted),
-            Order::Halt { discards } => {
-                line.ending = true;
-                if discards {
-                    stall.discard();
-                    line.coming.retain(|(arrives, _)| *arrives <= now);
-                    line.busy_until = now;
-                }
-                Input::Tick
-            }
-            Order::Wait { until, .. } => {
-                now = [line.next(), operator.next()].into_iter().flatten().min().unwrap_or(until).min(until).max(now);
-                player.receive(now, &line.pass(now), &mut notice);
-                if line.board.hangs_up() { Input::HungUp } else { operator.act(now, &mut player) }
-            }
-            Order::Pause { until } => {
-                now = until.max(now);
-                line.pass(now);
-                Input::Tick
-            }
-            // A rehearsal is never paused.
-            Order::Suspend | Order::Stay | Order::Done => Input::Panicked,
-        };
-    };
-    line.pass(now.max(line.busy_until));
-    let Line { given, aborted, board, .. } = line;
-    Rehearsal { outcome, verdicts, passages, given, aborted, received: board.finish() }
+    }
+
+    fn end(mut self, now: Nanos, outcome: Outcome) -> Rehearsal {
+        self.line.pass(now.max(self.line.busy_until));
+        let Line { given, aborted, board, .. } = self.line;
+        let Actor { verdicts, passages, .. } = self;
+        Rehearsal { outcome, verdicts, passages, given, aborted, received: board.finish() }
+    }
 }
 
 /// Answers the gates of a run.
@@ -170,7 +309,7 @@ impl<'t> Line<'t> {
     fn new(board: Faulty, timeline: &'t Timeline) -> Self {
         Line {
             board,
-            coming: std::collections::VecDeque::new(),
+            coming: VecDeque::new(),
             busy_until: Nanos::ZERO,
             byte_time: byte_time(timeline.baud),
             timeline,

@@ -103,8 +103,8 @@ impl Snapshot {
     }
 
     /// A snapshot of some frames alone.
-    pub fn of_moments(board: &Arc<Board>, moments: Vec<Moment>) -> Self {
-        Snapshot { robot: None, board: Arc::clone(board), moments, more: None, version: VERSION }
+    pub fn of_moments((robot, board): NamedBoard, moments: Vec<Moment>) -> Self {
+        Snapshot { robot, board, moments, more: None, version: VERSION }
     }
 
     /// The snapshot of a timeline.

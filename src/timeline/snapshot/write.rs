@@ -47,21 +47,19 @@ fn write_section(timeline: &Timeline, out: &mut impl Write) -> io::Result<()> {
 }
 
 /// Writes a snapshot of the frames that are sent if something ends a run early.
-pub(crate) fn write_aborted(
-    board: &Board,
-    name: &str,
-    moments: &[Moment],
-    baud: u32,
-    out: &mut impl Write,
-) -> io::Result<()> {
+pub(crate) fn write_aborted(name: &str, robots: &[(&Timeline, &[Moment])], out: &mut impl Write) -> io::Result<()> {
     write_title(name, out)?;
-    write_board(None, board, out)?;
+    robots.iter().try_for_each(|(timeline, _)| write_board(timeline.robot.as_deref(), &timeline.board, out))?;
     let mut bytes = Vec::new();
-    for moment in moments {
-        write_moment(board, (moment.at, &moment.command, moment.kind), None, &mut bytes, out)?;
-    }
-    let end = moments.last().map_or(Micros::ZERO, |moment| moment.at);
-    writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())
+    robots.iter().try_for_each(|(Timeline { robot, board, baud, .. }, moments)| {
+        let robot = robot.as_deref();
+        robot.map_or(Ok(()), |robot| writeln!(out, "{FRAMES}{robot}"))?;
+        for moment in *moments {
+            write_moment(board, (moment.at, &moment.command, moment.kind), robot, &mut bytes, out)?;
+        }
+        let end = moments.last().map_or(Micros::ZERO, |moment| moment.at);
+        writeln!(out, "{END}{end:.6}\tframes\t{}\tbaud\t{baud}", moments.len())
+    })
 }
 
 /// Writes the version and the name of the script.
