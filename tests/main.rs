@@ -52,6 +52,7 @@ mod project;
 mod properties;
 mod record;
 mod review;
+mod robots_played;
 mod selection;
 mod shell;
 mod sim;

@@ -62,6 +62,7 @@ impl Guard {
                 let words = stop_words(guarded.stop, guarded.missing, &guarded.without_stop);
                 let robot = if self.with_board { "the virtual board ended too" } else { &words };
                 let line = closing_line(&cause, guarded.place, guarded.at, robot);
+                let line = if guarded.robot.is_empty() { line } else { format!("{}: {line}", guarded.robot) };
                 if Screen::never_wait().is_ok() {
                     screen.late_error(&line);
                     Screen::is_written(PATIENCE);

@@ -164,13 +164,17 @@ pub struct GuardConfig {
     pub without_stop: String,
     /// The family of a board whose stop holds servos, as a script chooses it; empty for others.
     pub holds: String,
+    /// The name of the robot, for messages; empty if the script names no robots.
+    pub robot: String,
 }
 
 impl GuardConfig {
     /// For a player of this timeline, with a `max_late` of 50 ms.
     pub fn of(timeline: &Timeline) -> Self {
         let commands = timeline.events.iter().map(|event| &event.command);
-        GuardConfig { zeros: timeline.board.zeros_after_flush(commands), ..GuardConfig::of_board(&timeline.board) }
+        let zeros = timeline.board.zeros_after_flush(commands);
+        let robot = timeline.robot.as_deref().unwrap_or_default().to_owned();
+        GuardConfig { zeros, robot, ..GuardConfig::of_board(&timeline.board) }
     }
 
     /// For any program on a board.
@@ -179,7 +183,7 @@ impl GuardConfig {
         let without_stop = board.without_stop.to_string();
         let holds = if hold.is_some() { board.line.to_string() } else { String::new() };
         let (max_late, zeros) = (Nanos::from_millis(50), board.most_zeros());
-        GuardConfig { max_late, zeros, realtime: false, stop, without_stop, holds }
+        GuardConfig { max_late, zeros, realtime: false, stop, without_stop, holds, robot: String::new() }
     }
 
     /// The lateness that the guard tolerates.
@@ -188,17 +192,19 @@ impl GuardConfig {
     }
 
     /// As process arguments.
-    fn arguments(&self) -> [String; 6] {
+    fn arguments(&self) -> [String; 7] {
         let (max_late, zeros) = (self.patience().0.to_string(), self.zeros.to_string());
-        [max_late, zeros, self.realtime.to_string(), hex(&self.stop), self.without_stop.clone(), self.holds.clone()]
+        let (without_stop, holds, robot) = (self.without_stop.clone(), self.holds.clone(), self.robot.clone());
+        [max_late, zeros, self.realtime.to_string(), hex(&self.stop), without_stop, holds, robot]
     }
 
     /// Reads process arguments; `None` if they are invalid.
     fn read(arguments: &[String]) -> Option<Self> {
-        let [max_late, zeros, realtime, stop, without_stop, holds] = arguments else { return None };
+        let [max_late, zeros, realtime, stop, without_stop, holds, robot] = arguments else { return None };
         let (max_late, zeros, realtime) = (max_late.parse().ok()?, zeros.parse().ok()?, realtime.parse().ok()?);
-        let (without_stop, holds) = (without_stop.clone(), holds.clone());
-        Some(GuardConfig { max_late: Nanos(max_late), zeros, realtime, stop: frames(stop)?, without_stop, holds })
+        let (without_stop, holds, robot) = (without_stop.clone(), holds.clone(), robot.clone());
+        let (max_late, stop) = (Nanos(max_late), frames(stop)?);
+        Some(GuardConfig { max_late, zeros, realtime, stop, without_stop, holds, robot })
     }
 }
 
@@ -240,7 +246,7 @@ enum Watching {
 }
 
 impl Guard {
-    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the seven arguments that are added
+    /// Starts a guard over an open port, and waits until it is ready. `program` must pass the eight arguments that are added
     /// to it to [`guard`]: the process, and the fields of [`GuardConfig`].
     pub fn start(mut program: Command, port: BorrowedFd<'_>, ward: &GuardConfig) -> io::Result<Self> {
         let (pipe, theirs) = UnixStream::pair()?;
@@ -385,6 +391,8 @@ pub struct Guarded {
     pub missing: ServoSet,
     /// What the robot does if the board has no stop.
     pub without_stop: String,
+    /// The name of the robot; empty if the script names no robots.
+    pub robot: String,
 }
 
 /// Frames as an argument: hex, separated by commas.
@@ -417,7 +425,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
     os::become_guard(ward.realtime);
     // The process number is unambiguous only while the player is the parent of this process.
     let player = Process::parent(player)?;
-    let without_stop = ward.without_stop;
+    let (without_stop, robot) = (ward.without_stop, ward.robot);
     let mut stops = Family::board(&ward.holds).map_or_else(|| Stops::only(ward.stop), |board| Stops::of(&board, &[]));
     let mut out = Outbox::new(ward.zeros, stops.frames.iter().map(Vec::len).max().unwrap_or_default());
     // Before the first heartbeat, the player may have changed the terminal.
@@ -460,7 +468,7 @@ pub fn guard(arguments: &[String]) -> io::Result<Option<Guarded>> {
             (stop, stops.missing())
         }
     };
-    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop, missing, without_stop }))
+    Ok(Some(Guarded { fate, silence, at: last.at(), place: last.place(), stop, missing, without_stop, robot }))
 }
 
 /// Closes the port, which is also standard input, so that the next player need not wait for the report.
