@@ -52,6 +52,7 @@ mod project;
 mod properties;
 mod record;
 mod review;
+mod robots_shown;
 mod selection;
 mod shell;
 mod sim;

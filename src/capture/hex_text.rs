@@ -331,7 +331,12 @@ impl<'l> LogLine<'l> {
         let at = first.contains(&b'.').then(|| Nanos::from_seconds(std::str::from_utf8(first).ok()?)).flatten();
         let is_position = more.is_some() && first.iter().all(u8::is_ascii_digit);
         let frame = frame.strip_suffix(" …".as_bytes()).unwrap_or(frame);
-        (at.is_some() || is_position).then_some(LogLine { at, digits: Cow::Borrowed(frame), is_clock: false, robot: None })
+        (at.is_some() || is_position).then_some(LogLine {
+            at,
+            digits: Cow::Borrowed(frame),
+            is_clock: false,
+            robot: None,
+        })
     }
 
     /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123
@@ -363,7 +368,12 @@ impl<'l> LogLine<'l> {
             .collect();
         let (at, digits) = tio_line(plain.trim())?;
         let digits = digits.as_bytes().to_vec();
-        Some(LogLine { at: (!digits.is_empty()).then_some(at), digits: Cow::Owned(digits), is_clock: true, robot: None })
+        Some(LogLine {
+            at: (!digits.is_empty()).then_some(at),
+            digits: Cow::Owned(digits),
+            is_clock: true,
+            robot: None,
+        })
     }
 
     /// A line of `--format jsonl`.

@@ -136,7 +136,9 @@ pub enum DecodeError {
     #[error(transparent)]
     Write(io::Error),
     /// The input contains the frames of several robots, of which these are the first two.
-    #[error("the input has the frames of several robots, such as `{0}` and `{1}`; decode those of one: `motionseq render --robot {0}`")]
+    #[error(
+        "the input has the frames of several robots, such as `{0}` and `{1}`; decode those of one: `motionseq render --robot {0}`"
+    )]
     Robots(String, String),
 }
 
