@@ -53,6 +53,7 @@ mod properties;
 mod record;
 mod review;
 mod robots_played;
+mod robots_shown;
 mod selection;
 mod shell;
 mod sim;

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motionseq::diff::diff;
-use motionseq::timeline::{Snapshot, read_snapshot};
+use motionseq::diff::{diff, diff_all};
+use motionseq::timeline::{NamedBoard, Snapshot, read_snapshot, read_snapshots};
 
 fuzz_target!(|input: (Vec<u8>, Vec<u8>)| {
     let read = |text: &[u8]| {
@@ -16,6 +16,12 @@ fuzz_target!(|input: (Vec<u8>, Vec<u8>)| {
         read_snapshot(&motionseq::board::raspblock::board(), &text).inspect_err(|error| assert!(!error.why.is_empty()))
     };
     let (old, new) = input;
+    let board = motionseq::board::raspblock::board();
+    let robots: [NamedBoard; 2] = ["left", "right"].map(|name| (Some(name.into()), board.clone()));
+    if let (Ok(old), Ok(new)) = (read_snapshots(&robots, &old), read_snapshots(&robots, &new)) {
+        assert!(diff_all(&old, &old, |change| change.new).is_empty());
+        assert!(diff_all(&old, &new, |change| change.new).iter().all(|change| !change.words(None).is_empty()));
+    }
     let (Ok(old), Ok(new)) = (read(&old), read(&new)) else { return };
     let changes = |old: &Snapshot, new: &Snapshot| diff(old, new, |change| change.new);
     assert!(changes(&old, &old).is_empty());

@@ -7,7 +7,7 @@ use std::io;
 use serde::Deserialize;
 
 use super::stamps::{FromFirst, tio_line};
-use crate::timeline::Snapshot;
+use crate::timeline::{Snapshot, robot_of};
 use crate::units::{Micros, Nanos};
 
 /// A time above this one counts from 1970.
@@ -42,6 +42,9 @@ pub(super) struct HexText {
     aborts: u64,
     /// The speed of the line in bits per second, if a snapshot states it.
     baud: Option<u32>,
+    /// The robot of these frames, if a line names it, and the first other robot that a line names.
+    robot: Option<String>,
+    other_robot: Option<String>,
     /// The time of the last line that had one, the time that counts as 0, and the times of a clock.
     at: Option<Nanos>,
     base: Option<Nanos>,
@@ -114,13 +117,16 @@ impl HexText {
     ) -> io::Result<()> {
         let line = std::mem::take(&mut self.line);
         self.comment(line.trim_ascii());
-        if self.is_abort {
+        let logged = LogLine::of(&line);
+        if let Some(robot) = logged.as_ref().and_then(|logged| logged.robot.as_deref()) {
+            self.of_robot(robot);
+        }
+        if self.is_abort || self.other_robot.is_some() {
             self.aborts += u64::from(has_bytes(line.trim_ascii()));
             self.line = line;
             self.line.clear();
             return Ok(());
         }
-        let logged = LogLine::of(&line);
         if let Some(at) = logged.as_ref().and_then(|logged| logged.at) {
             if !bytes.is_empty() {
                 sink(self.at, bytes)?;
@@ -148,6 +154,21 @@ impl HexText {
         let Some(line) = std::str::from_utf8(line).ok().filter(|line| line.starts_with('#')) else { return };
         self.is_abort |= Snapshot::begins_abort(line);
         self.baud = Snapshot::baud(line).or(self.baud);
+        if let Some(robot) = robot_of(line) {
+            self.of_robot(robot);
+        }
+    }
+
+    /// Notes the robot of the frames that follow.
+    fn of_robot(&mut self, robot: &str) {
+        if self.robot.get_or_insert_with(|| robot.to_owned()) != robot {
+            self.other_robot.get_or_insert_with(|| robot.to_owned());
+        }
+    }
+
+    /// The first two robots, if there are frames of several. Only those of the first are read.
+    pub(super) fn robots(&self) -> Option<[&str; 2]> {
+        Some([self.robot.as_deref()?, self.other_robot.as_deref()?])
     }
 
     fn take_line(&mut self, line: &[u8], bytes: &mut Vec<u8>) {
@@ -286,6 +307,8 @@ struct LogLine<'l> {
     digits: Cow<'l, [u8]>,
     /// Whether the time is that of a clock, and counts from the first one.
     is_clock: bool,
+    /// The robot, if the line names it.
+    robot: Option<String>,
 }
 
 impl<'l> LogLine<'l> {
@@ -308,7 +331,12 @@ impl<'l> LogLine<'l> {
         let at = first.contains(&b'.').then(|| Nanos::from_seconds(std::str::from_utf8(first).ok()?)).flatten();
         let is_position = more.is_some() && first.iter().all(u8::is_ascii_digit);
         let frame = frame.strip_suffix(" …".as_bytes()).unwrap_or(frame);
-        (at.is_some() || is_position).then_some(LogLine { at, digits: Cow::Borrowed(frame), is_clock: false })
+        (at.is_some() || is_position).then_some(LogLine {
+            at,
+            digits: Cow::Borrowed(frame),
+            is_clock: false,
+            robot: None,
+        })
     }
 
     /// `(1436509052.249713) can0 044#2A366C2B`, `(0.5) ttyUSB0 FF FE 04 01 01 06`, `(0.5) can0 123
@@ -326,7 +354,7 @@ impl<'l> LogLine<'l> {
             let name = rest.split_ascii_whitespace().take_while(|word| !is_hex(word)).last();
             name.and_then(|name| rest.split_once(name)).map_or(rest, |(_, data)| data)
         };
-        Some(LogLine { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()), is_clock: false })
+        Some(LogLine { at: Some(at), digits: Cow::Borrowed(digits.as_bytes()), is_clock: false, robot: None })
     }
 
     /// What tio shows of a port (`tio -x`, `--output-mode hex`): its messages and bytes, with a time or not, and maybe in bold.
@@ -340,7 +368,12 @@ impl<'l> LogLine<'l> {
             .collect();
         let (at, digits) = tio_line(plain.trim())?;
         let digits = digits.as_bytes().to_vec();
-        Some(LogLine { at: (!digits.is_empty()).then_some(at), digits: Cow::Owned(digits), is_clock: true })
+        Some(LogLine {
+            at: (!digits.is_empty()).then_some(at),
+            digits: Cow::Owned(digits),
+            is_clock: true,
+            robot: None,
+        })
     }
 
     /// A line of `--format jsonl`.
@@ -350,11 +383,12 @@ impl<'l> LogLine<'l> {
             t_us: u64,
             frame: Option<String>,
             skipped: Option<String>,
+            robot: Option<String>,
         }
-        let Line { t_us, frame, skipped } = serde_json::from_slice(line).ok()?;
+        let Line { t_us, frame, skipped, robot } = serde_json::from_slice(line).ok()?;
         // A gate has no frame.
         let digits = frame.or(skipped).unwrap_or_default().into_bytes();
-        Some(LogLine { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits), is_clock: false })
+        Some(LogLine { at: Some(Micros(t_us).nanos()), digits: Cow::Owned(digits), is_clock: false, robot })
     }
 }
 

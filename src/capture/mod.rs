@@ -135,6 +135,11 @@ pub enum DecodeError {
     /// The output cannot be written.
     #[error(transparent)]
     Write(io::Error),
+    /// The input contains the frames of several robots, of which these are the first two.
+    #[error(
+        "the input has the frames of several robots, such as `{0}` and `{1}`; decode those of one: `motionseq render --robot {0}`"
+    )]
+    Robots(String, String),
 }
 
 /// Decodes a stream of frames, with or without the times of tio, or hex digits of one (bare, in a listing, in a log with times, in the
@@ -332,6 +337,9 @@ fn pieces(
             None => give(None, block),
         }
         failed.map_err(DecodeError::Write)?;
+        if let Form::Text(text) = &form {
+            of_one_robot(text)?;
+        }
         let count = read(&mut input, &mut buffer)?;
         if count == 0 {
             break;
@@ -347,8 +355,14 @@ fn pieces(
         Form::Text(text) => text,
     };
     text.finish(&mut sink).map_err(DecodeError::Write)?;
+    of_one_robot(&text)?;
     let (not_hex, half_byte) = (text.not_hex(), text.is_half());
     Ok(TextFindings { not_hex, half_byte, aborts: text.aborts(), baud: text.baud(), other_way: 0 })
+}
+
+/// Checks that no two robots have sent the bytes of a text.
+fn of_one_robot(text: &HexText) -> Result<(), DecodeError> {
+    text.robots().map_or(Ok(()), |[one, other]| Err(DecodeError::Robots(one.to_owned(), other.to_owned())))
 }
 
 /// Passes pieces with times to a sink up to its first error.

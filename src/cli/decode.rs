@@ -91,6 +91,7 @@ impl Decode {
             if is_script { to_script(input, reading, self.exact, &mut out) } else { decode(input, reading, &mut out) };
         let flushed = out.flush();
         drop(out);
+        let file = file.filter(|_| decoded.is_ok());
         let flushed = flushed.and_then(|()| file.map_or(Ok(()), AtomicFile::finish));
         match decoded {
             Ok(decoded) => Ok(self.report(decoded, flushed, (&board, is_script), screen)),

@@ -43,6 +43,11 @@ pub fn write_robot(timeline: &Timeline, out: &mut impl Write) -> io::Result<()> 
     timeline.robot.as_ref().map_or(Ok(()), |robot| writeln!(out, "{ROBOT}{robot}"))
 }
 
+/// The robot that a line of a listing or a snapshot names, if it is such a line.
+pub(crate) fn robot_of(line: &str) -> Option<&str> {
+    line.strip_prefix(ROBOT)?.split('\t').next()
+}
+
 /// The listings of all robots, one after another, each with its [`write_robot`] line.
 pub fn write_listings(timelines: &[Timeline], out: &mut impl Write) -> io::Result<()> {
     timelines.iter().try_for_each(|timeline| {

@@ -27,6 +27,7 @@ use crate::units::Micros;
 
 pub use clip::{Clip, check_passes, clip, clips, passes, state_after};
 pub use gates::{Cut, Gate, Position};
+pub(crate) use listing::robot_of;
 pub use listing::{Item, write_bin, write_hex, write_jsonl, write_listing, write_listings, write_robot};
 pub use notes::{Note, NoteKind, gate_notes};
 pub(crate) use snapshot::write_aborted;
