@@ -90,7 +90,7 @@ impl Plot {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        let plotted = plot(&selected.timeline, &sources, &selected.diagnostics);
+        let plotted = plot(slice::from_ref(&selected.timeline), &sources, &selected.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,
             Err(why) => {

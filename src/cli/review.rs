@@ -169,12 +169,12 @@ fn draw(
         }
     };
     let name = script.file_stem().unwrap_or_default();
-    let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
+    let draw = |when: &str, timelines: &[Timeline], sources: &Sources, diagnostics: &Diagnostics| {
         let mut file = OsString::from(format!("{number}-"));
         file.push(name);
         file.push(format!(".{when}.svg"));
         let path = folder.join(file);
-        fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
+        fs::write(&path, plot(timelines, sources, diagnostics).to_svg(Theme::Auto))?;
         Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
     };
     let snapshot = snapshot_of(script);
@@ -185,12 +185,14 @@ fn draw(
     });
     if let Some(old) = old {
         let sources = Source::new(snapshot.display().to_string(), "").into();
-        lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
+        lines.push(draw("old", &[old.timeline()], &sources, &Diagnostics::default())?);
     }
     let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
     let compiled = motionseq::compile(&sources, &job.options);
-    let timeline = compiled.timelines.first().ok_or_else(|| io::Error::other("it no longer compiles"))?;
-    lines.push(draw("new", timeline, &sources, &compiled.diagnostics)?);
+    if compiled.timelines.is_empty() {
+        return Err(io::Error::other("it no longer compiles"));
+    }
+    lines.push(draw("new", &compiled.timelines, &sources, &compiled.diagnostics)?);
     Ok(lines)
 }
 
