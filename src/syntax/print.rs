@@ -184,7 +184,11 @@ impl<'t> Printer<'t> {
                     ),
                 prefix: !matches!(class(token.text), Class::Operand | Class::Close),
                 names: match class(token.text) {
-                    Class::Operand => state.names && state.prefix,
+                    // `robots left, right` lists names, too.
+                    Class::Operand => {
+                        let follows_robots = at == 1 && tokens.first().is_some_and(|first| first.text == "robots");
+                        state.names && (state.prefix || follows_robots)
+                    }
                     Class::Comma => state.names,
                     Class::Semicolon | Class::OpenBrace | Class::CloseBrace => true,
                     _ => false,
