@@ -368,6 +368,19 @@ fn each_robot_has_a_band_of_its_own() {
 }
 
 #[test]
+fn one_robot_is_drawn_with_its_name() {
+    let path = file("duet.motion");
+    fs::write(&path, "robots left\nleft: servo 1 1500\n").unwrap();
+    let name = path.to_str().unwrap();
+    let drawn = stdout(&run(&["plot", name, "--robot", "left"]));
+    assert!(texts(&drawn).contains(&"left".to_owned()), "{drawn}");
+    let unknown = run(&["plot", name, "--robot", "rihgt"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("the script has no robot `rihgt`; the robots are left"), "{}", stderr(&unknown));
+    fs::remove_file(path).unwrap();
+}
+
+#[test]
 fn characters_that_xml_forbids_are_escaped() {
     let path = file("noncharacters.motion");
     fs::write(&path, "say \"a\u{FFFE}b\u{FFFF}\"\nservo 1 1500\nwait 1s\n").unwrap();
