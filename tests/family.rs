@@ -389,7 +389,7 @@ fn it_is_pinned_compared_and_drawn() {
 
     let sources = Sources::from(Source::new("lamps.motion", SHOW));
     let compiled = motionseq::compile(&sources, &Options::default().with_board(lamps()));
-    let picture = plot(&timeline, &sources, &compiled.diagnostics);
+    let picture = plot(&[timeline], &sources, &compiled.diagnostics);
     let lanes: Vec<&str> = picture.tracks[0].lanes.iter().map(|lane| &*lane.name).collect();
     assert_eq!(lanes, ["lamp 1", "lamp 2", "fan", "other"]);
     let Shows::Curve { range, points, .. } = &picture.tracks[0].lanes[1].shows else { panic!("{picture:?}") };

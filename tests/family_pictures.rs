@@ -144,7 +144,7 @@ fn plotted(board: Board, script: &str) -> (Vec<Lane>, Vec<String>) {
     let sources = Sources::from(Source::new("x.motion", script));
     let compiled = motionseq::compile(&sources, &Options::default().with_board(Arc::new(board)));
     let timeline = compiled.timelines.into_iter().next().unwrap_or_else(|| panic!("{:?}", compiled.diagnostics));
-    let mut picture = plot(&timeline, &sources, &compiled.diagnostics);
+    let mut picture = plot(&[timeline], &sources, &compiled.diagnostics);
     let warnings = compiled.diagnostics.iter().map(|found| format!("{}; {}", found.message, found.help)).collect();
     (picture.tracks.remove(0).lanes, warnings)
 }

@@ -52,6 +52,7 @@ mod project;
 mod properties;
 mod record;
 mod review;
+mod robots;
 mod robots_played;
 mod robots_shown;
 mod selection;

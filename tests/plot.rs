@@ -14,12 +14,8 @@ use serde_json::Value;
 fn plotted(name: &str, text: &str) -> Plot {
     let sources = Sources::from(Source::new(name, text));
     let compiled = motionseq::compile(&sources, &Options::default().with_events(10_000_000));
-    let timeline = compiled
-        .timelines
-        .into_iter()
-        .next()
-        .unwrap_or_else(|| panic!("{}", crate::support::messages(&sources, &compiled.diagnostics)));
-    plot(&timeline, &sources, &compiled.diagnostics)
+    assert!(!compiled.timelines.is_empty(), "{}", crate::support::messages(&sources, &compiled.diagnostics));
+    plot(&compiled.timelines, &sources, &compiled.diagnostics)
 }
 
 fn svg(name: &str, text: &str) -> String {
@@ -353,14 +349,35 @@ fn each_robot_has_a_band_of_its_own() {
     let svg = plot.to_svg(Theme::Light);
     let texts = texts(&svg);
     let count = |word: &str| texts.iter().filter(|text| *text == word).count();
-    assert_eq!(
-        [count("left"), count("right <b>"), count("servo 1"), count("top view"), count("wire")],
-        [1, 1, 2, 2, 2]
-    );
-    // One below the other.
-    let heights: Vec<f64> =
-        path(&svg, "road").iter().map(|path| path.split(['L', ' ']).nth(1).unwrap().parse().unwrap()).collect();
-    assert!(heights[1] - heights[0] > 300.0, "{heights:?}");
+    assert_eq!([count("servo 1"), count("wire"), count("top view"), count("seconds")], [2, 2, 1, 1]);
+    // Above its band, at its path, and below the top view.
+    assert_eq!([count("left"), count("right <b>")], [3, 3]);
+    // The bands are one below the other.
+    let place = |name: &str| {
+        let before = svg.split(&format!(">{name}</text>")).next().unwrap();
+        let y = before.rsplit("y=\"").next().unwrap().split('"').next().unwrap();
+        y.parse::<f64>().unwrap()
+    };
+    assert!(place("right &lt;b&gt;") - place("left") > 150.0, "{svg}");
+    // The paths are side by side.
+    let start = |robot: usize| {
+        let paths = path(&svg, &format!("road road-{robot}"));
+        paths[0].trim_start_matches('M').split(' ').next().unwrap().parse::<f64>().unwrap()
+    };
+    assert!(start(1) - start(0) > 20.0, "{svg}");
+}
+
+#[test]
+fn one_robot_is_drawn_with_its_name() {
+    let path = file("duet.motion");
+    fs::write(&path, "robots left\nleft: servo 1 1500\n").unwrap();
+    let name = path.to_str().unwrap();
+    let drawn = stdout(&run(&["plot", name, "--robot", "left"]));
+    assert!(texts(&drawn).contains(&"left".to_owned()), "{drawn}");
+    let unknown = run(&["plot", name, "--robot", "rihgt"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("the script has no robot `rihgt`; the robots are left"), "{}", stderr(&unknown));
+    fs::remove_file(path).unwrap();
 }
 
 #[test]

@@ -17,8 +17,8 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::support::far::{FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
-use crate::support::scratch::{Scratch, code};
-use crate::support::{motionseq, run, script, stderr, stdout};
+
+use crate::support::{Scratch, code, motionseq, run, script, stderr, stdout};
 
 /// Two robots that drive for longer than every test, with a frame at least every 10 ms.
 const DRIVING: &str =

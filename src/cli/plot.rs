@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::slice;
 
 use clap::{Args, ValueEnum};
+use motionseq::diagnostic::escaped;
 use motionseq::plot::{Plot as Plotted, Theme, plot};
+use motionseq::timeline::Timeline;
 
 use super::Options;
 use super::exit::Exit;
@@ -17,7 +19,7 @@ use super::watch::Watch;
 /// Draw the timeline of a script and the path of the robot
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion -o dance.html --watch   # again after each change; the page reloads itself\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each value that the script sets, and lanes for marks, `say`, `expect`, the load of the serial line\nand warnings. Dashed lines are the limits of the script. The path of a Raspblock is seen from above, in nominal units."
+    after_help = "Examples:\n  motionseq plot scripts/dance.motion -o dance.svg\n  motionseq plot scripts/dance.motion -o dance.png --theme dark --width 2400\n  motionseq plot scripts/dance.motion -o spin.html --from spin --to refrain\n  motionseq plot scripts/dance.motion -o dance.html --watch   # again after each change; the page reloads itself\n  motionseq plot scripts/duet.motion -o left.svg --robot left   # one of several robots\n  motionseq plot scripts/dance.motion --format json | jq '.tracks[0].lanes[0]'\n\nThe picture has one lane for each value that the script sets, and lanes for marks, `say`, `expect`, the load of the serial line\nand warnings. Dashed lines are the limits of the script. The path of a Raspblock is seen from above, in nominal units."
 )]
 pub(super) struct Plot {
     /// Script to read, or `-` for standard input
@@ -34,6 +36,9 @@ pub(super) struct Plot {
     /// Width of a PNG in pixels, from 300 to 6000
     #[arg(long, value_name = "PIXELS", default_value_t = 1_200, value_parser = clap::value_parser!(u32).range(300..=6_000))]
     width: u32,
+    /// Draw only this robot of the script
+    #[arg(long, value_name = "NAME")]
+    robot: Option<String>,
     #[command(flatten)]
     watch: Watch,
     #[command(flatten)]
@@ -90,9 +95,8 @@ impl Plot {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        // Only the first robot is drawn.
-        let Some(timeline) = selected.timelines.first() else { return Exit::Script };
-        let plotted = plot(timeline, &sources, &selected.diagnostics);
+        let Some(timelines) = self.chosen(&selected.timelines, screen) else { return Exit::Usage };
+        let plotted = plot(timelines, &sources, &selected.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,
             Err(why) => {
@@ -108,6 +112,20 @@ impl Plot {
             }),
         };
         output::exit(written, self.output.as_deref(), screen)
+    }
+
+    /// The robots to draw: all, or the one of `--robot`.
+    fn chosen<'t>(&self, timelines: &'t [Timeline], screen: &Screen) -> Option<&'t [Timeline]> {
+        let Some(robot) = &self.robot else { return Some(timelines) };
+        let chosen = timelines.iter().find(|timeline| timeline.robot.as_deref() == Some(robot.as_str()));
+        if chosen.is_none() {
+            let names: Vec<&str> = timelines.iter().filter_map(|timeline| timeline.robot.as_deref()).collect();
+            screen.error(&match names.as_slice() {
+                [] => "`--robot` is for scripts with several robots; this one has no line `robots`".to_owned(),
+                names => format!("the script has no robot `{}`; the robots are {}", escaped(robot), names.join(", ")),
+            });
+        }
+        chosen.map(slice::from_ref)
     }
 
     fn picture(&self, plotted: &Plotted, format: Format) -> Result<Vec<u8>, String> {

@@ -9,7 +9,7 @@ use std::process;
 use motionseq::diagnostic::{Diagnostics, escaped};
 use motionseq::plot::{Theme, plot};
 use motionseq::source::{Disk, Files as _, Source, Sources};
-use motionseq::timeline::{Timeline, read_snapshots};
+use motionseq::timeline::{Snapshot, Timeline, read_snapshots};
 use motionseq::verify::{Case, Job, Replace, Status, snapshot_of};
 
 use super::Options;
@@ -169,13 +169,12 @@ fn draw(
         }
     };
     let name = script.file_stem().unwrap_or_default();
-    let draw = |when: &str, timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics| {
+    let draw = |when: &str, timelines: &[Timeline], sources: &Sources, diagnostics: &Diagnostics| {
         let mut file = OsString::from(format!("{number}-"));
         file.push(name);
-        let robot = timeline.robot.as_ref().map(|robot| format!("-{robot}")).unwrap_or_default();
-        file.push(format!("{robot}.{when}.svg"));
+        file.push(format!(".{when}.svg"));
         let path = folder.join(file);
-        fs::write(&path, plot(timeline, sources, diagnostics).to_svg(Theme::Auto))?;
+        fs::write(&path, plot(timelines, sources, diagnostics).to_svg(Theme::Auto))?;
         Ok::<_, io::Error>(format!("  {when}: {}", escaped(&path.display().to_string())))
     };
     let snapshot = snapshot_of(script);
@@ -184,18 +183,17 @@ fn draw(
         let robots = family::robots_of_snapshot(&snapshot.display().to_string(), &snapshot, &text, screen).ok()?;
         read_snapshots(&robots, &text).ok()
     });
-    for old in old.iter().flatten() {
+    if let Some(old) = old {
         let sources = Source::new(snapshot.display().to_string(), "").into();
-        lines.push(draw("old", &old.timeline(), &sources, &Diagnostics::default())?);
+        let timelines: Vec<Timeline> = old.iter().map(Snapshot::timeline).collect();
+        lines.push(draw("old", &timelines, &sources, &Diagnostics::default())?);
     }
     let sources = Sources::new(Disk.read(script).map_err(io::Error::other)?, Disk);
     let compiled = motionseq::compile(&sources, &job.options);
     if compiled.timelines.is_empty() {
         return Err(io::Error::other("it no longer compiles"));
     }
-    for timeline in &compiled.timelines {
-        lines.push(draw("new", timeline, &sources, &compiled.diagnostics)?);
-    }
+    lines.push(draw("new", &compiled.timelines, &sources, &compiled.diagnostics)?);
     Ok(lines)
 }
 

@@ -1,4 +1,4 @@
-//! Draws a timeline: what happens when, in lanes over time, and the path of the robot.
+//! Draws what the robots of a script do: what happens when, in lanes over time, and their paths.
 //!
 //! [`plot`] collects the data, which other programs can draw as well; [`Plot::to_svg`] draws it.
 
@@ -10,16 +10,17 @@ mod path;
 mod png;
 mod svg;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
 use crate::board::Text;
 use crate::diagnostic::{Diagnostic, Diagnostics, escaped};
+use crate::program::Awaited;
 use crate::sim::Pose;
 use crate::source::{Lines, Sources, Span};
-use crate::timeline::Timeline;
 use crate::timeline::wire::{self, Wire};
+use crate::timeline::{Expectation, Gate, Timeline};
 use crate::units::Micros;
 
 #[cfg(feature = "png")]
@@ -230,29 +231,65 @@ impl Place {
     }
 }
 
-/// Collects the data of a picture.
-pub fn plot(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Plot {
+/// Collects the data of a picture: one timeline for each robot of the script.
+pub fn plot(timelines: &[Timeline], sources: &Sources, diagnostics: &Diagnostics) -> Plot {
     let moment = |at: Micros, text: &str| Moment { at, text: escaped(text) };
-    let bars = timeline.bars.map(|bars| Bars {
+    let first = timelines.first();
+    let bars = first.and_then(|timeline| timeline.bars).map(|bars| Bars {
         first_us: bars.first_us,
         beat_us: bars.tempo.beat().in_micros(),
         beats: bars.tempo.beats(),
     });
+    // What several robots say at the same time is drawn once.
+    let mut said = BTreeSet::new();
+    let cues = timelines.iter().flat_map(|timeline| &timeline.cues).map(|cue| moment(cue.at, &cue.text.to_string()));
+    let is_new = |say: &Moment| timelines.len() == 1 || said.insert((say.at, say.text.clone()));
+    let mut says: Vec<Moment> = cues.filter(is_new).collect();
+    says.sort_by_key(|say| say.at);
     Plot {
         script: escaped(sources.main().name()),
-        end: timeline.end,
+        end: timelines.iter().map(|timeline| timeline.end).max().unwrap_or_default(),
         bars,
-        marks: timeline.marks.iter().map(|mark| moment(mark.at, &mark.name)).collect(),
-        says: timeline.cues.iter().map(|cue| moment(cue.at, &cue.text.to_string())).collect(),
-        expects: timeline
-            .expects
-            .iter()
-            .map(|due| Stretch { at: due.at, until: due.until, text: escaped(&due.expect.to_string()) })
-            .collect(),
-        gates: timeline.gates.iter().map(|gate| moment(gate.at, &gate.gate.to_string())).collect(),
-        warnings: warnings(timeline, sources, diagnostics),
-        tracks: vec![robot(timeline)],
+        marks: first.iter().flat_map(|timeline| &*timeline.marks).map(|mark| moment(mark.at, &mark.name)).collect(),
+        says,
+        expects: expects(timelines),
+        gates: gates(timelines),
+        warnings: warnings(timelines, sources, diagnostics),
+        tracks: timelines.iter().map(robot).collect(),
     }
+}
+
+/// The `expect`s of all robots. Those of some robots begin with their names.
+fn expects(timelines: &[Timeline]) -> Vec<Stretch> {
+    if let [timeline] = timelines {
+        let stretch =
+            |due: &Expectation| Stretch { at: due.at, until: due.until, text: escaped(&due.expect.to_string()) };
+        return timeline.expects.iter().map(stretch).collect();
+    }
+    let mut found: BTreeMap<(Micros, Micros, String), Vec<&str>> = BTreeMap::new();
+    for timeline in timelines {
+        for due in &timeline.expects {
+            let names = found.entry((due.at, due.until, due.expect.to_string())).or_default();
+            names.extend(timeline.robot.as_deref().filter(|name| !names.contains(name)));
+        }
+    }
+    let stretch = |((at, until, text), names): (_, Vec<&str>)| {
+        let text = if names.len() == timelines.len() { text } else { format!("{}: {text}", names.join(", ")) };
+        Stretch { at, until, text: escaped(&text) }
+    };
+    found.into_iter().map(stretch).collect()
+}
+
+/// The gates, which all robots share. Those that wait for reports of some robots begin with their names.
+fn gates(timelines: &[Timeline]) -> Vec<Moment> {
+    let Some(first) = timelines.first() else { return Vec::new() };
+    let gate = |(index, gate): (usize, &Gate)| {
+        // The timelines of the other robots have the whole line.
+        let all = timelines.iter().filter_map(|timeline| timeline.gates.get(index));
+        let whole = all.map(|gate| &gate.gate).find(|gate| matches!(gate.awaited, Awaited::Others(_)));
+        Moment { at: gate.at, text: escaped(&whole.unwrap_or(&gate.gate).to_string()) }
+    };
+    first.gates.iter().enumerate().map(gate).collect()
 }
 
 impl Robot {
@@ -273,7 +310,7 @@ impl Plot {
 
 fn robot(timeline: &Timeline) -> Robot {
     Robot {
-        robot: None,
+        robot: timeline.robot.as_deref().map(escaped),
         frames: timeline.events.len(),
         lanes: lanes::lanes(timeline),
         wire: load(timeline),
@@ -282,19 +319,19 @@ fn robot(timeline: &Timeline) -> Robot {
 }
 
 /// The warnings, each with the time of the first frame of its command.
-fn warnings(timeline: &Timeline, sources: &Sources, diagnostics: &Diagnostics) -> Vec<Warning> {
+fn warnings(timelines: &[Timeline], sources: &Sources, diagnostics: &Diagnostics) -> Vec<Warning> {
     let mut places: BTreeMap<u32, Option<Micros>> = diagnostics.iter().map(|found| (found.span.start, None)).collect();
     let mut meet = |at: Micros, span: Span| {
         for (_, first) in places.range_mut(span.start..span.end.max(span.start.saturating_add(1))) {
-            first.get_or_insert(at);
+            *first = Some(first.map_or(at, |first| first.min(at)));
         }
     };
-    for event in &timeline.events {
-        meet(event.at, event.span);
+    for timeline in timelines {
+        timeline.events.iter().for_each(|event| meet(event.at, event.span));
+        timeline.cues.iter().for_each(|cue| meet(cue.at, cue.span));
+        timeline.expects.iter().for_each(|due| meet(due.at, due.span));
+        timeline.gates.iter().for_each(|gate| meet(gate.at, gate.span));
     }
-    timeline.cues.iter().for_each(|cue| meet(cue.at, cue.span));
-    timeline.expects.iter().for_each(|due| meet(due.at, due.span));
-    timeline.gates.iter().for_each(|gate| meet(gate.at, gate.span));
     let lines = Lines::of(sources);
     let warning = |found: &Diagnostic| {
         let place = lines.place(found.span);

@@ -1,4 +1,4 @@
-//! Draws a plot: lanes over time, and the path of the robot next to them.
+//! Draws a plot: lanes over time, a band of them for each robot, and the paths of the robots next to them.
 
 use std::fmt::Write as _;
 
@@ -79,7 +79,7 @@ impl Plot {
         root.assign("viewBox", format!("0 0 {} {}", number(WIDTH), number(height)));
         root.assign("role", "img");
         root.append(svg::node::element::Title::new(self.script.as_str()));
-        root.append(Style::new(style(theme)));
+        root.append(Style::new(style(theme, self.tracks.len())));
         let mut paper = Canvas::default();
         paper.area("paper", [0.0, 0.0, WIDTH, height], None);
         for node in paper.nodes.into_iter().chain(canvas.nodes) {
@@ -107,14 +107,28 @@ impl Plot {
     }
 }
 
-fn style(theme: Theme) -> String {
+fn style(theme: Theme, robots: usize) -> String {
     const LIGHT: &str = include_str!("light.css");
     const DARK: &str = include_str!("dark.css");
+    let [light, dark] = [LIGHT_ROBOTS, DARK_ROBOTS].map(|colors| robot_style(colors, robots));
     match theme {
-        Theme::Light => format!("\n{LIGHT}"),
-        Theme::Dark => format!("\n{LIGHT}{DARK}"),
-        Theme::Auto => format!("\n{LIGHT}@media (prefers-color-scheme: dark) {{\n{DARK}}}\n"),
+        Theme::Light => format!("\n{LIGHT}{light}"),
+        Theme::Dark => format!("\n{LIGHT}{DARK}{dark}"),
+        Theme::Auto => format!("\n{LIGHT}{light}@media (prefers-color-scheme: dark) {{\n{DARK}{dark}}}\n"),
     }
+}
+
+/// The colors of several robots and their paths, in the order of `robots`.
+const LIGHT_ROBOTS: [&str; 8] =
+    ["#0b5cad", "#c26a00", "#00795f", "#b0307f", "#5b3c88", "#7a6a00", "#b3261e", "#3d4653"];
+const DARK_ROBOTS: [&str; 8] = ["#6db3ff", "#f0a23c", "#4fd1bd", "#f28fc9", "#c7a6f5", "#d8cf5a", "#ff8a7a", "#c3cad4"];
+
+/// The style of several robots. One robot has the colors of a picture without names.
+fn robot_style(colors: [&str; 8], robots: usize) -> String {
+    let style = |(robot, color): (usize, &str)| {
+        format!(".road-{robot}, .start-{robot} {{ stroke: {color}; }}\n.robot-{robot} {{ fill: {color}; }}\n")
+    };
+    colors.into_iter().enumerate().take(if robots < 2 { 0 } else { robots }).map(style).collect()
 }
 
 struct Picture<'p> {
@@ -150,9 +164,10 @@ impl Picture<'_> {
         self.axis();
         let top = self.y;
         let head = self.canvas.nodes.len();
-        for track in &plot.tracks {
-            self.track(track);
+        for (number, track) in plot.tracks.iter().enumerate() {
+            self.track(number, track);
         }
+        self.top_view(top);
         if !plot.says.is_empty() {
             self.moments("say", &plot.says, ("say", DOT), &[]);
         }
@@ -172,22 +187,32 @@ impl Picture<'_> {
         self.canvas.nodes.extend(front);
     }
 
-    fn track(&mut self, track: &Robot) {
-        self.y = self.y.max(self.side_bottom);
+    /// The band of a robot: its lanes, below its name.
+    fn track(&mut self, number: usize, track: &Robot) {
         if let Some(robot) = &track.robot {
-            self.y += 22.0;
-            self.canvas.text((16.0, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
+            self.y += 24.0;
+            let is_in_top_view = track.goes_away() && self.plot.tracks.len() > 1;
+            if is_in_top_view {
+                self.canvas.area(&format!("body robot-{number}"), [16.0, self.y - 13.0, 13.0, 13.0], None);
+            }
+            let x = if is_in_top_view { 36.0 } else { 16.0 };
+            self.canvas.text((x, self.y), "title", Anchor::Start, &fit(robot, 19.0, 400.0));
             self.y += 10.0;
         }
-        let top = self.y;
         for lane in &track.lanes {
             self.lane(lane);
         }
         self.wire(track);
-        if track.goes_away() {
+    }
+
+    /// The paths of all robots that drive.
+    fn top_view(&mut self, top: f64) {
+        let Plot { tracks, marks, .. } = self.plot;
+        let ways = top_view::ways(tracks);
+        if !ways.is_empty() {
             let x = self.right + 28.0;
-            let marks: Vec<(&str, Micros)> = self.plot.marks.iter().map(|mark| (mark.text.as_str(), mark.at)).collect();
-            self.side_bottom = top_view::draw(&mut self.canvas, [x, top, WIDTH - 16.0 - x], &track.path, &marks);
+            let marks: Vec<(&str, Micros)> = marks.iter().map(|mark| (mark.text.as_str(), mark.at)).collect();
+            self.side_bottom = top_view::draw(&mut self.canvas, [x, top, WIDTH - 16.0 - x], &ways, &marks);
         }
     }
 

@@ -55,7 +55,7 @@ impl Gate {
     pub(crate) fn parse(board: &Board, line: &str) -> Option<Gate> {
         if let Some((names, _)) = line.split_once(": wait until ") {
             let is_name = |name: &str| !name.is_empty() && words::is_name(name);
-            return names.split(", ").all(is_name).then(|| Gate::of_others(line.to_owned()));
+            return names.split(", ").all(is_name).then(|| Gate::of_others(line.to_owned(), None));
         }
         let rest = line.strip_prefix("wait ")?;
         let (awaited, mut rest) = match rest.strip_prefix("until ") {
@@ -99,9 +99,9 @@ impl Gate {
         self.awaited == Awaited::Go
     }
 
-    /// The gate of a line that is for other robots, without limits: those are in the line.
-    pub(crate) fn of_others(line: String) -> Gate {
-        Gate { awaited: Awaited::Others(line), within: None, continues: false, text: None }
+    /// The gate of a line that is for other robots. In a timeline it has no limit: that is in the line.
+    pub(crate) fn of_others(line: String, within: Option<Time>) -> Gate {
+        Gate { awaited: Awaited::Others(line), within, continues: false, text: None }
     }
 }
 

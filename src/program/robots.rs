@@ -3,7 +3,7 @@
 use super::evaluator::Evaluator;
 use super::suggest::{list, suggest};
 use crate::diagnostic::{bail, report};
-use crate::syntax::{Argument, Item, Name, ValueKind};
+use crate::syntax::{Argument, Command, Item, Name, ValueKind};
 
 /// The most robots of a script.
 pub(super) const MOST: usize = 8;
@@ -70,6 +70,15 @@ pub(super) fn names<'s>(argument: &Argument<'s>, eval: &mut Evaluator<'s, '_>) -
     Some(names)
 }
 
+/// Reports names without commas: `robots left right`, `robots left and right`.
+pub(super) fn only_argument(first: &Argument<'_>, command: &Command<'_>, eval: &mut Evaluator<'_, '_>) -> Option<()> {
+    let (Some(last), true) = (command.arguments.last(), command.arguments.len() > 1) else { return Some(()) };
+    let span = first.span.to(last.span);
+    let names = eval.written(span).split([',', ' ', '\t']).filter(|name| !["", "and"].contains(name));
+    let names = names.collect::<Vec<_>>().join(", ");
+    bail!(eval, InvalidArgument, span, "the names of robots are separated by commas"; write: span => "{names}")
+}
+
 impl<'s> Evaluator<'s, '_> {
     /// The robots that the names before a line stand for; `within` are those of what contains the line.
     pub(super) fn robots_of(&mut self, names: &[Name<'s>], within: RobotSet) -> Option<RobotSet> {
@@ -81,7 +90,7 @@ impl<'s> Evaluator<'s, '_> {
             };
             if !within.contains(robot) {
                 let outer = self.robot_names(within);
-                bail!(self, Robots, name.span, "this line is inside of `{outer}:`, so it cannot be for `{}`", name.text;
+                bail!(self, Robots, name.span, "this line is inside `{outer}:`, so it cannot be for `{}`", name.text;
                     help: "move it out of the block of `{outer}:`, or add `{}` there", name.text);
             }
             if set & (1 << robot) != 0 {
@@ -106,14 +115,33 @@ impl<'s> Evaluator<'s, '_> {
     fn unknown_robot(&mut self, name: Name<'s>) {
         let known = self.robots.iter().map(|robot| robot.text);
         if self.robots.is_empty() {
-            report!(self, UnknownName, name.span, "there is no robot `{}`, because the script names no robots", name.text;
-                help: "write `robots {}` before every other setting, or remove `{}:`", name.text, name.text);
+            // Once for each name: the script may use it on every line.
+            if self.lost.names.insert(name.text) {
+                report!(self, UnknownName, name.span, "there is no robot `{}`, because the script names no robots", name.text;
+                    help: "name all of them before the first command, such as `robots {}, other`, or remove `{}:`", name.text, name.text);
+            }
             return;
         }
         let help = match suggest(name.text, known.clone()) {
+            _ if ["all", "both", "each", "every", "everyone", "robots"].contains(&name.text) => {
+                format!("a line without names is for all robots: remove `{}:`", name.text)
+            }
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("the robots are {}", list(known)),
         };
         report!(self, UnknownName, name.span, "there is no robot `{}`", name.text; help: "{help}");
+    }
+
+    /// Reports the name of a robot that is not followed by `:`, as in `left stop`; returns whether it is one.
+    pub(super) fn robot_without_colon(&mut self, command: &Command<'s>) -> bool {
+        let name = command.head;
+        let is_robot = self.robots.iter().any(|robot| robot.text == name.text);
+        if is_robot {
+            let rest = self.written(command.span).strip_prefix(name.text).unwrap_or_default().trim();
+            let rest = if rest.is_empty() { "stop" } else { rest.lines().next().unwrap_or_default() };
+            report!(self, UnknownWord, name.span, "a `:` is missing after the robot `{}`", name.text;
+                help: "write `{}: {rest}`", name.text; fix: name.span => "{}:", name.text);
+        }
+        is_robot
     }
 }

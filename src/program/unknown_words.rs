@@ -53,7 +53,7 @@ impl<'s> Evaluator<'s, '_> {
         let meant: Vec<usize> = knowing.iter().copied().filter(|robot| robots.contains(*robot)).collect();
         let names = names(if meant.is_empty() { &knowing } else { &meant });
         let line = self.written(command.span).lines().next().unwrap_or_default();
-        report!(self, WrongBoard, command.head.span, "the robot `{name}` has no command `{word}`: its board is {}", self.board.name;
+        report!(self, WrongBoard, command.head.span, "the robot `{name}` has no command `{word}`: its board is the {}", self.board.name;
             help: "write it only for robots that have it: `{names}: {line}`");
     }
 
@@ -71,10 +71,11 @@ impl<'s> Evaluator<'s, '_> {
         if !self.unknown.insert(command.head.span) {
             return;
         }
-        if word == "at" {
-            report!(self, StartTime, command.head.span, "a line has only one start time";
-                help: "keep one of the two, or add them up: `at 1s + 2s stop`");
+        if self.robot_without_colon(command) {
             return;
+        }
+        if word == "at" {
+            return self.start_time_inside(command);
         }
         if self.scope.phrase(word).is_some() {
             return self.phrase_without_parentheses(command);
@@ -95,6 +96,21 @@ impl<'s> Evaluator<'s, '_> {
         }
         let help = self.suggestion(word);
         report!(self, UnknownWord, head, "there is no command `{word}`"; help: "{help}");
+    }
+
+    /// `at 1s at 2s stop`, or `left: at 1s stop`.
+    fn start_time_inside(&mut self, command: &Command<'s>) {
+        let head = command.head.span;
+        let (_, line) = self.statement_around(head);
+        let names = line.split_once(':').map(|(names, _)| names.trim());
+        let is_robot = |name: &str| self.robots.iter().any(|robot| robot.text == name);
+        let Some(names) = names.filter(|names| names.split(',').all(|name| is_robot(name.trim()))) else {
+            report!(self, StartTime, head, "a line has only one start time";
+                help: "keep one of the two, or add them up: `at 1s + 2s stop`");
+            return;
+        };
+        report!(self, StartTime, head, "the start time comes before the names of the robots";
+            help: "write `at 1s {names}: stop`");
     }
 
     /// Reports a command of another family of boards; returns whether it is one.

@@ -67,6 +67,7 @@ fn help(text: &str, before: &str) -> String {
         '=' => return equals(text, before),
         ':' => colon(text, before),
         '[' => lists,
+        '+' if before.trim_end().ends_with(':') => "the start time comes before the names of robots: `+1s left: stop`",
         '+' => "a line starts with the name of a command, `at TIME` or `+TIME`",
         '-' if text.starts_with("->") => "write an arrow between two values: `0 -> 12`",
         '°' => "write degrees as `deg`: `90deg`",
@@ -160,6 +161,9 @@ fn colon(text: &str, before: &str) -> &'static str {
     match words.as_slice() {
         _ if after.trim().is_empty() => "write a block in braces, with its `{` on the same line: `repeat 4 { … }`",
         [.., "bar", _] => "write `bar 1 beat 2`",
+        [first, _] if first.ends_with(':') => {
+            "name all robots of the line before one `:`, with commas: `left, right: stop`"
+        }
         ["meter", ..] => "write `meter 4/4`",
         ["limit", ..] => "write a range with two dots: `500..1950`",
         _ if is_digit(before.chars().next_back()) && is_digit(after.chars().next()) => {

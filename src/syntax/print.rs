@@ -114,7 +114,7 @@ struct State {
     begins: bool,
     /// Whether no operand precedes it, so that an operator here is a sign of a number.
     prefix: bool,
-    /// Whether only names and commas precede it: `left, right:`.
+    /// Whether it is a comma between names of robots.
     names: bool,
 }
 
@@ -150,10 +150,11 @@ impl<'t> Printer<'t> {
             expression: going_on && self.expression,
             begins: !going_on,
             prefix: true,
-            names: !going_on,
+            names: false,
         };
         let mut before: Option<(&str, State)> = None;
         for (at, token) in tokens.iter().enumerate() {
+            state.names = separates_names(&tokens, at);
             if let Some((last, was)) = before
                 && is_apart(last, was, *token, state)
             {
@@ -183,12 +184,7 @@ impl<'t> Printer<'t> {
                         Class::Semicolon | Class::OpenBrace | Class::CloseBrace | Class::Colon
                     ),
                 prefix: !matches!(class(token.text), Class::Operand | Class::Close),
-                names: match class(token.text) {
-                    Class::Operand => state.names && state.prefix,
-                    Class::Comma => state.names,
-                    Class::Semicolon | Class::OpenBrace | Class::CloseBrace => true,
-                    _ => false,
-                },
+                names: false,
             };
         }
         self.expression = state.expression;
@@ -239,6 +235,26 @@ impl<'t> Printer<'t> {
         }
         text
     }
+}
+
+/// Whether a token is a comma between names: of `robots left, right`, or before a `:`.
+fn separates_names(tokens: &[Token<'_>], at: usize) -> bool {
+    let mut classes = tokens.get(at..).unwrap_or_default().iter().map(|token| class(token.text));
+    if classes.next() != Some(Class::Comma) {
+        return false;
+    }
+    if tokens.first().is_some_and(|first| first.text == "robots") {
+        return true;
+    }
+    // At most 8 robots have names.
+    for _ in 0..8 {
+        match (classes.next(), classes.next()) {
+            (Some(Class::Operand), Some(Class::Comma)) => {}
+            (Some(Class::Operand), last) => return last == Some(Class::Colon),
+            _ => return false,
+        }
+    }
+    false
 }
 
 /// Whether a space belongs between two tokens of a line.

@@ -23,13 +23,15 @@ impl Picture<'_> {
         if let Some(bars) = plot.bars {
             let _ = write!(facts, ", {} bpm, {} beats per bar", number(60e6 / bars.beat_us), bars.beats);
         }
-        for end in plot.tracks.iter().filter(|track| !track.goes_away()).filter_map(|track| track.path.last()) {
+        for track in plot.tracks.iter().filter(|track| !track.goes_away()) {
+            let Some(end) = track.path.last() else { continue };
             let turned =
                 turned(end).map_or_else(|| format!("and ends {AS_AT_THE_START}"), |by| format!("in total {by}"));
-            let _ = write!(facts, ", turns on the spot, {turned}");
+            let name = track.robot.as_ref().map(|name| format!("{name} ")).unwrap_or_default();
+            let _ = write!(facts, ", {name}turns on the spot, {turned}");
         }
         self.y += 20.0;
-        self.canvas.text((16.0, self.y), "soft", Anchor::Start, &facts);
+        self.canvas.text((16.0, self.y), "soft", Anchor::Start, &fit(&facts, SOFT * 0.9, WIDTH - 32.0));
         self.y += 12.0;
     }
 

@@ -122,12 +122,12 @@ impl<'s> Walker<'s, '_> {
         let mut places = Vec::new();
         for robot in at.frame.robots.among(count) {
             self.switch(robot);
-            places.extend(self.robot.abort.as_ref().map(|(_, place)| *place));
+            places.extend(self.robot.abort.as_ref().map(|(_, place)| (robot, *place)));
         }
-        if let Some(first) = places.first().copied() {
-            let message = match self.eval.robots.as_slice() {
-                [] => "there is a second `on abort`",
-                _ => "there is a second `on abort` for a robot",
+        if let Some((robot, first)) = places.first().copied() {
+            let message = match self.eval.robots.get(robot) {
+                None => "there is a second `on abort`".to_owned(),
+                Some(robot) => format!("there is a second `on abort` for `{}`", robot.text),
             };
             let diagnostic = diagnostic!(Abort, span, "{message}"; help: "keep one of the two");
             let diagnostic = diagnostic.label("again here").related(first, "first here");

@@ -42,16 +42,18 @@ impl<'s> Walker<'s, '_> {
                 help: "move it to a line of its own, before or after the line with the `{word}`");
         }
         // Every robot waits, also at a gate that needs the reports of others.
-        let (mut line, place) = (None, self.order);
+        let (mut first, place) = (None, self.order);
         self.for_each(robots, |walker| {
             let gate = walker.read_gate(at)?;
-            line.get_or_insert_with(|| gate.to_string());
+            first.get_or_insert_with(|| (gate.to_string(), gate.within));
             walker.push_gate(at, gate, place)
         })?;
-        let line = format!("{}: {}", self.eval.robot_names(robots), line.unwrap_or_default());
+        let (line, within) = first.unwrap_or_default();
+        let line = format!("{}: {line}", self.eval.robot_names(robots));
         for robot in (0..self.count()).filter(|robot| !robots.contains(*robot)) {
             self.switch(robot);
-            let gate = if does == Operation::WaitGo { self.read_gate(at)? } else { Gate::of_others(line.clone()) };
+            let gate =
+                if does == Operation::WaitGo { self.read_gate(at)? } else { Gate::of_others(line.clone(), within) };
             self.push_gate(at, gate, place)?;
         }
         self.has_gates = true;

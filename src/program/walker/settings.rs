@@ -35,8 +35,8 @@ impl<'s> Walker<'s, '_> {
         match (self.misplaced(line, part, (row, command.head.span), frame), row.does) {
             (Some(diagnostic), _) => {
                 self.eval.push(diagnostic);
-                // Errors about commands of the wrong board would be wrong.
-                self.is_board_unknown |= is_board;
+                // Errors about commands of the wrong board, and about lines for unknown robots, would be wrong.
+                self.is_board_unknown |= is_board || row.does == Operation::Set(Setting::Robots);
             }
             (None, Operation::Set(setting)) => {
                 frame.given.push((row.name, command.span, frame.robots));
@@ -97,7 +97,9 @@ impl<'s> Walker<'s, '_> {
             Setting::Board => self.choose_board(word, command, frame.robots),
             Setting::Robots => {
                 let names = Arguments::new(word, command, &mut self.eval).and_then(|mut args| {
-                    let names = robots::names(args.next_argument()?, args.eval)?;
+                    let first = args.next_argument()?;
+                    robots::only_argument(first, command, args.eval)?;
+                    let names = robots::names(first, args.eval)?;
                     args.finish().map(|()| names)
                 });
                 match names {

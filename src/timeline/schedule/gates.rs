@@ -3,7 +3,7 @@
 use super::super::{Cut, Gate};
 use super::{Origin, Scheduler};
 use crate::diagnostic::{Code, diagnostic};
-use crate::program::{self, Action, Step, Time};
+use crate::program::{self, Action, Awaited, Step, Time};
 use crate::units::Micros;
 
 /// The longest time that something may run at a gate.
@@ -58,7 +58,10 @@ impl Scheduler<'_> {
             && within.is_none_or(|within| within > LONGEST)
         {
             let problem = if within.is_some() { "may wait for more than 60 s" } else { "has no time limit" };
-            let limited = program::Gate { within: Some(LONGEST), ..gate.clone() };
+            let limited = match gate.awaited {
+                Awaited::Others(_) => format!("within {LONGEST}"),
+                _ => program::Gate { within: Some(LONGEST), ..gate.clone() }.to_string(),
+            };
             let rest = resource.rest.as_ref().map(|rest| self.board.show(rest).to_string()).unwrap_or_default();
             let diagnostic = diagnostic!(GateTime, from.span, "this gate {problem}, but {} may be {}",
                 resource.name, resource.activity;
@@ -78,7 +81,9 @@ impl Scheduler<'_> {
         }
         if self.has_room(1, from) {
             let next = Cut { cues: self.cues.len(), expects: self.expects.len(), ..Cut::default() };
-            let (gate, span, trace) = (gate.clone(), from.span, from.trace);
+            let (mut gate, span, trace) = (gate.clone(), from.span, from.trace);
+            // Only the robots whose reports it waits for measure the time.
+            gate.within = gate.within.filter(|_| !matches!(gate.awaited, Awaited::Others(_)));
             self.gates.push(Gate { at: at.micros(), gate, next, span, trace });
         }
     }
