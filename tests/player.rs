@@ -221,7 +221,10 @@ fn scripts() -> impl Iterator<Item = std::path::PathBuf> {
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|extension| extension == "motion"))
-        .filter(|path| !std::fs::read_to_string(path).unwrap().contains("\nboard "))
+        .filter(|path| {
+            let text = std::fs::read_to_string(path).unwrap();
+            !text.contains("\nboard ") && !text.contains("\nrobots ")
+        })
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::evaluator::Evaluator;
 use super::suggest::{list, suggest};
-use crate::diagnostic::{bail, report};
+use crate::diagnostic::{bail, diagnostic, report};
 use crate::syntax::{Argument, Command, Item, Name, ValueKind};
 
 /// The most robots of a script.
@@ -112,7 +112,20 @@ impl<'s> Evaluator<'s, '_> {
         self.robots.get(self.robot).map(|name| name.text)
     }
 
+    /// Reports names of robots in a line that may never run.
+    pub(super) fn check_robots(&mut self, names: &[Name<'s>]) {
+        for name in names {
+            if !self.robots.iter().any(|robot| robot.text == name.text) {
+                self.unknown_robot(*name);
+            }
+        }
+    }
+
     fn unknown_robot(&mut self, name: Name<'s>) {
+        // Once, however often the line is run.
+        if !self.unknown.insert(name.span) {
+            return;
+        }
         let known = self.robots.iter().map(|robot| robot.text);
         if self.robots.is_empty() {
             // Once for each name: the script may use it on every line.
@@ -139,8 +152,10 @@ impl<'s> Evaluator<'s, '_> {
         if is_robot {
             let rest = self.written(command.span).strip_prefix(name.text).unwrap_or_default().trim();
             let rest = if rest.is_empty() { "stop" } else { rest.lines().next().unwrap_or_default() };
-            report!(self, UnknownWord, name.span, "a `:` is missing after the robot `{}`", name.text;
-                help: "write `{}: {rest}`", name.text; fix: name.span => "{}:", name.text);
+            let missing = diagnostic!(UnknownWord, name.span, "a `:` is missing after the robot `{}`", name.text;
+                help: "write `{}: {rest}`", name.text);
+            let is_alone = command.arguments.is_empty();
+            self.push(if is_alone { missing } else { missing.fix(name.span, format!("{}:", name.text)) });
         }
         is_robot
     }

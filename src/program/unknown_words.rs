@@ -23,6 +23,7 @@ impl<'s> Evaluator<'s, '_> {
     /// Reports unknown words in a block that may never run. The calls in a phrase are checked where it is defined.
     pub(super) fn check_words(&mut self, block: &Block<'s>, in_phrase: bool) {
         block.visit(&mut |line| {
+            line.parts.iter().for_each(|part| self.check_robots(&part.robots));
             for statement in line.statements() {
                 match statement {
                     Statement::Command(command) if !self.is_known(command.head.text) => {

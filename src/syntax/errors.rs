@@ -54,6 +54,7 @@ fn help(text: &str, before: &str) -> String {
         '.' => "a name contains no `.`: write only what follows it, such as `random(1, 5)`",
         '/' => "a comment starts with `#`",
         '-' if text.starts_with("--") => "a comment starts with `#`; a number has at most one `-`",
+        ',' if before.trim_start().starts_with("robots") => "separate names with one comma: `robots left, right`",
         ',' => "separate arguments with spaces: `rocker x=10 z=50`, `wheels 8 -8 -8 8`",
         '\\' => "remove the `\\`: a line may only be broken inside `( )`",
         'b' if text.starts_with("beat") || text.starts_with("bar") => "multiply: `(n * 1 beat)`",
@@ -161,6 +162,8 @@ fn colon(text: &str, before: &str) -> &'static str {
     match words.as_slice() {
         _ if after.trim().is_empty() => "write a block in braces, with its `{` on the same line: `repeat 4 { … }`",
         [.., "bar", _] => "write `bar 1 beat 2`",
+        ["robot", _] => "write only the name of the robot: `left: stop`",
+        [_, "and", _] => "separate the names of robots with commas: `left, right: stop`",
         [first, _] if first.ends_with(':') => {
             "name all robots of the line before one `:`, with commas: `left, right: stop`"
         }
