@@ -366,7 +366,7 @@ fn a_guard_ignores_what_ends_other_programs() {
 fn a_guard_cannot_be_started_by_hand() {
     let pty = Pty::open().unwrap();
     let port = std::fs::File::options().read(true).write(true).open(pty.path()).unwrap();
-    let by_hand = ["guard-a-player", "1", "50000000", "12", "false", "FFFE0401", "", ""];
+    let by_hand = ["guard-a-player", "1", "50000000", "12", "false", "FFFE0401", "", "", ""];
     let output = motionseq(&by_hand).stdin(port).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("only `play` and `record` can start it"), "{}", stderr(&output));

@@ -5,15 +5,13 @@ use std::path::{Path, PathBuf};
 use std::slice;
 
 use clap::{Args, ValueEnum};
-use motionseq::diagnostic::escaped;
 use motionseq::plot::{Plot as Plotted, Theme, plot};
-use motionseq::timeline::Timeline;
 
 use super::Options;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::screen::{Screen, Warnings};
-use super::selection::{Passes, Selection};
+use super::selection::{Passes, Selection, chosen_robots};
 use super::watch::Watch;
 
 /// Draw the timeline of a script and the path of the robot
@@ -95,7 +93,13 @@ impl Plot {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        let Some(timelines) = self.chosen(&selected.timelines, screen) else { return Exit::Usage };
+        let timelines = match chosen_robots(&selected.timelines, self.robot.as_deref()) {
+            Ok(timelines) => timelines,
+            Err(why) => {
+                screen.error(&why);
+                return Exit::Usage;
+            }
+        };
         let plotted = plot(timelines, &sources, &selected.diagnostics);
         let picture = match self.picture(&plotted, format) {
             Ok(picture) => picture,
@@ -112,20 +116,6 @@ impl Plot {
             }),
         };
         output::exit(written, self.output.as_deref(), screen)
-    }
-
-    /// The robots to draw: all, or the one of `--robot`.
-    fn chosen<'t>(&self, timelines: &'t [Timeline], screen: &Screen) -> Option<&'t [Timeline]> {
-        let Some(robot) = &self.robot else { return Some(timelines) };
-        let chosen = timelines.iter().find(|timeline| timeline.robot.as_deref() == Some(robot.as_str()));
-        if chosen.is_none() {
-            let names: Vec<&str> = timelines.iter().filter_map(|timeline| timeline.robot.as_deref()).collect();
-            screen.error(&match names.as_slice() {
-                [] => "`--robot` is for scripts with several robots; this one has no line `robots`".to_owned(),
-                names => format!("the script has no robot `{}`; the robots are {}", escaped(robot), names.join(", ")),
-            });
-        }
-        chosen.map(slice::from_ref)
     }
 
     fn picture(&self, plotted: &Plotted, format: Format) -> Result<Vec<u8>, String> {

@@ -4,7 +4,7 @@ use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use motionseq::program::{list, suggest};
+use motionseq::program::list;
 use motionseq::source::{Lines, Sources};
 use motionseq::timeline::{Timeline, write_bin, write_hex, write_jsonl, write_listing, write_robot};
 
@@ -13,7 +13,7 @@ use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
 use super::screen::{Screen, Warnings};
-use super::selection::{Passes, Selection};
+use super::selection::{Passes, Selection, chosen_robots};
 
 /// Print the frames of a script without sending them
 #[derive(Debug, Args)]
@@ -82,29 +82,16 @@ impl Render {
 
     /// The robots whose frames are printed.
     fn chosen<'t>(&self, timelines: &'t [Timeline]) -> Result<&'t [Timeline], String> {
-        let names = || timelines.iter().filter_map(|timeline| timeline.robot.as_deref());
-        match &self.robot {
-            Some(name) => {
-                let is_it = |timeline: &Timeline| timeline.robot.as_deref() == Some(name);
-                timelines.chunks(1).find(|one| one.iter().any(is_it)).ok_or_else(|| {
-                    if names().next().is_none() {
-                        return "`--robot` is for scripts with several robots; this one has no line `robots`"
-                            .to_owned();
-                    }
-                    let help = match suggest(name, names()) {
-                        Some(near) => format!("did you mean `{near}`?"),
-                        None => format!("the robots are {}", list(names())),
-                    };
-                    format!("the script has no robot `{name}`; {help}")
-                })
-            }
-            None if self.format == Format::Bin && timelines.len() > 1 => Err(format!(
+        let chosen = chosen_robots(timelines, self.robot.as_deref())?;
+        if self.format == Format::Bin && chosen.len() > 1 {
+            let names = || chosen.iter().filter_map(|timeline| timeline.robot.as_deref());
+            return Err(format!(
                 "the bytes of {} go to different ports; choose one of the robots, for example `--robot {}`",
                 list(names()),
                 names().next().unwrap_or_default()
-            )),
-            None => Ok(timelines),
+            ));
         }
+        Ok(chosen)
     }
 
     fn write(&self, sources: &Sources, timelines: &[Timeline], screen: &Screen, out: impl Write) -> io::Result<()> {
