@@ -211,7 +211,7 @@ fn the_first_cause_gives_the_exit_code() {
             "right: battery=6.5V",
             "expect voltage > 10V within 300ms \"charge it\"\nwait 2s\n",
             7,
-            "right: `expect voltage > 10V within 300ms` failed",
+            "right: `expect voltage > 10V within 0.3s` failed",
         ),
         (
             "left: silent",

@@ -4,17 +4,14 @@
 //! descriptor. The conductor has what there is once for all robots: signals, keys, and the lines that open gates.
 
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::sync::Arc;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use rustix::event::{EventfdFlags, eventfd};
-
 use super::conductor::Conductor;
+use super::controls::{of_key, of_signal};
 use super::go_lines::GoLines;
 use super::messages::{Input, Notice, Standing};
-use super::os::{self, Keys, Ready, Signals};
-use super::session::{meaning, meaning_of};
+use super::os::{self, Bell, Keys, Ready, Signals};
 use crate::clock;
 use crate::units::Nanos;
 
@@ -22,25 +19,6 @@ use crate::units::Nanos;
 const ROOM: usize = 256;
 /// How often the conductor looks at the keys, at most: this process may be in the foreground again.
 const LOOK: Nanos = Nanos::from_millis(100);
-
-/// An event descriptor, which one thread uses to wake another.
-#[derive(Clone, Debug)]
-struct Bell(Arc<OwnedFd>);
-
-impl Bell {
-    fn new() -> io::Result<Self> {
-        Ok(Bell(Arc::new(eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?)))
-    }
-
-    fn ring(&self) {
-        // It only fails if it has rung very often, and then it wakes all the same.
-        let _ = rustix::io::write(&*self.0, &1_u64.to_ne_bytes());
-    }
-
-    fn empty(&self) {
-        let _ = rustix::io::read(&*self.0, &mut [0; 8]);
-    }
-}
 
 /// What one session has of the conductor.
 #[derive(Debug)]
@@ -50,8 +28,8 @@ pub struct Seat {
     bell: Bell,
     news: SyncSender<(usize, Standing)>,
     conductor: Bell,
-    /// What the conductor was told last.
-    told: Standing,
+    /// What the conductor heard last.
+    heard: Standing,
 }
 
 impl Seat {
@@ -66,8 +44,8 @@ impl Seat {
 
     /// Tells the conductor what the player waits for, if that has changed.
     pub(super) fn tell(&mut self, standing: Standing) {
-        if standing != self.told && self.news.try_send((self.robot, standing)).is_ok() {
-            self.told = standing;
+        if standing != self.heard && self.news.try_send((self.robot, standing)).is_ok() {
+            self.heard = standing;
             self.conductor.ring();
         }
     }
@@ -79,7 +57,7 @@ impl Seat {
             if let Some(input) = self.take() {
                 return input;
             }
-            if os::wait([(Some(self.bell.0.as_fd()), Ready::IN)], None).is_err() {
+            if os::wait([(Some(self.bell.as_fd()), Ready::IN)], None).is_err() {
                 return Input::Tick;
             }
             self.empty();
@@ -89,13 +67,13 @@ impl Seat {
 
 impl AsFd for Seat {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.bell.0.as_fd()
+        self.bell.as_fd()
     }
 }
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        if !matches!(self.told, Standing::Done { .. }) {
+        if !matches!(self.heard, Standing::Done { .. }) {
             // The others must not wait for a thread that has failed.
             self.tell(Standing::Done { is_early: true });
         }
@@ -136,7 +114,7 @@ impl Company {
             let own = Bell::new()?;
             orders.push((order, own.clone()));
             let (news, conductor) = (news.clone(), bell.clone());
-            seats.push(Seat { robot, orders: taken, bell: own, news, conductor, told: Standing::Busy });
+            seats.push(Seat { robot, orders: taken, bell: own, news, conductor, heard: Standing::Busy });
         }
         let conductor = Conductor::new(robots);
         let (keys, go) = (None, None);
@@ -221,7 +199,7 @@ impl Company {
     /// Waits for a signal, a key, a line or news.
     fn look(&mut self) -> Input {
         if let Some(signal) = self.signals.pending() {
-            return meaning(signal, self.keys.is_some());
+            return of_signal(signal, self.keys.is_some());
         }
         let (is_paused, waits_for_go) = (self.conductor.paused_at().is_some(), self.conductor.waits_for_go());
         if let Some(input) = self.go.as_mut().filter(|_| waits_for_go).and_then(GoLines::take) {
@@ -230,7 +208,7 @@ impl Company {
         let keys = self.keys.as_ref().filter(|keys| is_paused || waits_for_go || keys.is_single());
         let go = self.go.as_ref().filter(|_| waits_for_go);
         let watched = [
-            (Some(self.bell.0.as_fd()), Ready::IN),
+            (Some(self.bell.as_fd()), Ready::IN),
             (Some(self.signals.as_fd()), Ready::IN),
             (keys.and_then(Keys::descriptor), Ready::IN),
             (go.and_then(GoLines::descriptor), Ready::IN),
@@ -242,14 +220,14 @@ impl Company {
         if !signal.is_empty()
             && let Some(signal) = self.signals.take()
         {
-            return meaning(signal, self.keys.is_some());
+            return of_signal(signal, self.keys.is_some());
         }
         if let Some(lines) = self.go.as_mut().filter(|_| !go.is_empty()) {
             lines.read();
             return lines.take().unwrap_or(Input::Tick);
         }
         match (key.is_empty(), &mut self.keys) {
-            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| meaning_of(key, keys, is_paused, waits_for_go)),
+            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| of_key(key, keys, is_paused, waits_for_go)),
             _ => Input::Tick,
         }
     }

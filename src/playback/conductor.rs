@@ -18,7 +18,7 @@ pub struct Conductor {
     opened: Option<(u64, usize)>,
     /// The robot whose run ended early first.
     first: Option<usize>,
-    /// Whether every player was told to end.
+    /// Whether every player has the order to end.
     has_ended: bool,
     /// Whether the operator has said go.
     go: bool,

@@ -5,6 +5,9 @@ use crate::board::{Hundredths, Report};
 use crate::timeline::Gate;
 use crate::units::{Micros, Nanos};
 
+/// How long a player waits at most before it is asked again.
+pub(super) const HOUR: Nanos = Micros::SECOND.saturating_mul(3_600).nanos();
+
 /// How a gate ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passage {

@@ -16,6 +16,8 @@ mod player;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod company;
 #[cfg(all(feature = "player", target_os = "linux"))]
+mod controls;
+#[cfg(all(feature = "player", target_os = "linux"))]
 mod go_lines;
 #[cfg(all(feature = "player", target_os = "linux"))]
 mod guard;

@@ -7,6 +7,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::company::Seat;
+use super::controls::{of_key, of_signal};
 use super::go_lines::GoLines;
 use super::guard::{Guard, Heartbeat};
 use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Standing, Stop};
@@ -220,7 +221,7 @@ impl<'s, L: Link> Session<'s, L> {
     fn pending(&mut self) -> Input {
         match &mut self.control {
             Control::Alone(signals) => {
-                signals.pending().map_or(Input::Tick, |signal| meaning(signal, self.keys.is_some()))
+                signals.pending().map_or(Input::Tick, |signal| of_signal(signal, self.keys.is_some()))
             }
             Control::Seat(seat) => seat.take().unwrap_or(Input::Tick),
         }
@@ -376,7 +377,7 @@ impl<'s, L: Link> Session<'s, L> {
             return lines.take().unwrap_or(Input::Tick);
         }
         match (key.is_empty(), &mut self.keys) {
-            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| meaning_of(key, keys, is_paused, waits_for_go)),
+            (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| of_key(key, keys, is_paused, waits_for_go)),
             _ => Input::Tick,
         }
     }
@@ -460,28 +461,6 @@ impl<'s, L: Link> Session<'s, L> {
                 }
             }
         }
-    }
-}
-
-/// What a signal means: Ctrl-Z suspends only if a key can continue the run.
-pub(super) fn meaning(signal: i32, has_keys: bool) -> Input {
-    if signal == SIGTSTP && has_keys { Input::Suspend } else { Input::Signal(signal) }
-}
-
-/// What a key means.
-pub(super) fn meaning_of(key: u8, keys: &Keys, is_paused: bool, waits_for_go: bool) -> Input {
-    let enter = if keys.enter_steps { Input::Step } else { Input::Resume };
-    match (key, is_paused) {
-        // A line of input counts only during a pause.
-        (b'\n' | b'\r', true) => enter,
-        (b'\n' | b'\r' | b'g', false) if waits_for_go => Input::Go,
-        _ if !keys.is_single() => Input::Tick,
-        (b' ', true) => Input::Resume,
-        (b' ', false) => Input::Pause,
-        (b's', true) => Input::Step,
-        (b'q', _) => Input::Quit,
-        (b'?', _) => Input::Help,
-        _ => Input::Tick,
     }
 }
 

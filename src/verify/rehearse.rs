@@ -112,7 +112,7 @@ struct Actor<'t, 'a> {
     operator: Operator<'a, 't>,
     verdicts: Vec<Verdict>,
     passages: Vec<Passage>,
-    /// What the player is told next, and what it is told after that.
+    /// What the player gets next, and what it gets after that.
     input: Input,
     orders: VecDeque<Input>,
     /// Until when it waits, and whether nothing wakes it before.

@@ -1,16 +1,13 @@
 //! Gates: the clock of the script is stopped, the drive is refreshed, and what happens next depends on reports and on the operator.
 
-use super::super::gate::{Closed, GateEnd, Passage};
+use super::super::gate::{Closed, GateEnd, HOUR, Passage};
 use super::super::messages::{Cause, Input, Notice, Order};
 use super::together::Together;
 use super::{Phase, Player};
 use crate::board::{Hundredths, Report};
 use crate::source::Span;
 use crate::timeline::{Cut, Event, Gate};
-use crate::units::{Micros, Nanos};
-
-/// How long the player waits at most before it is asked again.
-pub(super) const HOUR: Nanos = Micros::SECOND.saturating_mul(3_600).nanos();
+use crate::units::Nanos;
 
 impl<'t> Player<'t> {
     /// The index of the gate that is closed, if one is.

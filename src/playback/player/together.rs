@@ -1,8 +1,8 @@
 //! Playing together with other robots: a conductor tells all players when time 0 is, when a gate opens, and when a paused run
 //! continues, so that the clocks of all scripts are the same.
 
+use super::super::gate::HOUR;
 use super::super::messages::{Cause, Input, Notice, Order, Standing};
-use super::gates::HOUR;
 use super::{Phase, Player, due};
 use crate::timeline::Kind;
 use crate::units::Nanos;
