@@ -227,7 +227,7 @@ fn wrong(text: &str) -> Vec<(Code, String)> {
 
 fn listing(timeline: &Timeline) -> String {
     let mut out = Vec::new();
-    write_listing(&timeline, timeline.items(), &mut out).unwrap();
+    write_listing(timeline, timeline.items(), &mut out).unwrap();
     String::from_utf8(out).unwrap()
 }
 

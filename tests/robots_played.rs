@@ -102,7 +102,9 @@ fn a_signal_stops_all_robots() {
         let received = [rest(&far[0], one), rest(&far[1], two)];
         let (exit, text) = end(child);
         assert_eq!(exit, expected, "{text}");
-        received.iter().for_each(|received| assert_stopped(received));
+        let [left, right] = &received;
+        assert_stopped(left);
+        assert_stopped(right);
         assert_eq!(errors(&text).iter().filter(|line| line.ends_with("; stop: sent")).count(), 2, "{text}");
     }
 }
@@ -142,7 +144,9 @@ fn a_killed_guard_stops_all_robots() {
     let received = [rest(&far[0], one), rest(&far[1], two)];
     let (exit, text) = end(child);
     assert_eq!(exit, 101, "{text}");
-    received.iter().for_each(|received| assert_stopped(received));
+    let [left, right] = &received;
+    assert_stopped(left);
+    assert_stopped(right);
     assert!(text.contains("the guard of this run was lost") && text.contains("stopped together with"), "{text}");
 }
 
@@ -278,9 +282,7 @@ fn the_reports_of_all_named_robots_must_match_at_the_same_time() {
     let [left, right] = &together(&never, ["", ""])[..] else { panic!() };
     assert!(matches!(
         (left.outcome.cause, right.outcome.cause),
-        (Cause::Other { robot: 1 }, Cause::Gate(_))
-            | (Cause::Gate(_), Cause::Other { robot: 0 })
-            | (Cause::Gate(_), Cause::Gate(_))
+        (Cause::Other { robot: 1 } | Cause::Gate(_), Cause::Gate(_)) | (Cause::Gate(_), Cause::Other { robot: 0 })
     ));
     assert!(left.received.state.at_rest(&timelines(text)[0].board));
 }

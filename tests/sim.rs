@@ -268,8 +268,8 @@ fn every_script_of_the_tests_is_played_as_it_is_rendered() {
         else {
             continue;
         };
-        let rehearsal = rehearse(&timeline, Settings::default(), Faults::default(), &Answers::default());
-        assert!(rehearsal.is_complete(&timeline), "{}: {:?}", entry.display(), rehearsal.outcome);
+        let rehearsal = rehearse(timeline, Settings::default(), Faults::default(), &Answers::default());
+        assert!(rehearsal.is_complete(timeline), "{}: {:?}", entry.display(), rehearsal.outcome);
         assert_eq!(rehearsal.outcome.dropped, 0, "{}", entry.display());
         count += 1;
     }

@@ -154,8 +154,8 @@ fn differences(old: &[Snapshot], new: &[Snapshot]) -> Option<String> {
     if is_named(old) != is_named(new) {
         return Some(format!("one names {}, the other {}", names(old), names(new)));
     }
-    let pairs = old.iter().filter_map(|was| Some((was, new.iter().find(|is| is.robot == was.robot)?)));
-    pairs.filter_map(|(was, is)| Some((was, difference(was, is)?))).next().map(|(was, why)| match &was.robot {
+    let mut pairs = old.iter().filter_map(|was| Some((was, new.iter().find(|is| is.robot == was.robot)?)));
+    pairs.find_map(|(was, is)| Some((was, difference(was, is)?))).map(|(was, why)| match &was.robot {
         Some(robot) => format!("of the robot `{robot}`, {why}"),
         None => why,
     })

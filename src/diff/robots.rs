@@ -39,12 +39,12 @@ fn by_name<L: Eq + Hash>(
     each: impl Fn(&Option<Arc<str>>) -> Option<Vec<Change>>,
     line: impl Fn(&Change) -> Option<L>,
 ) -> Vec<Change> {
-    let lone = |robot: &Option<Arc<str>>, what| Change {
+    let alone = |robot: &Option<Arc<str>>, what| Change {
         robots: robot.iter().cloned().collect(),
         ..Change::new(Micros::ZERO, None, None, what)
     };
-    let gone = old.iter().filter(|robot| !new.contains(robot)).map(|robot| lone(robot, What::RobotRemoved));
-    let added = new.iter().filter(|robot| !old.contains(robot)).map(|robot| lone(robot, What::RobotAdded));
+    let gone = old.iter().filter(|robot| !new.contains(robot)).map(|robot| alone(robot, What::RobotRemoved));
+    let added = new.iter().filter(|robot| !old.contains(robot)).map(|robot| alone(robot, What::RobotAdded));
     let mut changes: Vec<Change> = gone.chain(added).collect();
     let mut known = HashMap::new();
     for change in new.iter().filter_map(each).flatten() {

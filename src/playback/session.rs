@@ -10,7 +10,7 @@ use super::company::Seat;
 use super::controls::{of_key, of_signal};
 use super::go_lines::GoLines;
 use super::guard::{Guard, Heartbeat};
-use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, SIGTSTP, Standing, Stop};
+use super::messages::{Cause, Input, Notice, Order, Outcome, Piece, Standing, Stop};
 use super::os::{self, Keys, Ready, Signals};
 use super::player::Player;
 use crate::board::ServoSet;

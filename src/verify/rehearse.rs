@@ -49,7 +49,7 @@ struct Line<'t> {
 
 /// Plays a timeline on a board with these settings and faults. Gates open by these answers, or as the board reports.
 pub fn rehearse(timeline: &Timeline, settings: Settings, faults: Faults, answers: &Answers) -> Rehearsal {
-    let mut actor = Actor::new(timeline, &settings, faults, answers, false);
+    let mut actor = Actor::new(timeline, settings, faults, answers, false);
     let mut now = Nanos::ZERO;
     loop {
         if let Some(outcome) = actor.act(now) {
@@ -68,8 +68,9 @@ pub fn rehearse_together(
     answers: &Answers,
 ) -> Vec<Rehearsal> {
     let robots = timelines.iter().zip(faults);
-    let mut actors: Vec<Actor<'_, '_>> =
-        robots.map(|(timeline, faults)| Actor::new(timeline, settings, faults.clone(), answers, true)).collect();
+    let mut actors: Vec<Actor<'_, '_>> = robots
+        .map(|(timeline, faults)| Actor::new(timeline, settings.clone(), faults.clone(), answers, true))
+        .collect();
     let mut outcomes: Vec<Option<Outcome>> = vec![None; actors.len()];
     let mut conductor = Conductor::new(actors.len());
     let mut now = Nanos::ZERO;
@@ -126,12 +127,11 @@ struct Actor<'t, 'a> {
 impl<'t, 'a> Actor<'t, 'a> {
     fn new(
         timeline: &'t Timeline,
-        settings: &Settings,
+        mut settings: Settings,
         faults: Faults,
         answers: &'a Answers,
         is_together: bool,
     ) -> Self {
-        let mut settings = settings.clone();
         settings.baud.get_or_insert(timeline.baud);
         let board = Faulty::new(Device::new(Arc::clone(&timeline.board), settings), faults);
         let player = Player::new(timeline, MAX_LATE);

@@ -35,10 +35,13 @@ pub(super) struct LogBuilder {
     begin: Nanos,
     begin_since_1970: Nanos,
     /// Messages that wait for earlier ones, with their times since 1970.
-    waiting: Vec<(Nanos, &'static Topic, Option<Arc<str>>, Vec<u8>)>,
+    waiting: Vec<Waiting>,
     /// The time of the last message in the file.
     newest: Nanos,
 }
+
+/// A message: its time, its topic, its robot and its content.
+type Waiting = (Nanos, &'static Topic, Option<Arc<str>>, Vec<u8>);
 
 /// What is known of a robot.
 struct Robot {

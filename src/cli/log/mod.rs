@@ -120,8 +120,8 @@ impl About {
         let arguments: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into()).collect();
         let arguments = serde_json::to_string(&arguments).unwrap_or_default();
         let name =
-            |port: &Option<&Path>| port.map_or_else(|| "virtual board".to_owned(), |port| port.display().to_string());
-        let port = ports.iter().map(name).collect::<Vec<_>>().join(", ");
+            |port: Option<&Path>| port.map_or_else(|| "virtual board".to_owned(), |port| port.display().to_string());
+        let port = ports.iter().copied().map(name).collect::<Vec<_>>().join(", ");
         let version = env!("CARGO_PKG_VERSION").to_owned();
         let facts = vec![("version", version), ("arguments", arguments), ("port", port)];
         About { started: since_1970(), facts, scripts: Vec::new() }

@@ -54,10 +54,7 @@ impl TimelineLog {
         if self.robot > 0 && self.is_shared(timeline, at, notice) {
             return;
         }
-        let spot = |span: Span| -> Option<Spot> {
-            let place = lines.place(span);
-            Some((place.file.to_owned(), place.line))
-        };
+        let spot = |span: Span| Some(spot(lines, span));
         match notice {
             Notice::Say { cue, report } => {
                 if let Some(cue) = timeline.cues.get(cue) {
@@ -87,13 +84,8 @@ impl TimelineLog {
             }
             Notice::Dropped { event } => {
                 if let Some(event) = timeline.events.get(event) {
-                    line(
-                        log,
-                        at,
-                        Level::Warning,
-                        format!("dropped: {}", timeline.board.show(&event.command)),
-                        spot(event.span),
-                    );
+                    let words = format!("dropped: {}", timeline.board.show(&event.command));
+                    line(log, at, Level::Warning, words, spot(event.span));
                 }
             }
             Notice::Sleeping { at: script } | Notice::Paused { at: script } => {
@@ -155,6 +147,12 @@ impl TimelineLog {
         // The clock of the script continues.
         self.begin = at - gate.at.nanos();
     }
+}
+
+/// The place of a span.
+fn spot(lines: &Lines<'_>, span: Span) -> Spot {
+    let place = lines.place(span);
+    (place.file.to_owned(), place.line)
 }
 
 fn judged(log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, (at, verdict): (Nanos, Verdict)) {

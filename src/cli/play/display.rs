@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use motionseq::board::{Board, Hundredths, State};
+use motionseq::board::{Board, Hundredths, Report, State};
 use motionseq::playback::{Notice, Passage, Verdict, now};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
@@ -126,13 +126,7 @@ impl Observer for Display {
             return;
         }
         match notice {
-            Notice::Say { cue, report } => {
-                if let Some(cue) = timeline.cues.get(cue) {
-                    // A line without reports is said once for all robots.
-                    let name = if cue.text.rows().next().is_some() { &self.name } else { "" };
-                    self.screen.note(&format!("{:.3} s: {name}{}", cue.at, cue.text.with(report.as_ref())));
-                }
-            }
+            Notice::Say { cue, report } => self.say(timeline, cue, report.as_ref()),
             Notice::Waiting { gate } => self.waits(timeline, at, gate),
             Notice::Measured { value, .. } => self.waiting.iter_mut().for_each(|waiting| waiting.value = Some(value)),
             Notice::Passed(passage) => self.passed(timeline, at, passage),
@@ -169,9 +163,8 @@ impl Observer for Display {
             Notice::Paused { at: script } => {
                 self.pause_gate(at, true);
                 self.clock = Clock::Paused(script);
-                let at = script;
                 let how = if std::mem::replace(&mut self.has_shown_keys, true) { "" } else { self.inputs.in_pause() };
-                self.screen.ask(&format!("{at:.3} s: paused{}{how}", self.script.words(at)));
+                self.screen.ask(&format!("{script:.3} s: paused{}{how}", self.script.words(script)));
             }
             Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
             Notice::Pass { pass } => {
@@ -238,6 +231,13 @@ impl Display {
             }
             Progress::Plain | Progress::None => {}
         }
+    }
+
+    fn say(&self, timeline: &Timeline, cue: usize, report: Option<&Report>) {
+        let Some(cue) = timeline.cues.get(cue) else { return };
+        // A line without reports is said once for all robots.
+        let name = if cue.text.rows().next().is_some() { &self.name } else { "" };
+        self.screen.note(&format!("{:.3} s: {name}{}", cue.at, cue.text.with(report)));
     }
 
     /// Whether the first robot shows this for all; keeps what is needed for the lines of this robot.

@@ -68,7 +68,9 @@ impl Finish<'_> {
             }
             is_whole &= log.end(exit, lines.first().map_or("", String::as_str));
         }
-        order.iter().for_each(|ended| closing(&screen, &ended.run));
+        for ended in &order {
+            closing(&screen, &ended.run);
+        }
         let is_early = order.iter().any(|ended| ended.run.is_early());
         // If standard error is blocked, the guards get no goodbye and write the closing lines themselves.
         let is_said = Screen::is_written(PATIENCE);

@@ -33,7 +33,7 @@ use super::selection::{Selected, Selection};
 use display::{Display, KeysShown, Progress};
 use finish::{Ended, Finish};
 use observers::{Observed, Observers};
-use perform::{Operator, Performance, Played, Robot};
+use perform::{Operator, Performance, Played, Robot, Shared};
 use port::{Port, system};
 use result_files::{ResultFiles, ResultPaths};
 use run_log::Run;
@@ -131,15 +131,16 @@ impl Play {
             let limit = self.max_late.unwrap_or_else(|| config.max_late(path.is_some()));
             robots.push(Robot { timeline, again, limit, is_virtual: board.is_some() });
             links.push(Stalling::new(link, board.as_ref().map(BoardThread::stalls).unwrap_or_default()));
-            (boards.push(board), paths.push(path));
+            boards.push(board);
+            paths.push(path);
         }
         let (observers, mut notifiers) = Observers::start(observed, files).map_err(|error| system(screen, &error))?;
         let common = notifiers.pop();
         let started = SystemTime::now();
         let actors = robots.iter().zip(links).zip(notifiers).map(|((robot, link), notifier)| (robot, link, notifier));
-        let about = (common, boards.iter().flatten().collect());
+        let shared = Shared { common, boards: boards.iter().flatten().collect(), sources: &sources };
         let operator = Operator { signals, keys, go };
-        let performance = self.perform(actors.collect(), operator, about, &sources, screen)?;
+        let performance = self.perform(actors.collect(), operator, shared, screen)?;
         let Performance { played, first, start, common } = performance;
         let elapsed = (now() - start).micros();
 
@@ -191,13 +192,12 @@ impl Play {
             return Err(Exit::Usage);
         }
         let robots = chosen.iter().zip(timelines).zip(faults);
-        robots.map(|((chosen, timeline), faults)| self.open_port(chosen, timeline, faults, signals, screen)).collect()
+        robots.map(|((chosen, timeline), faults)| self.open_port((chosen, timeline), faults, signals, screen)).collect()
     }
 
     fn open_port(
         &self,
-        chosen: &ChosenPort,
-        timeline: &Timeline,
+        (chosen, timeline): (&ChosenPort, &Timeline),
         faults: Faults,
         signals: &Signals,
         screen: &Screen,

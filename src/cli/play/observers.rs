@@ -176,7 +176,9 @@ fn observe(mut rings: Vec<Consumer<(Nanos, Notice)>>, observed: Vec<Observed>, f
             first.update(&robot.timeline, others);
         }
         if let Some(log) = &mut log {
-            robots.iter_mut().for_each(|robot| robot.log.take_poses(log));
+            for robot in &mut robots {
+                robot.log.take_poses(log);
+            }
         }
         thread::park_timeout(UPDATE);
     }

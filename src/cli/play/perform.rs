@@ -39,6 +39,26 @@ pub(super) struct Operator {
     pub(super) go: Option<GoLines>,
 }
 
+/// What else there is once for all robots.
+pub(super) struct Shared<'r> {
+    /// The ring of what is about all robots.
+    pub(super) common: Option<Notifier>,
+    /// The virtual boards, which learn when the run begins.
+    pub(super) boards: Vec<&'r BoardThread>,
+    pub(super) sources: &'r Sources,
+}
+
+impl Shared<'_> {
+    /// Time 0 of the run, which is now.
+    fn begin(&self) -> Nanos {
+        let start = now();
+        for board in &self.boards {
+            board.begin(start);
+        }
+        start
+    }
+}
+
 /// How the run of one robot ended, and what is still open.
 pub(super) struct Played {
     pub(super) outcome: Outcome,
@@ -62,23 +82,18 @@ pub(super) struct Performance {
 type Actor<'r> = (&'r Robot, Stalling<Serial>, Notifier);
 
 impl Play {
-    /// Plays to the end. `boards` learn when it begins.
+    /// Plays to the end.
     pub(super) fn perform(
         &self,
         mut actors: Vec<Actor<'_>>,
         operator: Operator,
-        (common, boards): (Option<Notifier>, Vec<&BoardThread>),
-        sources: &Sources,
+        shared: Shared<'_>,
         screen: &Screen,
     ) -> Result<Performance, Exit> {
-        let begin = || {
-            let start = now();
-            boards.iter().for_each(|board| board.begin(start));
-            start
-        };
         if actors.len() > 1 {
-            return self.perform_together(actors, operator, common, sources, screen, begin);
+            return self.perform_together(actors, operator, shared, screen);
         }
+        let sources = shared.sources;
         let Some((robot, link, mut notifier)) = actors.pop() else { return Err(Exit::Script) };
         let Operator { signals, keys, go } = operator;
         let mut session = Session::new(self.player(robot), link, signals, Lines::of(sources));
@@ -94,28 +109,31 @@ impl Play {
             // The guard has saved the state of the terminal.
             keys.begin();
         }
-        let start = begin();
+        let start = shared.begin();
         // The clock of the progress line starts here too.
         notifier.notify_at(start, Notice::Pass { pass: 1 });
         let outcome = session.play(start, |notice| notifier.notify(notice));
         let Session { link, guard, .. } = session;
-        Ok(Performance { played: vec![Played { outcome, link, guard, notifier }], first: 0, start, common })
+        Ok(Performance {
+            played: vec![Played { outcome, link, guard, notifier }],
+            first: 0,
+            start,
+            common: shared.common,
+        })
     }
 
-    #[expect(clippy::too_many_arguments, reason = "the robots, and what they have in common")]
     fn perform_together(
         &self,
         actors: Vec<Actor<'_>>,
         operator: Operator,
-        mut common: Option<Notifier>,
-        sources: &Sources,
+        shared: Shared<'_>,
         screen: &Screen,
-        begin: impl FnOnce() -> Nanos,
     ) -> Result<Performance, Exit> {
         let Operator { signals, keys, go } = operator;
         let (mut company, seats) = Company::new(actors.len(), signals).map_err(|error| system(screen, &error))?;
         let (tell, ready) = mpsc::channel();
-        let start = begin();
+        let start = shared.begin();
+        let Shared { mut common, sources, .. } = shared;
         thread::scope(|scope| {
             let threads: Vec<_> = actors
                 .into_iter()

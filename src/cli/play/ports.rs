@@ -1,5 +1,6 @@
 //! Which port and which faults each robot of a script has.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ struct Assignment<'a, T> {
     values: &'a [T],
 }
 
-impl<'a, T: AsRef<std::ffi::OsStr>> Assignment<'a, T> {
+impl<T: AsRef<OsStr>> Assignment<'_, T> {
     /// The value for each robot; `None` without one.
     fn to(&self, timelines: &[Timeline], screen: &Screen) -> Result<Vec<Option<String>>, Exit> {
         let Assignment { option, separator, values } = *self;
@@ -78,7 +79,7 @@ pub(super) fn choose(
         let found = Assignment { option: "--port", separator: '=', values: asked }.to(timelines, screen)?;
         let robots = timelines.iter().zip(found);
         let port = |(timeline, path): (&Timeline, Option<String>)| {
-            config.port_of(timeline.robot.as_deref().unwrap_or_default(), path.as_deref().map(Path::new))
+            Config::port_of(timeline.robot.as_deref().unwrap_or_default(), path.as_deref().map(Path::new))
         };
         robots.map(port).collect()
     } else {

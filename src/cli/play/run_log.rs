@@ -209,11 +209,10 @@ impl Run<'_> {
             Cause::Quit if matches!(self.outcome.stop, Stop::NotSent | Stop::NotHeld) => Exit::Port,
             Cause::Finished | Cause::Quit => Exit::Ok,
             Cause::Signal(signal) => Exit::Signal(signal),
-            Cause::Lost(_) | Cause::Unanswered | Cause::Servo(_) => Exit::Port,
+            Cause::Lost(_) | Cause::Unanswered | Cause::Servo(_) | Cause::Other { .. } => Exit::Port,
             Cause::Stalled => Exit::Stalled,
             Cause::Late(_) => Exit::Late,
             Cause::Expect(_) | Cause::Gate(_) => Exit::Expect,
-            Cause::Other { .. } => Exit::Port,
             _ => Exit::Failed,
         }
     }
@@ -338,7 +337,7 @@ impl Run<'_> {
             })
         });
         report::Run {
-            robot: self.timeline.robot.as_ref().map(|robot| robot.to_string()),
+            robot: self.timeline.robot.as_ref().map(ToString::to_string),
             script: sources.main().name().to_owned(),
             reason: match outcome.cause {
                 Cause::Finished => "finished",

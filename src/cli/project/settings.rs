@@ -94,10 +94,14 @@ const PORT: &str = "MOTIONSEQ_PORT";
 /// The default of `--max-late`: on a real port, and on the virtual board.
 const MAX_LATE: [Nanos; 2] = [Nanos::from_millis(50), Nanos::from_millis(1_000)];
 
+/// The path of a port; `None` for the virtual board.
+fn path(name: &Path) -> Option<PathBuf> {
+    (!name.as_os_str().is_empty() && name != Path::new(VIRTUAL)).then(|| name.to_owned())
+}
+
 impl Config {
     /// The port of `play`: that of the command line, of the environment, or of this file.
     pub(in super::super) fn port(&self, asked: Option<&Path>) -> ChosenPort {
-        let path = |name: &Path| (!name.as_os_str().is_empty() && name != Path::new(VIRTUAL)).then(|| name.to_owned());
         if let Some(asked) = asked {
             return ChosenPort { path: path(asked), source: Source::Option };
         }
@@ -111,8 +115,7 @@ impl Config {
     }
 
     /// The port of one of several robots: that of the command line, or of the environment.
-    pub(in super::super) fn port_of(&self, robot: &str, asked: Option<&Path>) -> ChosenPort {
-        let path = |name: &Path| (!name.as_os_str().is_empty() && name != Path::new(VIRTUAL)).then(|| name.to_owned());
+    pub(in super::super) fn port_of(robot: &str, asked: Option<&Path>) -> ChosenPort {
         if let Some(asked) = asked {
             return ChosenPort { path: path(asked), source: Source::Option };
         }

@@ -98,7 +98,9 @@ pub(super) fn draw(canvas: &mut Canvas, [x, y, side]: [f64; 3], ways: &[Way<'_>]
         canvas.text((x, down + gap), class, Anchor::Start, text);
         down += gap + 16.0;
     };
-    more.iter().for_each(|more| line(0.0, "soft", more));
+    if let Some(more) = &more {
+        line(0.0, "soft", more);
+    }
     for way in ways {
         if let Some((name, number)) = way.robot {
             line(6.0, &format!("name robot-{number}"), &fit(name, 14.0, side));

@@ -73,7 +73,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         let traces = Arc::new(self.eval.traces);
         let names = self.eval.robots.iter().map(|name| Some(Arc::from(name.text))).chain([None]);
         let robots = std::iter::once(self.robot).chain(self.others.into_iter().flatten());
-        let mut program = |(robot, name): (Robot<'d>, Option<Arc<str>>)| Program {
+        let program = |(robot, name): (Robot<'d>, Option<Arc<str>>)| Program {
             robot: name,
             board: Arc::clone(robot.board),
             settings: robot.settings,
@@ -85,6 +85,6 @@ impl<'s, 'd> Walker<'s, 'd> {
             traces: Arc::clone(&traces),
             times_known: self.times_known,
         };
-        robots.zip(names).map(|both| program(both)).take(count).collect()
+        robots.zip(names).map(program).take(count).collect()
     }
 }

@@ -81,8 +81,8 @@ fn is_for(robots: &[NamedBoard], named: &[&str]) -> Result<(), String> {
     match (named, of_script.as_slice()) {
         ([], []) | ([_, ..], [_, ..]) => Ok(()),
         (named, []) => Err(format!("this is a snapshot of {}, and the script names no robots", list(named))),
-        ([], names) => {
-            Err(format!("this is a snapshot of a script that names no robots, and the script has {}", list(names)))
+        ([], of_script) => {
+            Err(format!("this is a snapshot of a script that names no robots, and the script has {}", list(of_script)))
         }
     }
 }
@@ -317,14 +317,13 @@ fn read_line(board: &Board, text: &str, robot: Option<&str>) -> Result<Moment, S
     let (time, frame, said) = (column("the time")?, column("the frame")?, column("the command")?);
     let word = columns.next();
     match (columns.next(), robot) {
-        (None, None) => {}
         (Some(name), None) => return Err(format!("the frame is for the robot `{name}`, and the head names no robots")),
         (None, Some(_)) => return Err("the name of the robot is missing".into()),
         (Some(name), Some(robot)) if name != robot => {
             return Err(format!("the frame is for the robot `{name}`, among those of `{robot}`"));
         }
         (Some(_), Some(_)) if columns.next().is_some() => return Err("there is something after the robot".into()),
-        (Some(_), Some(_)) => {}
+        _ => {}
     }
     // Before the column of the robot, that of a plain command is empty.
     let word = word.filter(|word| robot.is_none() || !word.is_empty());
