@@ -33,6 +33,8 @@ pub(super) fn wait(text: &str) -> Result<Micros, String> {
 pub(super) struct PortRequest<'r> {
     /// Its path, or [`AUTO`].
     pub(super) path: &'r Path,
+    /// The robot that it is for, if the script names its robots.
+    pub(super) robot: Option<&'r str>,
     /// What must be there.
     pub(super) board: &'r Board,
     /// The speed of the line in bits per second.
@@ -46,6 +48,7 @@ pub(super) struct PortRequest<'r> {
 /// Returns its path, too. An open port is never opened again.
 pub(super) fn open(request: &PortRequest<'_>, signals: &Signals, screen: &Screen) -> Result<(Serial, PathBuf), Exit> {
     let wait = request.wait;
+    let name = request.robot.map(|robot| format!("{robot}: ")).unwrap_or_default();
     let mut until = wait.map(|wait| Instant::now() + Duration::from_micros(wait.0));
     let mut is_told = false;
     loop {
@@ -54,10 +57,10 @@ pub(super) fn open(request: &PortRequest<'_>, signals: &Signals, screen: &Screen
             Err(refused) => refused,
         };
         let Some(until) = until.as_mut().filter(|until| refused.may_pass() && Instant::now() < **until) else {
-            return Err(refused.report(screen));
+            return Err(refused.report(&name, screen));
         };
         if !is_told {
-            screen.note(&format!("{refused}; waiting up to {}", wait.unwrap_or_default().short()));
+            screen.note(&format!("{name}{refused}; waiting up to {}", wait.unwrap_or_default().short()));
             is_told = true;
         }
         let left = until.saturating_duration_since(Instant::now());
@@ -175,11 +178,11 @@ impl Refused {
     }
 
     /// Reports it, and what to do.
-    fn report(&self, screen: &Screen) -> Exit {
+    fn report(&self, name: &str, screen: &Screen) -> Exit {
         match self {
-            Refused::NotOpened(path, error) => refused(screen, path, error),
+            Refused::NotOpened(path, error) => refused(name, screen, path, error),
             Refused::NotListed(_) | Refused::OfSystem(_) => {
-                screen.error(&format!("{self}; nothing was sent"));
+                screen.error(&format!("{name}{self}; nothing was sent"));
                 Exit::Port
             }
             Refused::Several(ports) | Refused::None(ports, _) => {
@@ -187,7 +190,7 @@ impl Refused {
                     Refused::None(_, connect) => connect,
                     _ => "write the port of the board, such as `--port PATH`",
                 };
-                screen.error(&format!("{self}; nothing was sent; {more}"));
+                screen.error(&format!("{name}{self}; nothing was sent; {more}"));
                 for port in ports {
                     screen.ask(&line(port));
                 }
@@ -198,7 +201,7 @@ impl Refused {
 }
 
 /// Reports why a port cannot be opened, and what to do.
-fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
+fn refused(name: &str, screen: &Screen, path: &Path, error: &OpenError) -> Exit {
     let found = obstacle(path);
     let help = match (error, &found) {
         (OpenError::Missing, _) => {
@@ -214,7 +217,7 @@ fn refused(screen: &Screen, path: &Path, error: &OpenError) -> Exit {
         }
         _ => "check the cable and the port".to_owned(),
     };
-    screen.error(&format!("cannot open port {}: {error}; nothing was sent; {help}", path.display()));
+    screen.error(&format!("{name}cannot open port {}: {error}; nothing was sent; {help}", path.display()));
     match error {
         OpenError::InUse => Exit::InUse,
         _ => Exit::Port,

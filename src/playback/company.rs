@@ -5,7 +5,8 @@
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 
 use super::conductor::Conductor;
 use super::controls::{of_key, of_signal};
@@ -17,6 +18,8 @@ use crate::units::Nanos;
 
 /// How many messages fit in a queue. An order is followed within milliseconds.
 const ROOM: usize = 256;
+/// How many panics end the conductor.
+const MAX_PANICS: usize = 10;
 /// How often the conductor looks at the keys, at most: this process may be in the foreground again.
 const LOOK: Nanos = Nanos::from_millis(100);
 
@@ -28,32 +31,50 @@ pub struct Seat {
     bell: Bell,
     news: SyncSender<(usize, Standing)>,
     conductor: Bell,
-    /// What the conductor heard last.
-    heard: Standing,
+    /// What the conductor heard last, since the last order.
+    heard: Option<Standing>,
 }
 
 impl Seat {
     /// The next order.
     pub(super) fn take(&mut self) -> Option<Input> {
-        self.orders.try_recv().ok()
+        let order = match self.orders.try_recv() {
+            Ok(order) => order,
+            Err(TryRecvError::Empty) => return None,
+            Err(TryRecvError::Disconnected) => Input::Panicked,
+        };
+        // The conductor takes it that the standing has changed.
+        self.heard = None;
+        Some(order)
     }
 
     pub(super) fn empty(&self) {
         self.bell.empty();
     }
 
-    /// Tells the conductor what the player waits for, if that has changed.
-    pub(super) fn tell(&mut self, standing: Standing) {
-        if standing != self.heard && self.news.try_send((self.robot, standing)).is_ok() {
-            self.heard = standing;
+    /// Reports what the player waits for, if that has changed.
+    pub(super) fn report(&mut self, standing: Standing) {
+        if self.heard == Some(standing) {
+            return;
+        }
+        let news = (self.robot, standing);
+        // At the end, there is time to wait for room.
+        let is_last = matches!(standing, Standing::Done { .. });
+        let is_sent = if is_last { self.news.send(news).is_ok() } else { self.news.try_send(news).is_ok() };
+        if is_sent {
+            self.heard = Some(standing);
             self.conductor.ring();
         }
     }
 
     /// Rests until the next order.
     pub(super) fn sleep(&mut self, standing: Standing) -> Input {
-        self.tell(standing);
+        let standing = match standing {
+            Standing::Paused { at, next, prepares, .. } => Standing::Paused { at, next, prepares, is_asleep: true },
+            other => other,
+        };
         loop {
+            self.report(standing);
             if let Some(input) = self.take() {
                 return input;
             }
@@ -73,9 +94,9 @@ impl AsFd for Seat {
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        if !matches!(self.heard, Standing::Done { .. }) {
+        if !matches!(self.heard, Some(Standing::Done { .. })) {
             // The others must not wait for a thread that has failed.
-            self.tell(Standing::Done { is_early: true });
+            self.report(Standing::Done { is_early: true });
         }
     }
 }
@@ -96,8 +117,13 @@ pub struct Company {
     bell: Bell,
     /// Whether the process is suspended once all robots rest.
     suspends: bool,
-    /// The gate that waited for the operator at the last look.
+    /// The gate that waited for the operator at the last look, and the one for which the lines have ended.
     waited: Option<(u64, usize)>,
+    unanswered: Option<(u64, usize)>,
+    /// The signal that ended the run, if one did.
+    signal: Option<i32>,
+    /// Whether the keys are read.
+    has_begun: bool,
 }
 
 impl Company {
@@ -114,39 +140,82 @@ impl Company {
             let own = Bell::new()?;
             orders.push((order, own.clone()));
             let (news, conductor) = (news.clone(), bell.clone());
-            seats.push(Seat { robot, orders: taken, bell: own, news, conductor, heard: Standing::Busy });
+            seats.push(Seat { robot, orders: taken, bell: own, news, conductor, heard: None });
         }
         let conductor = Conductor::new(robots);
-        let (keys, go) = (None, None);
-        Ok((Company { signals, keys, go, conductor, orders, news: heard, bell, suspends: false, waited: None }, seats))
+        Ok((
+            Company {
+                signals,
+                keys: None,
+                go: None,
+                conductor,
+                orders,
+                news: heard,
+                bell,
+                suspends: false,
+                waited: None,
+                unanswered: None,
+                signal: None,
+                has_begun: false,
+            },
+            seats,
+        ))
+    }
+
+    /// The signal that ended the run, if one did.
+    pub fn signal(&self) -> Option<i32> {
+        self.signal
     }
 
     /// Conducts until all robots have ended; returns the robot that ended early first. Time 0 of the sessions is `start`. `notices`
     /// gets what is true for all robots: pauses, and questions for the keys.
     pub fn conduct(&mut self, start: Nanos, mut notices: impl FnMut(Notice)) -> Option<usize> {
-        loop {
-            while let Ok((robot, standing)) = self.news.try_recv() {
-                self.conductor.hear(robot, standing);
-                self.order(start, Input::Tick);
+        let mut panics = 0;
+        // If the conductor fails again and again, the sessions have long had the order to end.
+        while panics < MAX_PANICS {
+            match catch_unwind(AssertUnwindSafe(|| self.turn(start, &mut notices))) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(_) => {
+                    panics += 1;
+                    self.order(start, Input::Panicked);
+                }
             }
-            if self.conductor.is_done() {
-                self.keys = None;
-                return self.conductor.first_ended();
-            }
-            if let Some(at) = self.conductor.paused_at() {
-                self.rest(at, &mut notices);
-            }
-            self.forget_early_keys();
-            let input = self.look();
-            if input == Input::Help {
-                notices(Notice::Help);
-            }
-            if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {
-                keys.reported = None;
-            }
-            self.suspends |= input == Input::Suspend;
-            self.order(start, input);
         }
+        self.keys = None;
+        self.conductor.first_ended()
+    }
+
+    /// Does what is next; returns whether there is more to do.
+    fn turn(&mut self, start: Nanos, notices: &mut impl FnMut(Notice)) -> bool {
+        while let Ok((robot, standing)) = self.news.try_recv() {
+            self.conductor.hear(robot, standing);
+            if self.conductor.is_assembled() && !std::mem::replace(&mut self.has_begun, true) {
+                // The guards have saved the state of the terminal.
+                self.keys.iter_mut().for_each(Keys::begin);
+            }
+            self.order(start, Input::Tick);
+        }
+        if self.conductor.is_done() {
+            return false;
+        }
+        if let Some(at) = self.conductor.paused_at() {
+            self.rest(at, notices);
+        }
+        self.forget_early_keys();
+        let input = self.look();
+        if let Input::Signal(signal) = input {
+            self.signal.get_or_insert(signal);
+        }
+        if input == Input::Help {
+            notices(Notice::Help);
+        }
+        if let (Input::Resume | Input::Suspend, Some(keys)) = (input, &mut self.keys) {
+            keys.reported = None;
+        }
+        self.suspends |= input == Input::Suspend;
+        self.order(start, input);
+        true
     }
 
     fn order(&mut self, start: Nanos, input: Input) {
@@ -163,6 +232,9 @@ impl Company {
     /// All robots are paused: suspends the process if that was asked for, and reports the pause once a key can continue it.
     fn rest(&mut self, at: Nanos, notices: &mut impl FnMut(Notice)) {
         let at = at.micros();
+        if self.suspends && !self.conductor.is_asleep() {
+            return;
+        }
         if std::mem::take(&mut self.suspends) {
             notices(Notice::Sleeping { at });
             // The observer thread, which is suspended too, needs time to show it.
@@ -202,7 +274,12 @@ impl Company {
             return of_signal(signal, self.keys.is_some());
         }
         let (is_paused, waits_for_go) = (self.conductor.paused_at().is_some(), self.conductor.waits_for_go());
-        if let Some(input) = self.go.as_mut().filter(|_| waits_for_go).and_then(GoLines::take) {
+        let closed = self.conductor.closed_gate();
+        let is_news = waits_for_go && closed != self.unanswered;
+        if let Some(input) = self.go.as_mut().filter(|_| is_news).and_then(GoLines::take) {
+            if input == Input::GoEnded {
+                self.unanswered = closed;
+            }
             return input;
         }
         let keys = self.keys.as_ref().filter(|keys| is_paused || waits_for_go || keys.is_single());
@@ -224,7 +301,7 @@ impl Company {
         }
         if let Some(lines) = self.go.as_mut().filter(|_| !go.is_empty()) {
             lines.read();
-            return lines.take().unwrap_or(Input::Tick);
+            return Input::Tick;
         }
         match (key.is_empty(), &mut self.keys) {
             (false, Some(keys)) => keys.key().map_or(Input::Tick, |key| of_key(key, keys, is_paused, waits_for_go)),

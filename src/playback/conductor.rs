@@ -13,13 +13,12 @@ const LEAD: Nanos = Micros::from_millis(3).nanos();
 #[derive(Debug)]
 pub struct Conductor {
     standings: Vec<Standing>,
-    /// Whether time 0 has been set, and the last gate that was opened: its pass and its index.
-    has_begun: bool,
+    /// The last gate that was opened: its pass and its index.
     opened: Option<(u64, usize)>,
     /// The robot whose run ended early first.
     first: Option<usize>,
-    /// Whether every player has the order to end.
-    has_ended: bool,
+    /// How all players end, once they do.
+    end: Option<Input>,
     /// Whether the operator has said go.
     go: bool,
 }
@@ -27,14 +26,7 @@ pub struct Conductor {
 impl Conductor {
     /// For this number of robots.
     pub fn new(robots: usize) -> Self {
-        Conductor {
-            standings: vec![Standing::Busy; robots],
-            has_begun: false,
-            opened: None,
-            first: None,
-            has_ended: false,
-            go: false,
-        }
+        Conductor { standings: vec![Standing::Busy; robots], opened: None, first: None, end: None, go: false }
     }
 
     /// Takes what a player waits for.
@@ -64,11 +56,6 @@ impl Conductor {
         latest
     }
 
-    /// Whether a player prepares to play, plays, or waits at a gate.
-    pub fn is_running(&self) -> bool {
-        self.playing().any(|standing| !matches!(standing, Standing::Paused { .. } | Standing::Ending))
-    }
-
     /// The gate at which all players wait: its pass and its index.
     pub fn closed_gate(&self) -> Option<(u64, usize)> {
         let mut closed = None;
@@ -91,51 +78,75 @@ impl Conductor {
         self.standings.iter().copied().filter(|standing| !matches!(standing, Standing::Done { .. }))
     }
 
+    /// Whether all robots have their guards, and nothing was sent.
+    pub fn is_assembled(&self) -> bool {
+        self.playing().all(|standing| standing == Standing::Present) && !self.is_done()
+    }
+
+    /// Whether all robots rest, so that the process may be suspended.
+    pub fn is_asleep(&self) -> bool {
+        let is_asleep = |standing| matches!(standing, Standing::Paused { is_asleep: true, .. });
+        self.playing().all(is_asleep) && !self.is_done()
+    }
+
     /// Takes an input of the operator or the system, and passes on what each player does at `now` from the start.
     pub fn poll(&mut self, now: Nanos, input: Input, order: &mut impl FnMut(usize, Input)) {
-        let robots = 0..self.standings.len();
         if input.end().is_some() {
-            self.has_ended = true;
+            self.end.get_or_insert(input);
         }
-        match input {
-            Input::Tick => {}
-            Input::Go => self.go = self.waits_for_go(),
-            Input::Resume => {
-                if let Some(script) = self.paused_at() {
-                    self.all(order, Input::ResumeTogether { script, at: now.saturating_add(LEAD) });
-                }
-                return;
-            }
-            Input::Step => {
-                let next = |standing| if let Standing::Paused { next, .. } = standing { next } else { None };
-                // At one time, commands come before a gate.
-                let next = self.paused_at().and_then(|_| self.playing().filter_map(next).min());
-                if let Some((at, is_gate)) = next {
-                    self.all(order, Input::StepTo { at, is_gate });
-                    self.has_begun = true;
-                }
-                return;
-            }
-            other => robots.clone().for_each(|robot| order(robot, other)),
-        }
-        let is_early = |standing: &Standing| matches!(standing, Standing::Ending | Standing::Done { is_early: true });
-        let early = self.standings.iter().position(is_early);
-        if let (Some(robot), false) = (early, self.has_ended) {
-            self.has_ended = true;
-            robots.clone().filter(|other| *other != robot).for_each(|other| order(other, Input::OtherEnded { robot }));
-        }
+        let early = self.standings.iter().position(|standing| is_early(*standing));
         self.first = self.first.or(early);
-        if self.has_ended {
+        if let Some(robot) = early {
+            self.end.get_or_insert(Input::OtherEnded { robot });
+        }
+        // Said again until each player stops its robot.
+        if let Some(end) = self.end {
+            let is_left = |standing: &Standing| !matches!(standing, Standing::Ending | Standing::Done { .. });
+            let left = self.standings.iter().enumerate().filter(|(_, standing)| is_left(standing));
+            left.for_each(|(robot, _)| order(robot, end));
             return;
         }
-        let is_ready = self.playing().all(|standing| standing == Standing::Ready);
-        if is_ready && !self.has_begun && !self.is_done() {
-            self.has_begun = true;
+        match input {
+            Input::Go => self.go = self.waits_for_go(),
+            Input::Resume => {
+                if let Some(run) = self.paused_at() {
+                    self.all(order, Input::ResumeTogether { run, at: now.saturating_add(LEAD) });
+                }
+                return;
+            }
+            Input::Step => return self.step(order),
+            Input::Pause | Input::Suspend | Input::GoEnded => {
+                (0..self.standings.len()).for_each(|robot| order(robot, input));
+            }
+            _ => {}
+        }
+        if self.is_assembled() {
+            self.all(order, Input::Tick);
+        }
+        if self.playing().all(|standing| standing == Standing::Ready) && !self.is_done() {
             self.together(now, order);
         }
         if let Some(closed) = self.closed_gate().filter(|_| self.opens(now)) {
             (self.opened, self.go) = (Some(closed), false);
             self.together(now, order);
+        }
+    }
+
+    /// The next step of a pause: of the robots whose servos are not ready, or else the next time of any robot.
+    fn step(&mut self, order: &mut impl FnMut(usize, Input)) {
+        if self.paused_at().is_none() {
+            return;
+        }
+        let next = |standing| if let Standing::Paused { next, .. } = standing { next } else { None };
+        // At one time, commands come before a gate.
+        let Some((at, is_gate)) = self.playing().filter_map(next).min() else { return };
+        let prepares = |standing: &Standing| matches!(standing, Standing::Paused { prepares: true, .. });
+        let any = self.standings.iter().any(prepares);
+        for (robot, standing) in self.standings.iter_mut().enumerate() {
+            if !matches!(standing, Standing::Done { .. }) && (prepares(standing) || !any) {
+                *standing = Standing::Busy;
+                order(robot, Input::StepTo { at, is_gate });
+            }
         }
     }
 
@@ -163,4 +174,9 @@ impl Conductor {
             order(robot, input);
         }
     }
+}
+
+/// Whether a run has ended early, or ends so.
+fn is_early(standing: Standing) -> bool {
+    matches!(standing, Standing::Ending | Standing::Done { is_early: true })
 }

@@ -171,15 +171,15 @@ impl Closed {
         gate.gate.continues && self.deadline(gate).is_some_and(|until| now >= until)
     }
 
-    /// All robots continue.
-    pub(super) fn release(&mut self, now: Nanos, gate: &Gate) {
+    /// All robots continue; returns why.
+    pub(super) fn release(&mut self, now: Nanos, gate: &Gate) -> GateEnd {
         let end = match self.fits.or(self.fitted) {
             _ if gate.gate.is_go() => GateEnd::Go,
             _ if self.has_expired(now, gate) && self.fits.is_none() => GateEnd::Continued(self.seen),
             Some(value) => GateEnd::Matched(value),
             None => GateEnd::Others,
         };
-        self.opens.get_or_insert(end);
+        *self.opens.get_or_insert(end)
     }
 
     /// What has happened was seen.
@@ -240,7 +240,7 @@ impl Closed {
         if fits && !self.is_shared {
             self.opens.get_or_insert(GateEnd::Matched(value));
         }
-        self.has_news |= self.is_shared && fits != self.fits.is_some();
+        self.has_news |= self.is_shared && (fits || self.fits.is_some());
         self.fits = fits.then_some(value);
         self.fitted = self.fits.or(self.fitted);
         Some(value)
@@ -259,7 +259,10 @@ impl Closed {
         if self.silence(gate, drives).is_some_and(|until| now >= until) {
             return Some(GateEnd::Silent);
         }
-        let expired = self.deadline(gate).is_some_and(|until| now >= until) && !(self.is_shared && gate.gate.continues);
+        // At a shared gate, the robot fails the run whose reports do not match.
+        let fits = self.fits_until(gate).is_some_and(|until| now <= until);
+        let is_others = self.is_shared && (gate.gate.continues || fits);
+        let expired = self.deadline(gate).is_some_and(|until| now >= until) && !is_others;
         let end = if gate.gate.continues { GateEnd::Continued } else { GateEnd::TimedOut };
         expired.then(|| end(self.seen))
     }

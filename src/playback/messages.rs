@@ -42,14 +42,14 @@ pub enum Input {
     },
     /// With other robots: continue a paused run.
     ResumeTogether {
-        /// The time of the script.
-        script: Nanos,
+        /// The time of the run: that of the script and of earlier passes.
+        run: Nanos,
         /// When that is, from the start.
         at: Nanos,
     },
     /// With other robots: play the next step of a paused run.
     StepTo {
-        /// Its time in the script.
+        /// Its time in the run, with earlier passes.
         at: Nanos,
         /// Whether all robots are at a gate then, which closes or opens.
         is_gate: bool,
@@ -117,6 +117,8 @@ impl Input {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Standing {
+    /// For all robots to have their guards. Nothing was sent.
+    Present,
     /// For nothing: it prepares the robot, plays, or stops for a pause.
     Busy,
     /// For time 0 of the script.
@@ -136,10 +138,14 @@ pub enum Standing {
     },
     /// For the end of a pause.
     Paused {
-        /// The time of the script.
+        /// The time of the run, with earlier passes.
         at: Nanos,
-        /// The time of the next step, and whether that is a gate; `None` at the end of the script.
+        /// The time of the next step in the run, and whether that is a gate; `None` at the end of a pass.
         next: Option<(Nanos, bool)>,
+        /// Whether the next step prepares servos, before time 0.
+        prepares: bool,
+        /// Whether its process may be suspended.
+        is_asleep: bool,
     },
     /// For nothing: the run ends early, and the robot is being stopped.
     Ending,

@@ -127,9 +127,9 @@ impl<'s, L: Link> Session<'s, L> {
         os::wake_exactly();
         self.start = start;
         self.forget_reports();
-        let outcome = self.outlive_panics(&mut notices);
+        let outcome = self.wait_for_guards().unwrap_or_else(|| self.outlive_panics(&mut notices));
         if let Control::Seat(seat) = &mut self.control {
-            seat.tell(Standing::Done { is_early: outcome.cause != Cause::Finished });
+            seat.report(Standing::Done { is_early: outcome.cause != Cause::Finished });
         }
         self.keys = None;
         if (outcome.cause, outcome.stop) == (Cause::Panicked, Stop::NotSent) {
@@ -144,6 +144,27 @@ impl<'s, L: Link> Session<'s, L> {
             let _ = self.link.discard();
         }
         outcome
+    }
+
+    /// Waits until all robots of a script have their guards; returns how the run ends if they never do.
+    fn wait_for_guards(&mut self) -> Option<Outcome> {
+        loop {
+            let Control::Seat(seat) = &mut self.control else { return None };
+            seat.report(Standing::Present);
+            match seat.take() {
+                Some(Input::Tick) => return None,
+                Some(input) => {
+                    if let Some(cause) = input.end() {
+                        return Some(self.player.never_began(cause));
+                    }
+                }
+                None => {
+                    let _ = os::wait([(Some(seat.as_fd()), Ready::IN)], Some(LOOK));
+                    seat.empty();
+                }
+            }
+            self.beat(true);
+        }
     }
 
     /// Stops the robot even after a panic. A step of the stop that panics again is skipped.
@@ -231,7 +252,7 @@ impl<'s, L: Link> Session<'s, L> {
     fn tell_standing(&mut self) {
         let now = self.time();
         if let Control::Seat(seat) = &mut self.control {
-            seat.tell(self.player.standing(now));
+            seat.report(self.player.standing(now));
         }
     }
 
@@ -298,7 +319,8 @@ impl<'s, L: Link> Session<'s, L> {
         self.told = self.player.held();
         if let Some(guard) = self.guard.as_mut().filter(|guard| guard.descriptor().is_some()) {
             let place = self.player.place().map(|span| self.lines.place(span));
-            let keys = self.keys.as_ref().is_some_and(Keys::is_single);
+            // The keys of several robots are the conductor's, and every guard can restore the terminal.
+            let keys = self.keys.as_ref().map_or(matches!(self.control, Control::Seat(_)), Keys::is_single);
             let at = self.player.run_time(now - self.start).micros();
             guard.beat(now, Heartbeat { at, place, keys, moving: self.told });
         }
@@ -328,6 +350,12 @@ impl<'s, L: Link> Session<'s, L> {
 
     /// Polls the port, signals, the guard and, if requested, the keys once, until a time on the clock or the next heartbeat.
     fn look(&mut self, until: Nanos, writable: bool, keys: bool, notices: &mut impl FnMut(Notice)) -> Input {
+        if let Control::Seat(seat) = &mut self.control
+            && let Some(input) = seat.take()
+        {
+            // Several orders may have come together.
+            return input;
+        }
         let is_paused = keys;
         let waits_for_go = !is_paused && self.player.waits_for_go();
         if let Some(input) = self.go.as_mut().filter(|_| waits_for_go).and_then(GoLines::take) {

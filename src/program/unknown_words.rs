@@ -61,6 +61,12 @@ impl<'s> Evaluator<'s, '_> {
     /// Begins a message with the robot that it is about, if the script names its robots.
     pub(super) fn of_robot(&self, diagnostic: Diagnostic) -> Diagnostic {
         match self.robot_name() {
+            Some(name)
+                if diagnostic.message.starts_with(&format!("{name}: "))
+                    || diagnostic.message.contains(&format!("robot `{name}`")) =>
+            {
+                diagnostic
+            }
             Some(name) => Diagnostic { message: format!("{name}: {}", diagnostic.message), ..diagnostic },
             None => diagnostic,
         }

@@ -116,7 +116,7 @@ enum Clock {
     Runs(Nanos),
     /// Paused at a time of the script.
     Paused(Micros),
-    /// The servos move to their first positions, since a time on the clock, in this time.
+    /// The servos move to their first positions, since a time on the clock, in this time; 0 until all robots are ready.
     Starts(Nanos, Nanos),
 }
 
@@ -166,6 +166,8 @@ impl Observer for Display {
                 let how = if std::mem::replace(&mut self.has_shown_keys, true) { "" } else { self.inputs.in_pause() };
                 self.screen.ask(&format!("{script:.3} s: paused{}{how}", self.script.words(script)));
             }
+            // Several robots begin together.
+            Notice::Pass { pass: 1 } if !self.name.is_empty() => self.clock = Clock::Starts(at, Nanos::ZERO),
             Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
             Notice::Pass { pass } => {
                 self.pass = pass;
@@ -246,6 +248,7 @@ impl Display {
         match notice {
             Notice::Sleeping { at: script } | Notice::Paused { at: script } => self.clock = Clock::Paused(script),
             Notice::Resumed { at: script } => self.clock = Clock::Runs(at - script.nanos()),
+            Notice::Pass { pass: 1 } => self.clock = Clock::Starts(at, Nanos::ZERO),
             Notice::Pass { .. } => self.clock = Clock::Runs(at),
             Notice::Waiting { gate } => return !has_criterion(gate),
             Notice::Passed(passage) => return !has_criterion(passage.gate),
@@ -274,7 +277,9 @@ impl Display {
 
     /// A gate has closed.
     fn waits(&mut self, timeline: &Timeline, at: Nanos, gate: usize) {
-        self.waiting = Some(Waiting { gate, before: Nanos::ZERO, since: Some(at), value: None });
+        // In a pause, its time does not count.
+        let since = (!matches!(self.clock, Clock::Paused(_))).then_some(at);
+        self.waiting = Some(Waiting { gate, before: Nanos::ZERO, since, value: None });
         let Some(gate) = timeline.gates.get(gate) else { return };
         if !gate.gate.is_go() {
             self.screen.note(&format!("{:.3} s: {}{}", gate.at, self.name, gate.gate));
@@ -423,14 +428,20 @@ impl Display {
         if matches!(self.clock, Clock::Paused(_)) {
             parts.push(PAUSED.to_owned());
         }
-        if let Clock::Starts(began, takes) = self.clock {
-            let left = (began + takes).saturating_sub(motionseq::playback::now()).micros();
-            parts.push(format!("soft start, {left:.1} s left"));
+        if matches!(self.clock, Clock::Starts(..)) {
+            let ends = |display: &Display| match display.clock {
+                Clock::Starts(began, takes) if takes > Nanos::ZERO => Some(began + takes),
+                _ => None,
+            };
+            let end = std::iter::once(self).chain(others).filter_map(ends).max();
+            let left = end.map(|end| end.saturating_sub(motionseq::playback::now()).micros());
+            parts.push(left.map_or_else(|| "getting ready".to_owned(), |left| format!("soft start, {left:.1} s left")));
             return parts;
         }
         parts.extend(self.waiting_words(timeline).into_iter().flatten());
-        if self.dropped > 0 {
-            parts.push(format!("{} dropped", self.dropped));
+        let dropped = others.iter().map(|other| other.dropped).sum::<usize>() + self.dropped;
+        if dropped > 0 {
+            parts.push(format!("{dropped} dropped"));
         }
         if self.pass > 1 {
             parts.push(format!("pass {}", self.pass));
@@ -442,14 +453,24 @@ impl Display {
         let board = &timeline.board;
         let is_paused = matches!(self.clock, Clock::Paused(_));
         let drive = if is_paused { at_rest(board) } else { drive_words(board, &self.state) };
-        parts.push(format!("{}{drive}", self.name));
-        parts.extend(others.iter().filter_map(|other| Some(format!("{}{}", other.name, other.drive(is_paused)?))));
+        let drives = others.iter().filter_map(|other| Some((&other.name, other.drive(is_paused)?)));
+        let drives = std::iter::once((&self.name, drive)).chain(drives).filter(|(_, drive)| !drive.is_empty());
+        parts.extend(drives.map(|(name, drive)| format!("{name}{drive}")));
         parts.extend(next);
         let worst = others.iter().map(|other| other.worst_late).fold(self.worst_late, Nanos::max);
         if worst >= Nanos::from_millis(1) {
             parts.push(format!("worst lateness {}", worst.short()));
         }
-        parts.extend(active_words(board, &self.state));
+        parts.extend(active_words(board, &self.state).map(|words| format!("{}{words}", self.name)));
+        for other in others {
+            let board = other.board.as_ref();
+            parts.extend(
+                board
+                    .into_iter()
+                    .flat_map(|board| active_words(board, &other.state))
+                    .map(|words| format!("{}{words}", other.name)),
+            );
+        }
         parts
     }
 

@@ -44,7 +44,7 @@ impl Finish<'_> {
         let Results { runs: counted, recorded, log } = results;
         let report = report.map(|(report, diagnostics)| {
             let runs = robots.iter().zip(&counted).map(|(ended, counted)| ended.run.report(counted, &diagnostics));
-            let text = text_of(runs.collect(), first);
+            let text = text_of(runs.collect(), &robots, first);
             (report.path.clone(), report.write(text))
         });
         let mut is_whole = recorded.is_ok();
@@ -55,23 +55,23 @@ impl Finish<'_> {
             summary(&screen, &ended.run, counted);
             board_end(&screen, &ended.run.name(), &ended.run.timeline.board, ended.board.take());
         }
-        // The cause comes first.
-        let mut order: Vec<&Ended<'_>> = robots.iter().collect();
-        if first < order.len() {
-            order.swap(0, first);
-        }
-        let exit = order.iter().map(|ended| ended.run.exit()).find(|exit| *exit != Exit::Ok).unwrap_or(Exit::Ok);
+        let exit = exit_of(&robots, first);
+        let mut order: Vec<(usize, &Ended<'_>)> = robots.iter().enumerate().collect();
+        // The cause comes first, but a robot that may be moving is named last.
+        order.sort_by_key(|(number, ended)| (badness(ended.run.outcome.stop) > 1, *number != first));
         if let Some(mut log) = log {
-            let lines: Vec<String> = order.iter().map(|ended| ended.run.closing_line()).collect();
-            for (ended, line) in order.iter().zip(&lines) {
-                log.line(now(), if ended.run.is_early() { Level::Error } else { Level::Info }, line.as_str());
+            for (number, ended) in &order {
+                log.robot = *number;
+                let level = if ended.run.is_early() { Level::Error } else { Level::Info };
+                log.line(now(), level, ended.run.closing_line());
             }
-            is_whole &= log.end(exit, lines.first().map_or("", String::as_str));
+            let cause = robots.get(first).map(|ended| ended.run.closing_line()).unwrap_or_default();
+            is_whole &= log.end(exit, &cause);
         }
-        for ended in &order {
+        for (_, ended) in &order {
             closing(&screen, &ended.run);
         }
-        let is_early = order.iter().any(|ended| ended.run.is_early());
+        let is_early = robots.iter().any(|ended| ended.run.is_early());
         // If standard error is blocked, the guards get no goodbye and write the closing lines themselves.
         let is_said = Screen::is_written(PATIENCE);
         for guard in robots.into_iter().filter_map(|ended| ended.guard).filter(|_| is_said || !is_early) {
@@ -90,11 +90,36 @@ impl Finish<'_> {
     }
 }
 
+/// The exit code of all robots: that of the first cause.
+fn exit_of(robots: &[Ended<'_>], first: usize) -> Exit {
+    let first = robots.get(first).into_iter();
+    first.chain(robots).map(|ended| ended.run.exit()).find(|exit| *exit != Exit::Ok).unwrap_or(Exit::Ok)
+}
+
+/// How far a robot is from a safe stop; above 1, it may be moving.
+fn badness(stop: Stop) -> u8 {
+    match stop {
+        Stop::NotNeeded => 0,
+        Stop::Sent | Stop::Held | Stop::NotDefined => 1,
+        Stop::NotHeld => 2,
+        _ => 3,
+    }
+}
+
 /// The report of all robots.
-fn text_of(mut runs: Vec<report::Run>, first: usize) -> String {
+fn text_of(mut runs: Vec<report::Run>, robots: &[Ended<'_>], first: usize) -> String {
+    let exit = exit_of(robots, first).code();
+    for (run, ended) in runs.iter_mut().zip(robots) {
+        // It ended for no reason of its own.
+        if let Cause::Other { .. } = ended.run.outcome.cause {
+            run.exit = exit;
+        }
+    }
+    let worst = robots.iter().zip(&runs).max_by_key(|(ended, _)| badness(ended.run.outcome.stop));
+    let stop = worst.map_or("not sent", |(_, run)| run.stop);
     let names_robots = runs.iter().any(|run| run.robot.is_some());
     let whole = if names_robots { report::Run::of_all(runs, first) } else { runs.pop() };
-    whole.map(|run| report::json::run(&run)).unwrap_or_default()
+    whole.map(|run| report::json::run(&report::Run { exit, stop, ..run })).unwrap_or_default()
 }
 
 /// Shows why a run ended.

@@ -186,7 +186,7 @@ impl Play {
         let is_for_real = |(chosen, faults): (&ChosenPort, &Faults)| chosen.path.is_some() && !faults.is_none();
         // What is meant for all virtual boards does not reach the real ones.
         if chosen.iter().zip(&faults).any(is_for_real)
-            && (all_real || self.fault.iter().all(|faults| faults.contains(':')))
+            && (all_real || self.fault.iter().all(|faults| ports::of_robots(faults).is_some()))
         {
             screen.error("`--fault` works only on the virtual board; remove `--fault` or the port");
             return Err(Exit::Usage);
@@ -203,14 +203,15 @@ impl Play {
         screen: &Screen,
     ) -> Result<Port, Exit> {
         let Some(path) = &chosen.path else { return Port::of_board(chosen, timeline, faults, screen) };
-        let request = PortRequest { path, board: &timeline.board, baud: timeline.baud, wait: self.wait };
+        let robot = timeline.robot.as_deref();
+        let request = PortRequest { path, robot, board: &timeline.board, baud: timeline.baud, wait: self.wait };
         let opened = port_opening::open(&request, signals, screen).inspect_err(|_| {
             // A user may not know that there is a file.
             if let ValueSource::File(place) = &chosen.source {
                 screen.ask(&format!("the port is from {place}; `--port {VIRTUAL}` plays on the virtual board"));
             }
         })?;
-        Ok(Port::real(opened, timeline.robot.as_deref(), chosen, screen))
+        Ok(Port::real(opened, robot, chosen, screen))
     }
 
     fn shown(&self, screen: &Screen) -> Progress {

@@ -161,26 +161,28 @@ impl Play {
                 })
                 .collect();
             drop(tell);
-            // A thread that did not start, or has no guard, ends the others by its seat.
-            let failed: Vec<io::Error> = ready.iter().filter_map(Result::err).collect();
             (company.keys, company.go) = (keys, go);
             if let Some(keys) = &mut company.keys {
                 keys.enter_steps = self.step;
-                // The guards have saved the state of the terminal.
-                keys.begin();
             }
+            // A thread that did not start, or has no guard, ends the others by its seat, before anything is sent.
             let first = company.conduct(start, |notice| {
                 if let Some(common) = &mut common {
                     common.notify(notice);
                 }
             });
+            let mut failed: Vec<io::Error> = ready.try_iter().filter_map(Result::err).collect();
             let mut played = Vec::new();
             for thread in threads {
-                let one = thread.map_err(|error| system(screen, &error))?.join().ok().flatten();
-                played.push(one);
+                match thread {
+                    Ok(thread) => played.push(thread.join().ok().flatten()),
+                    Err(error) => failed.push(error),
+                }
             }
             if let Some(error) = failed.first() {
-                return Err(company.signals.pending().map_or_else(|| system(screen, error), Exit::Signal));
+                let guards = played.into_iter().flatten().filter_map(|played| played.guard);
+                guards.for_each(Guard::goodbye);
+                return Err(company.signal().map_or_else(|| system(screen, error), Exit::Signal));
             }
             let played = played.into_iter().collect::<Option<Vec<Played>>>().ok_or(Exit::Failed)?;
             let is_own = |played: &Played| !matches!(played.outcome.cause, Cause::Finished | Cause::Other { .. });

@@ -1,70 +1,63 @@
 //! Which port and which faults each robot of a script has.
 
-use std::ffi::OsStr;
 use std::fs;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
+use motionseq::board::Simulation;
 use motionseq::faults::Faults;
 use motionseq::program::suggest;
 use motionseq::timeline::Timeline;
 
 use super::super::exit::Exit;
-use super::super::project::{ChosenPort, Config};
+use super::super::project::{ChosenPort, Config, VIRTUAL, ValueSource};
 use super::super::screen::Screen;
 
-/// Assigns the values of an option to the robots of a script: `left=VALUE` to one, `VALUE` to all where that makes sense. The robots
-/// are those of `timelines`, with or without names.
-struct Assignment<'a, T> {
-    option: &'static str,
-    separator: char,
-    /// The values, each as it was written.
-    values: &'a [T],
+/// The names of the robots of a script.
+fn names(timelines: &[Timeline]) -> Vec<&str> {
+    timelines.iter().filter_map(|timeline| timeline.robot.as_deref()).collect()
 }
 
-impl<T: AsRef<OsStr>> Assignment<'_, T> {
-    /// The value for each robot; `None` without one.
-    fn to(&self, timelines: &[Timeline], screen: &Screen) -> Result<Vec<Option<String>>, Exit> {
-        let Assignment { option, separator, values } = *self;
-        let names: Vec<&str> = timelines.iter().filter_map(|timeline| timeline.robot.as_deref()).collect();
-        let mut found = vec![None; timelines.len()];
-        let wrong = |message: String| {
-            screen.error(&message);
-            Err(Exit::Usage)
+/// The number of the robot with a name; otherwise what is wrong.
+fn robot_named(name: &str, timelines: &[Timeline]) -> Result<usize, String> {
+    let names = names(timelines);
+    names.iter().position(|known| *known == name).ok_or_else(|| {
+        let help = match suggest(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("its robots are {}", names.join(", ")),
         };
-        for value in values {
-            let value = value.as_ref().to_string_lossy().into_owned();
-            let (name, rest) = match value.split_once(separator) {
-                Some((name, rest)) if !names.is_empty() => (Some(name.trim()), rest.trim().to_owned()),
-                _ => (None, value.clone()),
-            };
-            let robot = match name {
-                None if names.is_empty() => 0,
-                None => {
-                    let first = names.first().copied().unwrap_or("left");
-                    return wrong(format!(
-                        "`{option} {value}` names no robot, and the script has {}: write `{option} {first}{separator}{value}`",
-                        names.join(" and ")
-                    ));
-                }
-                Some(name) => match names.iter().position(|known| *known == name) {
-                    Some(robot) => robot,
-                    None => {
-                        let help = match suggest(name, names.iter().copied()) {
-                            Some(near) => format!("did you mean `{near}`?"),
-                            None => format!("its robots are {}", names.join(", ")),
-                        };
-                        return wrong(format!("`{option} {value}`: the script has no robot `{name}`; {help}"));
-                    }
-                },
-            };
-            match found.get_mut(robot) {
-                Some(place @ None) => *place = Some(rest),
-                _ => return wrong(format!("`{option}` is given twice for one robot; keep one of the two")),
-            }
+        format!("the script has no robot `{name}`; {help}")
+    })
+}
+
+/// The value of `--port` for each robot: `left=PATH`. One that is `virtual` without a name is for all.
+fn assigned(asked: &[PathBuf], timelines: &[Timeline]) -> Result<Vec<Option<PathBuf>>, String> {
+    let names = names(timelines);
+    let first = names.first().copied().unwrap_or("left");
+    let mut found = vec![None; timelines.len()];
+    for value in asked {
+        let value = value.to_string_lossy();
+        if value == VIRTUAL && asked.len() == 1 {
+            return Ok(vec![Some(PathBuf::from(VIRTUAL)); timelines.len()]);
         }
-        Ok(found)
+        let Some((name, path)) = value.split_once('=') else {
+            let written = value.split_once(':').filter(|(name, _)| names.contains(&name.trim()));
+            let (name, path) = written.map_or((first, &*value), |(name, path)| (name.trim(), path.trim()));
+            return Err(format!(
+                "`--port {value}` names no robot, and the script has {}: write `--port {name}={path}`",
+                names.join(" and ")
+            ));
+        };
+        let robot = robot_named(name.trim(), timelines).map_err(|why| format!("`--port {value}`: {why}"))?;
+        if path.is_empty() {
+            return Err(format!("`--port {value}` has no port; for a virtual board, write `--port {name}={VIRTUAL}`"));
+        }
+        match found.get_mut(robot) {
+            Some(place @ None) => *place = Some(PathBuf::from(path)),
+            _ => return Err(format!("`--port` is given twice for {name}; keep one of the two")),
+        }
     }
+    Ok(found)
 }
 
 /// The port of each robot: that of the command line, of the environment, or of the configuration, else a virtual board.
@@ -75,56 +68,89 @@ pub(super) fn choose(
     screen: &Screen,
 ) -> Result<Vec<ChosenPort>, Exit> {
     let is_named = timelines.first().is_some_and(|timeline| timeline.robot.is_some());
+    let wrong = |message: &str| {
+        screen.error(message);
+        Exit::Usage
+    };
     let chosen: Vec<ChosenPort> = if is_named {
-        let found = Assignment { option: "--port", separator: '=', values: asked }.to(timelines, screen)?;
+        let found = assigned(asked, timelines).map_err(|why| wrong(&why))?;
         let robots = timelines.iter().zip(found);
-        let port = |(timeline, path): (&Timeline, Option<String>)| {
-            Config::port_of(timeline.robot.as_deref().unwrap_or_default(), path.as_deref().map(Path::new))
+        let port = |(timeline, path): (&Timeline, Option<PathBuf>)| {
+            Config::port_of(timeline.robot.as_deref().unwrap_or_default(), path.as_deref())
         };
         robots.map(port).collect()
+    } else if asked.len() > 1 {
+        return Err(wrong("`--port` is given more than once, and the script is for one robot; keep one of them"));
     } else {
-        if asked.len() > 1 {
-            screen.error("`--port` is given more than once, and the script is for one robot; keep one of them");
-            return Err(Exit::Usage);
-        }
         vec![config.port(asked.first().map(PathBuf::as_path))]
     };
-    let device =
-        |port: &ChosenPort| fs::metadata(port.path.as_ref()?).ok().map(|file| (file.dev(), file.ino(), file.rdev()));
+    let is_unset = |chosen: &ChosenPort| matches!(chosen.source, ValueSource::Default);
+    if is_named
+        && chosen.iter().all(is_unset)
+        && let Some(set) = config.common_port()
+    {
+        return Err(wrong(&set));
+    }
     for (at, port) in chosen.iter().enumerate() {
         let is_same = |other: &&ChosenPort| device(port).is_some() && device(other) == device(port);
         if let Some(other) = chosen.iter().take(at).find(is_same) {
             let path = |port: &ChosenPort| port.path.as_deref().unwrap_or(Path::new("")).display().to_string();
-            screen.error(&format!(
+            return Err(wrong(&format!(
                 "{} and {} are one port, and each robot needs its own; nothing was sent",
                 path(other),
                 path(port)
-            ));
-            return Err(Exit::Usage);
+            )));
         }
-    }
-    if is_named {
-        config.warn_of_common_port(screen);
     }
     Ok(chosen)
 }
 
-/// The faults of the virtual board of each robot: `left: unplug@2s` for one, `unplug@2s` for all.
+/// What a path leads to: the number of a device, or else a file.
+fn device(port: &ChosenPort) -> Option<(u64, u64)> {
+    let file = fs::metadata(port.path.as_ref()?).ok()?;
+    Some(if file.file_type().is_char_device() { (0, file.rdev()) } else { (file.dev(), file.ino()) })
+}
+
+/// The faults of the virtual board of each robot: `left: unplug@2s` or `left, right: unplug@2s` for some, `unplug@2s` for all.
+/// What is for all and about servos is for the boards that have servos.
 pub(super) fn faults(asked: &[String], timelines: &[Timeline], screen: &Screen) -> Result<Vec<Faults>, Exit> {
-    let is_named = timelines.first().is_some_and(|timeline| timeline.robot.is_some());
-    let (for_one, for_all): (Vec<&String>, Vec<&String>) =
-        asked.iter().partition(|faults| is_named && faults.contains(':') && !faults.starts_with("servo="));
-    let found = Assignment { option: "--fault", separator: ':', values: for_one.as_slice() }.to(timelines, screen)?;
-    let read = |text: &str| {
-        text.parse::<Faults>().map_err(|error| {
-            screen.error(&format!("`--fault {text}`: {error}"));
-            Exit::Usage
-        })
+    let wrong = |message: &str| {
+        screen.error(message);
+        Exit::Usage
     };
-    let common: Vec<&str> = for_all.iter().map(|faults| faults.as_str()).collect();
-    let join = |own: Option<String>| {
-        let all: Vec<&str> = common.iter().copied().chain(own.as_deref()).collect();
-        if all.is_empty() { Ok(Faults::default()) } else { read(&all.join(",")) }
+    let has_servos = |timeline: &Timeline| timeline.board.simulation == Simulation::Servos;
+    let mut found: Vec<Vec<&str>> = vec![Vec::new(); timelines.len()];
+    for words in asked {
+        if let Some((robots, faults)) = of_robots(words).filter(|_| !names(timelines).is_empty()) {
+            for name in robots.split(',') {
+                let robot = robot_named(name.trim(), timelines);
+                let robot = robot.map_err(|why| wrong(&format!("`--fault {words}`: {why}")))?;
+                found.get_mut(robot).into_iter().for_each(|own| own.push(faults));
+            }
+            continue;
+        }
+        for (timeline, own) in timelines.iter().zip(&mut found) {
+            let is_meant = |fault: &&str| {
+                has_servos(timeline) || !fault.starts_with("servo=") || !timelines.iter().any(has_servos)
+            };
+            own.extend(words.split(',').map(str::trim).filter(is_meant));
+        }
+    }
+    let read = |faults: Vec<&str>| {
+        if faults.is_empty() {
+            return Ok(Faults::default());
+        }
+        let text = faults.join(",");
+        text.parse().map_err(|error| wrong(&format!("`--fault {text}`: {error}")))
     };
-    found.into_iter().map(join).collect()
+    found.into_iter().map(read).collect()
+}
+
+/// The robots that a list of faults begins with, and the rest: `left: unplug@2s`. The faults themselves may have a `:`, too.
+pub(super) fn of_robots(words: &str) -> Option<(&str, &str)> {
+    let (robots, faults) = words.split_once(':')?;
+    let is_name = |name: &str| {
+        !name.trim().is_empty() && name.trim().bytes().all(|byte| byte == b'_' || byte.is_ascii_alphanumeric())
+    };
+    robots.split(',').all(is_name).then(|| (robots, faults.trim()))
 }

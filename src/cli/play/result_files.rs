@@ -75,6 +75,12 @@ impl<'p> ResultFiles<'p> {
             }
             places.extend((!growing_file::takes_everything(path)).then_some((option, place)));
         }
+        let is_script =
+            |path: &&PathBuf| ["motion", "frames"].iter().any(|of| path.extension().is_some_and(|is| is == *of));
+        if let Some(path) = records.iter().find(is_script) {
+            let why = "a recording has bytes, and this is the name of a script or of a snapshot";
+            return Err(refused(screen, path, &io::Error::other(why)));
+        }
         let mut recordings = Vec::new();
         for path in records {
             let opened = open_one(Some(&path), screen, |path| growing_file::open(path, &inputs, *force))?;

@@ -10,7 +10,6 @@ use motionseq::program::ProjectLimit;
 use motionseq::units::Nanos;
 use serde_json::Value;
 
-use super::super::screen::Screen;
 use super::VIRTUAL;
 
 /// A value, and the line that sets it.
@@ -126,16 +125,16 @@ impl Config {
         }
     }
 
-    /// Says that a port for one robot is not used by a script with several.
-    pub(in super::super) fn warn_of_common_port(&self, screen: &Screen) {
+    /// What is wrong if only a port for one robot is set, and a script has several: it would play on virtual boards.
+    pub(in super::super) fn common_port(&self) -> Option<String> {
         let set = match &self.port {
-            _ if std::env::var_os(PORT).is_some() => Some(PORT.to_owned()),
-            Some(set) if set.value.is_some() => Some(format!("`port` in {}", self.place(set.line))),
-            _ => None,
+            _ if std::env::var_os(PORT).is_some_and(|set| !set.is_empty() && set != VIRTUAL) => PORT.to_owned(),
+            Some(set) if set.value.is_some() => format!("`port` in {}", self.place(set.line)),
+            _ => return None,
         };
-        if let Some(set) = set {
-            screen.note(&format!("{set} is for scripts with one robot; write `--port NAME=PATH`, or set {PORT}_NAME"));
-        }
+        Some(format!(
+            "{set} is for scripts with one robot, and this one has several; write `--port NAME=PATH`, set {PORT}_NAME, or write `--port {VIRTUAL}`"
+        ))
     }
 
     /// How late a frame may be without `--max-late`, on a real port or on the virtual board.

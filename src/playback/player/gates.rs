@@ -116,6 +116,10 @@ impl<'t> Player<'t> {
     /// How the closed gate ends now, if it does.
     fn end_gate(&self, now: Nanos, drives: bool, notices: &mut impl FnMut(Notice)) -> Option<Passage> {
         let (closed, gate) = self.closed_parts()?;
+        // All robots continue soon.
+        if self.release.is_some_and(|at| now < at) {
+            return None;
+        }
         let passage = Passage { gate: closed.gate, took: closed.took(now), end: closed.end(now, gate, drives)? };
         notices(Notice::Passed(passage));
         Some(passage)
@@ -125,6 +129,7 @@ impl<'t> Player<'t> {
     pub(super) fn step_through_gate(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) -> Option<Order> {
         let closed = self.closed.as_ref()?;
         notices(Notice::Passed(Passage { gate: closed.gate, took: closed.took(now), end: GateEnd::Go }));
+        self.release = None;
         self.leave_gate();
         Some(Order::Stay)
     }
@@ -137,6 +142,14 @@ impl<'t> Player<'t> {
             let passage = Passage { gate: closed.gate, took: closed.took(now), end: GateEnd::Stopped };
             notices(Notice::Passed(passage));
         }
+    }
+
+    /// The closed gate opens, because all robots continue.
+    pub(super) fn pass_gate(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) {
+        let (Some(closed), Some(gate)) = (&mut self.closed, self.gates.get(self.next_gate)) else { return };
+        let end = closed.release(now, gate);
+        notices(Notice::Passed(Passage { gate: closed.gate, took: closed.took(now), end }));
+        self.leave_gate();
     }
 
     fn leave_gate(&mut self) {

@@ -257,12 +257,14 @@ impl<'t> Player<'t> {
         if input == Input::Help {
             notices(Notice::Help);
         }
+        self.note_together(input);
         let order = self.act(now, input, notices);
         self.stop_at_gate(now, notices);
         order
     }
 
     fn act(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+        let has_begun = !self.start.is_pending() && !self.waits_for_others();
         match &mut self.phase {
             Phase::Playing => self.play(now, input, notices),
             Phase::Ending(halt, outcome) => match halt.poll(now, input, &mut self.stops, &mut self.out) {
@@ -271,7 +273,7 @@ impl<'t> Player<'t> {
                     let (stop, extra) = (halt.stop(&self.stops), outcome.extra + halt.frames());
                     let missing = self.stops.missing();
                     // What happens before the first command of a run needs no stop.
-                    let stop = if self.start.is_pending() && !self.has_moved { Stop::NotNeeded } else { stop };
+                    let stop = if has_begun || self.has_moved { stop } else { Stop::NotNeeded };
                     let outcome = Outcome { stop, missing, extra, aborted: halt.has_aborted(), ..*outcome };
                     self.done(outcome)
                 }
@@ -280,6 +282,7 @@ impl<'t> Player<'t> {
                 if let Some(cause) = input.end() {
                     return self.end_early(cause, now);
                 }
+                *sleeps |= input == Input::Suspend;
                 let (at, outcome, sleeps) = (*at, *outcome, *sleeps);
                 match (halt.poll(now, input, &mut self.stops, &mut self.out), halt.stop(&self.stops)) {
                     (Some(order), _) => order,
@@ -323,7 +326,6 @@ impl<'t> Player<'t> {
             return self.pause(time, now, input == Input::Suspend);
         }
         self.note_go(input);
-        self.note_together(input);
         if let Some(order) = self.write(now, input) {
             return order;
         }
@@ -516,7 +518,7 @@ impl<'t> Player<'t> {
 
     fn end_early(&mut self, cause: Cause, now: Nanos) -> Order {
         let outcome = self.outcome_at(cause, self.script_time(now));
-        self.has_moved |= !self.start.is_pending();
+        self.has_moved |= !self.start.is_pending() && !self.waits_for_others();
         self.halt(Phase::Ending(Halt::new(self.has_moved, now), outcome))
     }
 

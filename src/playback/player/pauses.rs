@@ -26,13 +26,14 @@ impl Player<'_> {
             }
             (None, Input::Pause) if self.resume.take().is_some() => Order::Stay,
             (None, Input::Step) => self.step(None, now, notices),
-            (None, Input::StepTo { at, is_gate }) => self.step(Some((at, is_gate)), now, notices),
-            (None, Input::Resume) => self.resume((at, now), now, notices),
-            (None, Input::ResumeTogether { script, at }) if now < at => {
-                self.resume = Some((script, at));
-                Order::Wait { until: at, writable: false }
+            (None, Input::StepTo { at, is_gate }) => {
+                self.step(Some((at.saturating_sub(self.passed), is_gate)), now, notices)
             }
-            (None, Input::ResumeTogether { script, at }) => self.resume((script, at), now, notices),
+            (None, Input::Resume) => self.resume((at, now), now, notices),
+            (None, Input::ResumeTogether { run, at }) => {
+                self.resume = Some((run.saturating_sub(self.passed), at));
+                self.stand(at, now, Input::Tick, notices)
+            }
             _ => match self.resume {
                 Some((_, at)) if now < at => Order::Wait { until: at, writable: false },
                 Some(when) => self.resume(when, now, notices),
@@ -45,6 +46,7 @@ impl Player<'_> {
     fn resume(&mut self, (at, since): (Nanos, Nanos), now: Nanos, notices: &mut impl FnMut(Notice)) -> Order {
         self.phase = Phase::Playing;
         self.resume = None;
+        self.catch_up(now, notices);
         self.set_clock(at, since);
         self.restore(now);
         if let Some(closed) = &mut self.closed {
@@ -66,7 +68,10 @@ impl Player<'_> {
         self.begin_by_step();
         // A gate is a step, too.
         let Some((at, is_gate)) = common.or_else(|| self.next_step()) else { return Order::Stay };
-        if is_gate && let Some(order) = self.step_through_gate(now, notices) {
+        if is_gate
+            && self.gate_time() == Some(at)
+            && let Some(order) = self.step_through_gate(now, notices)
+        {
             return order;
         }
         let rest = self.coming();
@@ -94,7 +99,8 @@ impl Player<'_> {
         self.say(at, now, notices);
         self.due = now;
         self.phase = Phase::Stepping(at);
-        if is_gate {
+        let gate = self.gates.get(self.next_gate).map(|gate| gate.at.nanos());
+        if is_gate && self.closed.is_none() && gate == Some(at) {
             self.close_gate(now, notices);
             // Its time does not count. The next step opens it.
             self.closed.iter_mut().for_each(|closed| closed.pause(now));
@@ -105,6 +111,9 @@ impl Player<'_> {
     pub(super) fn stepping(&mut self, at: Nanos, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
         if let Some(cause) = input.end() {
             return self.end_early(cause, now);
+        }
+        if input == Input::Suspend {
+            return self.pause(at, now, true);
         }
         if let Some(order) = self.write(now, input) {
             return order;

@@ -2,7 +2,7 @@
 //! continues, so that the clocks of all scripts are the same.
 
 use super::super::gate::HOUR;
-use super::super::messages::{Cause, Input, Notice, Order, Standing};
+use super::super::messages::{Cause, Input, Notice, Order, Outcome, Standing, Stop};
 use super::{Phase, Player, due};
 use crate::timeline::Kind;
 use crate::units::Nanos;
@@ -31,7 +31,14 @@ impl Player<'_> {
         match self.phase {
             Phase::Ending(..) => Standing::Ending,
             Phase::Done(outcome) => Standing::Done { is_early: outcome.cause != Cause::Finished },
-            Phase::Paused(at) => Standing::Paused { at, next: self.next_step() },
+            // It continues soon.
+            Phase::Paused(_) if self.resume.is_some() => Standing::Busy,
+            Phase::Paused(at) => {
+                let next = self.next_step().map(|(at, is_gate)| (self.passed + at, is_gate));
+                let prepares = self.start.is_pending();
+                Standing::Paused { at: self.passed + at, next, prepares, is_asleep: false }
+            }
+            Phase::Playing if self.release.is_some() => Standing::Busy,
             Phase::Playing => match (self.closed_parts(), self.together) {
                 (Some((closed, gate)), _) => {
                     let fits_until = closed.fits_until(gate);
@@ -44,6 +51,11 @@ impl Player<'_> {
             },
             Phase::Pausing(..) | Phase::Stepping(_) => Standing::Busy,
         }
+    }
+
+    /// The outcome of a run that ends before anything was sent.
+    pub fn never_began(&self, cause: Cause) -> Outcome {
+        Outcome { stop: Stop::NotNeeded, ..self.outcome_at(cause, Nanos::ZERO) }
     }
 
     /// Whether everything before time 0 has happened.
@@ -114,8 +126,24 @@ impl Player<'_> {
 
     /// Time 0 of the script has come by a step of a pause.
     pub(super) fn begin_by_step(&mut self) {
+        self.release = None;
         if self.together == Together::Starting {
             self.together = Together::Playing;
+            self.reads.leave_clock();
+        }
+    }
+
+    /// A paused run continues at the time of the others. If they have passed time 0 or the closed gate meanwhile, so does it.
+    pub(super) fn catch_up(&mut self, now: Nanos, notices: &mut impl FnMut(Notice)) {
+        if self.release.take().is_none() {
+            return;
+        }
+        if self.closed.is_some() {
+            self.pass_gate(now, notices);
+        } else if self.together == Together::Starting {
+            self.together = Together::Playing;
+            self.reads.leave_clock();
+            notices(Notice::Began);
         }
     }
 }

@@ -42,7 +42,7 @@ impl<'s> Walker<'s, '_> {
                 help: "move it to a line of its own, before or after the line with the `{word}`");
         }
         // Every robot waits, also at a gate that needs the reports of others.
-        let (mut first, place) = (None, self.order);
+        let (mut first, place, random) = (None, self.order, self.eval.random);
         self.for_each(robots, |walker| {
             let gate = walker.read_gate(at)?;
             first.get_or_insert_with(|| (gate.to_string(), gate.within));
@@ -52,6 +52,7 @@ impl<'s> Walker<'s, '_> {
         let line = format!("{}: {line}", self.eval.robot_names(robots));
         for robot in (0..self.count()).filter(|robot| !robots.contains(*robot)) {
             self.switch(robot);
+            self.eval.random = random;
             let gate =
                 if does == Operation::WaitGo { self.read_gate(at)? } else { Gate::of_others(line.clone(), within) };
             self.push_gate(at, gate, place)?;

@@ -49,11 +49,15 @@ impl<'s> Walker<'s, '_> {
         let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = parameters.insert(parameter.name.text, at).is_some();
-            if twice || words::is_reserved(self.eval.board, parameter.name.text) || !words::is_name(parameter.name.text)
+            let is_robot = self.eval.robots.iter().any(|robot| robot.text == parameter.name.text);
+            if twice
+                || is_robot
+                || words::is_reserved(self.eval.board, parameter.name.text)
+                || !words::is_name(parameter.name.text)
             {
                 bail!(self.eval, Name, parameter.name.span,
                     "`{}` cannot be the name of this parameter", parameter.name.text;
-                    help: "choose another name: lower-case letters, digits and `_`, not a word of the language, and each name once");
+                    help: "choose another name: lower-case letters, digits and `_`, not a word of the language or a robot, and each name once");
             }
         }
         // Called or not, it uses the names above it.

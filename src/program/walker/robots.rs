@@ -46,6 +46,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             return run(self);
         }
         let random = self.eval.random;
+        self.eval.is_for_one = true;
         let mut end = Some(Time::ZERO);
         for robot in robots.among(self.count()) {
             self.switch(robot);
@@ -53,6 +54,7 @@ impl<'s, 'd> Walker<'s, 'd> {
             let ended = run(self);
             end = end.zip(ended).map(|(end, ended)| end.max(ended));
         }
+        self.eval.is_for_one = false;
         end
     }
 
