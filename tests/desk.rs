@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::support::{run, script, stderr};
 
 /// Plays in a terminal with this many columns, and returns the output.
-fn at_terminal(columns: &str, steps: &[&str], args: &[&str]) -> String {
+pub(crate) fn at_terminal(columns: &str, steps: &[&str], args: &[&str]) -> String {
     in_terminal("xterm", columns, steps, &[args, &["--max-late", "5s"]].concat())
 }
 

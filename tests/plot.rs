@@ -376,7 +376,11 @@ fn one_robot_is_drawn_with_its_name() {
     assert!(texts(&drawn).contains(&"left".to_owned()), "{drawn}");
     let unknown = run(&["plot", name, "--robot", "rihgt"]);
     assert_eq!(unknown.status.code(), Some(2));
-    assert!(stderr(&unknown).contains("the script has no robot `rihgt`; the robots are left"), "{}", stderr(&unknown));
+    assert!(
+        stderr(&unknown).contains("the script has no robot `rihgt`; the robots are `left`"),
+        "{}",
+        stderr(&unknown)
+    );
     fs::remove_file(path).unwrap();
 }
 

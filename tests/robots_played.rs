@@ -16,6 +16,7 @@ use motionseq::verify::{Answers, Rehearsal, rehearse_together};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
+use crate::desk::at_terminal;
 use crate::support::far::{FarEnd, STOP, assert_at_rest, assert_stopped, bytes, end, start};
 
 use crate::support::{Scratch, code, motionseq, run, script, stderr, stdout};
@@ -83,7 +84,8 @@ fn a_robot_whose_port_hangs_up_stops_the_other() {
     let (exit, text) = end(child);
     assert_eq!(exit, 3, "{text}");
     assert_stopped(&received);
-    let [first, second] = errors(&text)[..] else { panic!("{text}") };
+    // The robot that may be moving is named last.
+    let [second, first] = errors(&text)[..] else { panic!("{text}") };
     assert!(
         first.starts_with("error: left: the port hung up at ") && first.ends_with("NOT SENT - cut the power"),
         "{text}"
@@ -176,7 +178,7 @@ fn a_port_is_for_one_robot_and_must_be_named() {
     let cases = [
         (vec![far.path.clone()], 2, format!("write `--port left={}`", far.path)),
         (vec![format!("lft={}", far.path)], 2, "the script has no robot `lft`; did you mean `left`?".into()),
-        (vec![format!("left={}", far.path), format!("left={}", other.path)], 2, "twice for one robot".into()),
+        (vec![format!("left={}", far.path), format!("left={}", other.path)], 2, "given twice for left".into()),
         (vec![format!("left={}", far.path), format!("right={link}")], 2, "are one port".into()),
         (vec![format!("left={}", far.path), "right=/dev/missing".into()], 3, "cannot open port /dev/missing".into()),
     ];
@@ -230,7 +232,8 @@ fn the_first_cause_gives_the_exit_code() {
         let output = run(&["play", &script, "--fault", faults, "--max-late", "500ms"]);
         let text = stderr(&output);
         assert_eq!(code(&output), expected, "{faults}: {text}");
-        assert!(errors(&text)[0].starts_with(&format!("error: {words}")), "{faults}: {text}");
+        let begin = format!("error: {words}");
+        assert!(errors(&text).iter().any(|line| line.starts_with(&begin)), "{faults}: {text}");
         assert!(text.contains("stopped together with"), "{faults}: {text}");
     }
 }
@@ -445,4 +448,97 @@ fn a_go_opens_the_gate_of_all() {
     child.stdin.take().unwrap().write_all(b"go\n").unwrap();
     let output = child.wait_with_output().unwrap();
     assert_eq!(code(&output), 0, "{}", stderr(&output));
+}
+
+#[test]
+fn keys_pause_step_and_continue_all_robots() {
+    let text = "robots left, right\nleft: servo 1 1500\nwait 1s\nright: servo 1 1600\nwait go \"next?\"\nwait 1s\nservo 2 1700\n";
+    let script = script("keys-of-two", text);
+    // Steps of one robot alone, a gate, and then on without steps.
+    let steps = [
+        "wait:0.000 s: paused",
+        "key:\n",
+        "wait:0.000 s: left: servo 1 1500",
+        "key:\n",
+        "wait:1.000 s: right: servo 1 1600",
+        "key:\n",
+        "wait:next?",
+        "key:\n",
+        "wait:go after",
+        "key:\n",
+        "wait:2.000 s: right: servo 2 1700",
+    ];
+    let text = at_terminal("120", &steps, &["play", &script, "--step"]);
+    assert!(text.starts_with("exit") || text.contains("left: servo 2 1700"), "{text}");
+    let steps = [
+        "wait:next?",
+        "key: ",
+        "wait:paused",
+        "key: ",
+        "wait:continued",
+        "wait:waiting for a go",
+        "key:g",
+        "wait:left: sent 2 frames",
+    ];
+    let text = at_terminal("120", &steps, &["play", &script]);
+    assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
+    assert!(text.contains("right: sent 2 frames"), "{text}");
+}
+
+#[test]
+fn space_q_and_a_kill_leave_the_terminal_and_the_robots_in_order() {
+    let script = script("ends-of-two", "robots left, right\nrocker y=10 z=20 for 60s\n");
+    let text = at_terminal("120", &["wait:left: rocker x=0", "key:?q"], &["play", &script]);
+    assert!(text.starts_with("exit 0\nicanon True\necho True\n"), "{text}");
+    assert!(text.contains("left: stopped by q at") && text.contains("right: stopped by q at"), "{text}");
+    for steps in [vec!["wait:left: rocker x=0", "key: ", "wait:paused", "kill"], vec!["wait:left: rocker x=0", "kill"]]
+    {
+        let text = at_terminal("120", &steps, &["play", &script]);
+        assert!(text.starts_with("exit -9\nicanon True\necho True\n"), "{text}");
+        assert!(text.contains("left: motionseq was killed") && text.contains("right: motionseq was killed"), "{text}");
+    }
+}
+
+#[test]
+fn a_robot_that_matches_early_and_does_not_drive_waits_for_the_other() {
+    // Nothing happens to the left robot but its reports, for longer than a report stays new.
+    let script =
+        script("early-match", "robots left, right\nleft, right: wait until voltage < 7V within 9s\nservo 1 1500\n");
+    let output = run(&[
+        "play",
+        &script,
+        "--fault",
+        "left: battery=6.5V",
+        "--fault",
+        "right: battery=6.5V@1500ms",
+        "--max-late",
+        "5s",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stderr(&output).contains("right: voltage < 7V after 1."), "{}", stderr(&output));
+}
+
+#[test]
+fn a_port_for_one_robot_is_not_taken_for_all() {
+    let script = script("common-port", "robots left, right\nservo 1 1500\n");
+    let output = motionseq(&["play", &script]).env("MOTIONSEQ_PORT", "/dev/missing").output().unwrap();
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("MOTIONSEQ_PORT is for scripts with one robot"), "{}", stderr(&output));
+    let output =
+        motionseq(&["play", &script, "--port", "virtual"]).env("MOTIONSEQ_PORT", "/dev/missing").output().unwrap();
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(&["play", &script, "--port", "left="]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("write `--port left=virtual`"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_robot_that_never_began_gets_no_on_abort() {
+    let text = "robots base, arm\narm: board sts\nrate 50hz\nbase: rocker x=10 for 1s\narm: servo 1 2048\nbase: on abort { servos 1500 1500 }\n";
+    let script = script("never-began", text);
+    let output = run(&["play", &script, "--fault", "servo=1:silent"]);
+    let text = stderr(&output);
+    assert_eq!(code(&output), 3, "{text}");
+    assert!(text.contains("error: arm: servo 1 does not answer"), "{text}");
+    assert!(text.contains("base: sent 0 frames") && !text.contains("servo 1 at 1500"), "{text}");
 }
