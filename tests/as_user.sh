@@ -19,5 +19,5 @@ unshare --mount bash -euc '
     mkdir -m 777 -p "$1/tmp"
     # Without CI, tests are skipped if this user cannot see what root has installed.
     exec setpriv --reuid=65534 --regid=65534 --clear-groups env -u CI TMPDIR="$1/tmp" HOME="$1/tmp" RUST_TEST_THREADS=4 \
-        ./tests-binary ports:: tap:: host:: play:: faults:: record:: desk:: gates_played:: maestro:: text_boards:: families_cli::
+        ./tests-binary ports:: tap:: host:: play:: robots_played:: faults:: record:: desk:: gates_played:: maestro:: text_boards:: families_cli::
 ' - "$work" "$root"

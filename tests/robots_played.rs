@@ -542,3 +542,12 @@ fn a_robot_that_never_began_gets_no_on_abort() {
     assert!(text.contains("error: arm: servo 1 does not answer"), "{text}");
     assert!(text.contains("base: sent 0 frames") && !text.contains("servo 1 at 1500"), "{text}");
 }
+
+#[test]
+fn one_robot_with_a_name_is_played_like_one_without() {
+    let script = script("solo", "robots solo\nservo 1 1500\nwait 300ms\nservo 1 1600\n");
+    let text = at_terminal("120", &["wait:0.300 s"], &["play", &script]);
+    assert!(text.starts_with("exit 0\n") && !text.contains("getting ready"), "{text}");
+    let output = run(&["play", &script, "--port", "solo=virtual"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+}

@@ -85,7 +85,14 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
                     said.text.push('}');
                     said.live.push((start..said.text.len(), measured));
                 }
-                (None, None) => return unknown(&format!("unknown name `{name}`"), span, eval),
+                (None, None) => {
+                    let others = eval.boards.iter().any(|board| Measured::reported(board, name).is_some());
+                    if let (Some(robot), true) = (eval.robot_name(), others) {
+                        bail!(eval, UnknownName, span, "the robot `{robot}` reports no `{name}`";
+                            help: "name the robots that report it: `left: say …`");
+                    }
+                    return unknown(&format!("unknown name `{name}`"), span, eval);
+                }
             },
             Piece::Unclosed => return unknown("a `{` in this string has no `}`", span, eval),
         }

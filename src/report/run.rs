@@ -60,7 +60,7 @@ pub struct Run {
     /// Warnings of the script.
     pub warnings: Vec<Finding>,
     /// The result of each robot, if the script names its robots. Then the fields above are about all of them: numbers are added up,
-    /// the lateness is the worst, and the end is that of the robot that ended first.
+    /// the lateness and `stop` are the worst, and the end is that of the robot that ended first.
     pub robots: Vec<Run>,
 }
 

@@ -84,8 +84,9 @@ pub(super) struct Display {
     screen: Screen,
     /// `left: ` before its lines, if the script names its robots.
     name: String,
-    /// Whether another robot comes first.
+    /// Whether another robot comes first, and whether there are others at all.
     follows: bool,
+    has_others: bool,
     progress: Progress,
     inputs: KeysShown,
     /// Converts times of the run to times of the script.
@@ -167,7 +168,7 @@ impl Observer for Display {
                 self.screen.ask(&format!("{script:.3} s: paused{}{how}", self.script.words(script)));
             }
             // Several robots begin together.
-            Notice::Pass { pass: 1 } if !self.name.is_empty() => self.clock = Clock::Starts(at, Nanos::ZERO),
+            Notice::Pass { pass: 1 } if self.has_others => self.clock = Clock::Starts(at, Nanos::ZERO),
             Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
             Notice::Pass { pass } => {
                 self.pass = pass;
@@ -188,14 +189,15 @@ impl Observer for Display {
 }
 
 impl Display {
-    /// Shows a run on a screen, and the keys if they work. `robot` is its name, and whether another robot comes first.
+    /// Shows a run on a screen, and the keys if they work. `robot` is its name, its number and the number of robots.
     pub(super) fn new(
         screen: Screen,
         progress: Progress,
         script: ScriptTime,
         inputs: KeysShown,
-        (robot, follows): (Option<&str>, bool),
+        (robot, number, count): (Option<&str>, usize, usize),
     ) -> Self {
+        let follows = number > 0;
         if inputs.single && !follows {
             screen.note("keys: space pauses, q stops and exits, ? shows all");
         }
@@ -203,6 +205,7 @@ impl Display {
             screen,
             name: robot.map(|robot| format!("{robot}: ")).unwrap_or_default(),
             follows,
+            has_others: count > 1,
             progress,
             inputs,
             script,

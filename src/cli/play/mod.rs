@@ -120,11 +120,12 @@ impl Play {
         let keys = Keys::open(screen.is_live());
         let inputs = KeysShown { single: keys.is_some() && screen.is_live(), steps: self.step, go_lines: go.is_some() };
         let names: Vec<Arc<str>> = timelines.iter().filter_map(|timeline| timeline.robot.clone()).collect();
+        let count = timelines.len();
         let mut again = again.into_iter().flatten();
         let (mut robots, mut links, mut boards, mut paths, mut observed) = (vec![], vec![], vec![], vec![], vec![]);
         for (timeline, Port { link, path, board, poses }) in timelines.into_iter().zip(ports) {
             let (timeline, again) = (Arc::new(timeline), again.next().map(Arc::new));
-            let robot = (timeline.robot.as_deref(), !robots.is_empty());
+            let robot = (timeline.robot.as_deref(), robots.len(), count);
             let display = Display::new(*screen, self.shown(screen), script, inputs, robot);
             let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
             observed.push(Observed { timelines, display, poses });
