@@ -127,6 +127,8 @@ impl<'s, L: Link> Session<'s, L> {
         os::wake_exactly();
         self.start = start;
         self.forget_reports();
+        // One copy of the code for all callers.
+        let mut notices: &mut dyn FnMut(Notice) = &mut notices;
         let outcome = self.wait_for_guards().unwrap_or_else(|| self.outlive_panics(&mut notices));
         if let Control::Seat(seat) = &mut self.control {
             seat.report(Standing::Done { is_early: outcome.cause != Cause::Finished });

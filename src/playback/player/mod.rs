@@ -223,7 +223,8 @@ impl<'t> Player<'t> {
     }
 
     /// Takes a report of the board, received at `now` from the start.
-    pub fn hear(&mut self, now: Nanos, report: Report, notices: &mut impl FnMut(Notice)) {
+    pub fn hear(&mut self, now: Nanos, report: Report, mut notices: &mut dyn FnMut(Notice)) {
+        let notices = &mut notices;
         notices(Notice::Report(report));
         let time = self.script_time(now);
         match self.phase {
@@ -253,7 +254,9 @@ impl<'t> Player<'t> {
     }
 
     /// Processes an input at `now` from the start, and returns the next order.
-    pub fn poll(&mut self, now: Nanos, input: Input, notices: &mut impl FnMut(Notice)) -> Order {
+    pub fn poll(&mut self, now: Nanos, input: Input, mut notices: &mut dyn FnMut(Notice)) -> Order {
+        // One copy of the code for all callers.
+        let notices = &mut notices;
         if input == Input::Help {
             notices(Notice::Help);
         }

@@ -134,7 +134,8 @@ impl Reads {
 
 impl Player<'_> {
     /// Takes bytes of the board, received at `now` from the start.
-    pub fn receive(&mut self, now: Nanos, mut bytes: &[u8], notices: &mut impl FnMut(Notice)) {
+    pub fn receive(&mut self, now: Nanos, mut bytes: &[u8], mut notices: &mut dyn FnMut(Notice)) {
+        let notices = &mut notices;
         if matches!(self.phase, Phase::Ending(..) | Phase::Pausing(..)) && self.holds() {
             self.stops.hear(bytes);
             return;
