@@ -9,7 +9,7 @@ Skew: the time between the first and the last of the frames that are due togethe
 ptys, for 2 and 8 robots; cyclictest runs in turns with it, and shows how late this machine wakes a
 thread. A far end adds its own wake-up.
 Load: 8 robots whose lines carry as much as they can, compared with single runs of one robot: frames
-that came more than 1 ms late, of the worst robot.
+that came more than 5 ms late (the limit of the warning `wire-late`), of the worst robot.
 """
 import glob
 import os

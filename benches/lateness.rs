@@ -11,8 +11,8 @@
 //! `--robots N` plays a script for N robots with the program, each over a pty of its own, and prints
 //! the skew of the frames that are due together, as the far ends see them; with `--full`, every robot
 //! gets as many frames as its line carries. `late` is how many frames of the worst robot came more than
-//! 1 ms after the first of their group; `behind`, how many came more than 1 ms later than its
-//! earliest frame, on its own clock.
+//! 5 ms after the first of their group; `behind`, how many came more than 5 ms later than its
+//! earliest frame, on its own clock. This is the limit of the warning `wire-late`.
 //!
 //! `benches/playback.py` compares it with its peers. Its own link takes a timestamp at the start of
 //! each write.
@@ -33,6 +33,7 @@ use motionseq::serve::BoardThread;
 use motionseq::sim::{Device, Settings};
 use motionseq::source::{Lines, Source, Sources};
 use motionseq::timeline::Timeline;
+use motionseq::timeline::wire::LATE;
 use motionseq::units::Nanos;
 
 /// The argument that makes this program the guard.
@@ -162,14 +163,14 @@ fn robots(count: u64, frames: u64, step_us: u64, program: &str) {
         let group: Vec<Nanos> = stamps.iter().map(|stamps| stamps[frame]).collect();
         let first = group.iter().min().unwrap();
         skews.push(group.iter().map(|came| came.0 - first.0).max().unwrap());
-        let is_late = |came: &Nanos| came.0 - first.0 > 1_000_000;
+        let is_late = |came: &Nanos| came.0 - first.0 > LATE.nanos().0;
         late.iter_mut().zip(&group).for_each(|(late, came)| *late += u64::from(is_late(came)));
     }
     // Against the frame before: a single robot has no other to compare with.
     let steps = stamps.iter().map(|stamps| {
         let own = stamps.iter().zip(0_u64..).map(|(came, frame)| came.0 - frame * step_us * 1_000);
         let first = own.clone().min().unwrap();
-        own.filter(|came| came - first > 1_000_000).count()
+        own.filter(|came| came - first > LATE.nanos().0).count()
     });
     let behind = steps.max().unwrap();
     let last = skews.last().copied().unwrap();

@@ -77,7 +77,7 @@ impl<'p> ResultFiles<'p> {
         }
         let is_script =
             |path: &&PathBuf| ["motion", "frames"].iter().any(|of| path.extension().is_some_and(|is| is == *of));
-        if let Some(path) = records.iter().find(is_script) {
+        if let Some(path) = records.iter().find(is_script).filter(|path| record.as_ref() != Some(path)) {
             let why = "a recording has bytes, and this is the name of a script or of a snapshot";
             return Err(refused(screen, path, &io::Error::other(why)));
         }
