@@ -16,7 +16,7 @@ fn said(text: &str) -> String {
     let mut said = String::new();
     for diagnostic in &compiled.diagnostics {
         let place = lines.place(diagnostic.span);
-        write!(said, "line {}: {}: {}", place.line, diagnostic.code, diagnostic.message).unwrap();
+        write!(said, "line {}: {}: {diagnostic}", place.line, diagnostic.code).unwrap();
         if let Some(label) = &diagnostic.label {
             write!(said, " [{label}]").unwrap();
         }

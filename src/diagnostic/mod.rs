@@ -9,6 +9,7 @@ mod macros;
 mod show;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::sync::Arc;
 
 use crate::source::{Source, SourceError, Span};
@@ -80,6 +81,8 @@ pub struct Diagnostic {
     pub code: Code,
     /// Where it is.
     pub span: Span,
+    /// The robots that it is about, in the order of `robots`; none if it is about all, or if the script names no robots.
+    pub robots: Vec<Arc<str>>,
     /// What is wrong, in the user's words.
     pub message: String,
     /// A word or two at the place itself.
@@ -98,6 +101,7 @@ impl Diagnostic {
         Diagnostic {
             code,
             span,
+            robots: Vec::new(),
             message: message.into(),
             label: None,
             related: Vec::new(),
@@ -159,16 +163,31 @@ impl Diagnostic {
     }
 }
 
+/// What is wrong, after the names of the robots: `left, right: the clock …`.
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, robot) in self.robots.iter().enumerate() {
+            f.write_str(if at > 0 { ", " } else { "" })?;
+            f.write_str(robot)?;
+        }
+        f.write_str(if self.robots.is_empty() { "" } else { ": " })?;
+        f.write_str(&self.message)
+    }
+}
+
 /// The errors and warnings of one script.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Diagnostics {
-    kept: Vec<Diagnostic>,
+    /// Those of each place: one, or one for each robot where they differ.
+    kept: BTreeMap<(Span, Code), Vec<Diagnostic>>,
     seen: BTreeSet<(Code, Span)>,
     /// Lines on which a comment allows a warning, each code's in order.
     allowed: BTreeMap<Code, Vec<Span>>,
     errors: usize,
     warnings: usize,
-    /// The robot that messages are about.
+    /// The number of robots that the script names.
+    robots: usize,
+    /// The one of them that is being run.
     about: Option<Arc<str>>,
 }
 
@@ -186,7 +205,12 @@ impl Diagnostics {
         code.severity() == Severity::Warning && line.is_some_and(|line| span.start <= line.end)
     }
 
-    /// From here on, messages begin with the name of this robot.
+    /// Sets the number of robots that the script names: what is wrong for all of them is not said of each.
+    pub(crate) fn of_robots(&mut self, count: usize) {
+        self.robots = count;
+    }
+
+    /// From here on, what is added is about this robot.
     pub(crate) fn about(&mut self, robot: Option<&Arc<str>>) {
         self.about = robot.cloned();
     }
@@ -196,41 +220,57 @@ impl Diagnostics {
         if self.is_allowed(diagnostic.code, diagnostic.span) {
             return;
         }
-        // A mistake inside a `repeat` or `def` is one mistake, however often it is run.
-        if !self.seen.insert((diagnostic.code, diagnostic.span)) {
-            return;
-        }
+        diagnostic.robots.extend(self.about.clone());
         let (count, most) = match diagnostic.code.severity() {
             Severity::Error => (&mut self.errors, MAX_ERRORS),
             Severity::Warning => (&mut self.warnings, MAX_WARNINGS),
         };
-        *count += 1;
-        if let Some(robot) = &self.about {
-            diagnostic.message = format!("{robot}: {}", diagnostic.message);
+        let is_new = self.seen.insert((diagnostic.code, diagnostic.span));
+        if is_new {
+            *count += 1;
+            if *count <= most {
+                self.kept.insert((diagnostic.span, diagnostic.code), vec![diagnostic]);
+            }
+            return;
         }
-        if *count <= most {
-            self.kept.push(diagnostic);
+        // A mistake inside a `repeat` or `def` is one mistake, however often it is run. For another robot it may be a different one.
+        let Some(found) = self.kept.get_mut(&(diagnostic.span, diagnostic.code)) else { return };
+        let is_of = |known: &Diagnostic| {
+            known.robots.is_empty() || known.robots.iter().any(|robot| diagnostic.robots.contains(robot))
+        };
+        if diagnostic.robots.is_empty() || found.iter().any(is_of) {
+            return;
+        }
+        if let Some(same) = found.iter_mut().find(|known| known.message == diagnostic.message) {
+            same.robots.append(&mut diagnostic.robots);
+            if same.robots.len() == self.robots {
+                same.robots.clear();
+            }
+        } else if *count < most {
+            *count += 1;
+            found.push(diagnostic);
         }
     }
 
-    /// Replaces an error that was added and kept: the new one has the same position in the list and the same related calls. `None` removes it.
+    /// Replaces an error that was added and kept: the new one has the same robots and the same related calls. `None` removes it.
     pub(crate) fn replace(&mut self, error: (Code, Span), by: Option<Diagnostic>) {
-        let place = self.kept.iter().position(|kept| (kept.code, kept.span) == error);
-        let Some(place) = place.filter(|_| self.seen.remove(&error)) else { return };
-        let related = self.kept.remove(place).related;
-        self.errors -= 1;
+        let Some(old) = self.kept.remove(&(error.1, error.0)) else { return };
+        self.seen.remove(&error);
+        self.errors -= old.len();
+        let Some(Diagnostic { robots, related, .. }) = old.into_iter().next() else { return };
         if let Some(by) = by
             && self.seen.insert((by.code, by.span))
         {
             self.errors += 1;
-            self.kept.insert(place, Diagnostic { related: [by.related, related].concat(), ..by });
+            let by = Diagnostic { robots, related: [by.related, related].concat(), ..by };
+            self.kept.insert((by.span, by.code), vec![by]);
         }
     }
 
     /// Adds the errors and warnings of another, as if each had been added here.
     pub(crate) fn append(&mut self, other: Diagnostics) {
         let left_out = other.left_out();
-        for diagnostic in other.kept {
+        for diagnostic in other.kept.into_values().flatten() {
             self.push(diagnostic);
         }
         if left_out > 0 {
@@ -269,22 +309,20 @@ impl Diagnostics {
     /// How many there are of each code, kept or not, in the order of the table of codes.
     pub fn counts(&self) -> BTreeMap<Code, usize> {
         let mut counts = BTreeMap::new();
-        for (code, _) in &self.seen {
-            *counts.entry(*code).or_default() += 1;
+        for (code, span) in &self.seen {
+            *counts.entry(*code).or_default() += self.kept.get(&(*span, *code)).map_or(1, Vec::len);
         }
         counts
     }
 
     /// How many were counted but not kept.
     pub fn left_out(&self) -> usize {
-        (self.errors + self.warnings).saturating_sub(self.kept.len())
+        (self.errors + self.warnings).saturating_sub(self.kept.values().map(Vec::len).sum())
     }
 
     /// Those that were kept, by place in the script.
     pub fn iter(&self) -> std::vec::IntoIter<&Diagnostic> {
-        let mut list: Vec<_> = self.kept.iter().collect();
-        list.sort_by_key(|diagnostic| (diagnostic.span, diagnostic.code));
-        list.into_iter()
+        self.kept.values().flatten().collect::<Vec<_>>().into_iter()
     }
 }
 

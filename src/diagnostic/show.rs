@@ -182,7 +182,7 @@ impl<'a> Attached<'a> {
 
 impl fmt::Display for Attached<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&short(&self.diagnostic.message))
+        f.write_str(&short(&self.diagnostic.to_string()))
     }
 }
 

@@ -28,8 +28,6 @@ pub(super) struct Evaluator<'s, 'd> {
     /// The robots that the script names, and the number of the one that the line is run for.
     pub(super) robots: Vec<Name<'s>>,
     pub(super) robot: usize,
-    /// Whether the line is run for one robot after the other.
-    pub(super) is_for_one: bool,
     /// The boards of all robots, if the script names them.
     pub(super) boards: Vec<&'d Arc<Board>>,
     pub(super) scope: Scope<'s>,
@@ -64,7 +62,6 @@ impl<'s, 'd> Evaluator<'s, 'd> {
             board,
             robots: Vec::new(),
             robot: 0,
-            is_for_one: false,
             boards: Vec::new(),
             scope: Scope::new(),
             joints: Vec::new(),
@@ -81,9 +78,6 @@ impl<'s, 'd> Evaluator<'s, 'd> {
 
     /// Reports something, with the calls that led here.
     pub(super) fn push(&mut self, diagnostic: Diagnostic) {
-        // What is wrong for one board may be right for another.
-        let is_own = self.is_for_one && self.boards.iter().any(|board| board.line != self.board.line);
-        let diagnostic = if is_own { self.of_robot(diagnostic) } else { diagnostic };
         let here = self.traces.here();
         self.diagnostics.push(self.traces.attach(diagnostic, here));
     }

@@ -57,7 +57,7 @@ impl<'s> Evaluator<'s, '_> {
             return report!(self, UnknownName, span, "unknown name `{name}`"; write: span => "{value}");
         }
         let help = match self.scope.near(name, false) {
-            _ if self.robots.iter().any(|robot| robot.text == name) => {
+            _ if self.robot_number(name).is_some() => {
                 format!("`{name}` is a robot: write `{name}:` before a command, a call or a block")
             }
             Some(near) => format!("did you mean `{near}`?"),

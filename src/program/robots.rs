@@ -27,12 +27,28 @@ impl RobotSet {
 
     /// Whether any robot is in both.
     pub(super) fn meets(self, other: RobotSet) -> bool {
-        self.0 & other.0 != 0
+        self.and(other) != RobotSet(0)
+    }
+
+    /// The robots that are in both.
+    pub(super) fn and(self, other: RobotSet) -> RobotSet {
+        RobotSet(self.0 & other.0)
+    }
+
+    #[must_use]
+    fn with(self, robot: usize) -> RobotSet {
+        RobotSet(self.0 | 1 << robot)
     }
 
     /// The numbers of those among the first `count` robots; of a script without `robots`, that is one.
     pub(super) fn among(self, count: usize) -> impl Iterator<Item = usize> {
         (0..count.max(1)).filter(move |robot| self.contains(*robot))
+    }
+}
+
+impl FromIterator<usize> for RobotSet {
+    fn from_iter<T: IntoIterator<Item = usize>>(robots: T) -> Self {
+        robots.into_iter().fold(RobotSet(0), RobotSet::with)
     }
 }
 
@@ -80,11 +96,11 @@ pub(super) fn only_argument(first: &Argument<'_>, command: &Command<'_>, eval: &
 }
 
 impl<'s> Evaluator<'s, '_> {
-    /// The robots that the names before a line stand for; `within` are those of what contains the line.
+    /// The robots that the names before a line mean, which is in a block or phrase that is run for the robots `within`.
     pub(super) fn robots_of(&mut self, names: &[Name<'s>], within: RobotSet) -> Option<RobotSet> {
-        let mut set = 0;
+        let mut set = RobotSet(0);
         for name in names {
-            let Some(robot) = self.robots.iter().position(|robot| robot.text == name.text) else {
+            let Some(robot) = self.robot_number(name.text) else {
                 self.unknown_robot(*name);
                 return None;
             };
@@ -93,12 +109,12 @@ impl<'s> Evaluator<'s, '_> {
                 bail!(self, Robots, name.span, "this line is inside `{outer}:`, so it cannot be for `{}`", name.text;
                     help: "move it out of the block of `{outer}:`, or add `{}` there", name.text);
             }
-            if set & (1 << robot) != 0 {
+            if set.contains(robot) {
                 bail!(self, DuplicateArgument, name.span, "`{}` is named twice", name.text; help: "keep one of the two");
             }
-            set |= 1 << robot;
+            set = set.with(robot);
         }
-        Some(RobotSet(set))
+        Some(set)
     }
 
     /// The names of some robots as they are written before a line: `left, right`.
@@ -107,15 +123,15 @@ impl<'s> Evaluator<'s, '_> {
         names.map(|name| name.text).collect::<Vec<_>>().join(", ")
     }
 
-    /// The name of the robot that a line is run for, if the script names its robots.
-    pub(super) fn robot_name(&self) -> Option<&'s str> {
-        self.robots.get(self.robot).map(|name| name.text)
+    /// The number of the robot with this name.
+    pub(super) fn robot_number(&self, name: &str) -> Option<usize> {
+        self.robots.iter().position(|robot| robot.text == name)
     }
 
     /// Reports names of robots in a line that may never run.
     pub(super) fn check_robots(&mut self, names: &[Name<'s>]) {
         for name in names {
-            if !self.robots.iter().any(|robot| robot.text == name.text) {
+            if self.robot_number(name.text).is_none() {
                 self.unknown_robot(*name);
             }
         }
@@ -148,7 +164,7 @@ impl<'s> Evaluator<'s, '_> {
     /// Reports the name of a robot that is not followed by `:`, as in `left stop`; returns whether it is one.
     pub(super) fn robot_without_colon(&mut self, command: &Command<'s>) -> bool {
         let name = command.head;
-        let is_robot = self.robots.iter().any(|robot| robot.text == name.text);
+        let is_robot = self.robot_number(name.text).is_some();
         if is_robot {
             let rest = self.written(command.span).strip_prefix(name.text).unwrap_or_default().trim();
             let rest = if rest.is_empty() { "stop" } else { rest.lines().next().unwrap_or_default() };

@@ -87,8 +87,8 @@ pub(super) fn say<'s>(value: &Value<'s>, eval: &mut Evaluator<'s, '_>) -> Option
                 }
                 (None, None) => {
                     let others = eval.boards.iter().any(|board| Measured::reported(board, name).is_some());
-                    if let (Some(robot), true) = (eval.robot_name(), others) {
-                        bail!(eval, UnknownName, span, "the robot `{robot}` reports no `{name}`";
+                    if others {
+                        bail!(eval, UnknownName, span, "there are no reports of `{name}`";
                             help: "name the robots that report it: `left: say …`");
                     }
                     return unknown(&format!("unknown name `{name}`"), span, eval);

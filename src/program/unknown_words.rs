@@ -6,7 +6,7 @@ use super::robots::RobotSet;
 use super::suggest::{list, suggest};
 use super::words::{self, COMMANDS, SETTINGS, is_name};
 use crate::board::{Board, FAMILIES};
-use crate::diagnostic::{Code, Diagnostic, bail, diagnostic, report};
+use crate::diagnostic::{Code, bail, diagnostic, report};
 use crate::source::Span;
 use crate::syntax::{Argument, Block, Command, Item, Name, Statement, Value, ValueKind, foreign};
 
@@ -16,7 +16,7 @@ impl<'s> Evaluator<'s, '_> {
     }
 
     /// Whether a word is a command, of any robot.
-    fn is_known(&self, word: &str) -> bool {
+    pub(super) fn is_known(&self, word: &str) -> bool {
         words::find(self.board, word).is_some() || self.boards.iter().any(|board| board.find(word).is_some())
     }
 
@@ -42,34 +42,14 @@ impl<'s> Evaluator<'s, '_> {
     pub(super) fn unknown_command(&mut self, command: &Command<'s>, robots: RobotSet) {
         let word = command.head.text;
         let knows = |robot: &usize| self.boards.get(*robot).is_some_and(|board| board.find(word).is_some());
-        let knowing: Vec<usize> = (0..self.robots.len()).filter(knows).collect();
-        let (Some(name), false) = (self.robot_name(), knowing.is_empty()) else { return self.unknown_word(command) };
-        if !self.unknown.insert(command.head.span) {
-            return;
+        let knowing: RobotSet = (0..self.boards.len()).filter(knows).collect();
+        if !knowing.meets(RobotSet::ALL) {
+            return self.unknown_word(command);
         }
-        let names = |robots: &[usize]| {
-            let names = robots.iter().filter_map(|robot| self.robots.get(*robot));
-            names.map(|name| name.text).collect::<Vec<_>>().join(", ")
-        };
-        let meant: Vec<usize> = knowing.iter().copied().filter(|robot| robots.contains(*robot)).collect();
-        let names = names(if meant.is_empty() { &knowing } else { &meant });
+        let names = self.robot_names(if knowing.meets(robots) { knowing.and(robots) } else { knowing });
         let line = self.written(command.span).lines().next().unwrap_or_default();
-        report!(self, WrongBoard, command.head.span, "the robot `{name}` has no command `{word}`: its board is the {}", self.board.name;
+        report!(self, WrongBoard, command.head.span, "there is no command `{word}` on the {}", self.board.name;
             help: "write it only for robots that have it: `{names}: {line}`");
-    }
-
-    /// Begins a message with the robot that it is about, if the script names its robots.
-    pub(super) fn of_robot(&self, diagnostic: Diagnostic) -> Diagnostic {
-        match self.robot_name() {
-            Some(name)
-                if diagnostic.message.starts_with(&format!("{name}: "))
-                    || diagnostic.message.contains(&format!("robot `{name}`")) =>
-            {
-                diagnostic
-            }
-            Some(name) => Diagnostic { message: format!("{name}: {}", diagnostic.message), ..diagnostic },
-            None => diagnostic,
-        }
     }
 
     pub(super) fn unknown_word(&mut self, command: &Command<'s>) {
@@ -110,7 +90,7 @@ impl<'s> Evaluator<'s, '_> {
         let head = command.head.span;
         let (_, line) = self.statement_around(head);
         let names = line.split_once(':').map(|(names, _)| names.trim());
-        let is_robot = |name: &str| self.robots.iter().any(|robot| robot.text == name);
+        let is_robot = |name: &str| self.robot_number(name).is_some();
         let Some(names) = names.filter(|names| names.split(',').all(|name| is_robot(name.trim()))) else {
             report!(self, StartTime, head, "a line has only one start time";
                 help: "keep one of the two, or add them up: `at 1s + 2s stop`");

@@ -129,7 +129,7 @@ pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
             end_column,
             severity: diagnostic.code.severity(),
             code: diagnostic.code.name(),
-            message: diagnostic.message.clone(),
+            message: diagnostic.to_string(),
             help: diagnostic.help.clone(),
             fix: diagnostic.fix.as_ref().map(|edit| fix(&diagnostic.help, edit)),
         }

@@ -383,7 +383,7 @@ pub fn shell_word(name: &str) -> String {
 /// An error or a warning of a script.
 fn found(diagnostic: &Diagnostic, lines: &Lines<'_>) -> Problem {
     let place = lines.place(diagnostic.span);
-    let message = format!("{}; {}", diagnostic.message, diagnostic.help);
+    let message = format!("{diagnostic}; {}", diagnostic.help);
     problem(place.file, place.line, diagnostic.code.name(), message)
 }
 

@@ -121,8 +121,8 @@ impl<'a, 's> Arguments<'_, 'a, 's, '_> {
 
     /// Reports a joint that only another robot has.
     fn no_joint<T>(&mut self, joint: usize, span: Span) -> Option<T> {
-        let (joint, robot) = (self.eval.joints.get(joint)?, self.eval.robot_name()?);
-        let diagnostic = diagnostic!(UnknownName, span, "the robot `{robot}` has no joint `{}`", joint.name;
+        let (joint, robot) = (self.eval.joints.get(joint)?, self.eval.robots.get(self.eval.robot)?.text);
+        let diagnostic = diagnostic!(UnknownName, span, "there is no joint `{}`", joint.name;
             help: "define it: `{robot}: joint {} …`", joint.name);
         let diagnostic = diagnostic.related(joint.span, "a joint of another robot");
         self.eval.push(diagnostic);

@@ -40,6 +40,7 @@ impl<'s, 'd> Walker<'s, 'd> {
         frame.robots.among(self.count()).take(1).for_each(|robot| self.switch(robot));
         match words::of_command(self.eval.board, command) {
             Some(Word::Row(row)) if !row.does.is_per_robot() => self.command_of_robot(command, start, frame),
+            None if !self.eval.is_known(command.head.text) => self.command_of_robot(command, start, frame),
             _ => self.for_each(frame.robots, |walker| walker.command_of_robot(command, start, frame)),
         }
     }
@@ -258,7 +259,6 @@ impl<'s, 'd> Walker<'s, 'd> {
         if let Some(diagnostic) = limits::broken(board, &self.robot.settings, &command, span)
             && !board.is_rest(&command)
         {
-            let diagnostic = self.eval.of_robot(diagnostic);
             self.eval.push(diagnostic);
             return;
         }

@@ -163,6 +163,8 @@ struct Walker<'s, 'd> {
 /// What one robot has, and what it does.
 #[derive(Clone)]
 struct Robot<'d> {
+    /// Its name, if the script names its robots.
+    name: Option<Arc<str>>,
     board: &'d Arc<Board>,
     settings: Settings,
     steps: Vec<Step>,
@@ -175,7 +177,7 @@ struct Robot<'d> {
 impl<'d> Robot<'d> {
     fn new(board: &'d Arc<Board>, options: &Options) -> Self {
         let settings = Settings::of(options, board);
-        Robot { board, settings, steps: Vec::new(), abort: None, uses: HashMap::new() }
+        Robot { name: None, board, settings, steps: Vec::new(), abort: None, uses: HashMap::new() }
     }
 }
 

@@ -49,9 +49,8 @@ impl<'s> Walker<'s, '_> {
         let mut parameters = HashMap::with_capacity(def.parameters.len());
         for (at, parameter) in def.parameters.iter().enumerate() {
             let twice = parameters.insert(parameter.name.text, at).is_some();
-            let is_robot = self.eval.robots.iter().any(|robot| robot.text == parameter.name.text);
             if twice
-                || is_robot
+                || self.eval.robot_number(parameter.name.text).is_some()
                 || words::is_reserved(self.eval.board, parameter.name.text)
                 || !words::is_name(parameter.name.text)
             {

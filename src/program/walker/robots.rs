@@ -16,8 +16,12 @@ impl<'s, 'd> Walker<'s, 'd> {
 
     /// Names the robots of a script. Until now there was one.
     pub(super) fn set_robots(&mut self, names: Vec<Name<'s>>) {
-        self.others = names.iter().skip(1).map(|_| Some(self.robot.clone())).collect();
-        self.others.insert(0, None);
+        let robot = |name: &Name<'_>| Some(Robot { name: Some(Arc::from(name.text)), ..self.robot.clone() });
+        self.others = names.iter().map(robot).collect();
+        if let Some(first) = self.others.first_mut().and_then(Option::take) {
+            self.robot = first;
+        }
+        self.eval.diagnostics.of_robots(names.len());
         self.eval.boards = vec![self.robot.board; names.len()];
         self.bounds.robots = names.len() as u64;
         self.eval.robots = names;
@@ -46,15 +50,15 @@ impl<'s, 'd> Walker<'s, 'd> {
             return run(self);
         }
         let random = self.eval.random;
-        self.eval.is_for_one = true;
         let mut end = Some(Time::ZERO);
         for robot in robots.among(self.count()) {
             self.switch(robot);
+            self.eval.diagnostics.about(self.robot.name.as_ref());
             self.eval.random = random;
             let ended = run(self);
             end = end.zip(ended).map(|(end, ended)| end.max(ended));
         }
-        self.eval.is_for_one = false;
+        self.eval.diagnostics.about(None);
         end
     }
 
@@ -69,14 +73,12 @@ impl<'s, 'd> Walker<'s, 'd> {
 
     /// What each robot does, up to the end of the script.
     pub(super) fn programs(mut self, end: Time) -> Vec<Program> {
-        let count = self.count();
         self.switch(0);
         let mut marks = self.marks;
         let traces = Arc::new(self.eval.traces);
-        let names = self.eval.robots.iter().map(|name| Some(Arc::from(name.text))).chain([None]);
         let robots = std::iter::once(self.robot).chain(self.others.into_iter().flatten());
-        let program = |(robot, name): (Robot<'d>, Option<Arc<str>>)| Program {
-            robot: name,
+        let program = |robot: Robot<'d>| Program {
+            robot: robot.name,
             board: Arc::clone(robot.board),
             settings: robot.settings,
             steps: robot.steps,
@@ -87,6 +89,6 @@ impl<'s, 'd> Walker<'s, 'd> {
             traces: Arc::clone(&traces),
             times_known: self.times_known,
         };
-        robots.zip(names).map(program).take(count).collect()
+        robots.map(program).collect()
     }
 }

@@ -13,8 +13,8 @@ use crate::diagnostic::{Diagnostic, diagnostic};
 use crate::source::Span;
 use crate::syntax::{Command, Line, Part, Statement, ValueKind};
 
-/// The settings that may come before `board`.
-const BEFORE_BOARD: [&str; 3] = ["language", "robots", "board"];
+/// The settings that come before the others, which depend on the robots and their boards.
+const FIRST: [&str; 3] = ["language", "robots", "board"];
 
 impl<'s> Walker<'s, '_> {
     /// Runs a line that has a setting in it; returns whether it has one.
@@ -80,9 +80,9 @@ impl<'s> Walker<'s, '_> {
             let help = "move it before the first command of the script, outside of all blocks";
             return wrong(format!("the setting `{name}` is {place}"), help);
         }
-        if row.does == Operation::Set(Setting::Board)
+        if matches!(row.does, Operation::Set(Setting::Robots | Setting::Board))
             && let Some((first, ..)) =
-                frame.given.iter().find(|(given, _, of)| of.meets(robots) && !BEFORE_BOARD.contains(given))
+                frame.given.iter().find(|(given, _, of)| of.meets(robots) && !FIRST.contains(given))
         {
             return wrong(format!("`{name}` comes after `{first}`"), "write it first: the other settings depend on it");
         }
