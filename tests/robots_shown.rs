@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde_json::Value;
+
 use motionseq::board::Family;
 use motionseq::diff::diff_all_scripts;
 use motionseq::program::Options;
@@ -343,4 +345,39 @@ fn the_frames_of_one_robot_are_decoded_and_those_of_several_are_refused() {
         assert!(!std::path::Path::new(&folder.path("new.motion")).exists());
     }
     assert!(stderr(&folder.run(&["decode", "pair.motion.frames"])).contains("--robot left"));
+}
+
+#[test]
+fn reports_for_programs_have_the_call_of_each_robot() {
+    let scratch = Scratch::new("robots-findings");
+    scratch.file("nods.motion", b"def nod(pan) {\n    servo 1 pan\n}\n");
+    scratch.file(
+        "main.motion",
+        b"robots left, right\nright: limit servo 1 900..1700\nuse \"nods.motion\"\nleft: nod(5000)\nright: nod(1800)\n",
+    );
+    let check = |format| stdout(&scratch.run(&["check", "--format", format, "main.motion"]));
+    let json: Value = serde_json::from_str(&check("json")).unwrap();
+    let said = json["findings"].as_array().unwrap().iter().map(|finding| {
+        let calls = finding["related"].as_array().unwrap().iter();
+        let calls = calls.map(|place| format!("{}:{} {}", place["file"], place["line"], place["message"]));
+        format!("{} {}", finding["message"], calls.collect::<Vec<_>>().join(", "))
+    });
+    assert_eq!(
+        said.collect::<Vec<_>>(),
+        [
+            r#""right: 1800 is outside of the limit 900..1700" "main.motion":2 "limited here", "main.motion":5 "called here""#,
+            r#""left: pulse width 5000 is out of range (500 to 2500 µs)" "main.motion":4 "called here""#,
+        ]
+    );
+    let sarif: Value = serde_json::from_str(&check("sarif")).unwrap();
+    let call = &sarif["runs"][0]["results"][1]["relatedLocations"][0];
+    assert_eq!(call["message"]["text"], "called here");
+    assert_eq!(call["physicalLocation"]["artifactLocation"]["uri"], "main.motion");
+    assert_eq!(call["physicalLocation"]["region"]["startLine"], 4);
+    let github = check("github");
+    let left = github.lines().find(|line| line.contains("::left: ")).unwrap();
+    assert!(
+        left.starts_with("::error file=nods.motion,line=2,") && left.ends_with("%0Amain.motion:4: called here"),
+        "{left}"
+    );
 }

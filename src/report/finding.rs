@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::diagnostic::{Diagnostics, Edit, Severity};
+use crate::diagnostic::{Diagnostics, Edit, Related, Severity};
 use crate::source::{Encoding, Lines, Position, Sources};
 
 /// One error or warning. Lines and columns count from 1, columns in characters; the end is exclusive.
@@ -26,8 +26,27 @@ pub struct Finding {
     pub message: String,
     /// What to do.
     pub help: String,
+    /// Other places that belong to it, such as the calls that led to it, the innermost first.
+    pub related: Vec<RelatedPlace>,
     /// The correction, if there is only one.
     pub fix: Option<Fix>,
+}
+
+/// A second place that belongs to a [`Finding`], whose lines and columns count in the same way.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct RelatedPlace {
+    /// The file.
+    pub file: String,
+    /// First line.
+    pub line: usize,
+    /// First column.
+    pub column: usize,
+    /// Last line.
+    pub end_line: usize,
+    /// Column after the last character.
+    pub end_column: usize,
+    /// What is there.
+    pub message: String,
 }
 
 /// A correction: edits of scripts. None of them touch.
@@ -81,6 +100,9 @@ impl Finding {
     #[must_use]
     pub fn with_paths(mut self, path: impl Fn(&str) -> String) -> Self {
         self.file = path(&self.file);
+        for related in &mut self.related {
+            related.file = path(&related.file);
+        }
         for edit in self.fix.iter_mut().flat_map(|fix| &mut fix.edits) {
             edit.file = path(&edit.file);
         }
@@ -99,6 +121,7 @@ impl Finding {
             code: UNREADABLE,
             message,
             help: "check the name and the permissions of the file".to_owned(),
+            related: Vec::new(),
             fix: None,
         }
     }
@@ -117,6 +140,11 @@ pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
         let edit = Replacement { file, line, column, end_line, end_column, text: text.clone() };
         Fix { message: help.to_owned(), edits: vec![edit] }
     };
+    let related = |Related { span, label }: &Related| {
+        let ((line, column), (end_line, end_column)) = (place(span.start), place(span.end));
+        let file = sources.file(*span).name().to_owned();
+        RelatedPlace { file, line, column, end_line, end_column, message: label.clone() }
+    };
     let all = diagnostics.iter().map(|diagnostic| {
         let file = sources.file(diagnostic.span);
         let (line, column) = place(diagnostic.span.start);
@@ -131,6 +159,7 @@ pub fn findings(sources: &Sources, diagnostics: &Diagnostics) -> Vec<Finding> {
             code: diagnostic.code.name(),
             message: diagnostic.to_string(),
             help: diagnostic.help.clone(),
+            related: diagnostic.related.iter().map(related).collect(),
             fix: diagnostic.fix.as_ref().map(|edit| fix(&diagnostic.help, edit)),
         }
     });

@@ -12,7 +12,8 @@ pub fn findings(findings: &[Finding]) -> String {
     for finding in findings {
         let Finding { line, column, end_line, end_column, severity, code, .. } = finding;
         let file = property(&finding.file);
-        let message = data(&format!("{}\n{}", finding.message, finding.help));
+        let related = finding.related.iter().map(|place| format!("\n{}:{}: {}", place.file, place.line, place.message));
+        let message = data(&format!("{}\n{}{}", finding.message, finding.help, related.collect::<String>()));
         // GitHub accepts columns only within one line.
         let columns = if line == end_line { format!(",col={column},endColumn={end_column}") } else { String::new() };
         let _ =

@@ -12,6 +12,6 @@ mod finding;
 mod repository;
 mod run;
 
-pub use finding::{Finding, Fix, Replacement, Totals, findings};
+pub use finding::{Finding, Fix, RelatedPlace, Replacement, Totals, findings};
 pub use repository::Repository;
 pub use run::{Asked, Dropped, Expected, Frames, Gate, Lateness, Run, Unscripted};

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::finding::UNREADABLE;
-use super::{Finding, Replacement, json::pretty};
+use super::{Finding, RelatedPlace, Replacement, json::pretty};
 use crate::diagnostic::Code;
 
 /// The errors and warnings of scripts.
@@ -44,27 +44,41 @@ pub fn findings(findings: &[Finding]) -> String {
 }
 
 fn result(finding: &Finding) -> Value {
+    let Finding { file, line, column, end_line, end_column, .. } = finding;
     let mut result = json!({
         "ruleId": finding.code,
         "level": finding.severity,
         "message": { "text": format!("{}\n{}", finding.message, finding.help) },
-        "locations": [{ "physicalLocation": {
-            "artifactLocation": { "uri": uri(&finding.file) },
-            "region": {
-                "startLine": finding.line,
-                "startColumn": finding.column,
-                "endLine": finding.end_line,
-                "endColumn": finding.end_column,
-            },
-        }}],
+        "locations": [location(file, (*line, *column), (*end_line, *end_column))],
     });
+    let Some(object) = result.as_object_mut() else { return result };
     // The schema allows no `null`.
-    if let (Some(fix), Some(result)) = (&finding.fix, result.as_object_mut()) {
+    if !finding.related.is_empty() {
+        object.insert("relatedLocations".into(), finding.related.iter().map(related).collect());
+    }
+    if let Some(fix) = &finding.fix {
         let changes: Vec<Value> = fix.edits.iter().map(change).collect();
         let fixes = json!([{ "description": { "text": fix.message }, "artifactChanges": changes }]);
-        result.insert("fixes".into(), fixes);
+        object.insert("fixes".into(), fixes);
     }
     result
+}
+
+fn related(place: &RelatedPlace) -> Value {
+    let RelatedPlace { file, line, column, end_line, end_column, message } = place;
+    let mut location = location(file, (*line, *column), (*end_line, *end_column));
+    if let Some(object) = location.as_object_mut() {
+        object.insert("message".into(), json!({ "text": message }));
+    }
+    location
+}
+
+/// A place, whose end is exclusive.
+fn location(file: &str, (line, column): (usize, usize), (end_line, end_column): (usize, usize)) -> Value {
+    json!({ "physicalLocation": {
+        "artifactLocation": { "uri": uri(file) },
+        "region": { "startLine": line, "startColumn": column, "endLine": end_line, "endColumn": end_column },
+    }})
 }
 
 fn change(edit: &Replacement) -> Value {
