@@ -1,7 +1,8 @@
 //! Several robots of one script under the real clock: the sessions, one thread each, and the thread that conducts them.
 //!
 //! A session and its conductor pass fixed-size messages to each other through bounded queues, and wake each other by an event
-//! descriptor. The conductor has what there is once for all robots: signals, keys, and the lines that open gates.
+//! descriptor. While a robot moves, its session only tries to send and to take, which neither allocates nor waits. The conductor has
+//! what there is once for all robots: signals, keys, and the lines that open gates.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};

@@ -19,14 +19,12 @@ pub struct Conductor {
     first: Option<usize>,
     /// How all players end, once they do.
     end: Option<Input>,
-    /// Whether the operator has said go.
-    go: bool,
 }
 
 impl Conductor {
     /// For this number of robots.
     pub fn new(robots: usize) -> Self {
-        Conductor { standings: vec![Standing::Busy; robots], opened: None, first: None, end: None, go: false }
+        Conductor { standings: vec![Standing::Busy; robots], opened: None, first: None, end: None }
     }
 
     /// Takes what a player waits for.
@@ -107,7 +105,6 @@ impl Conductor {
             return;
         }
         match input {
-            Input::Go => self.go = self.waits_for_go(),
             Input::Resume => {
                 if let Some(run) = self.paused_at() {
                     self.all(order, Input::ResumeTogether { run, at: now.saturating_add(LEAD) });
@@ -126,8 +123,9 @@ impl Conductor {
         if self.playing().all(|standing| standing == Standing::Ready) && !self.is_done() {
             self.together(now, order);
         }
-        if let Some(closed) = self.closed_gate().filter(|_| self.opens(now)) {
-            (self.opened, self.go) = (Some(closed), false);
+        let is_go = input == Input::Go && self.waits_for_go();
+        if let Some(closed) = self.closed_gate().filter(|_| is_go || self.opens(now)) {
+            self.opened = Some(closed);
             self.together(now, order);
         }
     }
@@ -157,7 +155,7 @@ impl Conductor {
             _ => false,
         };
         let has_expired = |standing| matches!(standing, Standing::AtGate { has_expired: true, .. });
-        self.go || self.playing().any(has_expired) || self.playing().all(fits)
+        self.playing().any(has_expired) || self.playing().all(fits)
     }
 
     /// All players continue at the same time.

@@ -1,14 +1,14 @@
 //! Plays: one robot on this thread, or several with a thread each.
 
 use std::io;
+use std::panic::resume_unwind;
 use std::sync::Arc;
-use std::sync::mpsc;
-use std::thread;
+use std::thread::{self, ScopedJoinHandle};
 
 use motionseq::faults::Stalling;
 use motionseq::link::{Link, Serial};
 use motionseq::playback::{
-    Cause, Company, GoLines, Guard, GuardConfig, Keys, Notice, Outcome, Player, Session, Signals, now,
+    Cause, Company, GoLines, Guard, GuardConfig, Keys, Notice, Outcome, Player, Realtime, Session, Signals, now,
 };
 use motionseq::serve::BoardThread;
 use motionseq::source::{Lines, Sources};
@@ -90,6 +90,9 @@ impl Play {
         shared: Shared<'_>,
         screen: &Screen,
     ) -> Result<Performance, Exit> {
+        if self.no_guard {
+            screen.note("no guard: nothing stops the robot if motionseq is killed or hangs");
+        }
         if actors.len() > 1 {
             return self.perform_together(actors, operator, shared, screen);
         }
@@ -131,64 +134,57 @@ impl Play {
     ) -> Result<Performance, Exit> {
         let Operator { signals, keys, go } = operator;
         let (mut company, seats) = Company::new(actors.len(), signals).map_err(|error| system(screen, &error))?;
-        let (tell, ready) = mpsc::channel();
+        (company.keys, company.go) = (keys, go);
+        if let Some(keys) = &mut company.keys {
+            keys.enter_steps = self.step;
+        }
+        // The threads that this one starts have its priority.
+        let realtime = self.realtime && become_realtime(screen);
         let start = shared.begin();
         let Shared { mut common, sources, .. } = shared;
-        thread::scope(|scope| {
+        let play = |robot, mut session: Session<'_, _>, mut notifier: Notifier| {
+            session.realtime = realtime;
+            if self.realtime {
+                // The memory of this thread is newer than what was locked.
+                let _ = Realtime::ask();
+            }
+            session.guard = self.guard(&session.link, robot, screen)?;
+            notifier.notify_at(start, Notice::Pass { pass: 1 });
+            let outcome = session.play(start, |notice| notifier.notify(notice));
+            let Session { link, guard, .. } = session;
+            Ok(Played { outcome, link, guard, notifier })
+        };
+        let (first, ended) = thread::scope(|scope| {
             let threads: Vec<_> = actors
                 .into_iter()
                 .zip(seats)
-                .map(|((robot, link, mut notifier), seat)| {
-                    let (tell, screen) = (tell.clone(), *screen);
-                    let mut session = Session::together(self.player(robot), link, seat, Lines::of(sources));
+                .map(|((robot, link, notifier), seat)| {
+                    let session = Session::together(self.player(robot), link, seat, Lines::of(sources));
                     let name = robot.timeline.robot.as_deref().unwrap_or("player").to_owned();
-                    thread::Builder::new().name(name).spawn_scoped(scope, move || {
-                        session.realtime = self.realtime && become_realtime(&screen);
-                        match self.guard(&session.link, robot, &screen) {
-                            Ok(guard) => session.guard = guard,
-                            Err(error) => {
-                                let _ = tell.send(Err(error));
-                                return None;
-                            }
-                        }
-                        let _ = tell.send(Ok(()));
-                        drop(tell);
-                        notifier.notify_at(start, Notice::Pass { pass: 1 });
-                        let outcome = session.play(start, |notice| notifier.notify(notice));
-                        let Session { link, guard, .. } = session;
-                        Some(Played { outcome, link, guard, notifier })
-                    })
+                    thread::Builder::new().name(name).spawn_scoped(scope, move || play(robot, session, notifier))
                 })
                 .collect();
-            drop(tell);
-            (company.keys, company.go) = (keys, go);
-            if let Some(keys) = &mut company.keys {
-                keys.enter_steps = self.step;
-            }
             // A thread that did not start, or has no guard, ends the others by its seat, before anything is sent.
-            let first = company.conduct(start, |notice| {
-                if let Some(common) = &mut common {
-                    common.notify(notice);
-                }
-            });
-            let mut failed: Vec<io::Error> = ready.try_iter().filter_map(Result::err).collect();
-            let mut played = Vec::new();
-            for thread in threads {
-                match thread {
-                    Ok(thread) => played.push(thread.join().ok().flatten()),
-                    Err(error) => failed.push(error),
-                }
+            let first = company.conduct(start, |notice| common.iter_mut().for_each(|common| common.notify(notice)));
+            // After a panic, the guards stop the robots and say why.
+            let end =
+                |thread: io::Result<ScopedJoinHandle<'_, _>>| thread?.join().unwrap_or_else(|why| resume_unwind(why));
+            (first, threads.into_iter().map(end).collect::<Vec<io::Result<Played>>>())
+        });
+        let (mut played, mut failed) = (Vec::new(), None);
+        for robot in ended {
+            match robot {
+                Ok(robot) => played.push(robot),
+                Err(error) => failed = failed.or(Some(error)),
             }
-            if let Some(error) = failed.first() {
-                let guards = played.into_iter().flatten().filter_map(|played| played.guard);
-                guards.for_each(Guard::goodbye);
-                return Err(company.signal().map_or_else(|| system(screen, error), Exit::Signal));
-            }
-            let played = played.into_iter().collect::<Option<Vec<Played>>>().ok_or(Exit::Failed)?;
-            let is_own = |played: &Played| !matches!(played.outcome.cause, Cause::Finished | Cause::Other { .. });
-            let first = first.or_else(|| played.iter().position(is_own)).unwrap_or(0);
-            Ok(Performance { played, first, start, common })
-        })
+        }
+        if let Some(error) = failed {
+            played.into_iter().filter_map(|robot| robot.guard).for_each(Guard::goodbye);
+            return Err(company.signal().map_or_else(|| system(screen, &error), Exit::Signal));
+        }
+        let is_own = |played: &Played| !matches!(played.outcome.cause, Cause::Finished | Cause::Other { .. });
+        let first = first.or_else(|| played.iter().position(is_own)).unwrap_or(0);
+        Ok(Performance { played, first, start, common })
     }
 
     fn player<'t>(&self, robot: &'t Robot) -> Player<'t> {
@@ -201,7 +197,6 @@ impl Play {
 
     fn guard(&self, link: &impl Link, robot: &Robot, screen: &Screen) -> io::Result<Option<Guard>> {
         if self.no_guard {
-            screen.note("no guard: nothing stops the robot if motionseq is killed or hangs");
             return Ok(None);
         }
         let mut ward = GuardConfig::of(&robot.timeline);
