@@ -253,9 +253,8 @@ impl Check {
                 };
                 screen.note(&format!("{name}: ok, {sends}{robots}"));
                 for timeline in timelines.iter().filter(|_| screen.is_verbose()) {
-                    let robot = timeline.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default();
                     for line in load(timeline, sources) {
-                        screen.note(&format!("{robot}{line}"));
+                        screen.note(&format!("{}{line}", timeline.prefix()));
                     }
                 }
             }

@@ -26,6 +26,7 @@ mod progress_bar;
 mod project;
 mod render;
 mod review;
+mod robot_names;
 mod screen;
 mod script_files;
 mod selection;

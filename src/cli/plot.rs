@@ -10,8 +10,9 @@ use motionseq::plot::{Plot as Plotted, Theme, plot};
 use super::Options;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
+use super::robot_names;
 use super::screen::{Screen, Warnings};
-use super::selection::{Passes, Selection, chosen_robots};
+use super::selection::{Passes, Selection};
 use super::watch::Watch;
 
 /// Draw the timeline of a script and the path of the robot
@@ -93,7 +94,7 @@ impl Plot {
             Ok(compiled) => compiled,
             Err(exit) => return exit,
         };
-        let timelines = match chosen_robots(&selected.timelines, self.robot.as_deref()) {
+        let timelines = match robot_names::chosen(&selected.timelines, self.robot.as_deref()) {
             Ok(timelines) => timelines,
             Err(why) => {
                 screen.error(&why);

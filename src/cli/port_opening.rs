@@ -33,8 +33,8 @@ pub(super) fn wait(text: &str) -> Result<Micros, String> {
 pub(super) struct PortRequest<'r> {
     /// Its path, or [`AUTO`].
     pub(super) path: &'r Path,
-    /// The robot that it is for, if the script names its robots.
-    pub(super) robot: Option<&'r str>,
+    /// What lines about it begin with: the robot, if the script names its robots.
+    pub(super) robot: &'r str,
     /// What must be there.
     pub(super) board: &'r Board,
     /// The speed of the line in bits per second.
@@ -47,8 +47,7 @@ pub(super) struct PortRequest<'r> {
 /// a Ctrl-Z suspends it.
 /// Returns its path, too. An open port is never opened again.
 pub(super) fn open(request: &PortRequest<'_>, signals: &Signals, screen: &Screen) -> Result<(Serial, PathBuf), Exit> {
-    let wait = request.wait;
-    let name = request.robot.map(|robot| format!("{robot}: ")).unwrap_or_default();
+    let PortRequest { wait, robot, .. } = *request;
     let mut until = wait.map(|wait| Instant::now() + Duration::from_micros(wait.0));
     let mut is_told = false;
     loop {
@@ -57,10 +56,10 @@ pub(super) fn open(request: &PortRequest<'_>, signals: &Signals, screen: &Screen
             Err(refused) => refused,
         };
         let Some(until) = until.as_mut().filter(|until| refused.may_pass() && Instant::now() < **until) else {
-            return Err(refused.report(&name, screen));
+            return Err(refused.report(robot, screen));
         };
         if !is_told {
-            screen.note(&format!("{name}{refused}; waiting up to {}", wait.unwrap_or_default().short()));
+            screen.note(&format!("{robot}{refused}; waiting up to {}", wait.unwrap_or_default().short()));
             is_told = true;
         }
         let left = until.saturating_duration_since(Instant::now());

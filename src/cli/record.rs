@@ -93,7 +93,7 @@ impl Record {
     fn record(&self, family: &Arc<Family>, file: Option<File>, screen: &Screen) -> Result<Exit, Exit> {
         let signals = board::begin(screen)?;
         let baud = self.baud.unwrap_or(family.baud);
-        let request = |path| PortRequest { robot: None, path, board: family, baud, wait: self.wait };
+        let request = |path| PortRequest { robot: "", path, board: family, baud, wait: self.wait };
         let port = self.port.as_deref().map(request);
         let port = port.map(|request| port_opening::open(&request, &signals, screen)).transpose()?;
         let path = port.as_ref().map(|(_, path)| path.clone());

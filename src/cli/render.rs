@@ -12,8 +12,9 @@ use super::Options;
 use super::exit::Exit;
 use super::output::{self, Force, Inputs};
 use super::progress_bar::ProgressBar;
+use super::robot_names;
 use super::screen::{Screen, Warnings};
-use super::selection::{Passes, Selection, chosen_robots};
+use super::selection::{Passes, Selection};
 
 /// Print the frames of a script without sending them
 #[derive(Debug, Args)]
@@ -82,7 +83,7 @@ impl Render {
 
     /// The robots whose frames are printed.
     fn chosen<'t>(&self, timelines: &'t [Timeline]) -> Result<&'t [Timeline], String> {
-        let chosen = chosen_robots(timelines, self.robot.as_deref())?;
+        let chosen = robot_names::chosen(timelines, self.robot.as_deref())?;
         if self.format == Format::Bin && chosen.len() > 1 {
             let names = || chosen.iter().filter_map(|timeline| timeline.robot.as_deref());
             return Err(format!(

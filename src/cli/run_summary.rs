@@ -3,7 +3,7 @@
 use motionseq::board::{Board, ON_SILENCE, ServoSet, Simulation, ValueForm, Verb};
 use motionseq::playback::{GateEnd, Notice, Passage, Stop};
 use motionseq::sim::Received;
-use motionseq::timeline::Gate;
+use motionseq::timeline::{Gate, Timeline};
 use motionseq::units::Micros;
 
 use super::screen::{Screen, plural};
@@ -161,5 +161,21 @@ pub(super) fn passage_words(gate: &Gate, passage: Passage) -> String {
         GateEnd::Matched(_) => format!("{awaited} after {took:.3} s: {found}"),
         GateEnd::Continued(_) => format!("continues without {awaited} after {took:.3} s: {found}"),
         _ => format!("no {awaited} after {took:.3} s: {found}"),
+    }
+}
+
+/// Whether every robot of a script notices this at the same time, so that it is shown once.
+pub(super) fn is_for_all(timeline: &Timeline, notice: Notice) -> bool {
+    let has_criterion = |gate: usize| timeline.gates.get(gate).is_some_and(|gate| gate.gate.criterion().is_some());
+    match notice {
+        Notice::Sleeping { .. }
+        | Notice::Paused { .. }
+        | Notice::Resumed { .. }
+        | Notice::Pass { .. }
+        | Notice::Marked { .. }
+        | Notice::Help => true,
+        Notice::Waiting { gate } => !has_criterion(gate),
+        Notice::Passed(passage) => !has_criterion(passage.gate),
+        _ => false,
     }
 }

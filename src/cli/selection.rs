@@ -6,7 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use motionseq::board::State;
 use motionseq::diagnostic::{Diagnostic, Diagnostics};
-use motionseq::program::{SOFT_START, Speed, Time, list, suggest};
+use motionseq::program::{SOFT_START, Speed, Time};
 use motionseq::report::Asked;
 use motionseq::source::{Disk, Sources};
 use motionseq::timeline::{Clip, Position, Timeline, check_passes, clips, passes, state_after};
@@ -310,21 +310,4 @@ impl<L: Args + Copy + Into<Count>> Selection<L> {
             }
         }
     }
-}
-
-/// The robot with the name that `--robot` gives, or all.
-pub(super) fn chosen_robots<'t>(timelines: &'t [Timeline], robot: Option<&str>) -> Result<&'t [Timeline], String> {
-    let Some(name) = robot else { return Ok(timelines) };
-    let names = || timelines.iter().filter_map(|timeline| timeline.robot.as_deref());
-    let is_it = |timeline: &Timeline| timeline.robot.as_deref() == Some(name);
-    timelines.chunks(1).find(|one| one.iter().any(is_it)).ok_or_else(|| {
-        if names().next().is_none() {
-            return "`--robot` is for scripts with several robots; this one has no line `robots`".to_owned();
-        }
-        let help = match suggest(name, names()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => format!("the robots are {}", list(names())),
-        };
-        format!("the script has no robot `{name}`; {help}")
-    })
 }

@@ -187,6 +187,11 @@ impl Timeline {
         (self.robot.clone(), Arc::clone(&self.board))
     }
 
+    /// `left: `, with which lines about this robot begin; empty if the script names no robots.
+    pub fn prefix(&self) -> String {
+        self.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default()
+    }
+
     /// The frames of the run, or those that are sent if something ends it early.
     pub fn frames(&self, aborts: bool) -> &[Event] {
         if aborts { &self.abort } else { &self.events }

@@ -108,7 +108,7 @@ impl Job {
             _ => format!("the run ended at {at:.6} s; {}", sent(rehearsal)),
         };
         let with = if self.faults.is_none() { String::new() } else { format!("with {}: ", self.faults) };
-        Some(problem(file, line, PLAY, prefix(timeline) + &with + &why))
+        Some(problem(file, line, PLAY, timeline.prefix() + &with + &why))
     }
 
     /// Compares the frames that are sent when a fault ends the run with their snapshot.
@@ -191,7 +191,7 @@ impl Rehearsed {
 
     /// The robot and the faults as the line names them.
     fn words(&self, timelines: &[Timeline]) -> String {
-        let robot = self.robot.and_then(|robot| timelines.get(robot)).map(prefix).unwrap_or_default();
+        let robot = self.robot.and_then(|robot| timelines.get(robot)).map(Timeline::prefix).unwrap_or_default();
         format!("{robot}{}", self.faults)
     }
 
@@ -212,11 +212,6 @@ fn of_robot<'w>(timelines: &[Timeline], words: &'w str) -> (Option<usize>, &'w s
         Some((timelines.iter().position(is_it)?, rest.trim()))
     });
     named.map_or((None, words), |(robot, rest)| (Some(robot), rest))
-}
-
-/// `left: `, if the script names its robots.
-fn prefix(timeline: &Timeline) -> String {
-    timeline.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default()
 }
 
 /// The `# rehearse:` comments of a script with their lines.
@@ -257,7 +252,7 @@ fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<
         let place = lines.place(due.span);
         let at = if due.expect.within.is_some() { due.until } else { due.at };
         let words = timeline.verdict_words(verdict.expect, &verdict.found.to_string());
-        Some(problem(place.file, place.line, EXPECT, format!("{}at {at:.6} s: {words}", prefix(timeline))))
+        Some(problem(place.file, place.line, EXPECT, format!("{}at {at:.6} s: {words}", timeline.prefix())))
     });
     let mut problems: Vec<Problem> = problems.collect();
     if let Cause::Gate(passage) = rehearsal.outcome.cause
@@ -265,7 +260,7 @@ fn failed(rehearsal: &Rehearsal, timeline: &Timeline, lines: &Lines<'_>) -> Vec<
     {
         let place = lines.place(gate.span);
         let words = timeline.gate_words(passage.gate, |unit| passage.end.words(unit));
-        let words = format!("{}at {:.6} s, after {:.3} s: {words}", prefix(timeline), gate.at, passage.took.micros());
+        let words = format!("{}at {:.6} s, after {:.3} s: {words}", timeline.prefix(), gate.at, passage.took.micros());
         problems.push(problem(place.file, place.line, GATE, words));
     }
     problems
@@ -276,7 +271,7 @@ fn frames(robots: &[(&Timeline, &Rehearsal)]) -> String {
     let of_one = |(timeline, rehearsal): &(&Timeline, &Rehearsal)| {
         let said = |moment: &Moment| format!("`{}`", timeline.board.show(&moment.command));
         let frames: Vec<String> = rehearsal.aborted.iter().map(said).collect();
-        let name = if robots.len() > 1 { prefix(timeline) } else { String::new() };
+        let name = if robots.len() > 1 { timeline.prefix() } else { String::new() };
         if frames.is_empty() {
             format!("{name}no frames are sent then")
         } else {

@@ -9,7 +9,7 @@ use motionseq::source::{Lines, Span};
 use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
-use super::super::run_summary::{passage_words, servo_words};
+use super::super::run_summary::{is_for_all, passage_words, servo_words};
 use super::{Entry, Level, Log, Spot};
 
 /// Logs what one robot does, with the commands and places of its timeline.
@@ -51,7 +51,8 @@ impl TimelineLog {
         notice: Notice,
     ) {
         log.robot = self.robot;
-        if self.robot > 0 && self.is_shared(timeline, at, notice) {
+        self.keep_time(timeline, at, notice);
+        if self.robot > 0 && is_for_all(timeline, notice) {
             return;
         }
         let spot = |span: Span| Some(spot(lines, span));
@@ -66,7 +67,7 @@ impl TimelineLog {
                     line(log, at, Level::Info, gate.gate.to_string(), spot(gate.span));
                 }
             }
-            Notice::Passed(passage) => self.passed(log, timeline, lines, (at, passage)),
+            Notice::Passed(passage) => passed(log, timeline, lines, (at, passage)),
             Notice::Marked { mark } => {
                 if let Some(mark) = timeline.marks.get(mark) {
                     let at = if self.is_paused { at } else { self.begin + mark.at.nanos() };
@@ -89,15 +90,12 @@ impl TimelineLog {
                 }
             }
             Notice::Sleeping { at: script } | Notice::Paused { at: script } => {
-                self.is_paused = true;
                 line(log, at, Level::Info, format!("paused at {script:.3} s"), None);
             }
             Notice::Resumed { at: script } => {
-                (self.begin, self.is_paused) = (at - script.nanos(), false);
                 line(log, at, Level::Info, format!("continues at {script:.3} s"), None);
             }
             Notice::Pass { pass } => {
-                (self.begin, self.is_paused) = (at, false);
                 if pass > 1 {
                     line(log, at, Level::Info, format!("pass {pass}"), None);
                 } else {
@@ -108,44 +106,27 @@ impl TimelineLog {
         }
     }
 
-    /// Whether the first robot logs this for all; keeps the clock of the script.
-    fn is_shared(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) -> bool {
-        let has_criterion = |gate: usize| timeline.gates.get(gate).is_some_and(|gate| gate.gate.criterion().is_some());
+    /// Keeps the clock of the script.
+    fn keep_time(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) {
         match notice {
             Notice::Pass { .. } => (self.begin, self.is_paused) = (at, false),
-            Notice::Resumed { at: script } => (self.begin, self.is_paused) = (at - script.nanos(), false),
+            Notice::Began => self.begin = at,
             Notice::Sleeping { .. } | Notice::Paused { .. } => self.is_paused = true,
-            Notice::Waiting { gate } => return !has_criterion(gate),
-            Notice::Passed(passage) if !has_criterion(passage.gate) => {
+            Notice::Resumed { at: script } => (self.begin, self.is_paused) = (at - script.nanos(), false),
+            Notice::Passed(passage) => {
                 let gate = timeline.gates.get(passage.gate).map_or(Nanos::ZERO, |gate| gate.at.nanos());
                 self.begin = at - gate;
             }
-            Notice::Marked { .. } => {}
-            _ => return false,
+            _ => {}
         }
-        true
     }
 
     /// Logs what happens to servos, each once.
     fn servo(&mut self, log: &mut Log, timeline: &Timeline, at: Nanos, notice: Notice) {
-        if notice == Notice::Began {
-            self.begin = at;
-        }
         let level = if matches!(notice, Notice::Flags { .. }) { Level::Warning } else { Level::Info };
         if let Some(words) = servo_words(&timeline.board, notice).filter(|words| self.said.insert(words.clone())) {
             line(log, at, level, words, None);
         }
-    }
-
-    fn passed(&mut self, log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, (at, passage): (Nanos, Passage)) {
-        let Some(gate) = timeline.gates.get(passage.gate) else { return };
-        let place = lines.place(gate.span);
-        let level = if passage.end.is_open() { Level::Info } else { Level::Error };
-        line(log, at, level, passage_words(gate, passage), Some((place.file.to_owned(), place.line)));
-        let (script, took) = (gate.at, passage.took.micros());
-        log.put(at, Entry::Gate { script, gate: gate.gate.to_string(), took, end: passage.end });
-        // The clock of the script continues.
-        self.begin = at - gate.at.nanos();
     }
 }
 
@@ -153,6 +134,15 @@ impl TimelineLog {
 fn spot(lines: &Lines<'_>, span: Span) -> Spot {
     let place = lines.place(span);
     (place.file.to_owned(), place.line)
+}
+
+fn passed(log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, (at, passage): (Nanos, Passage)) {
+    let Some(gate) = timeline.gates.get(passage.gate) else { return };
+    let place = lines.place(gate.span);
+    let level = if passage.end.is_open() { Level::Info } else { Level::Error };
+    line(log, at, level, passage_words(gate, passage), Some((place.file.to_owned(), place.line)));
+    let (script, took) = (gate.at, passage.took.micros());
+    log.put(at, Entry::Gate { script, gate: gate.gate.to_string(), took, end: passage.end });
 }
 
 fn judged(log: &mut Log, timeline: &Timeline, lines: &Lines<'_>, (at, verdict): (Nanos, Verdict)) {

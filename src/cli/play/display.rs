@@ -11,7 +11,7 @@ use motionseq::timeline::Timeline;
 use motionseq::units::{Micros, Nanos};
 
 use super::super::progress_bar::bar;
-use super::super::run_summary::{kept_words, passage_words, servo_words};
+use super::super::run_summary::{is_for_all, kept_words, passage_words, servo_words};
 use super::super::screen::Screen;
 use super::super::selection::ScriptTime;
 use super::super::state_line::{active_words, at_rest, drive_words};
@@ -123,7 +123,8 @@ enum Clock {
 
 impl Observer for Display {
     fn observe(&mut self, timeline: &Arc<Timeline>, at: Nanos, notice: Notice) {
-        if self.follows && self.is_shared(timeline, at, notice) {
+        self.keep_time(at, notice);
+        if self.follows && is_for_all(timeline, notice) {
             return;
         }
         match notice {
@@ -155,47 +156,29 @@ impl Observer for Display {
                 self.frame(timeline, "dropped: ", event);
             }
             Notice::Sleeping { at: script } => {
-                self.pause_gate(at, true);
-                self.clock = Clock::Paused(script);
-                let at = script;
-                self.screen.ask(&format!("{at:.3} s: suspended, robot stopped; resume with `fg`"));
+                self.screen.ask(&format!("{script:.3} s: suspended, robot stopped; resume with `fg`"));
             }
             Notice::Help => self.screen.ask(KEYS),
             Notice::Paused { at: script } => {
-                self.pause_gate(at, true);
-                self.clock = Clock::Paused(script);
                 let how = if std::mem::replace(&mut self.has_shown_keys, true) { "" } else { self.inputs.in_pause() };
                 self.screen.ask(&format!("{script:.3} s: paused{}{how}", self.script.words(script)));
             }
-            // Several robots begin together.
-            Notice::Pass { pass: 1 } if self.has_others => self.clock = Clock::Starts(at, Nanos::ZERO),
-            Notice::Pass { pass: 1 } => self.clock = Clock::Runs(at),
-            Notice::Pass { pass } => {
-                self.pass = pass;
-                self.clock = Clock::Runs(at);
-                // The progress line shows it too.
-                if self.screen.is_verbose() {
-                    self.screen.note(&format!("pass {pass}"));
-                }
-            }
-            Notice::Resumed { at: script } => {
-                self.pause_gate(at, false);
-                self.clock = Clock::Runs(at - script.nanos());
-                self.screen.note(&format!("{script:.3} s: continued"));
-            }
+            // The progress line shows it too.
+            Notice::Pass { pass: pass @ 2.. } if self.screen.is_verbose() => self.screen.note(&format!("pass {pass}")),
+            Notice::Resumed { at: script } => self.screen.note(&format!("{script:.3} s: continued")),
             _ => self.servo(timeline, at, notice),
         }
     }
 }
 
 impl Display {
-    /// Shows a run on a screen, and the keys if they work. `robot` is its name, its number and the number of robots.
+    /// Shows a run on a screen, and the keys if they work. The robot is what its lines begin with, its number and the number of robots.
     pub(super) fn new(
         screen: Screen,
         progress: Progress,
         script: ScriptTime,
         inputs: KeysShown,
-        (robot, number, count): (Option<&str>, usize, usize),
+        (name, number, count): (String, usize, usize),
     ) -> Self {
         let follows = number > 0;
         if inputs.single && !follows {
@@ -203,7 +186,7 @@ impl Display {
         }
         Display {
             screen,
-            name: robot.map(|robot| format!("{robot}: ")).unwrap_or_default(),
+            name,
             follows,
             has_others: count > 1,
             progress,
@@ -245,20 +228,22 @@ impl Display {
         self.screen.note(&format!("{:.3} s: {name}{}", cue.at, cue.text.with(report)));
     }
 
-    /// Whether the first robot shows this for all; keeps what is needed for the lines of this robot.
-    fn is_shared(&mut self, timeline: &Timeline, at: Nanos, notice: Notice) -> bool {
-        let has_criterion = |gate: usize| timeline.gates.get(gate).is_some_and(|gate| gate.gate.criterion().is_some());
+    /// Keeps the time of the script, and that of a closed gate.
+    fn keep_time(&mut self, at: Nanos, notice: Notice) {
         match notice {
-            Notice::Sleeping { at: script } | Notice::Paused { at: script } => self.clock = Clock::Paused(script),
-            Notice::Resumed { at: script } => self.clock = Clock::Runs(at - script.nanos()),
-            Notice::Pass { pass: 1 } => self.clock = Clock::Starts(at, Nanos::ZERO),
-            Notice::Pass { .. } => self.clock = Clock::Runs(at),
-            Notice::Waiting { gate } => return !has_criterion(gate),
-            Notice::Passed(passage) => return !has_criterion(passage.gate),
-            Notice::Help => {}
-            _ => return false,
+            Notice::Sleeping { at: script } | Notice::Paused { at: script } => {
+                self.pause_gate(at, true);
+                self.clock = Clock::Paused(script);
+            }
+            Notice::Resumed { at: script } => {
+                self.pause_gate(at, false);
+                self.clock = Clock::Runs(at - script.nanos());
+            }
+            // Several robots begin together.
+            Notice::Pass { pass: 1 } if self.has_others => self.clock = Clock::Starts(at, Nanos::ZERO),
+            Notice::Pass { pass } => (self.pass, self.clock) = (pass, Clock::Runs(at)),
+            _ => {}
         }
-        true
     }
 
     /// Clears the progress line.

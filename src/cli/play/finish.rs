@@ -1,10 +1,10 @@
 //! The end of a run: summary, closing lines, report and exit code.
 
-use motionseq::board::Board;
 use motionseq::diagnostic::Diagnostics;
 use motionseq::playback::{Cause, Guard, Outcome, ServoFault, ServoFaultKind, Stop, now};
 use motionseq::report;
 use motionseq::serve::BoardThread;
+use motionseq::timeline::Timeline;
 use motionseq::timeline::wire::LATE;
 use motionseq::units::Nanos;
 
@@ -53,7 +53,7 @@ impl Finish<'_> {
         }
         for (ended, counted) in robots.iter_mut().zip(&counted) {
             summary(&screen, &ended.run, counted);
-            board_end(&screen, &ended.run.name(), &ended.run.timeline.board, ended.board.take());
+            board_end(&screen, ended.run.timeline, ended.board.take());
         }
         let exit = exit_of(&robots, first);
         let mut order: Vec<(usize, &Ended<'_>)> = robots.iter().enumerate().collect();
@@ -136,8 +136,8 @@ fn closing(screen: &Screen, run: &Run<'_>) {
 }
 
 fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
-    let name = run.name();
     let Run { timeline, outcome: Outcome { at, stop, sent, dropped, extra, worst_late, .. }, .. } = run;
+    let name = timeline.prefix();
     if counted.not_noted > 0 {
         screen.note(&format!(
             "{name}{} were not shown",
@@ -179,10 +179,11 @@ fn summary(screen: &Screen, run: &Run<'_>, counted: &RunLog) {
 }
 
 /// Reports the end of the virtual board.
-fn board_end(screen: &Screen, name: &str, board: &Board, served: Option<BoardThread>) {
+fn board_end(screen: &Screen, timeline: &Timeline, served: Option<BoardThread>) {
+    let name = timeline.prefix();
     match served.map(|served| served.join(PATIENCE)) {
         None => {}
-        Some(Some(Ok(received))) => board_summary(screen, name, board, &received),
+        Some(Some(Ok(received))) => board_summary(screen, &name, &timeline.board, &received),
         Some(Some(Err(error))) => screen.error(&format!("{name}the virtual board failed: {error}")),
         Some(None) => screen.error(&format!("{name}the virtual board failed")),
     }

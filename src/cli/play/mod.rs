@@ -46,8 +46,8 @@ use run_log::Run;
 pub(super) struct Play {
     /// Script to read, or `-` for standard input
     file: PathBuf,
-    /// Serial port of the board, such as /dev/serial0, or `auto` or `virtual` [default: `MOTIONSEQ_PORT`, `port` of motionseq.toml, else virtual]
-    /// For each robot of a script with several: `left=PATH` [default: `MOTIONSEQ_PORT_LEFT`, else virtual]
+    /// Serial port of the board, such as /dev/serial0, or `auto` or `virtual` [default: `MOTIONSEQ_PORT`, `port` of motionseq.toml, else virtual];
+    /// with several robots, `left=PATH` for each [default: `MOTIONSEQ_PORT_LEFT`, else virtual]
     #[arg(long, value_name = "PATH")]
     port: Vec<PathBuf>,
     /// If the port cannot be opened yet, wait for it up to TIME, as a service does at boot
@@ -62,8 +62,8 @@ pub(super) struct Play {
     /// Do not start the guard: then nothing stops the robot if `play` is killed or hangs
     #[arg(long)]
     no_guard: bool,
-    /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7, servo=3:silent
-    /// With several robots, on all virtual boards, or `left: FAULTS` on one
+    /// Simulate faults on the virtual board: drop=5%, garble=2%, battery=6.5V@3s, unplug@4s, stall@2s, silent, seed=7, servo=3:silent;
+    /// with several robots, on all virtual boards, or `left: FAULTS` on one
     #[arg(long, value_name = "FAULTS")]
     fault: Vec<String>,
     /// Choose how progress is shown
@@ -125,7 +125,7 @@ impl Play {
         let (mut robots, mut links, mut boards, mut paths, mut observed) = (vec![], vec![], vec![], vec![], vec![]);
         for (timeline, Port { link, path, board, poses }) in timelines.into_iter().zip(ports) {
             let (timeline, again) = (Arc::new(timeline), again.next().map(Arc::new));
-            let robot = (timeline.robot.as_deref(), robots.len(), count);
+            let robot = (timeline.prefix(), robots.len(), count);
             let display = Display::new(*screen, self.shown(screen), script, inputs, robot);
             let timelines = [Arc::clone(&timeline), Arc::clone(again.as_ref().unwrap_or(&timeline))];
             observed.push(Observed { timelines, display, poses });
@@ -204,15 +204,15 @@ impl Play {
         screen: &Screen,
     ) -> Result<Port, Exit> {
         let Some(path) = &chosen.path else { return Port::of_board(chosen, timeline, faults, screen) };
-        let robot = timeline.robot.as_deref();
-        let request = PortRequest { path, robot, board: &timeline.board, baud: timeline.baud, wait: self.wait };
+        let (board, baud, wait) = (&timeline.board, timeline.baud, self.wait);
+        let request = PortRequest { path, robot: &timeline.prefix(), board, baud, wait };
         let opened = port_opening::open(&request, signals, screen).inspect_err(|_| {
             // A user may not know that there is a file.
             if let ValueSource::File(place) = &chosen.source {
                 screen.ask(&format!("the port is from {place}; `--port {VIRTUAL}` plays on the virtual board"));
             }
         })?;
-        Ok(Port::real(opened, robot, chosen, screen))
+        Ok(Port::real(opened, timeline, chosen, screen))
     }
 
     fn shown(&self, screen: &Screen) -> Progress {

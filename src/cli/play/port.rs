@@ -54,10 +54,10 @@ impl Port {
         screen.note(&match (&chosen.source, robot) {
             (ValueSource::Default, None) => "no --port: playing on the built-in virtual board".to_owned(),
             (ValueSource::Default, Some(robot)) => {
-                format!("{robot}: no --port {robot}=PATH: playing on a built-in virtual board")
+                format!("{}no --port {robot}=PATH: playing on a built-in virtual board", timeline.prefix())
             }
             (_, None) => format!("playing on the built-in virtual board{}", chosen.origin()),
-            (_, Some(robot)) => format!("{robot}: playing on a built-in virtual board{}", chosen.origin()),
+            (_, Some(_)) => format!("{}playing on a built-in virtual board{}", timeline.prefix(), chosen.origin()),
         });
         let mut settings = Settings::default();
         settings.servos = Some(servos(timeline));
@@ -80,11 +80,11 @@ impl Port {
     /// A real port.
     pub(super) fn real(
         (link, path): (Serial, PathBuf),
-        robot: Option<&str>,
+        timeline: &Timeline,
         chosen: &ChosenPort,
         screen: &Screen,
     ) -> Self {
-        let name = robot.map(|robot| format!("{robot}: ")).unwrap_or_default();
+        let name = timeline.prefix();
         screen.note(&format!("{name}playing on {}{}", path.display(), chosen.origin()));
         doubt(&path, screen);
         Port { link, path: Some(path), board: None, poses: None }

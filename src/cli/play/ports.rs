@@ -6,29 +6,12 @@ use std::path::{Path, PathBuf};
 
 use motionseq::board::Simulation;
 use motionseq::faults::Faults;
-use motionseq::program::suggest;
 use motionseq::timeline::Timeline;
 
 use super::super::exit::Exit;
 use super::super::project::{ChosenPort, Config, VIRTUAL, ValueSource};
+use super::super::robot_names::{names, number_of};
 use super::super::screen::Screen;
-
-/// The names of the robots of a script.
-fn names(timelines: &[Timeline]) -> Vec<&str> {
-    timelines.iter().filter_map(|timeline| timeline.robot.as_deref()).collect()
-}
-
-/// The number of the robot with a name; otherwise what is wrong.
-fn robot_named(name: &str, timelines: &[Timeline]) -> Result<usize, String> {
-    let names = names(timelines);
-    names.iter().position(|known| *known == name).ok_or_else(|| {
-        let help = match suggest(name, names.iter().copied()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => format!("its robots are {}", names.join(", ")),
-        };
-        format!("the script has no robot `{name}`; {help}")
-    })
-}
 
 /// The value of `--port` for each robot: `left=PATH`. One that is `virtual` without a name is for all.
 fn assigned(asked: &[PathBuf], timelines: &[Timeline]) -> Result<Vec<Option<PathBuf>>, String> {
@@ -48,7 +31,7 @@ fn assigned(asked: &[PathBuf], timelines: &[Timeline]) -> Result<Vec<Option<Path
                 names.join(" and ")
             ));
         };
-        let robot = robot_named(name.trim(), timelines).map_err(|why| format!("`--port {value}`: {why}"))?;
+        let robot = number_of(name.trim(), timelines).map_err(|why| format!("`--port {value}`: {why}"))?;
         if path.is_empty() {
             return Err(format!("`--port {value}` has no port; for a virtual board, write `--port {name}={VIRTUAL}`"));
         }
@@ -123,7 +106,7 @@ pub(super) fn faults(asked: &[String], timelines: &[Timeline], screen: &Screen) 
     for words in asked {
         if let Some((robots, faults)) = of_robots(words).filter(|_| !names(timelines).is_empty()) {
             for name in robots.split(',') {
-                let robot = robot_named(name.trim(), timelines);
+                let robot = number_of(name.trim(), timelines);
                 let robot = robot.map_err(|why| wrong(&format!("`--fault {words}`: {why}")))?;
                 found.get_mut(robot).into_iter().for_each(|own| own.push(faults));
             }

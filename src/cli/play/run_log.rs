@@ -248,14 +248,9 @@ impl Run<'_> {
         self.outcome.cause != Cause::Finished
     }
 
-    /// `left: `, if the script names its robots.
-    pub(super) fn name(&self) -> String {
-        self.timeline.robot.as_ref().map(|robot| format!("{robot}: ")).unwrap_or_default()
-    }
-
     /// The closing line: the robot, the cause and, of an early end, the place, the time and whether the robot was stopped.
     pub(super) fn closing_line(&self) -> String {
-        format!("{}{}", self.name(), self.ending())
+        format!("{}{}", self.timeline.prefix(), self.ending())
     }
 
     fn ending(&self) -> String {
